@@ -1,0 +1,1 @@
+"""A library of multi-agent reinforcement learning algorithms on RLlib."""

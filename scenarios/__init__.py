@@ -1,0 +1,1 @@
+"""The scenario suite: one folder a scenario, listed in `suite.yaml`."""

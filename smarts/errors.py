@@ -1,0 +1,65 @@
+"""The errors that users meet: each names what is wrong, where, and what to do about it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class SmartsError(Exception):
+    """Something the user can mend.
+
+    Args:
+        problem: What is wrong, with the offending value.
+        place: File and object that hold the value.
+        remedy: What to do about it.
+
+    The command line prints the message without a traceback and exits with `exit_code`.
+    """
+
+    exit_code = 2
+
+    def __init__(self, problem: str, *, place: str = "", remedy: str = "") -> None:
+        self.problem = problem
+        self.place = place
+        self.remedy = remedy
+        super().__init__(problem, place, remedy)
+
+    def __reduce__(self):
+        # Keyword-only arguments do not survive the default pickling, and errors cross process borders.
+        return _rebuild, (type(self), self.problem, self.place, self.remedy)
+
+    def __str__(self) -> str:
+        where = f"{self.place}: " if self.place else ""
+        remedy = f"\n  remedy: {self.remedy}" if self.remedy else ""
+        return f"{where}{self.problem}{remedy}"
+
+
+def _rebuild(kind: type[SmartsError], problem: str, place: str, remedy: str) -> SmartsError:
+    return kind(problem, place=place, remedy=remedy)
+
+
+class MapError(SmartsError):
+    """A road map is missing, broken, or lacks what was asked of it."""
+
+
+class ScenarioError(SmartsError):
+    """A scenario file says something that cannot be built."""
+
+
+class TrafficError(SmartsError):
+    """The traffic engine failed to start or to go on."""
+
+
+class UnknownNameError(SmartsError):
+    """A name that is not in a registry."""
+
+
+def nearest_names(name: str, known: Iterable[str]) -> str:
+    """Return a remedy that offers the known names closest to `name`."""
+    known = sorted(known)
+    close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    if close:
+        return f"did you mean {' or '.join(map(repr, close))}?"
+    shown = ", ".join(map(repr, known[:12]))
+    return f"known: {shown}{', ...' if len(known) > 12 else ''}" if known else "none is known"

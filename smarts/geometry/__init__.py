@@ -1,0 +1,1 @@
+"""Frames, polylines, rotated boxes: arrays in, arrays out."""

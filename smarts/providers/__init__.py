@@ -1,0 +1,1 @@
+"""Co-simulators that move vehicles; each proposes, none decides."""

@@ -1,0 +1,1 @@
+"""The road map as flat arrays, and the kernels that read it."""

@@ -1,0 +1,1 @@
+"""The step: who owns which vehicle, and in what order things happen."""

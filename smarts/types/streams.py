@@ -1,0 +1,41 @@
+"""Random streams: every draw in a simulation is a function of (seed, world, episode, purpose)."""
+
+from __future__ import annotations
+
+import enum
+import hashlib
+
+import numpy as np
+
+
+class Purpose(enum.IntEnum):
+    """What a stream is for. Values are part of the seeds: never renumber, only append."""
+
+    TRAFFIC = 0
+    """SUMO's own seed."""
+    STARTS = 1
+    """Start offsets and speeds of the egos."""
+    MISSIONS = 2
+    """Random routes and random offsets."""
+    SENSORS = 3
+    """Sensor noise."""
+    AGENTS = 4
+    """Scripted agents' own choices."""
+    BUILD = 5
+    """Draws made while a scenario is built."""
+
+
+def stream(seed: int, purpose: Purpose, *, world: int = 0, episode: int = 0) -> np.random.Generator:
+    """Return the generator of one purpose in one episode of one simulation.
+
+    Counter-based (Philox) and keyed by a hash, so streams are independent whatever the order in which
+    they are made; a worker's index never enters, so runs do not depend on how work is spread.
+    """
+    text = f"smarts-bench|{seed}|{world}|{episode}|{int(purpose)}"
+    key = np.frombuffer(hashlib.blake2b(text.encode(), digest_size=16).digest(), np.uint64)
+    return np.random.Generator(np.random.Philox(key=key))
+
+
+def sumo_seed(seed: int, *, world: int = 0, episode: int = 0) -> int:
+    """Return the seed that SUMO gets for one episode, in [0, 2^31)."""
+    return int(stream(seed, Purpose.TRAFFIC, world=world, episode=episode).integers(2**31))
