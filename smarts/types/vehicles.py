@@ -61,7 +61,7 @@ class VehicleStates:
     lane: NDArray[np.int32]
     """Index into the map's lanes, -1 where the vehicle is on none."""
     lane_position: NDArray[np.float64]
-    """Arc length of the vehicle's centre along its lane [m]; negative while the centre is on the lane before."""
+    """Arc length of the vehicle's centre along its lane [m]; below 0 while it is on the lane before."""
     desired_speed: NDArray[np.float64]
     """What the driver would drive here if the road were free [m/s]."""
 
