@@ -1,1 +1,32 @@
-"""The command line, `smarts-bench`."""
+"""The command line, `smarts-bench`. Commands import what they need when they run, so that help is instant."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from benchmark.cli import scenario
+from smarts.errors import SmartsError
+
+app = typer.Typer(
+    help="Multi-agent reinforcement learning for autonomous driving: simulate, train, evaluate, report.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.add_typer(scenario.app, name="scenario")
+
+
+@app.callback()
+def _smarts_bench() -> None:
+    """Keep the commands in groups even where a group is the only one."""
+
+
+def main() -> None:
+    """Run the command line; what the user can mend is one message and exit code 2."""
+    try:
+        app()
+    except SmartsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)

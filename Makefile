@@ -1,0 +1,71 @@
+# Every target first brings the machine to where it can work: system libraries, `.venv`, packages.
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+SYSTEM := $(VENV)/.system
+
+# Shared libraries that SUMO's wheels load from the system, and the Debian packages that hold them.
+LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
+DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
+
+.PHONY: help install run test test-fast check format build-scenario pictures lock clean
+
+help:  ## list the targets
+	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+install: $(INSTALLED)  ## create .venv and install everything
+
+run: $(INSTALLED)  ## build a scenario and run its traffic
+	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/intersection.png
+
+test: $(INSTALLED)  ## run all tests
+	$(BIN)/python -m pytest -q -n 2
+
+test-fast: $(INSTALLED)  ## run the tests that take seconds
+	$(BIN)/python -m pytest -q -n 2 -m "not slow"
+
+check: $(INSTALLED)  ## format, lint, types and fast tests
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(MAKE) --no-print-directory test-fast
+
+format: $(INSTALLED)  ## format the code
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+build-scenario: $(INSTALLED)  ## build one scenario by hand: make build-scenario scenario=scenarios/loop
+	@test -n "$(scenario)" || { echo "usage: make build-scenario scenario=DIRECTORY" >&2; exit 2; }
+	$(BIN)/smarts-bench scenario build "$(scenario)"
+
+pictures: $(INSTALLED)  ## draw the sheet of all scenarios that the README shows
+	$(BIN)/smarts-bench scenario show --all --out docs/scenarios.png
+
+lock: ## write the exact versions of a fresh installation to constraints.txt
+	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/pip install --quiet torch==2.13.0 -e '.[dev,learn]'
+	.venv-lock/bin/pip freeze --exclude-editable | sed 's/+cpu$$//' > constraints.txt
+	rm -rf .venv-lock
+
+clean:  ## remove the virtual environment and built scenarios
+	rm -rf $(VENV) scenarios/*/build
+
+$(SYSTEM):
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v < (3, 13) else f"Python 3.11 or 3.12 is needed, {sys.executable} is {v[0]}.{v[1]}: make PYTHON=python3.11 ...")'
+	@missing=; for library in $(LIBRARIES); do ldconfig -p | grep -q "$$library" || missing=1; done; \
+	if [ -n "$$missing" ]; then \
+		sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
+		{ $$sudo apt-get update -qq && $$sudo apt-get install -qq -y --no-install-recommends $(DEBIAN); } \
+		|| { echo "SUMO needs $(LIBRARIES): install $(DEBIAN) and run make again" >&2; exit 2; }; \
+	fi
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(INSTALLED): pyproject.toml constraints.txt | $(SYSTEM)
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@touch $@
