@@ -1,1 +1,1 @@
-"""Frames, polylines, rotated boxes: arrays in, arrays out."""
+"""Geometry in the plane, arrays in and arrays out: frames, polylines, segments, spatial grids."""

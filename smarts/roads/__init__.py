@@ -1,1 +1,1 @@
-"""The road map as flat arrays, and the kernels that read it."""
+"""Roads: maps of any format become one lane graph of flat arrays, and kernels answer questions about it."""

@@ -1,0 +1,37 @@
+"""Angles and frames: the one place where SUMO's compass degrees become headings and back.
+
+A heading is counter-clockwise from +x in (-pi, pi] [rad]. SUMO's angle is clockwise from north in degrees.
+The functions take floats or arrays, and compile with numba as they stand.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Angle = TypeVar("Angle", float, NDArray[np.float64])
+
+
+def wrap_angle(angle: Angle) -> Angle:
+    """Return the equal angle in (-pi, pi] [rad]."""
+    # Python's modulo has the divisor's sign, so the bracket is in [0, 2 pi) and pi itself stays pi.
+    return math.pi - (math.pi - angle) % (2.0 * math.pi)
+
+
+def heading_from_compass(degrees: Angle) -> Angle:
+    """Return the heading [rad] of SUMO's angle, which is clockwise from north [degrees]."""
+    return wrap_angle((90.0 - degrees) * (math.pi / 180.0))
+
+
+def compass_from_heading(heading: Angle) -> Angle:
+    """Return SUMO's angle in [0, 360) of a heading [rad]."""
+    return (90.0 - heading * (180.0 / math.pi)) % 360.0
+
+
+def rotate(points: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    """Return points of shape (..., 2) turned counter-clockwise about the origin by `angle` [rad]."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return points @ np.array([[cosine, sine], [-sine, cosine]])

@@ -1,0 +1,190 @@
+"""Compiling a map of any format into a SUMO network with netconvert or netgenerate, reproducibly."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
+
+from smarts.errors import MapError
+from smarts.roads.sources import MapKind, MapSource
+from smarts.roads.validation import validate_net
+
+# Fine curves through junctions: SUMO's default of five points makes vehicles turn in visible kinks.
+_JUNCTION_DETAIL = {"junctions.internal-link-detail": "20", "junctions.corner-detail": "5"}
+
+_DEFAULTS: dict[MapKind, dict[str, str]] = {
+    "sumo_plain": {
+        **_JUNCTION_DETAIL,
+        "no-turnarounds": "true",
+        # Missions and zones are written in the coordinates of the node file.
+        "offset.disable-normalization": "true",
+    },
+    "netgenerate": {**_JUNCTION_DETAIL, "no-turnarounds": "true"},
+    "opendrive": {
+        **_JUNCTION_DETAIL,
+        "no-turnarounds": "true",
+        "offset.disable-normalization": "true",
+        "opendrive.curve-resolution": "1",
+        # Shoulders and sidewalks stay, closed to cars, so that lanes keep their place on the road.
+        "opendrive.import-all-lanes": "true",
+        "opendrive.internal-shapes": "true",
+    },
+    "osm": {
+        **_JUNCTION_DETAIL,
+        "geometry.remove": "true",
+        "roundabouts.guess": "true",
+        "ramps.guess": "true",
+        "junctions.join": "true",
+        "tls.guess-signals": "true",
+        "tls.discard-simple": "true",
+        "tls.join": "true",
+        "keep-edges.by-vclass": "passenger,bus",
+        "remove-edges.isolated": "true",
+        "osm.turn-lanes": "true",
+        "osm.lane-access": "true",
+        # A dead end must be left again, else most of a town cannot be reached from its edge.
+        "no-turnarounds.except-deadend": "true",
+        # Lets the notes say which ways were dropped.
+        "output.original-names": "true",
+    },
+}
+_COMMON = {"xml-validation": "never", "aggregate-warnings": "3"}
+_INPUT_OPTIONS = {
+    ".nod.xml": "node-files",
+    ".edg.xml": "edge-files",
+    ".con.xml": "connection-files",
+    ".typ.xml": "type-files",
+    ".tll.xml": "tllogic-files",
+    ".xodr": "opendrive-files",
+    ".osm": "osm-files",
+    ".osm.xml": "osm-files",
+}
+_GENERATED_COMMENT = re.compile(rb"<!-- generated on .*?-->\s*", re.DOTALL)
+
+
+def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
+    """Write the map as a SUMO network to `out`: the same bytes for the same sources, wherever they lie.
+
+    A compiled network is checked and copied as it is. `map.netccfg` beside other sources overrides the
+    options chosen here. The file appears complete or not at all.
+
+    Returns:
+        What netconvert warned about or dropped, each thing once, for the user to read.
+
+    Raises:
+        MapError: A file is broken (with netconvert's own message), or no car can drive anywhere on the map.
+    """
+    if source.kind == "sumo_net":
+        net = _read_bytes(source.files[0])
+        return _publish(net, (), source, out)
+    with tempfile.TemporaryDirectory(prefix="smarts-map-") as folder:
+        product = Path(folder) / "map.net.xml"
+        notes = _convert(source, product)
+        net = _GENERATED_COMMENT.sub(b"", _read_bytes(product), count=1)
+    return _publish(net, notes, source, out)
+
+
+def _publish(net: bytes, notes: tuple[str, ...], source: MapSource, out: Path) -> tuple[str, ...]:
+    notes += validate_net(net, source)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=out.parent, prefix=f".{out.name}.", delete=False) as file:
+        temporary = Path(file.name)
+        try:
+            file.write(net)
+            file.close()
+            temporary.chmod(0o644)
+            os.replace(temporary, out)
+        finally:
+            temporary.unlink(missing_ok=True)
+    return notes
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise MapError(f"cannot read the map: {error.strerror}", place=str(path)) from error
+
+
+def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
+    tool = "netgenerate" if source.kind == "netgenerate" else "netconvert"
+    command = [str(_sumo_folder() / "bin" / tool), *_arguments(source), "--output-file", str(product)]
+    try:
+        run = subprocess.run(
+            command, env=_environment(), capture_output=True, text=True, errors="replace", check=False
+        )
+    except OSError as error:
+        raise MapError(
+            f"{tool} does not start: {error.strerror}",
+            place=command[0],
+            remedy="reinstall SUMO: pip install --force-reinstall eclipse-sumo",
+        ) from error
+    messages = _messages(run.stderr, source.files)
+    if run.returncode != 0 or not product.is_file():
+        errors = [text.removeprefix("Error: ") for text in messages if not text.startswith("Warning: ")]
+        raise MapError(
+            f"{tool} refused the map: {' '.join(errors) or f'exit code {run.returncode}'}",
+            place=str(source.files[0]),
+            remedy=f"mend the file; {tool} --help explains the options that a .netccfg file may set",
+        )
+    return tuple(text.removeprefix("Warning: ") for text in messages)
+
+
+def _sumo_folder() -> Path:
+    # Importing the package would set SUMO_HOME for the whole process; only its place is needed.
+    spec = find_spec("sumo")
+    if spec is None or spec.origin is None:
+        raise MapError("SUMO is not installed", remedy="pip install eclipse-sumo==1.28.0")
+    return Path(spec.origin).parent
+
+
+def _environment() -> dict[str, str]:
+    # SUMO_HOME would bring in another installation's type maps, and messages follow the locale.
+    inherited = {key: value for key, value in os.environ.items() if key not in ("SUMO_HOME", "PROJ_LIB")}
+    return inherited | {"LC_ALL": "C", "PROJ_DATA": str(_sumo_folder() / "data" / "proj")}
+
+
+def _arguments(source: MapSource) -> list[str]:
+    """Return the command line: the user's options file, then our choices for what it leaves open."""
+    config = source.files[0] if source.kind == "netgenerate" else source.options
+    chosen = _configured_options(config) if config else set()
+    arguments = ["--configuration-file", str(config)] if config else []
+    if source.kind != "netgenerate":
+        for file in source.files:
+            option = next((o for suffix, o in _INPUT_OPTIONS.items() if file.name.endswith(suffix)), None)
+            if option:
+                arguments += [f"--{option}", str(file)]
+    for option, value in (_COMMON | _DEFAULTS[source.kind]).items():
+        if option not in chosen:
+            arguments += [f"--{option}", value]
+    return arguments
+
+
+def _configured_options(config: Path) -> set[str]:
+    try:
+        tree = ElementTree.parse(config)
+    except (OSError, ElementTree.ParseError) as error:
+        raise MapError(f"cannot read the options: {error}", place=str(config)) from error
+    return {element.tag for element in tree.iter() if "value" in element.attrib or "v" in element.attrib}
+
+
+def _messages(stderr: str, files: Iterable[Path]) -> list[str]:
+    """Return each distinct message once, without the paths of this machine."""
+    for folder in sorted({f"{file.parent}{os.sep}" for file in files}, key=len, reverse=True):
+        stderr = stderr.replace(folder, "")
+    messages: list[str] = []
+    for line in stderr.splitlines():
+        text = " ".join(line.split())
+        if not text or "SUMO_HOME" in text or text.startswith("Quitting"):
+            continue
+        if text.startswith(("Warning: ", "Error: ")) or not messages:
+            messages.append(text)
+        else:
+            messages[-1] += f" {text}"
+    return list(dict.fromkeys(messages))

@@ -1,0 +1,119 @@
+"""Finding a road map: which files in a folder make up the map, and in which format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from smarts.errors import MapError
+
+MapKind = Literal["sumo_net", "sumo_plain", "netgenerate", "opendrive", "osm"]
+
+MAP_STEM = "map"
+"""What the files of a scenario's map are called unless the scenario says otherwise."""
+
+# In order of precedence: the first kind whose principal files exist is the map.
+_PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {
+    "sumo_net": ((".net.xml",),),
+    "sumo_plain": ((".nod.xml", ".edg.xml"),),
+    "netgenerate": ((".netgcfg",),),
+    "opendrive": ((".xodr",),),
+    "osm": ((".osm",), (".osm.xml",)),
+}
+_PLAIN_EXTRAS = (".con.xml", ".typ.xml", ".tll.xml")
+_OPTIONS = ".netccfg"
+
+
+@dataclass(frozen=True)
+class MapSource:
+    """A road map as files on disk."""
+
+    kind: MapKind
+    files: tuple[Path, ...]
+    """Everything that the compiled map depends on, the principal file first: hash these."""
+
+    @property
+    def options(self) -> Path | None:
+        """The file with the user's own netconvert options, if there is one."""
+        return next((file for file in self.files if file.name.endswith(_OPTIONS)), None)
+
+
+def find_map_source(directory: Path, source: str | None = None) -> MapSource:
+    """Return the map of a scenario folder.
+
+    Args:
+        directory: The scenario's folder.
+        source: None for the files named "map.*". Otherwise a file, a folder (whose "map.*", or only map, is
+            taken), or a stem such as "three_lanes"; relative to `directory` or absolute.
+
+    Where one stem has files of several kinds, a compiled `.net.xml` wins, then `.nod.xml` with `.edg.xml`,
+    `.netgcfg`, `.xodr`, `.osm`.
+
+    Raises:
+        MapError: No map is there; the message says what was looked for.
+    """
+    if source is None:
+        return _from_stem(directory, MAP_STEM)
+    path = directory / source
+    if path.is_file():
+        return _from_file(path)
+    if path.is_dir():
+        return _from_stem(path, _only_stem(path))
+    return _from_stem(path.parent, path.name)
+
+
+def _from_file(path: Path) -> MapSource:
+    for kind, alternatives in _PRINCIPAL.items():
+        for suffix in (suffix for suffixes in alternatives for suffix in suffixes):
+            if path.name.endswith(suffix):
+                return _from_stem(path.parent, path.name.removesuffix(suffix), only=kind)
+    raise MapError(
+        f"'{path.name}' is not a road map",
+        place=str(path),
+        remedy=f"give a file ending in {_expected('*')}",
+    )
+
+
+def _only_stem(folder: Path) -> str:
+    """Return "map" if the folder has such a map, else the one stem that any map in it has."""
+    stems = set()
+    for suffixes in (alternative for kind in _PRINCIPAL.values() for alternative in kind):
+        stems |= {file.name.removesuffix(suffixes[0]) for file in folder.glob(f"*{suffixes[0]}")}
+    if len(stems) == 1:
+        return stems.pop()
+    if len(stems) > 1 and MAP_STEM not in stems:
+        raise MapError(
+            f"the folder holds several maps: {', '.join(sorted(stems))}",
+            place=str(folder),
+            remedy="name one of them as the map's source, or rename its files to map.*",
+        )
+    return MAP_STEM
+
+
+def _from_stem(folder: Path, stem: str, only: MapKind | None = None) -> MapSource:
+    for kind in (only,) if only else get_args(MapKind):
+        for suffixes in _PRINCIPAL[kind]:
+            files = [folder / f"{stem}{suffix}" for suffix in suffixes]
+            if all(file.is_file() for file in files):
+                return MapSource(kind, (*files, *_companions(kind, folder, stem)))
+    raise MapError(
+        f"there is no road map '{stem}': looked for {_expected(stem, only)}",
+        place=str(folder),
+        remedy="add one of these files, or name the map's file or folder as the source of the scenario's map",
+    )
+
+
+def _companions(kind: MapKind, folder: Path, stem: str) -> list[Path]:
+    suffixes = {"sumo_plain": (*_PLAIN_EXTRAS, _OPTIONS), "opendrive": (_OPTIONS,), "osm": (_OPTIONS,)}
+    candidates = [folder / f"{stem}{suffix}" for suffix in suffixes.get(kind, ())]
+    return [file for file in candidates if file.is_file()]
+
+
+def _expected(stem: str, only: MapKind | None = None) -> str:
+    kinds = [_PRINCIPAL[only]] if only else _PRINCIPAL.values()
+    return ", ".join(
+        " with ".join(f"{stem}{suffix}" for suffix in suffixes)
+        for alternatives in kinds
+        for suffixes in alternatives
+    )

@@ -1,0 +1,254 @@
+"""Import of a compiled SUMO network into a lane graph."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import MapError
+from smarts.geometry import polylines
+from smarts.roads.conflicts import LaneAreas, find_conflicts
+from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.permissions import lane_kind
+
+Floats = NDArray[np.float64]
+
+POINT_SPACING = 1.0
+"""The most that two points of a centreline are apart [m]."""
+DEFAULT_LANE_WIDTH = 3.2
+"""What SUMO takes where a lane names no width [m]."""
+
+
+@dataclass(frozen=True)
+class _Edge:
+    element: ElementTree.Element
+    id: str
+    function: str
+    lanes: list[ElementTree.Element]
+
+
+def read_net(net: Path) -> LaneGraph:
+    """Return the lane graph of a compiled network.
+
+    Raises:
+        MapError: The file is missing or not a SUMO network.
+    """
+    try:
+        root = ElementTree.parse(net).getroot()
+        if root.tag != "net":
+            raise MapError(f"not a SUMO network: its outermost element is <{root.tag}>", place=str(net))
+        return _NetReader(root).graph()
+    except OSError as error:
+        raise MapError(f"cannot read the network: {error.strerror}", place=str(net)) from error
+    except (ElementTree.ParseError, KeyError, ValueError, IndexError) as error:
+        raise MapError(
+            f"not a sound SUMO network: {error}", place=str(net), remedy="compile it again with netconvert"
+        ) from error
+
+
+class _NetReader:
+    """The numbering of a network's objects, and the tables that follow from it."""
+
+    def __init__(self, root: ElementTree.Element) -> None:
+        self.root = root
+        self.edges = [_edge(element) for element in root.iterfind("edge")]
+        self.lanes = [lane for edge in self.edges for lane in edge.lanes]
+        self.lane_edge = np.repeat(np.arange(len(self.edges)), [len(edge.lanes) for edge in self.edges])
+        self.lane_number = {lane.attrib["id"]: number for number, lane in enumerate(self.lanes)}
+        self.edge_number = {edge.id: number for number, edge in enumerate(self.edges)}
+        self.first_lane = np.cumsum([0] + [len(edge.lanes) for edge in self.edges])[:-1]
+        self.junctions = [j for j in root.iterfind("junction") if j.get("type") != "internal"]
+        self.junction_number = {junction.attrib["id"]: n for n, junction in enumerate(self.junctions)}
+
+    def graph(self) -> LaneGraph:
+        """Return the lane graph."""
+        links, signal, signal_link, signal_ids = self._links()
+        lines = self._centrelines(links)
+        stations = [polylines.arc_lengths(line) for line in lines]
+        successor_start, successor = _csr(len(self.lanes), links)
+        predecessor_start, predecessor = _csr(len(self.lanes), [(b, a) for a, b in links])
+        width = np.array([float(lane.get("width", DEFAULT_LANE_WIDTH)) for lane in self.lanes])
+        kind = np.array([self._kind(number) for number in range(len(self.lanes))], np.int8)
+        lane_junction = np.array(
+            [self._junction_inside(self.edges[edge]) for edge in self.lane_edge], np.int32
+        )
+        left, right = self._neighbours()
+        inside = lane_junction >= 0
+        conflicts = find_conflicts(
+            LaneAreas(
+                lines,
+                width,
+                lane_junction,
+                kind,
+                origin=_outside(inside, predecessor_start, predecessor),
+                target=_outside(inside, successor_start, successor),
+            )
+        )
+        outlines = [_outline(junction) for junction in self.junctions]
+        return LaneGraph(
+            lane_ids=tuple(self.lane_number),
+            edge_ids=tuple(self.edge_number),
+            junction_ids=tuple(self.junction_number),
+            signal_ids=signal_ids,
+            lane_edge=self.lane_edge.astype(np.int32),
+            lane_index=np.array([int(lane.attrib["index"]) for lane in self.lanes], np.int32),
+            lane_junction=lane_junction,
+            length=np.array([s[-1] for s in stations]),
+            sumo_length=np.array([float(lane.attrib["length"]) for lane in self.lanes]),
+            width=width,
+            speed_limit=np.array([float(lane.attrib["speed"]) for lane in self.lanes]),
+            left=left,
+            right=right,
+            opposite=self._opposites(),
+            is_internal=inside,
+            kind=kind,
+            signal=signal,
+            signal_link=signal_link,
+            point_start=_starts(lines),
+            point_xy=np.concatenate(lines),
+            point_heading=np.concatenate([polylines.headings(line) for line in lines]),
+            point_s=np.concatenate(stations),
+            successor_start=successor_start,
+            successor=successor,
+            predecessor_start=predecessor_start,
+            predecessor=predecessor,
+            conflict_start=conflicts.start,
+            conflict_lane=conflicts.lane,
+            conflict_kind=conflicts.kind,
+            conflict_extent=conflicts.extent,
+            conflict_other_extent=conflicts.other_extent,
+            edge_first_lane=self.first_lane.astype(np.int32),
+            edge_lane_count=np.array([len(edge.lanes) for edge in self.edges], np.int32),
+            edge_is_internal=np.array([self._junction_inside(edge) >= 0 for edge in self.edges], np.bool_),
+            edge_is_roundabout=self._roundabouts(),
+            edge_from=self._edge_ends("from"),
+            edge_to=self._edge_ends("to"),
+            junction_start=_starts(outlines),
+            junction_xy=np.concatenate(outlines) if outlines else np.empty((0, 2)),
+        )
+
+    def _links(self) -> tuple[list[tuple[int, int]], NDArray[np.int32], NDArray[np.int32], tuple[str, ...]]:
+        """Return lane-to-lane links, and for each lane the signal and the light that govern entering it."""
+        links: set[tuple[int, int]] = set()
+        signal = np.full(len(self.lanes), -1, np.int32)
+        signal_link = np.full(len(self.lanes), -1, np.int32)
+        signal_ids = dict.fromkeys(c.attrib["tl"] for c in self.root.iterfind("connection") if c.get("tl"))
+        numbers = {name: number for number, name in enumerate(signal_ids)}
+        for connection in self.root.iterfind("connection"):
+            source = self._lane_at(connection.attrib["from"], connection.attrib["fromLane"])
+            via = connection.get("via")
+            if via is None:
+                target = self._lane_at(connection.attrib["to"], connection.attrib["toLane"])
+            else:
+                target = self.lane_number[via]
+            links.add((source, target))
+            if connection.get("tl") and via is not None:
+                signal[target] = numbers[connection.attrib["tl"]]
+                signal_link[target] = int(connection.attrib["linkIndex"])
+        return sorted(links), signal, signal_link, tuple(signal_ids)
+
+    def _lane_at(self, edge: str, index: str) -> int:
+        return int(self.first_lane[self.edge_number[edge]]) + int(index)
+
+    def _centrelines(self, links: Sequence[tuple[int, int]]) -> list[Floats]:
+        lines = [polylines.without_repeats(_points(lane.attrib["shape"])) for lane in self.lanes]
+        before = {target: source for source, target in links}
+        for number, line in enumerate(lines):
+            if len(line) < 2:
+                lines[number] = _stub(line[0], lines[before[number]] if number in before else line)
+        return [polylines.subdivide(line, POINT_SPACING) for line in lines]
+
+    def _kind(self, lane: int) -> LaneKind:
+        function = self.edges[self.lane_edge[lane]].function
+        if function in ("crossing", "walkingarea"):
+            return LaneKind.FOOT
+        element = self.lanes[lane]
+        return lane_kind(element.get("allow", ""), element.get("disallow", ""), element.get("type", ""))
+
+    def _junction_inside(self, edge: _Edge) -> int:
+        if edge.function == "normal":
+            return -1
+        # ":" junction "_" running number
+        return self.junction_number[edge.id[1:].rsplit("_", 1)[0]]
+
+    def _neighbours(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        numbers = np.arange(len(self.lanes), dtype=np.int32)
+        same_edge = self.lane_edge[1:] == self.lane_edge[:-1]
+        left, right = np.full_like(numbers, -1), np.full_like(numbers, -1)
+        left[:-1][same_edge] = numbers[1:][same_edge]
+        right[1:][same_edge] = numbers[:-1][same_edge]
+        return left, right
+
+    def _opposites(self) -> NDArray[np.int32]:
+        opposite = np.full(len(self.lanes), -1, np.int32)
+        for number, lane in enumerate(self.lanes):
+            neighbour = lane.find("neigh")
+            if neighbour is not None:
+                opposite[number] = self.lane_number[neighbour.attrib["lane"]]
+        return opposite
+
+    def _roundabouts(self) -> NDArray[np.bool_]:
+        ring = {edge for r in self.root.iterfind("roundabout") for edge in r.get("edges", "").split()}
+        return np.array([edge.id in ring for edge in self.edges], np.bool_)
+
+    def _edge_ends(self, end: str) -> NDArray[np.int32]:
+        return np.array(
+            [self.junction_number.get(edge.element.get(end, ""), -1) for edge in self.edges], np.int32
+        )
+
+
+def _edge(element: ElementTree.Element) -> _Edge:
+    return _Edge(
+        element, element.attrib["id"], element.get("function", "normal"), list(element.iterfind("lane"))
+    )
+
+
+def _points(shape: str) -> Floats:
+    return np.array([[float(value) for value in point.split(",")[:2]] for point in shape.split()])
+
+
+def _stub(point: Floats, line_before: Floats) -> Floats:
+    """Return a line of 2 cm at `point`: SUMO draws some lanes inside junctions without any length."""
+    step = line_before[-1] - line_before[-2] if len(line_before) > 1 else np.array([1.0, 0.0])
+    direction = step / np.hypot(*step)
+    return np.array([point - 0.01 * direction, point + 0.01 * direction])
+
+
+def _outline(junction: ElementTree.Element) -> Floats:
+    points = _points(junction.get("shape", "")).reshape(-1, 2)
+    return points if len(points) >= 3 and junction.get("type") != "dead_end" else np.empty((0, 2))
+
+
+def _starts(rows: Iterable[Sequence | Floats]) -> NDArray[np.int32]:
+    return np.cumsum([0] + [len(row) for row in rows]).astype(np.int32)
+
+
+def _csr(count: int, pairs: Iterable[tuple[int, int]]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return start and value arrays of the pairs (row, value), sorted by row and then by value."""
+    table = np.array(sorted(pairs), np.int32).reshape(-1, 2)
+    counts = np.bincount(table[:, 0], minlength=count)
+    return np.concatenate(([0], np.cumsum(counts))).astype(np.int32), table[:, 1].copy()
+
+
+def _outside(
+    inside: NDArray[np.bool_], start: NDArray[np.int32], link: NDArray[np.int32]
+) -> NDArray[np.int32]:
+    """Follow the links of each lane until they leave the junction; -1 where they end or fork inside it."""
+    lanes = np.arange(len(inside), dtype=np.int32)
+    single = np.diff(start) == 1
+    onward = (
+        np.where(single, link[np.minimum(start[:-1], len(link) - 1)], -1)
+        if len(link)
+        else np.full_like(lanes, -1)
+    )
+    for _ in range(int(inside.sum())):
+        moving = (lanes >= 0) & inside[lanes]
+        if not moving.any():
+            break
+        lanes = np.where(moving, onward[lanes], lanes).astype(np.int32)
+    return lanes
