@@ -1,0 +1,5 @@
+"""Alias of `smarts.types.colors`."""
+
+from smarts.types.colors import Colors, SceneColors
+
+__all__ = ["Colors", "SceneColors"]

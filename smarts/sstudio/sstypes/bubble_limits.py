@@ -1,0 +1,27 @@
+"""How many vehicles a bubble takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smarts.sstudio.sstypes.constants import MAX
+from smarts.sstudio.sstypes.identity import Described
+
+
+@dataclass(frozen=True, eq=False)
+class BubbleLimits(Described):
+    """The most vehicles that a bubble may hold."""
+
+    hijack_limit: int = MAX
+    """How many vehicles agents drive at a time."""
+    shadow_limit: int = MAX
+    """How many vehicles agents watch before they take over; not below `hijack_limit`."""
+
+    def __post_init__(self) -> None:
+        if self.hijack_limit is None or self.shadow_limit is None:
+            raise ValueError("a bubble's limits must be numbers; leave a limit out for none")
+        if self.shadow_limit < self.hijack_limit:
+            raise ValueError(
+                f"shadow_limit ({self.shadow_limit}) must not be below hijack_limit ({self.hijack_limit}):"
+                " every vehicle is shadowed before it is taken over"
+            )

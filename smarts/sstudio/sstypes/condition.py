@@ -1,0 +1,408 @@
+"""Conditions on the course of a simulation, which bubbles and entries wait for.
+
+A condition is evaluated with the facts that it `requires`, by their names:
+
+    (TimeWindowCondition(2, 5) & DependeeActorCondition("leader")).evaluate(time=3.0, actor_ids={"leader"})
+
+Triggers remember when their inner condition was first met. Whoever runs several simulations gives each of
+them a `memory` of its own; without one, a trigger uses the one that belongs to it.
+"""
+
+from __future__ import annotations
+
+import enum
+import sys
+from collections.abc import MutableMapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from smarts.types.condition_state import ConditionState
+
+Memory = MutableMapping["Condition", float]
+"""When each trigger's clock started [s]. Equal triggers share a clock, since they see the same."""
+
+
+class ConditionOperator(enum.IntEnum):
+    """How two conditions are combined."""
+
+    CONJUNCTION = enum.auto()
+    """Both hold."""
+    DISJUNCTION = enum.auto()
+    """At least one holds."""
+    IMPLICATION = enum.auto()
+    """The second holds if the first does."""
+
+
+class ConditionRequires(enum.IntFlag):
+    """The facts that a condition looks at; their names are the arguments of `evaluate`."""
+
+    none = 0
+    agent_id = enum.auto()
+    mission = enum.auto()
+    time = enum.auto()
+    actor_ids = enum.auto()
+    actor_states = enum.auto()
+    road_map = enum.auto()
+    simulation = enum.auto()
+    current_actor_state = enum.auto()
+    current_actor_road_status = enum.auto()
+    any_simulation_state = time | actor_ids | actor_states | simulation
+    any_current_actor_state = mission | current_actor_state | current_actor_road_status
+    any_mission_state = agent_id | mission
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Something that holds or not, and combines with others by `&`, `|` and `-`."""
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Return whether the condition holds now.
+
+        Args:
+            memory: What triggers have seen so far in this simulation.
+            facts: The facts named by `requires`.
+        """
+        raise NotImplementedError
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """The facts needed to evaluate the condition."""
+        raise NotImplementedError
+
+    def negation(self) -> NegatedCondition:
+        """Return what holds exactly when this does not; that it is early or too late is lost."""
+        return NegatedCondition(self)
+
+    def conjunction(self, other: Condition) -> CompoundCondition:
+        """Return what holds when both do; otherwise the worst of EXPIRED, BEFORE, FALSE."""
+        return CompoundCondition(self, other, operator=ConditionOperator.CONJUNCTION)
+
+    def disjunction(self, other: Condition) -> CompoundCondition:
+        """Return what holds when either does; otherwise BEFORE if one may yet, EXPIRED if none can."""
+        return CompoundCondition(self, other, operator=ConditionOperator.DISJUNCTION)
+
+    def implication(self, other: Condition) -> CompoundCondition:
+        """Return what holds unless this does and the other does not."""
+        return CompoundCondition(self, other, operator=ConditionOperator.IMPLICATION)
+
+    def trigger(self, delay_seconds: float, persistent: bool = False) -> ConditionTrigger:
+        """Return what holds for good once this has been met and the delay has passed.
+
+        Args:
+            delay_seconds: How long after the first time [s].
+            persistent: Whether this must hold then, too.
+        """
+        return ConditionTrigger(self, delay_seconds=delay_seconds, persistent=persistent)
+
+    def expire(
+        self, time: float, expired_state: ConditionState = ConditionState.EXPIRED, relative: bool = False
+    ) -> ExpireTrigger:
+        """Return what is this until a time and `expired_state` from then on.
+
+        Args:
+            time: The simulation time [s], or with `relative` the time since the first evaluation.
+            expired_state: What it evaluates to afterwards.
+            relative: Whether the clock starts with the first evaluation.
+        """
+        return ExpireTrigger(self, time=time, expired_state=expired_state, relative=relative)
+
+    def __and__(self, other: Condition) -> CompoundCondition:
+        return self.conjunction(other)
+
+    def __or__(self, other: Condition) -> CompoundCondition:
+        return self.disjunction(other)
+
+    def __neg__(self) -> NegatedCondition:
+        return self.negation()
+
+
+@dataclass(frozen=True)
+class SubjectCondition(Condition):
+    """A condition on one road user."""
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """The road user's state."""
+        return ConditionRequires.current_actor_state
+
+
+@dataclass(frozen=True)
+class LiteralCondition(Condition):
+    """Always the same."""
+
+    literal: ConditionState
+    """What it evaluates to."""
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Return the literal."""
+        return self.literal
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """Nothing."""
+        return ConditionRequires.none
+
+
+ALWAYS = LiteralCondition(ConditionState.TRUE)
+
+
+@dataclass(frozen=True)
+class TimeWindowCondition(Condition):
+    """Holds from `start` until before `end`; then it has expired."""
+
+    start: float
+    """[s]"""
+    end: float
+    """[s]; `sys.maxsize` makes it hold always."""
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Compare `time`."""
+        time = facts["time"]
+        if self.start <= time < self.end or self.end == sys.maxsize:
+            return ConditionState.TRUE
+        return ConditionState.BEFORE if time < self.start else ConditionState.EXPIRED
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """The simulation's time [s]."""
+        return ConditionRequires.time
+
+
+@dataclass(frozen=True)
+class DependeeActorCondition(Condition):
+    """Holds while a road user is in the simulation."""
+
+    actor_id: str
+    """Who."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.actor_id, str):
+            raise TypeError(f"actor_id must be a string, got {self.actor_id!r}")
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Look the road user up in `actor_ids`."""
+        return ConditionState.TRUE if self.actor_id in facts["actor_ids"] else ConditionState.FALSE
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """Who is in the simulation."""
+        return ConditionRequires.actor_ids
+
+
+@dataclass(frozen=True)
+class OffRoadCondition(SubjectCondition):
+    """Holds while the subject is off the road; BEFORE where neither road nor its absence is known yet."""
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Look at `current_actor_road_status`, which has `road` and `off_road`."""
+        status = facts["current_actor_road_status"]
+        if status.off_road:
+            return ConditionState.TRUE
+        return ConditionState.BEFORE if status.road is None else ConditionState.FALSE
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """Where the subject is on the road."""
+        return ConditionRequires.current_actor_road_status
+
+
+@dataclass(frozen=True)
+class VehicleTypeCondition(SubjectCondition):
+    """Holds for subjects of one vehicle type."""
+
+    vehicle_type: str
+    """The type, such as "passenger"."""
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Look at `current_actor_state.vehicle_config_type`."""
+        kind = facts["current_actor_state"].vehicle_config_type
+        return ConditionState.TRUE if kind == self.vehicle_type else ConditionState.FALSE
+
+
+@dataclass(frozen=True)
+class VehicleSpeedCondition(SubjectCondition):
+    """Holds while the subject's speed is from `low` to `high`."""
+
+    low: float
+    """[m/s]"""
+    high: float
+    """[m/s]"""
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Look at `current_actor_state.speed`."""
+        speed = facts["current_actor_state"].speed
+        return ConditionState.TRUE if self.low <= speed <= self.high else ConditionState.FALSE
+
+    @classmethod
+    def loitering(cls, abs_error: float = 0.01) -> VehicleSpeedCondition:
+        """Return the condition that the subject stands, to within `abs_error` [m/s]."""
+        return cls(low=-abs_error, high=abs_error)
+
+
+def _check_evaluable(*conditions: Condition) -> None:
+    for condition in conditions:
+        if type(condition) in (Condition, SubjectCondition):
+            raise TypeError(f"{type(condition).__name__} is abstract and cannot be combined or wrapped")
+
+
+@dataclass(frozen=True)
+class NegatedCondition(Condition):
+    """Holds when the inner condition does not."""
+
+    inner_condition: Condition
+    """What must not hold."""
+
+    def __post_init__(self) -> None:
+        _check_evaluable(self.inner_condition)
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Turn the inner result round."""
+        met = self.inner_condition.evaluate(memory=memory, **facts)
+        return ConditionState.FALSE if met else ConditionState.TRUE
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """What the inner condition requires."""
+        return self.inner_condition.requires
+
+
+@dataclass(frozen=True)
+class CompoundCondition(Condition):
+    """Two conditions combined; see `conjunction`, `disjunction` and `implication`."""
+
+    first_condition: Condition
+    second_condition: Condition
+    operator: ConditionOperator
+
+    def __post_init__(self) -> None:
+        _check_evaluable(self.first_condition, self.second_condition)
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Combine both results. The second is not looked at (its triggers stay idle) if the first decides."""
+        first = self.first_condition.evaluate(memory=memory, **facts)
+        decided = _DECIDED_BY_FIRST[self.operator](first)
+        if decided is not None:
+            return decided
+        second = self.second_condition.evaluate(memory=memory, **facts)
+        return _COMBINED[self.operator](first, second)
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """What either condition requires."""
+        return self.first_condition.requires | self.second_condition.requires
+
+
+def _conjunction(first: ConditionState, second: ConditionState) -> ConditionState:
+    if first and second:
+        return ConditionState.TRUE
+    either = first | second
+    for state in (ConditionState.EXPIRED, ConditionState.BEFORE):
+        if state in either:
+            return state
+    return ConditionState.FALSE
+
+
+def _disjunction(first: ConditionState, second: ConditionState) -> ConditionState:
+    either = first | second
+    for state in (ConditionState.TRUE, ConditionState.BEFORE):
+        if state in either:
+            return state
+    return first & second & ConditionState.EXPIRED
+
+
+def _implication(first: ConditionState, second: ConditionState) -> ConditionState:
+    return ConditionState.TRUE if second or not first else ConditionState.FALSE
+
+
+_COMBINED = {
+    ConditionOperator.CONJUNCTION: _conjunction,
+    ConditionOperator.DISJUNCTION: _disjunction,
+    ConditionOperator.IMPLICATION: _implication,
+}
+_DECIDED_BY_FIRST = {
+    ConditionOperator.CONJUNCTION: lambda first: first if ConditionState.EXPIRED in first else None,
+    ConditionOperator.DISJUNCTION: lambda first: ConditionState.TRUE if first else None,
+    ConditionOperator.IMPLICATION: lambda first: None if first else ConditionState.TRUE,
+}
+
+
+@dataclass(frozen=True)
+class ExpireTrigger(Condition):
+    """The inner condition until a time, then `expired_state`."""
+
+    inner_condition: Condition
+    """What counts until then."""
+    time: float
+    """When it expires [s]."""
+    expired_state: ConditionState = ConditionState.EXPIRED
+    """What counts afterwards."""
+    relative: bool = False
+    """Whether the clock starts with the first evaluation."""
+    own_memory: dict[Condition, float] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Used where `evaluate` gets no memory."""
+
+    def __post_init__(self) -> None:
+        _check_evaluable(self.inner_condition)
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Compare `time`."""
+        elapsed = facts["time"]
+        if self.relative:
+            clocks = self.own_memory if memory is None else memory
+            elapsed -= clocks.setdefault(self, elapsed)
+        if elapsed >= self.time:
+            return self.expired_state
+        return self.inner_condition.evaluate(memory=memory, **facts)
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """The time, and what the inner condition requires."""
+        return self.inner_condition.requires | ConditionRequires.time
+
+
+@dataclass(frozen=True)
+class ConditionTrigger(Condition):
+    """Switches for good once the inner condition has been met and a delay has passed."""
+
+    inner_condition: Condition
+    """What sets it off."""
+    delay_seconds: float
+    """How long after the inner condition was first met [s]."""
+    untriggered_state: ConditionState = ConditionState.BEFORE
+    """What counts until then."""
+    triggered_state: ConditionState = ConditionState.TRUE
+    """What counts afterwards."""
+    persistent: bool = False
+    """Whether the inner condition must hold afterwards, too."""
+    own_memory: dict[Condition, float] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Used where `evaluate` gets no memory."""
+
+    def __post_init__(self) -> None:
+        _check_evaluable(self.inner_condition)
+        if self.delay_seconds < 0:
+            raise ValueError(f"delay_seconds must not be negative, got {self.delay_seconds}")
+
+    def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
+        """Start the clock when the inner condition is met, then wait for the delay.
+
+        An inner condition that expires before it is met can never set the trigger off: EXPIRED.
+        """
+        time = facts["time"]
+        clocks = self.own_memory if memory is None else memory
+        if self not in clocks:
+            inner = self.inner_condition.evaluate(memory=memory, **facts)
+            if ConditionState.EXPIRED in inner:
+                return ConditionState.EXPIRED
+            if not inner:
+                return self.untriggered_state
+            clocks[self] = time
+        if time - clocks[self] < self.delay_seconds:
+            return self.untriggered_state
+        if self.persistent:
+            return self.triggered_state & self.inner_condition.evaluate(memory=memory, **facts)
+        return self.triggered_state
+
+    @property
+    def requires(self) -> ConditionRequires:
+        """The time, and what the inner condition requires."""
+        return self.inner_condition.requires | ConditionRequires.time

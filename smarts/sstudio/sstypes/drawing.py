@@ -1,0 +1,62 @@
+"""What a scenario file draws from while it runs: serial numbers for unnamed things, and one random stream.
+
+Both start afresh with every build, so the same file says the same thing every time.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+DEFAULT_SEED = 42
+"""The seed of a scenario that names none."""
+
+
+class Drawing:
+    """The serial numbers and the random stream of one run of a scenario file."""
+
+    def __init__(self, seed: int = DEFAULT_SEED) -> None:
+        self._seed = seed
+        self._serials: Counter[str] = Counter()
+
+    def serial(self, kind: str) -> str:
+        """Return "kind-1" for the first unnamed thing of a kind, "kind-2" for the second, and so on."""
+        self._serials[kind] += 1
+        return f"{kind}-{self._serials[kind]}"
+
+    @cached_property
+    def generator(self) -> Generator:
+        """The stream that distributions sample from unless they are given another."""
+        # Local: a scenario file that samples nothing need not wait for NumPy.
+        from smarts.types.streams import Purpose, stream
+
+        return stream(self._seed, Purpose.BUILD)
+
+
+_current: ContextVar[Drawing | None] = ContextVar("drawing", default=None)
+
+
+def drawing() -> Drawing:
+    """Return what the scenario file that runs now draws from."""
+    current = _current.get()
+    if current is None:
+        current = Drawing()
+        _current.set(current)
+    return current
+
+
+@contextmanager
+def fresh_drawing(seed: int = DEFAULT_SEED) -> Iterator[Drawing]:
+    """Start numbers and stream anew, for one run of a scenario file."""
+    token = _current.set(Drawing(seed))
+    try:
+        yield drawing()
+    finally:
+        _current.reset(token)

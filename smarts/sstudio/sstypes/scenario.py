@@ -1,0 +1,146 @@
+"""All that a scenario says."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from smarts.sstudio.sstypes.actor.social_agent_actor import SocialAgentActor
+from smarts.sstudio.sstypes.bubble import Bubble
+from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
+from smarts.sstudio.sstypes.identity import Described
+from smarts.sstudio.sstypes.map_spec import MapSpec
+from smarts.sstudio.sstypes.mission import AnyMission
+from smarts.sstudio.sstypes.standard_metadata import StandardMetadata
+from smarts.sstudio.sstypes.traffic import Traffic
+from smarts.sstudio.sstypes.zone import RoadSurfacePatch
+from smarts.types.colors import Colors
+
+
+class ScenarioMetadataFields(enum.IntEnum):
+    """Facts that many scenarios give."""
+
+    actor_of_interest_color = enum.auto()
+    """The colour of the actors of interest."""
+    actor_of_interest_re_filter = enum.auto()
+    """A regular expression that their names match."""
+    scenario_difficulty = enum.auto()
+    """How hard it is, in (0, 1]."""
+    scenario_duration = enum.auto()
+    """How long it should last [s]."""
+
+
+def _name(key: str | ScenarioMetadataFields) -> str:
+    return key.name if isinstance(key, ScenarioMetadataFields) else key
+
+
+class ScenarioMetadata(StandardMetadata):
+    """Facts about a scenario that do not change what happens in it; see `ScenarioMetadataFields`."""
+
+    def __init__(
+        self,
+        metadata: Mapping[str | ScenarioMetadataFields, Any] | None = None,
+        *,
+        actor_of_interest_re_filter: str | None = None,
+        actor_of_interest_color: Colors | None = None,
+        scenario_difficulty: float | None = None,
+        scenario_duration: float | None = None,
+    ) -> None:
+        named = {
+            "actor_of_interest_color": actor_of_interest_color,
+            "actor_of_interest_re_filter": actor_of_interest_re_filter,
+            "scenario_difficulty": scenario_difficulty,
+            "scenario_duration": scenario_duration,
+        }
+        given = {name: fact for name, fact in named.items() if fact is not None}
+        super().__init__({_name(key): fact for key, fact in (metadata or {}).items()} | given)
+
+    def __getitem__(self, key: str | ScenarioMetadataFields) -> Any:
+        return super().__getitem__(_name(key))
+
+
+NO_METADATA = ScenarioMetadata()
+
+
+@dataclass(frozen=True, eq=False)
+class StartVariation(Described):
+    """By how much the starts of the egos vary from episode to episode (an extension)."""
+
+    offset: float = 5.0
+    """The start lies within this distance before or behind the mission's [m]."""
+    speed: tuple[float, float] = (0.0, 5.0)
+    """The least and the largest speed at the start [m/s]."""
+
+    def __post_init__(self) -> None:
+        low, high = self.speed
+        if self.offset < 0 or low < 0 or high < low:
+            raise ValueError(f"{self}: the offset must not be negative, and the speeds must rise from 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Variation(Described):
+    """A scenario that agents are tested on but not trained on (an extension).
+
+    What is None is as in the scenario itself.
+    """
+
+    description: str
+    """How it differs, in a line."""
+    map_spec: MapSpec | None = None
+    traffic: Mapping[str, Traffic] | None = None
+    ego_missions: Sequence[AnyMission] | None = None
+    seed: int | None = None
+
+
+SocialMissions = Mapping[str, tuple[Sequence[SocialAgentActor], Sequence[AnyMission]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario(Described):
+    """A map, the traffic on it, and what agents are to do there.
+
+    Raises:
+        ValueError: Two groups of social agents share an actor.
+    """
+
+    map_spec: MapSpec | None = None
+    """The map; unless given, the one in the scenario's folder."""
+    traffic: Mapping[str, Traffic] | None = None
+    """Variations of the traffic by name; episodes take turns with them."""
+    ego_missions: Sequence[AnyMission] | None = None
+    """What the learning agents are to do: one agent takes turns with them, several agents share them out."""
+    social_agent_missions: SocialMissions | None = None
+    """Groups of other agents and their missions, all present at once.
+
+    In a group of several actors and no mission, or of one actor and several missions, episodes take turns;
+    otherwise there are as many actors as missions. Actors' names are unique over all groups.
+    """
+    bubbles: Sequence[Bubble] | None = None
+    """Where agents take over vehicles from the traffic."""
+    friction_maps: Sequence[RoadSurfacePatch] | None = None
+    """Where the road has another friction."""
+    traffic_histories: Sequence[TrafficHistoryDataset | str] | None = None
+    """Recorded traffic."""
+    scenario_metadata: ScenarioMetadata | None = NO_METADATA
+    """What does not change what happens."""
+    start_variation: StartVariation | None = None
+    """How starts vary from episode to episode; None keeps them fixed (an extension)."""
+    held_out: Mapping[str, Variation] | None = None
+    """Variations by name for measuring generalization (an extension)."""
+
+    def __post_init__(self) -> None:
+        homes: dict[str, str] = {}
+        for group, actor in self._social_actors():
+            if homes.setdefault(actor.name, group) != group:
+                raise ValueError(
+                    f"the social agent groups {homes[actor.name]!r} and {group!r} share the actor"
+                    f" {actor.name!r}: give every actor a name of its own"
+                )
+
+    def _social_actors(self) -> Iterator[tuple[str, SocialAgentActor]]:
+        for group, (actors, _) in (self.social_agent_missions or {}).items():
+            # A single actor instead of a sequence is what gen_social_agent_missions accepts, too.
+            for actor in [actors] if isinstance(actors, SocialAgentActor) else actors:
+                yield group, actor

@@ -1,0 +1,97 @@
+"""Traffic: who drives where, and how many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from smarts.sstudio.sstypes.actor.traffic_actor import TrafficActor
+from smarts.sstudio.sstypes.identity import Described
+from smarts.sstudio.sstypes.route import RandomRoute, Route
+
+
+@dataclass(frozen=True, eq=False)
+class Stop(Described):
+    """A place where a vehicle halts on its way (an extension)."""
+
+    road_id: str
+    """Its edge."""
+    lane_index: int
+    """Its lane, 0 is the rightmost."""
+    offset: float
+    """How far along the lane the front bumper halts [m]."""
+    duration: float
+    """For how long [s]."""
+    length: float = 20.0
+    """The length of the stop's area, which ends at `offset` [m]."""
+    bus_stop: bool = True
+    """Whether it is a bus stop, which vehicles share, or a place on the open lane."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flow(Described):
+    """Vehicles that follow one after another on a route."""
+
+    route: Route | RandomRoute
+    """The way."""
+    rate: float
+    """Vehicles per hour."""
+    begin: float = 0
+    """When the first one departs [s]."""
+    end: float = 1 * 60 * 60
+    """When the last one departs at the latest [s]."""
+    actors: Mapping[TrafficActor, float] = field(default_factory=dict)
+    """Who drives, with weights: an actor's share is its weight over the sum of all."""
+    randomly_spaced: bool = False
+    """Whether departures are a Poisson process instead of evenly spaced."""
+    repeat_route: bool = False
+    """Whether vehicles begin anew when they reach the end."""
+    stops: Sequence[Stop] = ()
+    """Where they halt on the way (an extension)."""
+
+    @property
+    def id(self) -> str:
+        """A name that tells the route, and is unique to the content."""
+        return f"{self.route.id}-{self.fingerprint()}"
+
+
+@dataclass(frozen=True, eq=False)
+class Trip(Described):
+    """One vehicle on a route."""
+
+    vehicle_name: str
+    """The vehicle's name, unique in the traffic."""
+    route: Route | RandomRoute
+    """The way."""
+    vehicle_type: str = "passenger"
+    """The vehicle's type; the actor's own one counts unless another is given here."""
+    depart: float = 0
+    """When it departs [s]."""
+    actor: TrafficActor | None = None
+    """Who drives; reads as the given actor under the vehicle's name, or as a default car."""
+    stops: Sequence[Stop] = ()
+    """Where it halts on the way (an extension)."""
+
+    def __post_init__(self) -> None:
+        actor = self.actor or TrafficActor(self.vehicle_name)
+        kind = actor.vehicle_type if self.vehicle_type == "passenger" else self.vehicle_type
+        object.__setattr__(self, "actor", replace(actor, name=self.vehicle_name, vehicle_type=kind))
+
+    @property
+    def id(self) -> str:
+        """The vehicle's name."""
+        return self.vehicle_name
+
+
+@dataclass(frozen=True, eq=False)
+class Traffic(Described):
+    """All the traffic of one episode."""
+
+    flows: Sequence[Flow]
+    """Steady supplies of vehicles."""
+    trips: Sequence[Trip] | None = None
+    """Single vehicles."""
+    engine: str = "SUMO"
+    """Who drives them: "SUMO" or "SMARTS"."""
+    warm_up: float = 0.0
+    """Simulated before the episode begins, so that it starts among traffic [s] (an extension)."""

@@ -1,0 +1,107 @@
+"""Areas of the map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from smarts.sstudio.sstypes.identity import Described
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+    from smarts.roads.lane_graph import LaneGraph
+
+
+@dataclass(frozen=True, eq=False)
+class Zone(Described):
+    """An area of the map."""
+
+    def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
+        """Return the area in the map frame [m].
+
+        Args:
+            road_map: The map, which zones along lanes need.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class MapZone(Zone):
+    """A stretch of neighbouring lanes."""
+
+    start: tuple[str, int, Any]
+    """Edge, index of the rightmost lane, and offset: metres, "base", "max" (ends with the lane), "random"."""
+    length: float | str
+    """How long the stretch is along the lanes [m], or "max"; cut to the lanes' length."""
+    n_lanes: int = 2
+    """How many lanes it covers, from right to left."""
+
+    def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
+        """Return the union of the lanes' strips, each 0.3 m wider than its lane, so that no gap is left.
+
+        Raises:
+            MapError: The edge or one of the lanes is not on the map.
+            ValueError: No map is given.
+        """
+        if road_map is None:
+            raise ValueError("the geometry of a MapZone needs the road map")
+        from smarts.sstudio.zone_geometry import lane_zone_geometry
+
+        return lane_zone_geometry(self, road_map)
+
+
+@dataclass(frozen=True, eq=False)
+class PositionalZone(Zone):
+    """A rectangle."""
+
+    pos: tuple[float, float]
+    """Its centre [m]."""
+    size: tuple[float, float]
+    """Its extent along x and y before it is turned [m]."""
+    rotation: float | None = None
+    """By how much it is turned counter-clockwise about its centre [rad]."""
+
+    def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
+        """Return the rectangle."""
+        from smarts.sstudio.zone_geometry import rectangle
+
+        return rectangle(self.pos, self.size, self.rotation or 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ConfigurableZone(Zone):
+    """A polygon."""
+
+    ext_coordinates: Sequence[tuple[float, float]]
+    """Its corners in order [m]; two of them make a rectangle along the axes."""
+    rotation: float | None = None
+    """By how much it is turned counter-clockwise about the centre of its bounding box [rad]."""
+
+    def __post_init__(self) -> None:
+        if len(self.ext_coordinates or ()) < 2:
+            raise ValueError(f"a polygon needs two corners or more, got {self.ext_coordinates!r}")
+        for axis, corners in zip("xy", zip(*self.ext_coordinates, strict=False), strict=False):
+            if len(set(corners)) == 1:
+                raise ValueError(f"the polygon has no area: every corner has {axis} = {corners[0]}")
+
+    def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
+        """Return the polygon."""
+        from smarts.sstudio.zone_geometry import polygon
+
+        return polygon(self.ext_coordinates, self.rotation or 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class RoadSurfacePatch(Described):
+    """An area of other friction."""
+
+    zone: Zone
+    """Where."""
+    begin_time: float
+    """From when on [s]."""
+    end_time: float
+    """Until when [s]."""
+    friction_coefficient: float
+    """The friction there; dry asphalt has about 0.9."""

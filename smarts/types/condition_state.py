@@ -1,0 +1,21 @@
+"""What a condition of a scenario can evaluate to."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+
+class ConditionState(IntFlag):
+    """Whether a condition holds and, where it does not, whether it has held or can hold."""
+
+    FALSE = 0
+    """Does not hold."""
+    BEFORE = 1
+    """Does not hold yet."""
+    EXPIRED = 2
+    """Will never hold (again)."""
+    TRUE = 4
+    """Holds."""
+
+    def __bool__(self) -> bool:
+        return ConditionState.TRUE in self

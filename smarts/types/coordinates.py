@@ -1,0 +1,150 @@
+"""Points, headings, poses and boxes as small values, for scenario files and observations.
+
+Kernels work on arrays instead; these are for the few places where people read and write single values.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class Dimensions(NamedTuple):
+    """Length, width and height of a box [m]."""
+
+    length: float
+    width: float
+    height: float
+
+    @property
+    def as_lwh(self) -> tuple[float, float, float]:
+        """Length, width, height [m]."""
+        return self.length, self.width, self.height
+
+
+class Point(NamedTuple):
+    """A position in the map frame, x east, y north, z up [m]."""
+
+    x: float
+    y: float
+    z: float = 0.0
+
+    @classmethod
+    def from_np_array(cls, array: NDArray[np.float64]) -> Point:
+        """Return the point of an array of two or three coordinates."""
+        return cls(*(float(coordinate) for coordinate in array))
+
+    @property
+    def as_np_array(self) -> NDArray[np.float64]:
+        """The coordinates, shape (3,)."""
+        import numpy as np
+
+        return np.array(self, np.float64)
+
+
+class RefLinePoint(NamedTuple):
+    """A position relative to a lane's centreline."""
+
+    s: float
+    """Arc length from the lane's begin [m]."""
+    t: float = 0.0
+    """To the left of the centreline [m]."""
+    h: float = 0.0
+    """Above the road's surface [m]."""
+
+
+class Heading(float):
+    """An angle counter-clockwise from +x, wrapped to (-pi, pi] [rad].
+
+    The original measures from north; all of this project measures from east.
+    """
+
+    def __new__(cls, radians: float = 0.0) -> Heading:
+        """Wrap an angle [rad]."""
+        wrapped = math.pi - (math.pi - radians) % (2 * math.pi)
+        return super().__new__(cls, wrapped)
+
+    @classmethod
+    def from_sumo(cls, degrees: float) -> Heading:
+        """Return the heading of SUMO's angle, which is clockwise from north in degrees."""
+        return cls(math.radians(90.0 - degrees))
+
+    @property
+    def as_sumo(self) -> float:
+        """SUMO's angle, clockwise from north, in [0, 360) degrees."""
+        return (90.0 - math.degrees(self)) % 360.0
+
+    def relative_to(self, other: float) -> Heading:
+        """Return how far this heading is to the left of another."""
+        return Heading(self - other)
+
+    def direction_vector(self) -> NDArray[np.float64]:
+        """Return the unit vector that points this way, shape (2,)."""
+        import numpy as np
+
+        return np.array([math.cos(self), math.sin(self)])
+
+    def __repr__(self) -> str:
+        return f"Heading({float(self)!r})"
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where something is and which way it faces."""
+
+    point: Point
+    """Its centre [m]."""
+    heading: Heading
+    """Its direction [rad]."""
+
+    @classmethod
+    def from_front_bumper(cls, bumper: Point, heading: float, length: float) -> Pose:
+        """Return the pose of a vehicle of `length` [m] whose front bumper's middle is at `bumper`."""
+        back_x, back_y = math.cos(heading) * length / 2, math.sin(heading) * length / 2
+        return cls(Point(bumper.x - back_x, bumper.y - back_y, bumper.z), Heading(heading))
+
+
+@dataclass(frozen=True)
+class BoundingBox:
+    """A box along the axes of the map frame."""
+
+    min_pt: Point
+    """The corner of the smallest coordinates."""
+    max_pt: Point
+    """The corner of the largest coordinates."""
+
+    @property
+    def length(self) -> float:
+        """Extent along x [m]."""
+        return self.max_pt.x - self.min_pt.x
+
+    @property
+    def width(self) -> float:
+        """Extent along y [m]."""
+        return self.max_pt.y - self.min_pt.y
+
+    @property
+    def height(self) -> float:
+        """Extent along z [m]."""
+        return self.max_pt.z - self.min_pt.z
+
+    @property
+    def center(self) -> Point:
+        """The middle of the box."""
+        return Point(*((low + high) / 2 for low, high in zip(self.min_pt, self.max_pt, strict=True)))
+
+    @property
+    def as_dimensions(self) -> Dimensions:
+        """Length, width and height [m]."""
+        return Dimensions(self.length, self.width, self.height)
+
+    def contains(self, point: Point) -> bool:
+        """Return whether a point lies inside the box as seen from above."""
+        return (
+            self.min_pt.x < point.x < self.max_pt.x and self.min_pt.y < point.y < self.max_pt.y
+        )  # z is left out: roads above each other share a box
