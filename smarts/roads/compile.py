@@ -12,12 +12,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from smarts.errors import MapError
+from smarts.roads.dropped import dropped_parts
 from smarts.roads.sources import MapKind, MapSource
 from smarts.roads.validation import validate_net
 
 # Fine curves through junctions: SUMO's default of five points makes vehicles turn in visible kinks.
 _JUNCTION_DETAIL = {"junctions.internal-link-detail": "20", "junctions.corner-detail": "5"}
 
+# Foreign maps get `output.original-names`, so that the notes can say what was dropped.
 _DEFAULTS: dict[MapKind, dict[str, str]] = {
     "sumo_plain": {
         **_JUNCTION_DETAIL,
@@ -34,6 +36,7 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         # Shoulders and sidewalks stay, closed to cars, so that lanes keep their place on the road.
         "opendrive.import-all-lanes": "true",
         "opendrive.internal-shapes": "true",
+        "output.original-names": "true",
     },
     "osm": {
         **_JUNCTION_DETAIL,
@@ -50,7 +53,6 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         "osm.lane-access": "true",
         # A dead end must be left again, else most of a town cannot be reached from its edge.
         "no-turnarounds.except-deadend": "true",
-        # Lets the notes say which ways were dropped.
         "output.original-names": "true",
     },
 }
@@ -87,6 +89,7 @@ def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
         product = Path(folder) / "map.net.xml"
         notes = _convert(source, product)
         net = _GENERATED_COMMENT.sub(b"", _read_bytes(product), count=1)
+        notes += dropped_parts(source, net)
     return _publish(net, notes, source, out)
 
 
@@ -146,8 +149,9 @@ def _sumo_folder() -> Path:
 
 def _environment() -> dict[str, str]:
     # SUMO_HOME would bring in another installation's type maps, and messages follow the locale.
-    inherited = {key: value for key, value in os.environ.items() if key not in ("SUMO_HOME", "PROJ_LIB")}
-    return inherited | {"LC_ALL": "C", "PROJ_DATA": str(_sumo_folder() / "data" / "proj")}
+    inherited = {key: value for key, value in os.environ.items() if key != "SUMO_HOME"}
+    projections = str(_sumo_folder() / "data" / "proj")
+    return inherited | {"LC_ALL": "C", "PROJ_DATA": projections, "PROJ_LIB": projections}
 
 
 def _arguments(source: MapSource) -> list[str]:
