@@ -1,0 +1,205 @@
+"""Independent copies of libsumo: one library holds one simulation, so each simulation gets its own.
+
+The loader takes two files with different inodes for two libraries. A copy is therefore one file, SUMO's
+extension module, in a folder of its own under the user's cache; the libraries that it needs and the Python
+side of the package stay where they are installed. All processes of a user share the copies and only read
+them. Threads gain nothing: libsumo holds the interpreter's lock.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import importlib
+import importlib.metadata
+import importlib.util
+import os
+import shutil
+import sys
+import tempfile
+import threading
+import types
+import weakref
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from smarts.errors import TrafficError
+
+SYSTEM_PACKAGES = "libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1"
+"""Debian packages of the system libraries that libsumo's wheel expects to find."""
+
+# Raised classes are told by name: an error may carry the class of another copy, whichever was loaded last.
+_SUMO_ERRORS = {"TraCIException", "FatalTraCIError", "RuntimeError"}
+
+_EXTENSION = "_libsumo.so"
+_REPORT = "/proc/self/fd/{}"
+
+
+class SumoLibrary:
+    """One copy of libsumo, held until `close`.
+
+    Args:
+        index: Which copy to hold; by default the lowest that is free in this process. Simulations do not
+        depend
+            on it, so it only matters to those who look at the cache.
+
+    Attributes:
+        vehicle: libsumo's functions by domain; so are `lane`, `simulation`, `trafficlight` and `vehicletype`.
+    """
+
+    def __init__(self, index: int | None = None) -> None:
+        self.index = _claim(index)
+        self._closer = weakref.finalize(self, _held.discard, self.index)
+        try:
+            libsumo = _load(self.index)
+        except BaseException:
+            self._closer()
+            raise
+        self.lane: Any = libsumo.lane
+        self.simulation: Any = libsumo.simulation
+        self.trafficlight: Any = libsumo.trafficlight
+        self.vehicle: Any = libsumo.vehicle
+        self.vehicletype: Any = libsumo.vehicletype
+        self._report = -1
+        self._place = ""
+
+    def start(self, options: Sequence[str], place: str = "traffic") -> None:
+        """Begin a simulation; it is the same whatever the library simulated before.
+
+        Args:
+            options: SUMO's command line.
+            place: What to name in errors, now and later.
+
+        Raises:
+            TrafficError: SUMO refuses; its own message is in the error.
+        """
+        # An anonymous file, one for each start: nothing stays behind when the process is killed, and a forked
+        # child does not write into its parent's.
+        self._close_report()
+        self._place = place
+        self._report = os.memfd_create("sumo-errors")
+        with self.errors("failed to start"):
+            self.simulation.load([*options, "--error-log", _REPORT.format(self._report)])
+
+    @contextmanager
+    def errors(self, what: str) -> Iterator[None]:
+        """Turn SUMO's errors in the body into a `TrafficError`; the next `start` works."""
+        try:
+            yield
+        except Exception as error:
+            if type(error).__name__ not in _SUMO_ERRORS:
+                raise
+            raise self.error(what, error) from None
+
+    def error(self, what: str, error: Exception) -> TrafficError:
+        """Return the error to raise for one of SUMO's own, with the reason that SUMO logged."""
+        logged = os.pread(self._report, 4096, 0).decode(errors="replace").strip() if self._report >= 0 else ""
+        reasons = dict.fromkeys(filter(None, [logged.removeprefix("Error: "), str(error).strip()]))
+        return TrafficError(
+            f"SUMO {what}: {'; '.join(reasons)}",
+            place=self._place,
+            remedy="mend the traffic of the scenario and build it again; other simulations are not affected",
+        )
+
+    def close(self) -> None:
+        """End the simulation and give the copy back to the process."""
+        if self._closer.alive:
+            with self.errors("failed to stop"):
+                self.simulation.close()
+            self._close_report()
+            self._closer()
+
+    def _close_report(self) -> None:
+        if self._report >= 0:
+            os.close(self._report)
+            self._report = -1
+
+
+_held: set[int] = set()
+_claiming = threading.Lock()
+
+
+def _claim(index: int | None) -> int:
+    with _claiming:
+        if index is None:
+            index = next(number for number in range(len(_held) + 1) if number not in _held)
+        elif index in _held:
+            raise TrafficError(
+                f"copy {index} of libsumo is in use", remedy="close its simulation, or name no copy"
+            )
+        _held.add(index)
+        return index
+
+
+def _load(index: int) -> types.ModuleType:
+    """Import copy `index`; a copy once loaded stays loaded, since no extension module can be unloaded."""
+    name = f"_smarts_libsumo_{index}"
+    if name not in sys.modules:
+        installed = _installed_package()
+        package = types.ModuleType(name)
+        package.__path__ = [str(_copy_of_extension(index, installed)), str(installed)]
+        sys.modules[name] = package
+    try:
+        return importlib.import_module(f"{name}.libsumo")
+    except ImportError as error:
+        raise TrafficError(
+            f"libsumo does not load: {error}",
+            remedy=f"install the system's libraries: apt-get install -y {SYSTEM_PACKAGES}",
+        ) from error
+
+
+def _installed_package() -> Path:
+    # `find_spec` does not run the package, which would load a copy that nobody uses.
+    spec = importlib.util.find_spec("libsumo")
+    if spec is None or not spec.submodule_search_locations:
+        raise TrafficError("libsumo is not installed", remedy="pip install libsumo==1.28.0")
+    return Path(spec.submodule_search_locations[0])
+
+
+def _copy_of_extension(index: int, installed: Path) -> Path:
+    """Return the folder of copy `index`, made now if need be, also when several processes ask at once."""
+    original = installed / _EXTENSION
+    family = _cache_folder() / _family(original)
+    folder = family / str(index)
+    copy = folder / _EXTENSION
+    if _is_whole(copy, original):
+        return folder
+    folder.mkdir(parents=True, exist_ok=True)
+    # The lock dies with its process, so a killed copy leaves at most a partial file that the next one
+    # overwrites.
+    with open(family / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        # The extension looks for its libraries in ../libsumo.libs.
+        libraries = family / "libsumo.libs"
+        if not libraries.is_symlink():
+            libraries.symlink_to(installed.parent / "libsumo.libs")
+        if not _is_whole(copy, original):
+            partial = family / "partial"
+            shutil.copyfile(original, partial)
+            os.replace(partial, copy)
+    return folder
+
+
+def _is_whole(copy: Path, original: Path) -> bool:
+    return copy.exists() and copy.stat().st_size == original.stat().st_size
+
+
+def _family(original: Path) -> str:
+    """Return a folder name that changes with the installation, so that no copy outlives its libraries."""
+    state = original.stat()
+    identity = f"{original.resolve()}|{state.st_size}|{state.st_mtime_ns}"
+    version = importlib.metadata.version("libsumo")
+    return f"libsumo-{version}-{hashlib.blake2b(identity.encode(), digest_size=4).hexdigest()}"
+
+
+def _cache_folder() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    folder = Path(home) / "smarts-bench"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        writable = os.access(folder, os.W_OK)
+    except OSError:
+        writable = False
+    return folder if writable else Path(tempfile.gettempdir()) / f"smarts-bench-{os.getuid()}"

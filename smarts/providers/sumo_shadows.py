@@ -1,0 +1,224 @@
+"""Shadows: how SUMO's drivers see the vehicles that SUMO does not drive.
+
+A shadow is a vehicle of SUMO that is put where its owner says (`moveToXY`) at the end of every step. SUMO's
+drivers follow it, make way for it and brake for it like for their own kind, in both lanes if it straddles
+two. What SUMO needs help with, found by experiment (the tests in `test_sumo_shadows.py` show each):
+
+- `keepRoute` must be 2: 1 leaves a ghost in the old lane, 0 snaps to the lane's centre. The first `moveToXY`
+  must come before any step.
+- Within a lane SUMO keeps vehicles in the order in which they came, so a shadow that overtakes inside a lane
+  stays behind the overtaken one in SUMO's books and is ignored by it for good. Such a shadow leaves the net
+  for one step and is sorted in anew.
+- A driver who must give way looks at the routes of those who approach. A shadow whose route ends before the
+  junction is no reason to wait, so every shadow is given a route across the next junction: its own, or
+  straight on.
+- SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. It is told
+  instead.
+- A vehicle that moves against its lane is met by its rear as SUMO counts, and at no speed worth trusting:
+  it is put with its rear where its front is, and said to stand.
+- SUMO would change a shadow's lane and ask others to make room for that, so lane changing is off meanwhile.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from smarts.geometry.frames import compass_from_heading
+from smarts.providers.sumo_library import SumoLibrary
+from smarts.types.vehicles import VehicleKind, VehicleStates
+
+_CLASSES = {
+    VehicleKind.PASSENGER: "passenger",
+    VehicleKind.BUS: "bus",
+    VehicleKind.COACH: "coach",
+    VehicleKind.TRUCK: "truck",
+    VehicleKind.TRAILER: "trailer",
+    VehicleKind.MOTORCYCLE: "motorcycle",
+}
+
+_MAY_LEAVE_NET = 2
+_NO_LANE_CHANGES = 0
+_OFF_THE_NET = -1e6
+"""Both coordinates of a place that is on no map [m]."""
+
+
+@dataclass
+class _Shadow:
+    """What is remembered of a shadow between steps."""
+
+    id: str
+    route: tuple[str, ...]
+    """Where it is bound for; empty if nobody said."""
+    lane_change_mode: int | None
+    """To be restored when SUMO drives again; None for vehicles that SUMO never drove."""
+    lane: str = ""
+    position: float = 0.0
+    against: bool = False
+    out_of_order: bool = False
+
+
+class SumoShadows:
+    """The shadows of one simulation, by slot."""
+
+    def __init__(self, library: SumoLibrary) -> None:
+        self._library = library
+        self._shadows: dict[int, _Shadow] = {}
+        self._types: set[str] = set()
+        self._ways_on: dict[str, list[str]] = {}
+
+    def __contains__(self, slot: int) -> bool:
+        return slot in self._shadows
+
+    def reset(self) -> None:
+        """Forget all; SUMO has begun anew."""
+        self._shadows.clear()
+        self._types.clear()
+        self._ways_on.clear()
+
+    def create(self, slot: int, name: str, states: VehicleStates, route: Sequence[str]) -> None:
+        """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""
+        self._library.vehicle.add(name, "", typeID=self._type_of(slot, states))
+        self._take(slot, name, tuple(route), None)
+
+    def take_over(self, slot: int, name: str) -> None:
+        """Let a vehicle of SUMO's be a shadow from the next step on."""
+        vehicle = self._library.vehicle
+        route = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]
+        self._take(slot, name, tuple(route), vehicle.getLaneChangeMode(name))
+
+    def hand_back(self, slot: int) -> bool:
+        """Let SUMO drive a shadow on towards its destination; return whether SUMO can.
+
+        Off its route, the vehicle takes the fastest way to its destination; where there is none, or nobody
+        said where it is bound for, it drives on to where its road ends. It must stand on a lane.
+        """
+        shadow = self._shadows.pop(slot)
+        vehicle = self._library.vehicle
+        if not vehicle.getLaneID(shadow.id):
+            return False
+        vehicle.setLaneChangeMode(
+            shadow.id, 1621 if shadow.lane_change_mode is None else shadow.lane_change_mode
+        )
+        self._restore_route(shadow)
+        return True
+
+    def forget(self, slot: int) -> None:
+        """Drop the shadow in a slot, if there is one."""
+        self._shadows.pop(slot, None)
+
+    def set_route(self, slot: int, edges: Sequence[str]) -> None:
+        """Say where a shadow is bound for."""
+        shadow = self._shadows[slot]
+        shadow.route = tuple(edges)
+        shadow.lane = ""
+
+    def place(self, states: VehicleStates) -> None:
+        """Say where every shadow is at the end of the coming step."""
+        move = self._library.vehicle.moveToXY
+        for slot, shadow in self._shadows.items():
+            if shadow.out_of_order:
+                move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET)
+                continue
+            heading = float(states.heading[slot])
+            x, y = states.position[slot].tolist()
+            to_front = float(states.length[slot]) / 2
+            if shadow.against:
+                heading += math.pi
+            x, y = x + to_front * math.cos(heading), y + to_front * math.sin(heading)
+            move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET)
+
+    def settle(self, states: VehicleStates) -> None:
+        """See where SUMO has put the shadows, and mend what it got wrong."""
+        vehicle = self._library.vehicle
+        for slot, shadow in self._shadows.items():
+            lane = vehicle.getLaneID(shadow.id)
+            if shadow.out_of_order:
+                shadow.out_of_order = False
+            elif not lane:
+                shadow.lane = lane
+            else:
+                position = vehicle.getLanePosition(shadow.id)
+                if lane != shadow.lane:
+                    shadow.against = False
+                    self._show_way_on(shadow, lane)
+                elif abs(position - shadow.position) > 0.01:
+                    shadow.against = position < shadow.position
+                shadow.lane, shadow.position = lane, position
+                shadow.out_of_order = self._is_out_of_order(shadow)
+            vehicle.setPreviousSpeed(
+                shadow.id, 0.0 if shadow.against else max(float(states.speed[slot]), 0.0)
+            )
+
+    def _take(self, slot: int, name: str, route: tuple[str, ...], lane_change_mode: int | None) -> None:
+        self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
+        self._shadows[slot] = _Shadow(name, route, lane_change_mode)
+
+    def _is_out_of_order(self, shadow: _Shadow) -> bool:
+        """Return whether SUMO's order on the lane is not that of the positions around the shadow."""
+        order = self._library.lane.getLastStepVehicleIDs(shadow.lane)
+        if len(order) < 2:
+            return False
+        place = order.index(shadow.id)
+        position = self._library.vehicle.getLanePosition
+        behind, ahead = order[max(place - 1, 0)], order[min(place + 1, len(order) - 1)]
+        return not position(behind) <= shadow.position <= position(ahead)
+
+    def _show_way_on(self, shadow: _Shadow, lane: str) -> None:
+        """Give a shadow that has come onto a road lane a route across the next junction."""
+        if lane.startswith(":"):
+            return
+        edge = lane.rpartition("_")[0]
+        if edge in shadow.route:
+            shadow.route = shadow.route[shadow.route.index(edge) :]
+            ahead = list(shadow.route)
+        else:
+            ahead = [edge, *self._way_on(lane)]
+        if tuple(ahead) != self._library.vehicle.getRoute(shadow.id):
+            self._library.vehicle.setRoute(shadow.id, ahead)
+
+    def _way_on(self, lane: str) -> list[str]:
+        """Return the edge that a lane leads into, the one straight on where there are several."""
+        if lane not in self._ways_on:
+            links = self._library.lane.getLinks(lane)
+            straight = [link for link in links if link[6] == "s"]
+            self._ways_on[lane] = [link[0].rpartition("_")[0] for link in (straight or list(links))[:1]]
+        return self._ways_on[lane]
+
+    def _restore_route(self, shadow: _Shadow) -> None:
+        vehicle = self._library.vehicle
+        present = vehicle.getRoute(shadow.id)
+        index = max(vehicle.getRouteIndex(shadow.id), 0)
+        # Inside a junction the edge behind it is settled already.
+        settled = list(present[index : index + (2 if vehicle.getRoadID(shadow.id).startswith(":") else 1)])
+        if not shadow.route:
+            return
+        if settled[-1] in shadow.route:
+            ahead = list(shadow.route[shadow.route.index(settled[-1]) :])
+        else:
+            ahead = list(
+                self._library.simulation.findRoute(
+                    settled[-1], shadow.route[-1], vehicle.getTypeID(shadow.id)
+                ).edges
+            )
+        if ahead and (*settled[:-1], *ahead) != present[index:]:
+            vehicle.setRoute(shadow.id, [*settled[:-1], *ahead])
+
+    def _type_of(self, slot: int, states: VehicleStates) -> str:
+        """Return a vehicle type with the footprint of the vehicle in a slot, made on first use."""
+        kind = VehicleKind(states.kind[slot])
+        length, width = float(states.length[slot]), float(states.width[slot])
+        name = f"shadow-{kind.name.lower()}-{length!r}x{width!r}"
+        if name not in self._types:
+            vehicletype = self._library.vehicletype
+            vehicletype.copy("DEFAULT_VEHTYPE", name)
+            vehicletype.setVehicleClass(name, _CLASSES[kind])
+            vehicletype.setLength(name, length)
+            vehicletype.setWidth(name, width)
+            # Limits bind the owner, not the shadow.
+            vehicletype.setMaxSpeed(name, 100.0)
+            vehicletype.setSpeedDeviation(name, 0.0)
+            vehicletype.setSpeedFactor(name, 10.0)
+            self._types.add(name)
+        return name

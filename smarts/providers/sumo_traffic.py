@@ -1,0 +1,321 @@
+"""Traffic that SUMO drives, in this process.
+
+With nobody else in the world it is exactly what `sumo` computes for the same files, options, seed and step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import repeat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import TrafficError
+from smarts.geometry.boxes import boxes_overlap
+from smarts.geometry.frames import heading_from_compass
+from smarts.providers.sumo_library import SumoLibrary
+from smarts.providers.sumo_shadows import SumoShadows
+from smarts.providers.traffic_provider import Roster
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.traffic import Signal, TrafficFiles
+from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+
+SPAWN_MARGIN = (10.0, 1.0)
+"""Kept free of traffic around a vehicle that enters: before and behind it, and on either side [m]."""
+
+_KINDS = {
+    "bus": VehicleKind.BUS,
+    "coach": VehicleKind.COACH,
+    "truck": VehicleKind.TRUCK,
+    "delivery": VehicleKind.TRUCK,
+    "trailer": VehicleKind.TRAILER,
+    "motorcycle": VehicleKind.MOTORCYCLE,
+    "moped": VehicleKind.MOTORCYCLE,
+}
+
+_LIGHTS = np.full(256, Signal.NONE, np.int8)
+_LIGHTS[list(b"rRs")] = Signal.STOP
+_LIGHTS[list(b"yYuoO")] = Signal.CAUTION
+_LIGHTS[list(b"gG")] = Signal.GO
+"""`Signal` of each letter of SUMO's signal states; an unlit light (o, O) asks for caution."""
+
+
+def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
+    """Return SUMO's command line; another simulation with it has exactly the same traffic."""
+    options = ["--net-file", str(files.net), "--seed", str(seed), "--step-length", repr(dt)]
+    if files.routes:
+        options += ["--route-files", ",".join(map(str, files.routes))]
+    if files.additional:
+        options += ["--additional-files", ",".join(map(str, files.additional))]
+    # A lane change takes 3 s instead of one step's jump; nobody vanishes from a jam or after a collision.
+    options += ["--lanechange.duration", "3", "--time-to-teleport", "-1"]
+    options += ["--collision.action", "none", "--collision.check-junctions", "true"]
+    return [*options, "--no-step-log", "--no-warnings", "--xml-validation", "never"]
+
+
+class SumoTraffic:
+    """A traffic provider: SUMO drives the vehicles of owner TRAFFIC and minds all others.
+
+    A vehicle keeps one SUMO id for life. When a row's owner becomes AGENT, its SUMO vehicle is led as a
+    shadow from the next step on; when it becomes TRAFFIC again, SUMO drives on from that pose and speed. A
+    row that others have admitted gets a SUMO vehicle, and a row that others have dismissed loses it. A
+    vehicle handed to SUMO while it stands on no lane leaves the world.
+
+    When all slots are taken, SUMO holds departures back until one is free (`is_full`), so what an episode
+    looks like depends on the capacity only if the capacity is too small.
+
+    Args:
+        dt: Length of a step [s].
+        library: Which copy of libsumo to use; by default any that is free.
+
+    Raises:
+        TrafficError: From every method, when SUMO fails; other simulations are not affected, and neither is
+        the
+            next `reset`.
+    """
+
+    def __init__(self, *, dt: float = 0.1, library: int | None = None) -> None:
+        self.dt = dt
+        self.signals = np.zeros(0, np.int8)
+        self.is_full = False
+        self._library = SumoLibrary(library)
+        self._shadows = SumoShadows(self._library)
+        self._ids: dict[int, str] = {}
+        self._driven: dict[str, int] = {}
+        self._routes_to_come: dict[int, tuple[str, ...]] = {}
+        self._kept_clear: list[int] = []
+        self._limit = 0
+
+    def reset(
+        self, files: TrafficFiles, seed: int, states: VehicleStates, roster: Roster, roads: LaneGraph
+    ) -> None:
+        """Begin an episode: load, warm up, and let the traffic into the world.
+
+        Args:
+            files: The traffic.
+            seed: SUMO's, in [0, 2^31).
+            states: The world. It may hold egos at their starts, owner AGENT; traffic keeps clear of them.
+            roster: Issues the slots of `states`.
+            roads: The lanes of the net in `files`.
+        """
+        self._roster = roster
+        self._shadows.reset()
+        for memory in (self._ids, self._driven, self._routes_to_come):
+            memory.clear()
+        self._limit = states.capacity - roster.reserved
+        self.is_full = False
+        self._read_map(roads)
+        self._start(files, seed)
+        with self._library.errors("failed while the traffic warmed up"):
+            if files.warm_up > 0:
+                self._library.simulation.step(files.warm_up)
+            self._kept_clear = np.flatnonzero(states.alive).tolist()
+            self._admit(self._library.simulation.getDepartedIDList(), states)
+            self._write(states)
+            self._read_signals()
+        self._seen_owner = np.zeros_like(states.owner)
+        self._seen_generation = np.zeros_like(states.generation)
+        self._remember(states)
+        # Those who were here first are new to SUMO.
+        self._seen_owner[self._kept_clear] = Owner.NOBODY
+
+    def step(self, states: VehicleStates) -> None:
+        """Advance by `dt`; rows of owner AGENT hold their pose at the end of the step already."""
+        library = self._library
+        with library.errors("failed in mid-run"):
+            entering = self._follow_owners(states) if self._has_changed(states) else []
+            self._shadows.place(states)
+            library.simulation.step(0.0)
+            self._shadows.settle(states)
+            if arrived := library.simulation.getArrivedIDList():
+                self._dismiss(arrived)
+            if departed := library.simulation.getDepartedIDList():
+                self._admit(departed, states)
+            self._kept_clear = []
+            self._write(states)
+            self._read_signals()
+        self._remember(states)
+        # They are shadows until SUMO takes the wheel in the next step.
+        self._seen_owner[entering] = Owner.AGENT
+
+    def clear(self, states: VehicleStates, slots: Sequence[int]) -> None:
+        """Remove traffic from the surroundings of these vehicles, and let none depart there in the next step.
+
+        The surroundings are the footprint and `SPAWN_MARGIN`.
+        """
+        self._kept_clear += slots
+        with self._library.errors("failed to clear a place"):
+            blocking = self._in_the_way(list(self._driven), states)
+            for name in blocking:
+                self._library.vehicle.remove(name)
+            self._dismiss(blocking)
+
+    def route(self, slot: int) -> tuple[str, ...]:
+        """Return the edges that a vehicle has yet to drive, its own first; for a shadow, as SUMO believes."""
+        name, vehicle = self._ids[slot], self._library.vehicle
+        with self._library.errors("failed to tell a route"):
+            return tuple(vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :])
+
+    def set_route(self, slot: int, edges: Sequence[str]) -> None:
+        """Say where a vehicle is bound for, its present edge first.
+
+        For a vehicle of others this is what SUMO's drivers expect it to do, and what it does when it is
+        handed to SUMO. It may be said as soon as the vehicle is in the world.
+        """
+        if slot not in self._ids:
+            self._routes_to_come[slot] = tuple(edges)
+        elif slot in self._shadows:
+            self._shadows.set_route(slot, edges)
+        else:
+            with self._library.errors("refused a route"):
+                self._library.vehicle.setRoute(self._ids[slot], list(edges))
+
+    def close(self) -> None:
+        """End the simulation and give the library back."""
+        self._library.close()
+
+    def _start(self, files: TrafficFiles, seed: int) -> None:
+        # SUMO reports a missing net before it opens its log, so what is missing is said here.
+        for file in (files.net, *files.additional, *files.routes):
+            if not file.is_file():
+                raise TrafficError(
+                    f"no such file: {file}", place="traffic", remedy="build the scenario again"
+                )
+        place = str((files.routes or (files.net,))[0])
+        options = [*sumo_options(files, seed, self.dt), "--max-num-vehicles", str(self._limit)]
+        self._library.start(options, place)
+
+    def _read_map(self, roads: LaneGraph) -> None:
+        self._lane_number = {lane: number for number, lane in enumerate(roads.lane_ids)}
+        self._metres_per_sumo_metre = roads.length / roads.sumo_length
+        self.signals = np.full(len(roads.lane_ids), Signal.NONE, np.int8)
+        self._lights = [
+            (signal, lanes, roads.signal_link[lanes])
+            for number, signal in enumerate(roads.signal_ids)
+            if len(lanes := np.flatnonzero(roads.signal == number))
+        ]
+
+    def _has_changed(self, states: VehicleStates) -> bool:
+        same = (states.owner == self._seen_owner) & (states.generation == self._seen_generation)
+        return not same.all()
+
+    def _remember(self, states: VehicleStates) -> None:
+        self._seen_owner[:] = states.owner
+        self._seen_generation[:] = states.generation
+
+    def _follow_owners(self, states: VehicleStates) -> list[int]:
+        """Bring SUMO in line with the owners; return the slots of traffic that SUMO has yet to take over."""
+        entering = []
+        is_new = states.generation != self._seen_generation
+        for slot in np.flatnonzero(is_new | (states.owner != self._seen_owner)).tolist():
+            owner = states.owner[slot]
+            if slot in self._ids and (is_new[slot] or owner == Owner.NOBODY):
+                self._remove(slot)
+            if owner == Owner.NOBODY:
+                continue
+            if slot not in self._ids:
+                self._enter(slot, states)
+                if owner == Owner.TRAFFIC:
+                    entering.append(slot)
+            elif owner == Owner.AGENT:
+                del self._driven[self._ids[slot]]
+                self._shadows.take_over(slot, self._ids[slot])
+            elif self._shadows.hand_back(slot):
+                self._driven[self._ids[slot]] = slot
+                # The lane is another's finding: this makes `_write` look up the desired speed.
+                states.lane[slot] = -1
+            else:
+                self._remove(slot)
+                self._roster.dismiss(slot)
+        return entering
+
+    def _enter(self, slot: int, states: VehicleStates) -> None:
+        name = f"slot-{slot}-{states.generation[slot]}"
+        self._shadows.create(slot, name, states, self._routes_to_come.pop(slot, ()))
+        self._ids[slot] = name
+
+    def _remove(self, slot: int) -> None:
+        """Take a vehicle out of SUMO."""
+        name = self._ids.pop(slot)
+        self._library.vehicle.remove(name)
+        self._shadows.forget(slot)
+        self._driven.pop(name, None)
+
+    def _dismiss(self, names: Iterable[str]) -> None:
+        """Take vehicles that SUMO has removed out of the world."""
+        for name in names:
+            # Those that were removed for others are gone already.
+            if (slot := self._driven.pop(name, None)) is not None:
+                del self._ids[slot]
+                self._roster.dismiss(slot)
+
+    def _admit(self, departed: Iterable[str], states: VehicleStates) -> None:
+        """Let vehicles into the world in the order of departure, except where the place is kept clear."""
+        vehicle = self._library.vehicle
+        present = set(vehicle.getIDList()).difference(self._ids.values())
+        names = [name for name in departed if name in present]
+        blocking = self._in_the_way(names, states)
+        for name in names:
+            if name in blocking:
+                vehicle.remove(name)
+                continue
+            kind = _KINDS.get(vehicle.getVehicleClass(name), VehicleKind.PASSENGER)
+            size = vehicle.getLength(name), vehicle.getWidth(name)
+            slot = self._roster.admit(name, Owner.TRAFFIC, kind, *size)
+            self._driven[name] = slot
+            self._ids[slot] = name
+        self.is_full |= len(self._ids) >= self._limit
+
+    def _in_the_way(self, names: Sequence[str], states: VehicleStates) -> list[str]:
+        """Return those of SUMO's vehicles that are in a place to be kept clear."""
+        slots = [slot for slot in self._kept_clear if states.alive[slot]]
+        if not names or not slots:
+            return []
+        vehicle = self._library.vehicle
+        size = np.array([(vehicle.getLength(name), vehicle.getWidth(name)) for name in names])
+        position, heading = self._poses(names, size[:, 0])
+        kept = np.stack([states.length[slots], states.width[slots]], -1) + 2 * np.array(SPAWN_MARGIN)
+        overlap = boxes_overlap(
+            position[:, None],
+            heading[:, None],
+            size[:, None],
+            states.position[slots],
+            states.heading[slots],
+            kept,
+        )
+        return [names[row] for row in np.flatnonzero(overlap.any(axis=1)).tolist()]
+
+    def _poses(self, names: Sequence[str], length: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
+        """Return centres and headings; SUMO reckons with the middle of the front bumper."""
+        vehicle = self._library.vehicle
+        heading = heading_from_compass(np.array([*map(vehicle.getAngle, names)]))
+        to_centre = np.stack([np.cos(heading), np.sin(heading)], -1) * (length[:, None] / 2)
+        return np.array([*map(vehicle.getPosition, names)]) - to_centre, heading
+
+    def _write(self, states: VehicleStates) -> None:
+        """Fill the rows that SUMO drives.
+
+        One call per value and vehicle costs less in this process than a subscription, which builds a
+        dictionary for each vehicle (`perf/traffic.py`).
+        """
+        names = list(self._driven)
+        if not names:
+            return
+        rows = np.array([*self._driven.values()])
+        vehicle = self._library.vehicle
+        length = states.length[rows]
+        states.position[rows], states.heading[rows] = self._poses(names, length)
+        states.speed[rows] = [*map(vehicle.getSpeed, names)]
+        states.acceleration[rows] = [*map(vehicle.getAcceleration, names)]
+        lane = np.array([*map(self._lane_number.get, map(vehicle.getLaneID, names), repeat(-1))])
+        along = np.array([*map(vehicle.getLanePosition, names)]) * self._metres_per_sumo_metre[lane]
+        states.lane_position[rows] = np.where(lane >= 0, along - length / 2, 0.0)
+        for index in np.flatnonzero(lane != states.lane[rows]):
+            states.desired_speed[rows[index]] = vehicle.getAllowedSpeed(names[index])
+        states.lane[rows] = lane
+
+    def _read_signals(self) -> None:
+        state_of = self._library.trafficlight.getRedYellowGreenState
+        for signal, lanes, links in self._lights:
+            self.signals[lanes] = _LIGHTS[np.frombuffer(state_of(signal).encode(), np.uint8)[links]]

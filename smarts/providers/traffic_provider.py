@@ -1,0 +1,65 @@
+"""What the simulation asks of a traffic provider, and what it gives to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.traffic import TrafficFiles
+from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+
+
+class Roster(Protocol):
+    """Issues and withdraws the slots of one simulation; implemented in `smarts.sim.roster`."""
+
+    @property
+    def reserved(self) -> int:
+        """Number of slots that only vehicles with a slot of their own choosing take."""
+        ...
+
+    def admit(self, name: str, owner: Owner, kind: VehicleKind, length: float, width: float) -> int:
+        """Give a vehicle the lowest free slot, write its identity there, and return the slot."""
+        ...
+
+    def dismiss(self, slot: int) -> None:
+        """Take the vehicle out of the world and clear its row."""
+        ...
+
+
+class TrafficProvider(Protocol):
+    """Moves the vehicles whose owner is TRAFFIC and reacts to all others."""
+
+    signals: NDArray[np.int8]
+    """What each lane's light shows, a `Signal`, shape (L,)."""
+    is_full: bool
+    """Whether arrivals had to wait for a free slot in this episode."""
+
+    def reset(
+        self, files: TrafficFiles, seed: int, states: VehicleStates, roster: Roster, roads: LaneGraph
+    ) -> None:
+        """Begin an episode; rows of owner AGENT are the egos at their starts, traffic joins them."""
+        ...
+
+    def step(self, states: VehicleStates) -> None:
+        """Advance by one step; rows of owner AGENT already hold the pose at its end."""
+        ...
+
+    def clear(self, states: VehicleStates, slots: Sequence[int]) -> None:
+        """Remove traffic from around these vehicles, and let none appear there in the next step."""
+        ...
+
+    def route(self, slot: int) -> tuple[str, ...]:
+        """Return the edges that a vehicle has yet to drive, its own first."""
+        ...
+
+    def set_route(self, slot: int, edges: Sequence[str]) -> None:
+        """Say where a vehicle is bound for, its present edge first."""
+        ...
+
+    def close(self) -> None:
+        """Give back what the provider holds."""
+        ...
