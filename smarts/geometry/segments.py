@@ -1,0 +1,73 @@
+"""Compiled geometry of single segments and outlines, for use inside kernels."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from smarts.geometry import frames
+
+Floats = np.ndarray
+
+wrap_angle = njit(cache=True)(frames.wrap_angle)
+
+
+@njit(cache=True, error_model="numpy")
+def project(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, float]:
+    """Project a point onto the segment from a to b.
+
+    Returns:
+        The share of the segment at which the foot lies, not clipped (0 at a, 1 at b); the square of the
+        distance to the segment [m^2]; the cross product of direction and offset, positive to the left [m^2].
+    """
+    dx, dy = bx - ax, by - ay
+    px, py = x - ax, y - ay
+    square = dx * dx + dy * dy
+    share = (px * dx + py * dy) / square if square > 0.0 else 0.0
+    clipped = min(1.0, max(0.0, share))
+    ex, ey = px - clipped * dx, py - clipped * dy
+    return share, ex * ex + ey * ey, dx * py - dy * px
+
+
+@njit(cache=True, error_model="numpy")
+def inside_outline(x: float, y: float, outline: Floats, first: int, last: int) -> bool:
+    """Tell whether a point lies in the polygon of vertices `outline[first:last]`, by the even-odd rule."""
+    inside = False
+    before = last - 1
+    for vertex in range(first, last):
+        ax, ay = outline[vertex, 0], outline[vertex, 1]
+        bx, by = outline[before, 0], outline[before, 1]
+        if (ay > y) != (by > y) and x < (bx - ax) * (y - ay) / (by - ay) + ax:
+            inside = not inside
+        before = vertex
+    return inside
+
+
+@njit(cache=True, error_model="numpy")
+def interpolate_angle(a: float, b: float, share: float) -> float:
+    """Return the angle at `share` of the shorter turn from a to b, in (-pi, pi] [rad]."""
+    return wrap_angle(a + share * wrap_angle(b - a))
+
+
+@njit(cache=True, error_model="numpy")
+def segment_at(stations: Floats, first: int, last: int, s: float) -> int:
+    """Return the segment that holds arc length `s`, of the polyline of points `first` to `last - 1`.
+
+    The segment's number is that of its first point. Beyond the ends it is the first or last segment.
+    """
+    low, high = first, last - 2
+    while low < high:
+        middle = (low + high + 1) // 2
+        if stations[middle] <= s:
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
+@njit(cache=True, error_model="numpy")
+def cell_number(value: float, origin: float, size: float) -> int:
+    """Return the number of the cell of width `size` that holds a coordinate; it may be negative."""
+    return math.floor((value - origin) / size)

@@ -1,0 +1,424 @@
+"""Compiled questions about places on the road, for batches of poses on several maps at once.
+
+Axis letters: E queries, M maps. Lanes are numbered within their own map at the kernels' edge, and across
+all maps inside. Every kernel writes into arrays that the caller gives; a slice of them is a range of rows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from smarts.geometry.segments import (
+    cell_number,
+    inside_outline,
+    interpolate_angle,
+    project,
+    segment_at,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+HEADING_COST = 10.0
+"""What a lane of exactly the opposite direction costs among lanes that overlap [m of distance]."""
+OFF_ROUTE_COST = 3.0
+"""What a lane beside the route costs among lanes that overlap [m of distance]."""
+END_TOLERANCE = 1e-6
+"""How far beyond its end a lane still holds a point [m]; against rounding where two lanes meet."""
+FARTHEST = 1e7
+"""Coordinates beyond this are taken for nonsense, such as NaN [m]."""
+
+_MOST_CANDIDATES = 64
+
+
+class Roads(NamedTuple):
+    """The lanes of several maps in a row, L in all, and a spatial grid for each map."""
+
+    lane_base: Ints
+    """First lane of each map, shape (M + 1,)."""
+    lane_index: Ints
+    """Place across the road, 0 is the rightmost, shape (L,)."""
+    lane_width: Floats
+    """[m], shape (L,)."""
+    lane_speed: Floats
+    """Limit [m/s], shape (L,)."""
+    lane_kind: NDArray[np.int8]
+    """A `LaneKind`, shape (L,)."""
+    lane_inside: NDArray[np.bool_]
+    """Whether the lane is inside a junction, shape (L,)."""
+    point_start: Ints
+    """CSR of the centrelines, shape (L + 1,)."""
+    point_xy: Floats
+    """[m], shape (P, 2)."""
+    point_heading: Floats
+    """[rad], shape (P,)."""
+    point_s: Floats
+    """[m], shape (P,)."""
+    grid_origin: Floats
+    """[m], shape (M, 2)."""
+    grid_size: Floats
+    """Side of a cell [m], shape (M,)."""
+    grid_shape: Ints
+    """Columns and rows, shape (M, 2)."""
+    cell_base: Ints
+    """First cell of each map, shape (M,)."""
+    run_start: Ints
+    """CSR of the runs of each cell."""
+    run: Ints
+    """Rows (lane, first point, last point)."""
+    outline_start: Ints
+    """CSR of the junctions of each cell."""
+    outline: Ints
+    """Junctions."""
+    vertex_start: Ints
+    """CSR of the junctions' outlines."""
+    vertex: Floats
+    """[m]."""
+
+
+class RouteTable(NamedTuple):
+    """The corridors of several routes in a row: first one without a route for each map, then the routes."""
+
+    free: int
+    """M, the number of corridors without a route."""
+    start: Ints
+    """CSR of the rows of each corridor."""
+    lane: Ints
+    """Numbered across all maps."""
+    group: Ints
+    """Rows with the same number are side by side; unique across the table."""
+    begin: Floats
+    end: Floats
+    onward_start: Ints
+    onward: Ints
+    """Rows of this table."""
+    before: Ints
+    """Row of the lane before on the same way through a junction, -1 where the way begins."""
+    by_lane: Ints
+    """Within each corridor its rows in ascending order of lane."""
+
+
+@njit(cache=True, error_model="numpy")
+def find_row(table, corridor, lane, hint):
+    """Return the row of a lane in a corridor, -1 if it has none.
+
+    Of several rows (a route that comes by twice) it is the one whose distances are nearest to `hint` [m]; the
+    first if the hint is NaN.
+    """
+    low, high = table.start[corridor], table.start[corridor + 1]
+    last = high
+    while low < high:
+        middle = (low + high) // 2
+        if table.lane[table.by_lane[middle]] < lane:
+            low = middle + 1
+        else:
+            high = middle
+    best, best_gap = -1, np.inf
+    while low < last and table.lane[table.by_lane[low]] == lane:
+        row = table.by_lane[low]
+        gap = max(0.0, table.begin[row] - hint, hint - table.end[row])
+        if best < 0 or gap < best_gap:
+            best, best_gap = row, gap
+        low += 1
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _is_somewhere(x, y):
+    """Tell whether a position can be reckoned with; NaN compares false."""
+    return abs(x) < FARTHEST and abs(y) < FARTHEST
+
+
+@njit(cache=True, error_model="numpy")
+def _cell_at(roads, world, x, y):
+    """Return the number across all maps of the cell that holds a point, -1 outside the grid."""
+    column = cell_number(x, roads.grid_origin[world, 0], roads.grid_size[world])
+    row = cell_number(y, roads.grid_origin[world, 1], roads.grid_size[world])
+    columns, rows = roads.grid_shape[world]
+    if column < 0 or row < 0 or column >= columns or row >= rows:
+        return -1
+    return roads.cell_base[world] + row * columns + column
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest_in_run(roads, run, x, y):
+    """Return the segment of a run nearest to a point, and the square of its distance [m^2]."""
+    best, best_square = -1, np.inf
+    for point in range(roads.run[run, 1], roads.run[run, 2]):
+        a, b = roads.point_xy[point], roads.point_xy[point + 1]
+        square = project(x, y, a[0], a[1], b[0], b[1])[1]
+        if square < best_square:
+            best, best_square = point, square
+    return best, best_square
+
+
+@njit(cache=True, error_model="numpy")
+def _place_on(roads, lane, point, x, y):
+    """Return s, t [m] and overshoot [m] of a position projected onto the segment that begins at `point`.
+
+    The overshoot is how far the position lies before the begin or behind the end of the whole lane.
+    """
+    a, b = roads.point_xy[point], roads.point_xy[point + 1]
+    share, square, cross = project(x, y, a[0], a[1], b[0], b[1])
+    length = math.hypot(b[0] - a[0], b[1] - a[1])
+    overshoot = 0.0
+    if share < 0.0 and point == roads.point_start[lane]:
+        overshoot = -share * length
+    elif share > 1.0 and point == roads.point_start[lane + 1] - 2:
+        overshoot = (share - 1.0) * length
+    # Behind an end the distance is not square to the lane any more; the offset still is.
+    t = cross / length if overshoot > 0.0 else math.copysign(math.sqrt(square), cross)
+    span = roads.point_s[point + 1] - roads.point_s[point]
+    return roads.point_s[point] + min(1.0, max(0.0, share)) * span, t, overshoot
+
+
+@njit(cache=True, error_model="numpy")
+def _heading_at(roads, point, s):
+    span = roads.point_s[point + 1] - roads.point_s[point]
+    share = min(1.0, max(0.0, (s - roads.point_s[point]) / span))
+    return interpolate_angle(roads.point_heading[point], roads.point_heading[point + 1], share)
+
+
+@njit(cache=True, error_model="numpy")
+def _gather(roads, cell, x, y, mask, lanes, points, squares):
+    """List the lanes near a cell, each with its segment nearest to the point; return how many."""
+    count = 0
+    for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
+        lane = roads.run[run, 0]
+        if not mask >> roads.lane_kind[lane] & 1:
+            continue
+        point, square = _nearest_in_run(roads, run, x, y)
+        # Runs are ordered by lane, so a lane's runs follow each other.
+        if count and lanes[count - 1] == lane:
+            if square < squares[count - 1]:
+                points[count - 1], squares[count - 1] = point, square
+        elif count < _MOST_CANDIDATES:
+            lanes[count], points[count], squares[count] = lane, point, square
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _choose(roads, table, corridor, heading, x, y, count, lanes, points, squares):
+    """Return the place in the list of the lane that a vehicle at this pose is on, -1 if it is on none."""
+    on_road_lane = False
+    for place in range(count):
+        lane = lanes[place]
+        overshoot = _place_on(roads, lane, points[place], x, y)[2]
+        half = 0.5 * roads.lane_width[lane]
+        # A vehicle that cuts a corner keeps its lane inside a junction, though it has left the lane's area.
+        reach = 2.0 * half if roads.lane_inside[lane] else half
+        if overshoot > END_TOLERANCE or squares[place] > reach * reach:
+            squares[place] = np.inf
+        elif not roads.lane_inside[lane]:
+            on_road_lane = True
+    best, best_cost = -1, np.inf
+    for place in range(count):
+        lane = lanes[place]
+        half = 0.5 * roads.lane_width[lane]
+        if on_road_lane and squares[place] > half * half:
+            continue
+        cost = math.sqrt(squares[place])
+        if not math.isnan(heading) and cost < best_cost:
+            s = _place_on(roads, lane, points[place], x, y)[0]
+            turn = heading - _heading_at(roads, points[place], s)
+            cost += HEADING_COST * 0.5 * (1.0 - math.cos(turn))
+        if corridor >= 0 and cost < best_cost and find_row(table, corridor, lane, np.nan) < 0:
+            cost += OFF_ROUTE_COST
+        if cost < best_cost:
+            best, best_cost = place, cost
+    return best
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest_anywhere(roads, world, x, y, mask):
+    """Return the lane and the segment nearest to a point however far it is, (-1, -1) if there is no lane."""
+    origin, size = roads.grid_origin[world], roads.grid_size[world]
+    columns, rows = roads.grid_shape[world]
+    column, row = cell_number(x, origin[0], size), cell_number(y, origin[1], size)
+    inner_x, inner_y = x - origin[0] - column * size, y - origin[1] - row * size
+    margin = min(inner_x, size - inner_x, inner_y, size - inner_y)
+    ring = max(0, -column, column - columns + 1, -row, row - rows + 1)
+    last_ring = max(column, columns - 1 - column, row, rows - 1 - row)
+    best_lane, best_point, best = -1, -1, np.inf
+    while ring <= last_ring:
+        for r in range(max(0, row - ring), min(rows - 1, row + ring) + 1):
+            whole = abs(r - row) == ring
+            left, right = (
+                (max(0, column - ring), min(columns - 1, column + ring))
+                if whole
+                else (column - ring, column + ring)
+            )
+            for c in range(left, right + 1, 1 if whole else 2 * ring):
+                if c < 0 or c >= columns:
+                    continue
+                cell = roads.cell_base[world] + r * columns + c
+                for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
+                    lane = roads.run[run, 0]
+                    if mask >> roads.lane_kind[lane] & 1:
+                        point, square = _nearest_in_run(roads, run, x, y)
+                        if square < best:
+                            best_lane, best_point, best = lane, point, square
+        # Whatever is in no ring so far is at least this far away.
+        if math.sqrt(best) <= ring * size + margin:
+            break
+        ring += 1
+    return best_lane, best_point
+
+
+@njit(cache=True, error_model="numpy")
+def locate(roads, table, maps, position, heading, route, mask, lane, s, t, distance):
+    """Find the lane that each pose is on, or the nearest one if it is on none.
+
+    A pose is on a lane if it lies within its width and between its ends. Where several lanes overlap, the
+    least cost decides: distance to the centreline, plus `HEADING_COST` * (1 - cos(turn)) / 2, plus
+    `OFF_ROUTE_COST` off the route. Inside a junction, lanes take part up to twice their width.
+
+    Args:
+        roads: The maps' lanes.
+        table: The routes.
+        maps: Map of each pose, shape (E,).
+        position: [m], shape (E, 2); where it is not finite, the lane is -1.
+        heading: [rad], NaN where it is not to matter, shape (E,).
+        route: Number in the table counted after the free corridors, -1 where it is not to matter, shape (E,).
+        mask: Bit k is set if lanes of kind k count.
+        lane: Written: lane within its map, -1 if the map has none of these kinds, shape (E,).
+        s: Written: arc length of the foot of the pose [m], shape (E,).
+        t: Written: offset from the centreline, positive to the left [m], shape (E,).
+        distance: Written: from the centreline [m]; larger than |t| behind a lane's end, shape (E,).
+    """
+    lanes = np.empty(_MOST_CANDIDATES, np.int32)
+    points = np.empty(_MOST_CANDIDATES, np.int32)
+    squares = np.empty(_MOST_CANDIDATES)
+    for i in range(len(maps)):
+        lane[i], s[i], t[i], distance[i] = -1, np.nan, np.nan, np.nan
+        x, y = position[i, 0], position[i, 1]
+        if not _is_somewhere(x, y):
+            continue
+        cell = _cell_at(roads, maps[i], x, y)
+        corridor = table.free + route[i] if route[i] >= 0 else -1
+        chosen = -1
+        if cell >= 0:
+            count = _gather(roads, cell, x, y, mask, lanes, points, squares)
+            chosen = _choose(roads, table, corridor, heading[i], x, y, count, lanes, points, squares)
+        if chosen >= 0:
+            found, point = lanes[chosen], points[chosen]
+        else:
+            found, point = _nearest_anywhere(roads, maps[i], x, y, mask)
+        if found < 0:
+            continue
+        lane[i] = found - roads.lane_base[maps[i]]
+        s[i], t[i], overshoot = _place_on(roads, found, point, x, y)
+        distance[i] = math.hypot(t[i], overshoot) if overshoot > 0.0 else abs(t[i])
+
+
+@njit(cache=True, error_model="numpy")
+def project_on_lanes(roads, maps, lane, position, s, t):
+    """Write s and t [m] of positions with respect to given lanes, NaN where the lane is -1; shapes (E,)."""
+    for i in range(len(maps)):
+        s[i], t[i] = np.nan, np.nan
+        if lane[i] < 0:
+            continue
+        number = roads.lane_base[maps[i]] + lane[i]
+        best, best_square = -1, np.inf
+        x, y = position[i, 0], position[i, 1]
+        for point in range(roads.point_start[number], roads.point_start[number + 1] - 1):
+            a, b = roads.point_xy[point], roads.point_xy[point + 1]
+            square = project(x, y, a[0], a[1], b[0], b[1])[1]
+            if square < best_square:
+                best, best_square = point, square
+        if best >= 0:
+            s[i], t[i], _ = _place_on(roads, number, best, x, y)
+
+
+@njit(cache=True, error_model="numpy")
+def poses_at(roads, maps, lane, s, t, position, heading):
+    """Write position [m] and heading [rad] at s, t [m] of given lanes, NaN where the lane is -1.
+
+    Beyond its ends a lane goes on straight.
+    """
+    for i in range(len(maps)):
+        if lane[i] < 0:
+            position[i, 0], position[i, 1], heading[i] = np.nan, np.nan, np.nan
+            continue
+        number = roads.lane_base[maps[i]] + lane[i]
+        point = segment_at(roads.point_s, roads.point_start[number], roads.point_start[number + 1], s[i])
+        x, y, heading[i] = centre_at(roads, point, s[i])
+        position[i, 0] = x - t[i] * math.sin(heading[i])
+        position[i, 1] = y + t[i] * math.cos(heading[i])
+
+
+@njit(cache=True, error_model="numpy")
+def centre_at(roads, point, s):
+    """Return x, y [m] and heading [rad] at arc length s on the line of the segment that begins at `point`."""
+    a, b = roads.point_xy[point], roads.point_xy[point + 1]
+    share = (s - roads.point_s[point]) / (roads.point_s[point + 1] - roads.point_s[point])
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), _heading_at(roads, point, s)
+
+
+@njit(cache=True, error_model="numpy")
+def _is_on_road(roads, world, x, y, mask, junctions):
+    cell = _cell_at(roads, world, x, y) if _is_somewhere(x, y) else -1
+    if cell < 0:
+        return False
+    for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
+        lane = roads.run[run, 0]
+        if mask >> roads.lane_kind[lane] & 1:
+            point, square = _nearest_in_run(roads, run, x, y)
+            half = 0.5 * roads.lane_width[lane]
+            if square <= half * half and _place_on(roads, lane, point, x, y)[2] <= END_TOLERANCE:
+                return True
+    if junctions:
+        for entry in range(roads.outline_start[cell], roads.outline_start[cell + 1]):
+            outline = roads.outline[entry]
+            first, last = roads.vertex_start[outline], roads.vertex_start[outline + 1]
+            if inside_outline(x, y, roads.vertex, first, last):
+                return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def on_road(roads, maps, position, mask, junctions, result):
+    """Write whether points lie on a lane of the masked kinds or, if wanted, in a junction; shape (E,)."""
+    for i in range(len(maps)):
+        result[i] = _is_on_road(roads, maps[i], position[i, 0], position[i, 1], mask, junctions)
+
+
+@njit(cache=True, error_model="numpy")
+def corners_on_road(roads, maps, position, heading, length, width, mask, junctions, result):
+    """Write how many of each footprint's four corners are on the road, 0 to 4; shape (E,)."""
+    for i in range(len(maps)):
+        forward_x, forward_y = math.cos(heading[i]), math.sin(heading[i])
+        result[i] = 0
+        for corner in range(4):
+            ahead = length[i] * (0.5 if corner < 2 else -0.5)
+            aside = width[i] * (0.5 if corner % 2 else -0.5)
+            x = position[i, 0] + ahead * forward_x - aside * forward_y
+            y = position[i, 1] + ahead * forward_y + aside * forward_x
+            result[i] += _is_on_road(roads, maps[i], x, y, mask, junctions)
+
+
+@njit(cache=True, error_model="numpy")
+def route_distances(roads, table, maps, route, lane, s, hint, done, remaining):
+    """Write the distance gone along each route and that still to go to its end [m], NaN off the route.
+
+    `hint` [m] is where the vehicle was along its route before, for routes that use a lane twice; NaN if new.
+    """
+    for i in range(len(maps)):
+        done[i], remaining[i] = np.nan, np.nan
+        if lane[i] < 0 or route[i] < 0:
+            continue
+        corridor = table.free + route[i]
+        number = roads.lane_base[maps[i]] + lane[i]
+        row = find_row(table, corridor, number, hint[i])
+        if row < 0:
+            continue
+        length = roads.point_s[roads.point_start[number + 1] - 1]
+        share = min(1.0, max(0.0, s[i] / length))
+        done[i] = table.begin[row] + share * (table.end[row] - table.begin[row])
+        remaining[i] = table.end[table.start[corridor + 1] - 1] - done[i]

@@ -1,0 +1,220 @@
+"""Waypoint paths: where each lane ahead leads, as points at equal distances."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from smarts.geometry.segments import project
+from smarts.roads.kernels import centre_at, find_row
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+_MOST_FORKS = 64
+
+
+class WaypointPaths(NamedTuple):
+    """Paths of E vehicles: at most K paths each, of at most W waypoints. What is beyond a count is zero.
+
+    A vehicle's paths begin beside it, one in each lane of its road (inside a junction, in each of the lanes
+    that connect the same two roads, or with a route, that connect the route's road before with the one
+    behind), from the right to the left. Waypoint i lies i * spacing metres of centreline ahead of the
+    vehicle's foot on that lane, through junctions along the route. A path
+
+    - forks where its lane leads into several lanes that follow the route (without a route: into several
+      lanes): the branch to the first lane goes on, the others follow it as paths of their own with the same
+      first waypoints;
+    - ends, with a smaller count, where its lane leaves the route, at the end of the route's last road, and at
+      a dead end;
+    - is left out where K paths are there already.
+
+    A vehicle that is off its route gets the paths of its road without a route; one that is nowhere gets none.
+    """
+
+    path_count: Ints
+    """Shape (E,)."""
+    waypoint_count: Ints
+    """Waypoints of each path, shape (E, K)."""
+    position: Floats
+    """[m], shape (E, K, W, 2)."""
+    heading: Floats
+    """[rad], shape (E, K, W)."""
+    width: Floats
+    """Of the lane [m], shape (E, K, W)."""
+    speed_limit: Floats
+    """[m/s], shape (E, K, W)."""
+    lane: Ints
+    """Lane within the map, shape (E, K, W)."""
+    lane_index: Ints
+    """Place of the lane across its road, 0 is the rightmost, shape (E, K, W)."""
+    lane_offset: Floats
+    """Arc length along the lane [m], shape (E, K, W)."""
+
+    @classmethod
+    def allocate(cls, vehicles: int, paths: int, lookahead: int) -> WaypointPaths:
+        """Return empty buffers for E vehicles, K paths and W waypoints."""
+        shape = (vehicles, paths, lookahead)
+        return cls(
+            path_count=np.zeros(vehicles, np.int32),
+            waypoint_count=np.zeros((vehicles, paths), np.int32),
+            position=np.zeros((*shape, 2)),
+            heading=np.zeros(shape),
+            width=np.zeros(shape),
+            speed_limit=np.zeros(shape),
+            lane=np.zeros(shape, np.int32),
+            lane_index=np.zeros(shape, np.int32),
+            lane_offset=np.zeros(shape),
+        )
+
+
+@njit(cache=True, error_model="numpy")
+def _foot(roads, lane, x, y):
+    """Return the arc length of the point of a lane's centreline that is nearest to a position [m]."""
+    best, best_square, best_share = -1, np.inf, 0.0
+    for point in range(roads.point_start[lane], roads.point_start[lane + 1] - 1):
+        a, b = roads.point_xy[point], roads.point_xy[point + 1]
+        share, square, _ = project(x, y, a[0], a[1], b[0], b[1])
+        if square < best_square:
+            best, best_square, best_share = point, square, share
+    span = roads.point_s[best + 1] - roads.point_s[best]
+    return roads.point_s[best] + min(1.0, max(0.0, best_share)) * span
+
+
+@njit(cache=True, error_model="numpy")
+def _start(roads, table, row, x, y):
+    """Return where on a row's lane a path beside the vehicle begins [m], or -1 if it begins on another row.
+
+    A way through a junction may have two lanes, one after the other; the path begins on the second as soon as
+    the vehicle is past its first point.
+    """
+    s = _foot(roads, table.lane[row], x, y)
+    if table.before[row] >= 0 and s == 0.0:
+        return -1.0
+    for entry in range(table.onward_start[row], table.onward_start[row + 1]):
+        following = table.onward[entry]
+        if table.before[following] == row and _foot(roads, table.lane[following], x, y) > 0.0:
+            return -1.0
+    return s
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(roads, table, row, s, spacing, base, e, first_path, paths, forks, fork_s):
+    """Write the paths that begin at `s` of a row; return the number of paths after them.
+
+    `forks` (rows, first waypoint, path that it copies) and `fork_s` are room for branches still to follow.
+    """
+    capacity, lookahead = paths.heading.shape[1], paths.heading.shape[2]
+    forks[0, 0], forks[0, 1], forks[0, 2], fork_s[0] = row, 0, -1, s
+    open_forks, path = 1, first_path
+    while open_forks > 0 and path < capacity:
+        open_forks -= 1
+        row, i, parent = forks[open_forks, 0], forks[open_forks, 1], forks[open_forks, 2]
+        s = fork_s[open_forks]
+        _copy_waypoints(paths, e, parent, path, i)
+        while row >= 0:
+            i, s = _walk_lane(roads, table.lane[row], s, i, spacing, base, e, path, paths)
+            if i == lookahead:
+                break
+            first, last = table.onward_start[row], table.onward_start[row + 1]
+            for entry in range(last - 1, first, -1):
+                if open_forks < len(forks):
+                    forks[open_forks, 0], forks[open_forks, 1] = table.onward[entry], i
+                    forks[open_forks, 2], fork_s[open_forks] = path, s
+                    open_forks += 1
+            row = table.onward[first] if last > first else -1
+        paths.waypoint_count[e, path] = i
+        _clear(paths, e, path, i)
+        path += 1
+    return path
+
+
+@njit(cache=True, error_model="numpy")
+def _clear(paths, e, path, first):
+    """Set the waypoints of a path to zero from number `first` on."""
+    for i in range(first, paths.heading.shape[2]):
+        paths.position[e, path, i, 0], paths.position[e, path, i, 1] = 0.0, 0.0
+        paths.heading[e, path, i], paths.width[e, path, i], paths.speed_limit[e, path, i] = 0.0, 0.0, 0.0
+        paths.lane[e, path, i], paths.lane_index[e, path, i], paths.lane_offset[e, path, i] = 0, 0, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _copy_waypoints(paths, e, source, target, count):
+    for i in range(count):
+        paths.position[e, target, i, 0] = paths.position[e, source, i, 0]
+        paths.position[e, target, i, 1] = paths.position[e, source, i, 1]
+        paths.heading[e, target, i] = paths.heading[e, source, i]
+        paths.width[e, target, i] = paths.width[e, source, i]
+        paths.speed_limit[e, target, i] = paths.speed_limit[e, source, i]
+        paths.lane[e, target, i] = paths.lane[e, source, i]
+        paths.lane_index[e, target, i] = paths.lane_index[e, source, i]
+        paths.lane_offset[e, target, i] = paths.lane_offset[e, source, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _walk_lane(roads, lane, s, i, spacing, base, e, path, paths):
+    """Write waypoints from `s` to the lane's end; return the next one's number and its overhang [m]."""
+    point, last_point = roads.point_start[lane], roads.point_start[lane + 1] - 2
+    length = roads.point_s[last_point + 1]
+    lookahead = paths.heading.shape[2]
+    while i < lookahead and s <= length:
+        while point < last_point and roads.point_s[point + 1] <= s:
+            point += 1
+        x, y, heading = centre_at(roads, point, s)
+        paths.position[e, path, i, 0], paths.position[e, path, i, 1] = x, y
+        paths.heading[e, path, i] = heading
+        paths.width[e, path, i] = roads.lane_width[lane]
+        paths.speed_limit[e, path, i] = roads.lane_speed[lane]
+        paths.lane[e, path, i] = lane - base
+        paths.lane_index[e, path, i] = roads.lane_index[lane]
+        paths.lane_offset[e, path, i] = s
+        i += 1
+        s += spacing
+    return i, s - length
+
+
+@njit(cache=True, error_model="numpy")
+def write_waypoints(roads, table, maps, position, lane, route, hint, mask, spacing, paths):
+    """Write the waypoint paths of each vehicle; see `WaypointPaths` for what they are.
+
+    Args:
+        roads: The maps' lanes.
+        table: The routes.
+        maps: Map of each vehicle, shape (E,).
+        position: [m], shape (E, 2).
+        lane: Lane within its map that the vehicle is on, -1 for none, shape (E,).
+        route: Number of its route, -1 for none, shape (E,).
+        hint: Distance gone along the route before [m], NaN if unknown; for routes that use a lane twice.
+        mask: Bit k is set if lanes of kind k have paths.
+        spacing: Between waypoints [m].
+        paths: Written.
+    """
+    forks = np.empty((_MOST_FORKS, 3), np.int32)
+    fork_s = np.empty(_MOST_FORKS)
+    for e in range(len(maps)):
+        count = 0
+        if lane[e] >= 0:
+            base = roads.lane_base[maps[e]]
+            x, y = position[e, 0], position[e, 1]
+            row = -1
+            if route[e] >= 0:
+                row = find_row(table, table.free + route[e], base + lane[e], hint[e])
+            if row < 0:
+                row = table.start[maps[e]] + lane[e]
+            group = table.group[row]
+            while row > 0 and table.group[row - 1] == group:
+                row -= 1
+            while row < len(table.group) and table.group[row] == group:
+                s = -1.0
+                if mask >> roads.lane_kind[table.lane[row]] & 1:
+                    s = _start(roads, table, row, x, y)
+                if s >= 0.0:
+                    count = _follow(roads, table, row, s, spacing, base, e, count, paths, forks, fork_s)
+                row += 1
+        paths.path_count[e] = count
+        for path in range(count, paths.heading.shape[1]):
+            paths.waypoint_count[e, path] = 0
+            _clear(paths, e, path, 0)
