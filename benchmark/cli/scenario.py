@@ -8,23 +8,41 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from smarts.errors import SmartsError
+
 if TYPE_CHECKING:
     from smarts.sstudio.built import BuiltScenario
+    from smarts.types.vehicles import VehicleStates
 
 app = typer.Typer(help="List, build, show and run scenarios.", no_args_is_help=True)
 
-Scenario = Annotated[
-    str, typer.Argument(help="a name of the suite, or a folder; append @NAME for a held-out variation")
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[SCENARIO]...",
+        help="a name of the suite, a folder, or a map file; append @NAME for a held-out variation",
+        show_default=False,
+    ),
 ]
-Seed = Annotated[int, typer.Option(help="seeds every random draw")]
-Traffic = Annotated[str | None, typer.Option(help="traffic variation [default: the busiest, which is the last]")]
-TRAFFIC_OF_THE_SUITE = "random_social_vehicles"
+Name = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="a name of the suite, a folder, or a map file; append @NAME for a held-out variation",
+        show_default=False,
+    ),
+]
+Seed = Annotated[int, typer.Option(help="Seed of every random draw.")]
+Traffic = Annotated[
+    str | None,
+    typer.Option(help="Traffic variation; by default the scenario's last, its fullest.", show_default=False),
+]
 
 
 @app.command("list")
 def list_scenarios() -> None:
     """List the scenarios of the suite."""
-    from smarts.sstudio.suite import suite
+    from smarts.sstudio.locating import suite
 
     names = suite()
     width = max(map(len, names), default=0)
@@ -34,28 +52,137 @@ def list_scenarios() -> None:
 
 @app.command()
 def build(
-    scenarios: Annotated[
-        list[str] | None, typer.Argument(help="names of the suite, or folders with a scenario.py or a map")
-    ] = None,
-    everything: Annotated[bool, typer.Option("--all", help="build the whole suite")] = False,
+    scenarios: Names = None,
+    everything: Annotated[bool, typer.Option("--all", help="Build the whole suite.")] = False,
     seed: Seed = 42,
 ) -> None:
-    """Build scenarios by hand. Running one builds it too, when it is new or changed."""
+    """Build scenarios by hand; running one builds it, too, when it is new or changed."""
     from smarts.sstudio.build import build_scenario
-    from smarts.sstudio.suite import suite
 
-    chosen = list(suite()) if everything else scenarios or []
-    if not chosen:
-        raise typer.BadParameter("name a scenario, or give --all")
-    for name in chosen:
+    for name in _chosen(scenarios, everything):
         begin = time.perf_counter()
         built = build_scenario(name, seed=seed)
-        took = time.perf_counter() - begin
         roads = built.roads()
+        took = time.perf_counter() - begin
         typer.echo(
             f"{built.name}: {len(roads.edge_ids)} edges, {len(roads.lane_ids)} lanes, "
-            f"{len(built.traffic)} traffic, {len(built.held_out)} held-out variations "
-            f"({took:.2f} s) -> {built.directory}"
+            f"traffic {', '.join(built.traffic) or 'none'}; "
+            f"held out {', '.join(built.held_out) or 'nothing'} ({took:.2f} s)\n  {built.directory}"
         )
         for note in built.notes:
             typer.echo(f"  note: {note}")
+
+
+@app.command()
+def show(
+    scenarios: Names = None,
+    out: Annotated[Path, typer.Option(help="Picture to write; the suffix chooses the format.")] = Path(
+        "scenario.png"
+    ),
+    everything: Annotated[bool, typer.Option("--all", help="Draw the whole suite on one sheet.")] = False,
+    traffic: Traffic = None,
+    seconds: Annotated[float, typer.Option(help="Moment of the traffic to draw [s].", min=0.0)] = 0.0,
+    seed: Seed = 42,
+) -> None:
+    """Draw map, lanes, missions, flows, bubbles and a moment of traffic to a picture."""
+    from smarts.envision.scenario_picture import scenario_picture, scenario_sheet
+    from smarts.sstudio.build import build_scenario
+
+    names = _chosen(scenarios, everything)
+    _check_picture(out)
+    pictures = []
+    for name in names:
+        built = build_scenario(name, seed=seed)
+        chosen = _traffic_of(built, traffic)
+        pictures.append((built, chosen, _moment(built, chosen, seconds, seed)))
+    if len(pictures) == 1:
+        scenario_picture(pictures[0], out)
+    else:
+        scenario_sheet(pictures, out)
+    typer.echo(f"wrote {out}")
+
+
+@app.command()
+def run(
+    scenario: Name,
+    traffic: Traffic = None,
+    seconds: Annotated[float, typer.Option(help="Simulated time [s].", min=0.1)] = 60.0,
+    seed: Seed = 42,
+    out: Annotated[
+        Path | None, typer.Option(help="Picture of the last moment to write.", show_default=False)
+    ] = None,
+) -> None:
+    """Build a scenario if need be, and run its traffic without an ego."""
+    from rich.progress import track
+
+    from smarts.envision.scenario_picture import scenario_picture
+    from smarts.sim.traffic_run import traffic_run
+    from smarts.sstudio.build import build_scenario
+
+    if out is not None:
+        _check_picture(out)
+    built = build_scenario(scenario, seed=seed)
+    chosen = _traffic_of(built, traffic)
+    typer.echo(f"{built.name}, {chosen or 'no traffic'}, seed {seed}")
+    speed_sum, vehicle_steps, steps, most, stepping = 0.0, 0, round(seconds / 0.1), 0, 0.0
+    with traffic_run(built, chosen, seed=seed) as traffic_now:
+        run_steps = traffic_now.steps(seconds)
+        for _ in track(range(steps), description="simulating"):
+            begin = time.perf_counter()
+            states = next(run_steps)
+            stepping += time.perf_counter() - begin
+            present = int(states.alive.sum())
+            speed_sum += float(states.speed.sum())
+            vehicle_steps += present
+            most = max(most, present)
+    typer.echo(
+        f"{steps} steps of 0.1 s; {vehicle_steps / steps:.1f} vehicles on average, {most} at most; "
+        f"mean speed {speed_sum / max(vehicle_steps, 1):.1f} m/s; {steps / stepping:,.0f} steps/s"
+    )
+    if out is not None:
+        scenario_picture((built, chosen, traffic_now.states), out)
+        typer.echo(f"wrote {out}")
+
+
+def _chosen(scenarios: list[str] | None, everything: bool) -> list[str]:
+    from smarts.sstudio.locating import suite
+
+    if everything and scenarios:
+        raise SmartsError("both names and --all are given", remedy="give one of the two")
+    if everything:
+        return list(suite())
+    if not scenarios:
+        raise SmartsError("no scenario is named", remedy=f"name some of {', '.join(suite())}, or give --all")
+    return scenarios
+
+
+def _traffic_of(built: BuiltScenario, wanted: str | None) -> str | None:
+    """Return the wanted variation, or the last one, which in the suite is the one with social vehicles."""
+    if wanted is not None:
+        built.traffic_files(wanted)
+        return wanted
+    return next(reversed(built.traffic), None)
+
+
+def _moment(built: BuiltScenario, traffic: str | None, seconds: float, seed: int) -> VehicleStates:
+    from smarts.sim.traffic_run import traffic_run
+
+    with traffic_run(built, traffic, seed=seed) as run:
+        for _ in run.steps(seconds):
+            pass
+        return run.states
+
+
+def _check_picture(out: Path) -> None:
+    """Refuse a picture that cannot be written before the work is done, not after."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    known = sorted(FigureCanvasAgg.get_supported_filetypes())
+    if out.suffix.lstrip(".").lower() not in known:
+        raise SmartsError(
+            f"no picture format is called {out.suffix!r}", place=str(out), remedy=f"use {', '.join(known)}"
+        )
+    if out.is_dir() or any(parent.is_file() for parent in out.parents):
+        raise SmartsError(
+            "there is a folder or a file in the way", place=str(out), remedy="choose another --out"
+        )

@@ -1,0 +1,235 @@
+"""Pictures of scenarios, drawn by matplotlib without a display.
+
+Each `draw_*` function adds one thing to a pair of axes in map coordinates [m]; `scenario_picture` and
+`scenario_sheet` put them together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.patches import Polygon as Outline
+from numpy.typing import NDArray
+
+from smarts.envision.route_lines import goal_pose, route_line, start_pose
+from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.sstudio import types as t
+from smarts.sstudio.built import BuiltScenario
+from smarts.sstudio.episodes import expand
+from smarts.types.vehicles import VehicleKind, VehicleStates
+
+Floats = NDArray[np.float64]
+
+ASPHALT = "#c6cad1"
+JUNCTION = "#bcc1c9"
+NOT_FOR_CARS = "#e3e6ec"
+LANE_LINE = "#ffffff"
+LEFT_EDGE = "#d9a400"
+FLOW = "#4c78a8"
+BUBBLE = "#9467bd"
+STOP = "#2ca02c"
+EGOS = ("#d62728", "#ff7f0e", "#9e2a6b", "#8c564b")
+CAR = "#2c5f8a"
+LARGE_VEHICLES = {VehicleKind.BUS: "#1b7f5c", VehicleKind.COACH: "#1b7f5c", VehicleKind.TRUCK: "#4d4d4d"}
+EGO_SIZE = (5.0, 2.0)
+
+Picture = tuple[BuiltScenario, str | None, VehicleStates | None]
+"""A scenario, the variation of its traffic, and a moment of it."""
+
+
+def scenario_picture(picture: Picture, out: Path, *, dpi: int = 150) -> None:
+    """Draw one scenario to a file, whose suffix chooses the format."""
+    built, traffic, _ = picture
+    figure = Figure(figsize=(12, 12 * _aspect(built.roads()) + 1.0), layout="constrained")
+    axes = figure.add_subplot()
+    _draw_all(axes, picture)
+    axes.set_title(f"{built.name}, {traffic or 'no traffic'}", loc="left")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.legend(handles=_legend(picture), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    _write(figure, out, dpi)
+
+
+def scenario_sheet(pictures: Sequence[Picture], out: Path, *, columns: int = 3, dpi: int = 110) -> None:
+    """Draw many scenarios side by side, closely round their missions' roads, to one file."""
+    rows = -(-len(pictures) // columns)
+    figure = Figure(figsize=(5.2 * columns, 4.0 * rows), layout="constrained")
+    for axes, picture in zip(figure.subplots(rows, columns, squeeze=False).flat, pictures, strict=False):
+        _draw_all(axes, picture)
+        _zoom_to_missions(axes, picture[0])
+        axes.set_title(picture[0].name, fontsize=11)
+    for axes in figure.axes:
+        axes.set_axis_off()
+    figure.legend(handles=_legend(), loc="outside lower center", ncols=6, frameon=False)
+    _write(figure, out, dpi)
+
+
+def draw_roads(axes: Axes, roads: LaneGraph) -> None:
+    """Draw junctions and lanes, lines between lanes, and a yellow line on every road's left edge."""
+    outlines = [roads.junction_outline(junction) for junction in range(len(roads.junction_ids))]
+    areas = [outline for outline in outlines if len(outline) > 2]
+    axes.add_collection(PolyCollection(areas, facecolors=JUNCTION, edgecolors="none", zorder=0))
+    lanes = range(len(roads.lane_ids))
+    colours = [ASPHALT if roads.kind[lane] == LaneKind.CAR else NOT_FOR_CARS for lane in lanes]
+    strips = [_strip(roads, lane) for lane in lanes]
+    axes.add_collection(PolyCollection(strips, facecolors=colours, edgecolors="none", zorder=1))
+    on_road = np.flatnonzero(~roads.is_internal).tolist()
+    between = [_beside(roads, lane, 0.5) for lane in on_road if roads.left[lane] >= 0]
+    left_edges = [_beside(roads, lane, 0.5) for lane in on_road if roads.left[lane] < 0]
+    dashes = (0, (5, 5))
+    axes.add_collection(
+        LineCollection(between, colors=LANE_LINE, linewidths=0.7, linestyles=[dashes], zorder=2)
+    )
+    axes.add_collection(LineCollection(left_edges, colors=LEFT_EDGE, linewidths=0.6, zorder=2))
+
+
+def draw_flows(axes: Axes, roads: LaneGraph, traffic: t.Traffic) -> None:
+    """Draw a line along each flow's route with an arrow head at its end, and the stops on the way."""
+    for flow in traffic.flows:
+        if isinstance(flow.route, t.Route):
+            line = route_line(roads, flow.route)
+            axes.plot(*line.T, color=FLOW, linewidth=0.8, alpha=0.5, zorder=3)
+            _arrow_head(axes, line, FLOW)
+        for stop in flow.stops:
+            lane = roads.lane_number(stop.road_id, stop.lane_index)
+            begin = max(stop.offset - stop.length, 0.0)
+            bay = [roads.pose_at(lane, s, 0.45 * roads.width[lane])[:2] for s in (begin, stop.offset)]
+            axes.plot(*zip(*bay, strict=True), color=STOP, linewidth=3, solid_capstyle="butt", zorder=3)
+
+
+def draw_missions(axes: Axes, roads: LaneGraph, missions: Iterable[t.AnyMission]) -> None:
+    """Draw each ego at its start, its route as a line, and its goal as a ring; random ones are left out."""
+    for number, mission in enumerate(expand(tuple(missions))):
+        start = start_pose(roads, mission)
+        if start is None:
+            continue
+        colour = EGOS[number % len(EGOS)]
+        axes.add_patch(Outline(_box(*start, *EGO_SIZE), facecolor=colour, edgecolor="k", lw=0.5, zorder=8))
+        goal = goal_pose(roads, mission)
+        if (
+            goal is not None
+            and not isinstance(mission, t.EndlessMission)
+            and isinstance(mission.route, t.Route)
+        ):
+            axes.plot(*route_line(roads, mission.route).T, color=colour, linewidth=1.8, alpha=0.75, zorder=4)
+            axes.plot(*goal[:2], marker="o", markersize=9, mfc="none", mec=colour, mew=1.8, zorder=9)
+
+
+def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> None:
+    """Draw the zone of each bubble that stands still, and its margin as a dashed line."""
+    for bubble in bubbles:
+        if bubble.follow_offset is not None:
+            continue
+        zone = bubble.zone.to_geometry(roads)
+        axes.add_patch(Outline(_corners(zone), facecolor=BUBBLE, edgecolor=BUBBLE, alpha=0.3, zorder=5))
+        margin = _corners(zone.buffer(bubble.margin))
+        axes.add_patch(Outline(margin, fill=False, edgecolor=BUBBLE, linestyle="--", zorder=5))
+
+
+def draw_vehicles(axes: Axes, states: VehicleStates) -> None:
+    """Draw the footprint of every vehicle, with a lighter bar across its front."""
+    rows = np.flatnonzero(states.alive).tolist()
+    boxes, noses, colours = [], [], []
+    for row in rows:
+        x, y = states.position[row]
+        heading, length, width = states.heading[row], states.length[row], states.width[row]
+        boxes.append(_box(x, y, heading, length, width))
+        forward = 0.3 * length
+        noses.append(
+            _box(x + forward * np.cos(heading), y + forward * np.sin(heading), heading, 0.8, 0.8 * width)
+        )
+        colours.append(LARGE_VEHICLES.get(VehicleKind(states.kind[row]), CAR))
+    axes.add_collection(PolyCollection(boxes, facecolors=colours, edgecolors="k", linewidths=0.3, zorder=6))
+    axes.add_collection(PolyCollection(noses, facecolors="#dce9f5", edgecolors="none", zorder=7))
+
+
+def _draw_all(axes: Axes, picture: Picture) -> None:
+    built, traffic, states = picture
+    roads = built.roads()
+    draw_roads(axes, roads)
+    if traffic is not None and built.scenario.traffic:
+        draw_flows(axes, roads, built.scenario.traffic[traffic])
+    draw_bubbles(axes, roads, built.scenario.bubbles or ())
+    draw_missions(axes, roads, built.scenario.ego_missions or ())
+    if states is not None:
+        draw_vehicles(axes, states)
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+
+
+def _zoom_to_missions(axes: Axes, built: BuiltScenario, margin: float = 25.0, least: float = 60.0) -> None:
+    """Show what the missions' routes span and a margin [m], in the sheet's 4:3, at least `least` [m] high."""
+    roads = built.roads()
+    routes = [
+        m.route for m in expand(built.scenario.ego_missions or ()) if not isinstance(m, t.EndlessMission)
+    ]
+    lines = [route_line(roads, route) for route in routes if isinstance(route, t.Route)]
+    points = np.concatenate(lines) if lines else roads.point_xy
+    low, high = points.min(0) - margin, points.max(0) + margin
+    middle, (width, height) = (low + high) / 2, high - low
+    height = max(height, width * 3 / 4, least)
+    axes.set_xlim(middle[0] - height * 2 / 3, middle[0] + height * 2 / 3)
+    axes.set_ylim(middle[1] - height / 2, middle[1] + height / 2)
+
+
+def _legend(picture: Picture | None = None) -> list[Patch]:
+    entries = [
+        Patch(facecolor=EGOS[0], label="ego, its route and goal"),
+        Patch(facecolor=CAR, label="car"),
+        Patch(facecolor=LARGE_VEHICLES[VehicleKind.BUS], label="bus"),
+        Patch(facecolor=FLOW, alpha=0.5, label="flow of traffic"),
+        Patch(facecolor=STOP, label="bus stop"),
+    ]
+    if picture is None or picture[0].scenario.bubbles:
+        entries.append(Patch(facecolor=BUBBLE, alpha=0.4, label="bubble"))
+    return entries
+
+
+def _strip(roads: LaneGraph, lane: int) -> Floats:
+    """Return the outline of a lane, shape (., 2)."""
+    return np.concatenate([_beside(roads, lane, 0.5), _beside(roads, lane, -0.5)[::-1]])
+
+
+def _beside(roads: LaneGraph, lane: int, widths: float) -> Floats:
+    """Return the line that runs `widths` lane widths to the left of a lane's centreline, shape (., 2)."""
+    rows = slice(roads.point_start[lane], roads.point_start[lane + 1])
+    heading = roads.point_heading[rows]
+    left = np.stack([-np.sin(heading), np.cos(heading)], -1)
+    return roads.point_xy[rows] + widths * roads.width[lane] * left
+
+
+def _box(x: float, y: float, heading: float, length: float, width: float) -> Floats:
+    """Return the corners of a footprint, shape (4, 2)."""
+    forward = np.array([np.cos(heading), np.sin(heading)]) * length / 2
+    left = np.array([-np.sin(heading), np.cos(heading)]) * width / 2
+    return np.array([x, y]) + np.array([forward + left, left - forward, -forward - left, forward - left])
+
+
+def _corners(zone) -> Floats:
+    return np.asarray(
+        zone.convex_hull.exterior.coords if zone.geom_type != "Polygon" else zone.exterior.coords
+    )
+
+
+def _arrow_head(axes: Axes, line: Floats, colour: str) -> None:
+    if len(line) > 2:
+        style = {"arrowstyle": "-|>", "color": colour, "lw": 0}
+        axes.annotate("", xy=tuple(line[-1]), xytext=tuple(line[-3]), arrowprops=style, zorder=3)
+
+
+def _aspect(roads: LaneGraph) -> float:
+    width, height = np.ptp(roads.point_xy, axis=0) + 10.0
+    return float(np.clip(height / width, 0.2, 1.0))
+
+
+def _write(figure: Figure, out: Path, dpi: int) -> None:
+    FigureCanvasAgg(figure)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out, dpi=dpi)
