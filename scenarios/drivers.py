@@ -1,0 +1,91 @@
+"""The drivers, flows and start variation that the scenarios of the suite share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from smarts.sstudio import types as t
+
+impatient_car = t.TrafficActor(
+    name="impatient_car",
+    speed=t.Distribution(sigma=0.2, mean=1.0),
+    lane_changing_model=t.LaneChangingModel(impatience=1, cooperative=0.25),
+    junction_model=t.JunctionModel(drive_after_red_time=1.5, drive_after_yellow_time=1.0, impatience=1.0),
+)
+"""Drives at the limit, gives way late, and pushes into small gaps (values of the paper's listing)."""
+
+patient_car = t.TrafficActor(
+    name="patient_car",
+    speed=t.Distribution(sigma=0.2, mean=0.8),
+    lane_changing_model=t.LaneChangingModel(impatience=0, cooperative=0.5),
+    junction_model=t.JunctionModel(drive_after_yellow_time=1.0, impatience=0.5),
+)
+"""Drives below the limit and makes room for others (values of the paper's listing)."""
+
+MIXED = {impatient_car: 0.5, patient_car: 0.5}
+IMPATIENT = {impatient_car: 1.0}
+
+START_VARIATION = t.StartVariation(offset=5.0, speed=(0.0, 5.0))
+
+SPACING = 40
+"""Distance between the places where a filled road gets its first vehicles [m]."""
+TYPICAL_SPEED = 10.0
+"""Of vehicles on a filled road, which with the flow's rate says how many there are [m/s]."""
+FILLING_TIME = 2.0
+"""Within which the first vehicles appear [s]."""
+
+Drivers = Mapping[t.TrafficActor, float]
+LanePoint = tuple[str, int] | tuple[str, int, float]
+"""Road, lane index and, where it is not the road's begin or end, the offset [m]."""
+
+
+def flow(origin: LanePoint, goal: LanePoint, rate: float, drivers: Drivers = MIXED, **options) -> t.Flow:
+    """Return randomly spaced vehicles.
+
+    Args:
+        origin: Where they enter; the road's begin unless an offset is given.
+        goal: Where they leave; the road's end unless an offset is given.
+        rate: Vehicles per hour.
+        drivers: Weight of each kind of driver.
+        options: Further fields of `Flow`; `via` names the roads between.
+    """
+    route = t.Route(
+        begin=origin if len(origin) == 3 else (*origin, "base"),
+        end=goal if len(goal) == 3 else (*goal, "max"),
+        via=tuple(options.pop("via", ())),
+    )
+    return t.Flow(route=route, rate=rate, actors=dict(drivers), randomly_spaced=True, **options)
+
+
+def traffic(
+    flows: Sequence[t.Flow],
+    warm_up: float,
+    filled: Mapping[str, float] | None = None,
+    trips: Sequence[t.Trip] = (),
+) -> dict[str, t.Traffic]:
+    """Return the suite's two traffic variations: an empty road, and vehicles already on their way.
+
+    Args:
+        flows: The vehicles.
+        warm_up: Simulated before an episode begins [s].
+        filled: Roads that hold vehicles from the first second on, each with the offset up to which it does
+            [m]. Without them a long warm-up would be needed until the first vehicles have come through.
+        trips: Single vehicles.
+    """
+    early = [extra for flow in flows for extra in _along_the_road(flow, filled or {})]
+    return {
+        "no_social_vehicles": t.Traffic(flows=[]),
+        "random_social_vehicles": t.Traffic(flows=[*early, *flows], trips=trips or None, warm_up=warm_up),
+    }
+
+
+def _along_the_road(flow: t.Flow, filled: Mapping[str, float]) -> Iterator[t.Flow]:
+    """Yield flows of a moment that stand for the vehicles which would have entered before time 0."""
+    road, lane, offset = flow.route.begin
+    if offset != "base":
+        return
+    rate = flow.rate * SPACING / (TYPICAL_SPEED * FILLING_TIME)
+    for place in range(SPACING, int(filled.get(road, 0)), SPACING):
+        route = replace(flow.route, begin=(road, lane, place))
+        yield replace(flow, route=route, rate=rate, end=FILLING_TIME)
