@@ -78,6 +78,11 @@ class Trip(Described):
         object.__setattr__(self, "actor", replace(actor, name=self.vehicle_name, vehicle_type=kind))
 
     @property
+    def driver(self) -> TrafficActor:
+        """`actor`, which is never None once the trip is made."""
+        return self.actor or TrafficActor(self.vehicle_name)
+
+    @property
     def id(self) -> str:
         """The vehicle's name."""
         return self.vehicle_name

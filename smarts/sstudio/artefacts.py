@@ -1,0 +1,117 @@
+"""Writes the artefacts of a scenario: the compiled map, SUMO's input, and what the scenario says.
+
+The same scenario, map and seed give the same bytes, in whatever folder they are.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from smarts.errors import ScenarioError
+from smarts.roads.compile import compile_map
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.sources import MapSource
+from smarts.roads.sumo_net import read_net
+from smarts.sstudio.built import LANES, MANIFEST, NET, SCENARIO
+from smarts.sstudio.encoding import digest, encode
+from smarts.sstudio.executing import Description
+from smarts.sstudio.sstypes.traffic import Traffic
+from smarts.sstudio.sumo_writer import sumo_traffic
+from smarts.sstudio.validation import validate
+from smarts.types.streams import Purpose, stream
+
+
+def write_artefacts(
+    folder: Path, description: Description, source: MapSource, like: Path | None, place: str
+) -> None:
+    """Check a scenario and write its artefacts.
+
+    Args:
+        folder: Where to; empty.
+        description: The scenario.
+        source: Its map.
+        like: Artefacts of another scenario on the very same map, which is then not compiled again.
+        place: The file that describes the scenario, for errors.
+
+    Raises:
+        ScenarioError: The scenario cannot be on this map.
+        MapError: The map is broken.
+    """
+    scenario, seed = description.scenario, description.seed
+    map_notes = _compile(source, folder) if like is None else _share(like, folder)
+    roads = LaneGraph.load(folder / LANES)
+    validate(scenario, roads, place)
+    (folder / "traffic").mkdir()
+    traffic, notes = {}, _notes(description)
+    for name, described in (scenario.traffic or {}).items():
+        if described.engine == "SUMO":
+            traffic[name], more = _write_traffic(folder, name, described, roads, seed)
+            notes += more
+    _write_json(folder / SCENARIO, encode(replace(scenario, held_out=None)))
+    manifest = {
+        "seed": seed,
+        "traffic": traffic,
+        "held_out": {name: held.description for name, held in (scenario.held_out or {}).items()},
+        "map_notes": map_notes,
+        "notes": notes,
+    }
+    _write_json(folder / MANIFEST, manifest)
+
+
+def _compile(source: MapSource, folder: Path) -> list[str]:
+    notes = compile_map(source, folder / NET)
+    read_net(folder / NET).save(folder / LANES)
+    return list(notes)
+
+
+def _share(like: Path, folder: Path) -> list[str]:
+    for name in (NET, LANES):
+        try:
+            os.link(like / name, folder / name)  # artefacts never change, so they may be one file
+        except OSError:
+            shutil.copyfile(like / name, folder / name)
+    return json.loads((like / MANIFEST).read_text(encoding="utf-8"))["map_notes"]
+
+
+def _write_traffic(
+    folder: Path, name: str, traffic: Traffic, roads: LaneGraph, seed: int
+) -> tuple[dict[str, Any], list[str]]:
+    # A stream for each variation, so that a change to one leaves the others as they are.
+    generator = stream(int(digest([seed, name], size=6), 16), Purpose.BUILD)
+    contents = sumo_traffic(traffic, roads, generator, f"traffic[{name!r}]")
+    stem = f"traffic/{quote(name, safe='')}"
+    files = {"routes": [f"{stem}.rou.xml"], "additional": [], "warm_up": traffic.warm_up}
+    (folder / files["routes"][0]).write_text(contents.routes, encoding="utf-8")
+    if contents.additional:
+        files["additional"] = [f"{stem}.add.xml"]
+        (folder / files["additional"][0]).write_text(contents.additional, encoding="utf-8")
+    return files, list(contents.notes)
+
+
+def _notes(description: Description) -> list[str]:
+    spec = description.scenario.map_spec
+    if spec is None:
+        return []
+    if spec.builder_fn is not None:
+        raise ScenarioError(
+            "maps cannot be built by a function of one's own",
+            place="map_spec.builder_fn",
+            remedy="leave it out, and give the map as a SUMO, OpenDRIVE or OSM file",
+        )
+    unused = {
+        "default_lane_width": spec.default_lane_width is not None,
+        "shift_to_origin": spec.shift_to_origin,
+    }
+    return [
+        f"map_spec.{name} has no effect: the map is taken as it is" for name, given in unused.items() if given
+    ]
+
+
+def _write_json(path: Path, data: Any) -> None:
+    path.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

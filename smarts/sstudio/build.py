@@ -1,0 +1,235 @@
+"""Builds scenarios, at once if they are up to date: artefacts are found by a hash of all that they depend on.
+
+The inputs are the scenario file, data files beside it, the seed and this program; they lead through the index
+to a key, the hash of what the scenario says and of its map. So a changed comment runs the scenario file again
+but writes nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from smarts.errors import MapError, ScenarioError, nearest_names
+from smarts.roads.sources import MapSource, find_map_source
+from smarts.sstudio.artefacts import write_artefacts
+from smarts.sstudio.built import BuiltScenario
+from smarts.sstudio.cache import BuildCache
+from smarts.sstudio.decoding import decode
+from smarts.sstudio.encoding import digest, encode
+from smarts.sstudio.executing import Description, run_scenario_file
+from smarts.sstudio.locating import SCRIPT, Location, locate, suite
+from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
+from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
+from smarts.sstudio.sstypes.map_spec import MapSpec
+from smarts.sstudio.sstypes.scenario import Scenario, Variation
+
+__all__ = ["build_described", "build_scenario", "suite"]
+
+DESCRIBED = "described"
+"""The entry of the index with a scenario that was handed over by hand."""
+DATA_SUFFIXES = {".json", ".yaml", ".yml", ".toml", ".csv"}
+"""Files beside a scenario file that it may read: it is run again when they change."""
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenario:
+    """Return a built scenario; nothing is written where nothing has changed.
+
+    Args:
+        path: A scenario's folder, a map file, or a name of the suite; with "@variation" for one of the
+            scenario's held-out variations.
+        seed: For what is drawn when the scenario is built; unless given, what the scenario asks for, or 42.
+
+    Raises:
+        ScenarioError: The scenario cannot be found, run, or be on its map; the message says where and why.
+        MapError: The map is missing or broken.
+        UnknownNameError: There is no such scenario or variation.
+    """
+    location = locate(path)
+    inputs = _fingerprint_inputs(location, seed)
+    for root in location.builds:
+        built = _up_to_date(BuildCache(root), location, inputs)
+        if built is not None:
+            return built
+    description = _describe(location, seed)
+    return _build(location, inputs, description)
+
+
+def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:
+    """Build a scenario given as an object into a folder, and remember it there.
+
+    `build_scenario` finds it again, unless the folder has a scenario file, which counts before it.
+    """
+    location = Location(directory.name, directory, described_only=True)
+    described = _portable(scenario, directory)
+    BuildCache.writable(location.builds).write(DESCRIBED, {"scenario": encode(described), "seed": seed})
+    return _build(location, _fingerprint_inputs(location, None), Description(described, seed))
+
+
+def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScenario | None:
+    entry = cache.read(inputs)
+    if entry is None:
+        return None
+    artefacts = cache.artefacts(entry["key"])
+    if artefacts is None or entry["files"] != _hashes(location.directory, entry["files"]):
+        return None
+    try:
+        source = find_map_source(location.directory, entry["map"])
+    except MapError:
+        return None  # found again, and reported, by the build
+    if not set(_relative(location.directory, source.files)) <= set(entry["files"]):
+        return None
+    return BuiltScenario(location.label, location.directory, artefacts)
+
+
+def _build(location: Location, inputs: str, description: Description) -> BuiltScenario:
+    directory, spec = location.directory, description.scenario.map_spec
+    map_name = None if spec is None else spec.source
+    source = find_map_source(directory, map_name)
+    map_key = _fingerprint_map(source)
+    key = digest([encode(description.scenario), map_key, description.seed, _toolchain()], size=8)
+    entry = {"key": key, "map": map_name}
+    entry["files"] = _hashes(directory, _relative(directory, (*source.files, *description.modules)))
+    cache = BuildCache.writable(location.builds)
+    with cache.lock():
+        if cache.artefacts(key) is None:
+            twin = (cache.read(f"map-{map_key}") or {}).get("key")
+            like = cache.artefacts(twin) if twin else None
+            with cache.publish(key) as folder:
+                write_artefacts(folder, description, source, like, _place(location))
+            cache.write(f"map-{map_key}", {"key": key})
+        cache.write(inputs, entry)
+    return BuiltScenario(location.label, directory, cache.root / key)
+
+
+def _describe(location: Location, seed: int | None) -> Description:
+    description = _described_base(location, DEFAULT_SEED if seed is None else seed)
+    scenario = _portable(description.scenario, location.directory)
+    description = replace(description, scenario=scenario, seed=description.seed if seed is None else seed)
+    if location.variation is None:
+        return description
+    held_out = scenario.held_out or {}
+    if location.variation not in held_out:
+        raise ScenarioError(
+            f"there is no held-out variation {location.variation!r}",
+            place=_place(location),
+            remedy=nearest_names(location.variation, held_out),
+        )
+    return _varied(description, held_out[location.variation])
+
+
+def _described_base(location: Location, seed: int) -> Description:
+    if location.script is not None:
+        return run_scenario_file(location.script, seed)
+    if location.map_file is not None:
+        return Description(Scenario(map_spec=MapSpec(location.map_file)), seed)
+    for root in location.builds:
+        entry = BuildCache(root).read(DESCRIBED)
+        if entry is not None:
+            return Description(decode(entry["scenario"]), entry["seed"])
+    try:
+        find_map_source(location.directory)
+    except MapError as error:
+        raise ScenarioError(
+            f"not a scenario: there is no {SCRIPT} and no map",
+            place=str(location.directory),
+            remedy=error.remedy,
+        ) from error
+    return Description(Scenario(), seed)
+
+
+def _varied(description: Description, variation: Variation) -> Description:
+    base = description.scenario
+    return replace(
+        description,
+        scenario=replace(
+            base,
+            map_spec=variation.map_spec or base.map_spec,
+            traffic=base.traffic if variation.traffic is None else variation.traffic,
+            ego_missions=base.ego_missions if variation.ego_missions is None else variation.ego_missions,
+            held_out=None,
+        ),
+        seed=description.seed if variation.seed is None else variation.seed,
+    )
+
+
+def _portable(scenario: Scenario, directory: Path) -> Scenario:
+    """Return the scenario with its paths relative to its folder, so that it can be moved with it."""
+    spec = _portable_spec(scenario.map_spec, directory)
+    histories = tuple(
+        replace(history, input_path=_from_folder(history.input_path, directory))
+        if isinstance(history, TrafficHistoryDataset)
+        else history
+        for history in scenario.traffic_histories or ()
+    )
+    held_out = {
+        name: replace(variation, map_spec=_portable_spec(variation.map_spec, directory))
+        for name, variation in (scenario.held_out or {}).items()
+    }
+    return replace(scenario, map_spec=spec, traffic_histories=histories or None, held_out=held_out or None)
+
+
+def _portable_spec(spec: MapSpec | None, directory: Path) -> MapSpec | None:
+    return None if spec is None else replace(spec, source=_from_folder(spec.source, directory) or ".")
+
+
+def _from_folder(path: str | None, directory: Path) -> str | None:
+    if path is None or not os.path.isabs(path):
+        return path
+    return Path(os.path.relpath(path, directory)).as_posix()
+
+
+def _place(location: Location) -> str:
+    file = str(
+        location.directory / SCRIPT if location.script else location.directory / (location.map_file or "")
+    )
+    return file if location.variation is None else f"{file}: held_out[{location.variation!r}]"
+
+
+# Fingerprints
+
+
+def _fingerprint_inputs(location: Location, seed: int | None) -> str:
+    files: list[Path] = []
+    if location.script is not None:
+        beside = sorted(location.directory.iterdir())
+        files = [location.script, *(file for file in beside if file.suffix in DATA_SUFFIXES)]
+    elif location.map_file is None:
+        files = [root / "index" / f"{DESCRIBED}.json" for root in location.builds]
+    contents = [(file.name, _hash(file)) for file in files if file.is_file()]
+    return digest([contents, seed, location.variation, _toolchain()], size=8)
+
+
+def _fingerprint_map(source: MapSource) -> str:
+    return digest([source.kind, [(file.name, _hash(file)) for file in source.files], _toolchain()], size=8)
+
+
+def _relative(directory: Path, files: Iterable[Path]) -> list[str]:
+    return [Path(os.path.relpath(file, directory)).as_posix() for file in files]
+
+
+def _hashes(directory: Path, files: Iterable[str]) -> dict[str, Any]:
+    return {file: _hash(directory / file) for file in files}
+
+
+def _hash(file: Path) -> str | None:
+    try:
+        return hashlib.blake2b(file.read_bytes(), digest_size=16).hexdigest()
+    except OSError:
+        return None
+
+
+@cache
+def _toolchain() -> str:
+    """Return a hash of what turns sources into artefacts: SUMO and this program's own code."""
+    code = sorted(
+        file for part in ("roads", "sstudio", "geometry") for file in (PACKAGE / part).rglob("*.py")
+    )
+    return digest([version("eclipse-sumo"), [_hash(file) for file in code]], size=8)

@@ -1,0 +1,109 @@
+"""A built scenario: artefacts on disk, and what they say."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from smarts.errors import ScenarioError, nearest_names
+from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio.decoding import decode
+from smarts.sstudio.episodes import EpisodePlan, episode_plans
+from smarts.sstudio.sstypes.scenario import Scenario
+from smarts.types.traffic import TrafficFiles
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+MANIFEST, SCENARIO, NET, LANES = "manifest.json", "scenario.json", "map.net.xml", "lanes.npz"
+
+
+@dataclass(frozen=True)
+class BuiltScenario:
+    """A scenario ready to run. Its artefacts are never changed; a changed scenario gets other ones."""
+
+    name: str
+    """What people call it, with the variation, as in "intersection@dense"."""
+    source: Path
+    """The folder of its sources."""
+    directory: Path
+    """The folder of its artefacts."""
+
+    @cached_property
+    def _manifest(self) -> dict[str, Any]:
+        return json.loads((self.directory / MANIFEST).read_text(encoding="utf-8"))
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """What the scenario says, read from the artefacts."""
+        return decode(json.loads((self.directory / SCENARIO).read_text(encoding="utf-8")))
+
+    @property
+    def net_file(self) -> Path:
+        """The compiled SUMO network."""
+        return self.directory / NET
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know, such as what a map converter dropped."""
+        return tuple(self._manifest["map_notes"] + self._manifest["notes"])
+
+    @property
+    def seed(self) -> int:
+        """What random routes and sampled drivers were drawn with."""
+        return self._manifest["seed"]
+
+    @property
+    def held_out(self) -> tuple[str, ...]:
+        """Names of the variations for measuring generalization, to be built as "name@variation"."""
+        return tuple(self._manifest["held_out"])
+
+    @cached_property
+    def traffic(self) -> dict[str, TrafficFiles]:
+        """The variations of the traffic that SUMO drives, by name."""
+        return {
+            name: TrafficFiles(
+                net=self.net_file,
+                routes=tuple(self.directory / file for file in files["routes"]),
+                additional=tuple(self.directory / file for file in files["additional"]),
+                warm_up=files["warm_up"],
+            )
+            for name, files in self._manifest["traffic"].items()
+        }
+
+    def traffic_files(self, name: str | None) -> TrafficFiles:
+        """Return one variation of the traffic, or the empty roads for None.
+
+        Raises:
+            ScenarioError: There is no such variation, or it is for another traffic engine.
+        """
+        if name is None:
+            return TrafficFiles(net=self.net_file)
+        if name in self.traffic:
+            return self.traffic[name]
+        described = (self.scenario.traffic or {}).get(name)
+        if described is not None:
+            raise ScenarioError(
+                f"traffic {name!r} is for the engine {described.engine!r}, which does not run yet",
+                place=f"{self.name}: traffic[{name!r}].engine",
+                remedy='use engine="SUMO"',
+            )
+        raise ScenarioError(
+            f"there is no traffic {name!r}", place=self.name, remedy=nearest_names(name, self.traffic)
+        )
+
+    def roads(self) -> LaneGraph:
+        """Return the map; equal artefacts share one in memory."""
+        return _load_roads(self.directory / LANES)
+
+    def episodes(self, egos: int, generator: Generator | None = None) -> tuple[EpisodePlan, ...]:
+        """Return what an environment with `egos` learning agents cycles through; see `episode_plans`."""
+        return episode_plans(self.scenario, egos, generator, place=self.name)
+
+
+@lru_cache(maxsize=64)
+def _load_roads(file: Path) -> LaneGraph:
+    return LaneGraph.load(file)

@@ -1,0 +1,65 @@
+"""Where the `gen_*` functions put what a scenario file says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from smarts.sstudio.sstypes.scenario import Scenario
+
+
+@dataclass
+class Collection:
+    """What a running scenario file has said so far."""
+
+    scenario: Scenario | None = None
+    """None until the file calls the first `gen_*` function."""
+    seed: int | None = None
+    """The seed that the file asks for, if it does."""
+
+    def add(self, part: Scenario, seed: int | None) -> None:
+        """Join what one `gen_*` function was given to what came before."""
+        self.scenario = part if self.scenario is None else join(self.scenario, part)
+        self.seed = self.seed if seed is None else seed
+
+
+_current: ContextVar[Collection | None] = ContextVar("collection", default=None)
+
+
+def current_collection() -> Collection | None:
+    """Return the collection of the running build, None outside of builds."""
+    return _current.get()
+
+
+@contextmanager
+def collecting() -> Iterator[Collection]:
+    """Gather what the `gen_*` functions are given meanwhile."""
+    collection = Collection()
+    token = _current.set(collection)
+    try:
+        yield collection
+    finally:
+        _current.reset(token)
+
+
+def join(first: Scenario, second: Scenario) -> Scenario:
+    """Return both as one: lists follow each other; of equal names and single things the later wins."""
+    defaults = Scenario()
+    changes = {}
+    for field in fields(Scenario):
+        added = getattr(second, field.name)
+        if added != getattr(defaults, field.name):
+            changes[field.name] = _joined(getattr(first, field.name), added)
+    return replace(first, **changes)
+
+
+def _joined(first: Any, second: Any) -> Any:
+    # Metadata and the like are mappings, too, but say one thing as a whole.
+    if type(first) is dict and isinstance(second, Mapping):
+        return {**first, **second}
+    if isinstance(first, list | tuple) and isinstance(second, Sequence):
+        return (*first, *second)
+    return second

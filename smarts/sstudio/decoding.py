@@ -1,0 +1,88 @@
+"""Scenario objects from the plain data that `smarts.sstudio.encoding` makes of them."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from smarts.errors import ScenarioError
+from smarts.sstudio import sstypes
+from smarts.sstudio.encoding import CALLABLE, ENUM, MEMBERS, NUMBER, PAIRS, TYPE, Json
+from smarts.types.colors import Colors, SceneColors
+
+
+@dataclass(frozen=True)
+class CallableReference:
+    """A function or class that a scenario names, not yet imported."""
+
+    path: str
+    """As "module:name"."""
+
+    def load(self) -> Callable[..., Any]:
+        """Import and return what is meant."""
+        module, _, name = self.path.partition(":")
+        found: Any = importlib.import_module(module)
+        for part in name.split("."):
+            found = getattr(found, part)
+        return found
+
+
+_TYPES: dict[str, Any] = {name: getattr(sstypes, name) for name in sstypes.__all__} | {
+    "Colors": Colors,
+    "SceneColors": SceneColors,
+}
+
+
+def decode(data: Json) -> Any:
+    """Return the scenario object that `data` describes; lists become tuples.
+
+    Raises:
+        ScenarioError: The data comes from another version of the scenario language.
+    """
+    if isinstance(data, list):
+        return tuple(decode(item) for item in data)
+    if not isinstance(data, dict):
+        return data
+    for mark, decoder in _DECODERS.items():
+        if mark in data:
+            return decoder(data)
+    return {key: decode(item) for key, item in data.items()}
+
+
+def _decode_object(data: dict[str, Json]) -> Any:
+    arguments = {key: decode(item) for key, item in data.items() if key != TYPE}
+    kind = _known(data[TYPE])
+    try:
+        return kind(**arguments)
+    except TypeError as error:
+        raise _foreign(f"{data[TYPE]}: {error}") from error
+
+
+def _decode_enum(data: dict[str, Json]) -> Any:
+    kind, value = _known(data[ENUM]), data["value"]
+    return kind[value] if isinstance(value, str) else kind(value)
+
+
+def _known(name: str) -> Any:
+    if name not in _TYPES:
+        raise _foreign(f"there is no type {name!r}")
+    return _TYPES[name]
+
+
+def _foreign(problem: str) -> ScenarioError:
+    return ScenarioError(
+        f"the built scenario is of another version: {problem}",
+        remedy="delete its build folder; it is built anew",
+    )
+
+
+_DECODERS: dict[str, Callable[[dict[str, Json]], Any]] = {
+    TYPE: _decode_object,
+    ENUM: _decode_enum,
+    PAIRS: lambda data: {decode(key): decode(item) for key, item in data[PAIRS]},
+    MEMBERS: lambda data: frozenset(decode(item) for item in data[MEMBERS]),
+    CALLABLE: lambda data: CallableReference(data[CALLABLE]),
+    NUMBER: lambda data: float(data[NUMBER]),
+}

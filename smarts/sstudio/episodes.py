@@ -1,0 +1,91 @@
+"""What episodes of a scenario are made of: a variation of the traffic, and missions for the egos."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from smarts.errors import ScenarioError
+from smarts.sstudio import sstypes as t
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+
+@dataclass(frozen=True)
+class EpisodePlan:
+    """One combination that an environment plays."""
+
+    traffic: str | None
+    """The variation of the traffic; None where the scenario has none."""
+    missions: tuple[t.AnyMission, ...]
+    """One mission for each ego."""
+
+
+def episode_plans(
+    scenario: t.Scenario, egos: int, generator: Generator | None = None, *, place: str = ""
+) -> tuple[EpisodePlan, ...]:
+    """Return every variation of the traffic with every set of missions, to be cycled through.
+
+    With as many missions as egos there is one set. With fewer egos, sets of that many follow each other
+    through the missions, round to the first if need be, until each mission has been in one. Without
+    missions, every ego gets a random route.
+
+    Args:
+        scenario: The scenario.
+        egos: How many learning agents there are.
+        generator: Shuffles the plans; without it they come in the scenario's order.
+        place: The scenario's name, for the error.
+
+    Raises:
+        ScenarioError: There are more egos than missions.
+    """
+    sets = mission_sets(scenario.ego_missions or (), egos, place)
+    plans = [EpisodePlan(name, missions) for name in scenario.traffic or (None,) for missions in sets]
+    order = range(len(plans)) if generator is None else generator.permutation(len(plans))
+    return tuple(plans[index] for index in order)
+
+
+def mission_sets(
+    described: Sequence[t.AnyMission], egos: int, place: str = ""
+) -> tuple[tuple[t.AnyMission, ...], ...]:
+    """Return the sets of missions that `egos` agents take turns with; see `episode_plans`."""
+    missions = expand(described)
+    if not missions:
+        return (tuple(t.Mission(t.RandomRoute(f"ego-{ego}")) for ego in range(egos)),)
+    if egos > len(missions):
+        raise ScenarioError(
+            f"{egos} egos, but only {len(missions)} missions",
+            place=f"{place}: ego_missions",
+            remedy=f"use at most {len(missions)} egos, or add missions",
+        )
+    if egos == 0:
+        return ((),)
+    count = math.ceil(len(missions) / egos)
+    return tuple(
+        tuple(missions[(first * egos + ego) % len(missions)] for ego in range(egos)) for first in range(count)
+    )
+
+
+def expand(missions: Sequence[t.AnyMission]) -> tuple[t.AnyMission, ...]:
+    """Return the missions with each group of lap missions replaced by its members'."""
+    expanded: list[t.AnyMission] = []
+    for mission in missions:
+        expanded += grid(mission) if isinstance(mission, t.GroupedLapMission) else [mission]
+    return tuple(expanded)
+
+
+def grid(group: t.GroupedLapMission) -> list[t.LapMission]:
+    """Return the missions of a group: the lanes in turn, each start `offset` behind the one before."""
+    (begin, begin_lane, offset), (end, end_lane, goal) = group.route.begin, group.route.end
+    laps = []
+    for place in range(group.actor_count):
+        route = replace(
+            group.route,
+            begin=(begin, (begin_lane + place) % group.lanes, offset - group.offset * place),
+            end=(end, (end_lane + place) % group.lanes, goal),
+        )
+        laps.append(t.LapMission(route, group.num_laps, via=group.via, entry_tactic=group.entry_tactic))
+    return laps

@@ -1,0 +1,111 @@
+"""What people call scenarios: names of the suite, folders, map files, each with a variation."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from smarts.errors import ScenarioError, UnknownNameError, nearest_names
+from smarts.sstudio.encoding import digest
+
+SCRIPT = "scenario.py"
+"""The file that describes the scenario of its folder."""
+VARIATION_MARK = "@"
+"""Between a scenario and the name of one of its held-out variations."""
+SUITE = Path(__file__).resolve().parents[2] / "scenarios"
+"""The folder of the scenarios that come with the package."""
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where a scenario's sources are and where its artefacts go."""
+
+    name: str
+    """What people call it, without the variation."""
+    directory: Path
+    """The folder of its sources, absolute."""
+    variation: str | None = None
+    """Which of its held-out variations is meant."""
+    map_file: str | None = None
+    """The map in `directory` that is all there is, where a map file was named."""
+    described_only: bool = False
+    """Whether a scenario file counts as absent, since the scenario was handed over by hand."""
+
+    @property
+    def script(self) -> Path | None:
+        """The file that describes it, if there is one."""
+        script = self.directory / SCRIPT
+        return script if script.is_file() and not (self.map_file or self.described_only) else None
+
+    @property
+    def builds(self) -> tuple[Path, ...]:
+        """Folders for its artefacts: the best first, the others for where that one cannot be written."""
+        beside = self.directory / "build"
+        apart = _cache_folder() / digest([str(self.directory), self.map_file], size=8)
+        return (apart,) if self.map_file else (beside, apart)
+
+    @property
+    def label(self) -> str:
+        """The name with the variation."""
+        return self.name if self.variation is None else f"{self.name}{VARIATION_MARK}{self.variation}"
+
+
+def locate(path: str | Path) -> Location:
+    """Return what `path` means: a folder, a map file or a name of the suite, maybe with "@variation".
+
+    Raises:
+        UnknownNameError: It is neither; the remedy names the nearest scenarios of the suite.
+        ScenarioError: The folder holds neither a scenario file nor anything else to build from.
+    """
+    text, variation = os.fspath(path), None
+    if not Path(text).exists() and VARIATION_MARK in text:
+        text, _, variation = text.rpartition(VARIATION_MARK)
+    found = Path(text)
+    if found.name == SCRIPT and found.is_file():
+        found = found.parent
+    if not found.exists() and (SUITE / text / SCRIPT).is_file():
+        found = SUITE / text
+    if found.is_dir():
+        folder = found.resolve()
+        return Location(folder.name, folder, variation)
+    if found.is_file():
+        file = found.resolve()
+        return Location(file.name.split(".")[0], file.parent, variation, map_file=file.name)
+    raise _unknown(text)
+
+
+def suite() -> dict[str, str]:
+    """Return the scenarios that come with the package: name and one line each.
+
+    Raises:
+        ScenarioError: The list of the suite is missing or broken.
+    """
+    file = SUITE / "suite.yaml"
+    try:
+        listed = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ScenarioError("the suite's list cannot be read", place=str(file), remedy="reinstall") from error
+    except yaml.YAMLError as error:
+        raise ScenarioError(f"the suite's list is broken: {error}", place=str(file)) from error
+    return {str(name): str(line) for name, line in (listed or {}).items()}
+
+
+def _unknown(text: str) -> UnknownNameError:
+    if os.sep in text or text.startswith("."):
+        parent = Path(text).parent
+        beside = [entry.name for entry in parent.iterdir() if entry.is_dir()] if parent.is_dir() else []
+        close = difflib.get_close_matches(Path(text).name, beside, n=1)
+        remedy = (
+            f"did you mean {str(parent / close[0])!r}?" if close else "give a folder, a map file or a name"
+        )
+        return UnknownNameError(f"there is no scenario folder {text!r}", remedy=remedy)
+    return UnknownNameError(f"there is no scenario {text!r}", remedy=nearest_names(text, suite()))
+
+
+def _cache_folder() -> Path:
+    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(root) / "smarts-bench" / "scenarios"

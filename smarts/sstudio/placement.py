@@ -1,0 +1,104 @@
+"""Places and routes of a scenario on its map: which lane is meant, how far along, by which edges.
+
+Offsets of scenarios are SUMO's positions along a lane; arc lengths s of the drawn centreline differ from
+them by the ratio of the lane's two lengths.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from smarts.errors import MapError, ScenarioError
+from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.routes import CARS, shortest_route
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.sstypes.constants import NAMED_OFFSETS
+
+BUSES = CARS | {LaneKind.BUS}
+"""The lanes that buses and coaches may use."""
+
+
+def usable_lanes(vehicle_type: str) -> frozenset[LaneKind]:
+    """Return the kinds of lanes that a vehicle type may use."""
+    return BUSES if vehicle_type in ("bus", "coach") else CARS
+
+
+@contextmanager
+def blame(where: str) -> Iterator[None]:
+    """Turn what a map lacks into an error of the scenario's object that asked for it."""
+    try:
+        yield
+    except MapError as error:
+        raise ScenarioError(error.problem, place=where, remedy=error.remedy) from error
+
+
+def lane_of(roads: LaneGraph, place: Sequence[Any], where: str) -> int:
+    """Return the row of the lane that (edge, lane index, offset) lies on.
+
+    Raises:
+        ScenarioError: The edge or the lane is not on the map, or the offset is off the lane.
+    """
+    if isinstance(place, str) or len(place) != 3:
+        raise ScenarioError(
+            f"{place!r} is not a place", place=where, remedy="give (edge, lane index, offset)"
+        )
+    edge, index, offset = place
+    with blame(where):
+        lane = roads.lane_number(edge, index)
+    check_offset(roads, lane, offset, where)
+    return lane
+
+
+def check_offset(roads: LaneGraph, lane: int, offset: Any, where: str) -> None:
+    """Raise a ScenarioError unless `offset` is a number on the lane or the name of a place on it."""
+    length = float(roads.sumo_length[lane])
+    if isinstance(offset, str):
+        if offset not in NAMED_OFFSETS:
+            names = ", ".join(map(repr, NAMED_OFFSETS))
+            raise ScenarioError(
+                f"{offset!r} is not an offset", place=where, remedy=f"use a number or {names}"
+            )
+    elif not 0 <= offset <= length:  # NaN, too, is off the lane
+        raise ScenarioError(
+            f"offset {offset} is off lane '{roads.lane_ids[lane]}', which is {length:.2f} m long",
+            place=where,
+            remedy=f'use 0 to {math.floor(length * 100) / 100:g}, or "max" for its end',
+        )
+
+
+def arc_length(roads: LaneGraph, lane: int, position: float) -> float:
+    """Return the arc length s [m] of SUMO's position [m] on a lane."""
+    return position * float(roads.length[lane] / roads.sumo_length[lane])
+
+
+def route_edges(
+    roads: LaneGraph, route: t.Route, where: str, kinds: frozenset[LaneKind] = CARS
+) -> tuple[str, ...]:
+    """Return the ids of all edges of a route, having checked its places.
+
+    Raises:
+        ScenarioError: A place is off the map, or the route cannot be driven.
+    """
+    begin = lane_of(roads, route.begin, f"{where}.begin")
+    lane_of(roads, route.end, f"{where}.end")
+    if roads.kind[begin] not in kinds:
+        raise ScenarioError(
+            f"lane '{roads.lane_ids[begin]}' is closed to this vehicle",
+            place=f"{where}.begin",
+            remedy="choose another lane, or another vehicle_type",
+        )
+    with blame(where):
+        return shortest_route(
+            roads, route.begin[0], route.end[0], tuple(route.via), lap=_comes_round(route), kinds=kinds
+        )
+
+
+def _comes_round(route: t.Route) -> bool:
+    """Return whether a route ends behind its begin on the same edge, so that it must go round once."""
+    begin, end = route.begin[2], route.end[2]
+    if route.begin[0] != route.end[0] or route.via:
+        return False
+    return not isinstance(begin, str) and not isinstance(end, str) and end < begin

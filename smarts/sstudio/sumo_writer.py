@@ -1,0 +1,252 @@
+"""Traffic as SUMO's input files.
+
+Every flow becomes one SUMO flow over a fixed sequence of edges. Its drivers are a distribution of vehicle
+types whose probabilities are the actors' shares. "random" offsets stay random: SUMO draws them anew in every
+episode. Files are sorted by time of departure, as SUMO wants them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import quoteattr
+
+from smarts.errors import MapError
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.routes import shortest_route
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.placement import route_edges, usable_lanes
+from smarts.sstudio.random_routes import draw_route
+from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET
+from smarts.sstudio.vehicle_types import ignored_models, mix_id, sumo_id, vehicle_types
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+ROUND_TRIP_EDGES = 2000
+"""How many edges a repeated route gets at least; enough for hours, and SUMO holds it in memory once."""
+
+
+@dataclass(frozen=True)
+class SumoTraffic:
+    """The contents of the files for one variation of the traffic."""
+
+    routes: str
+    """Vehicle types, routes, flows and vehicles."""
+    additional: str
+    """Bus stops; empty without any."""
+    notes: tuple[str, ...]
+    """What SUMO cannot do of what was asked."""
+
+
+def sumo_traffic(traffic: t.Traffic, roads: LaneGraph, generator: Generator, where: str) -> SumoTraffic:
+    """Return a variation of the traffic as SUMO's input.
+
+    Args:
+        traffic: The traffic, which has passed validation.
+        roads: The map.
+        generator: Draws random routes and what SUMO cannot draw itself.
+        where: What `traffic` is, for notes and errors.
+
+    Raises:
+        ScenarioError: A route cannot be driven.
+    """
+    return _Writer(roads, generator, where).write(traffic)
+
+
+@dataclass
+class _Element:
+    """An XML element with its attributes in order."""
+
+    tag: str
+    attributes: Mapping[str, Any]
+    children: Sequence[_Element] = ()
+
+    def lines(self, indent: str = "    ") -> Iterable[str]:
+        """Return the element as lines of text."""
+        attributes = "".join(f" {name}={quoteattr(_text(value))}" for name, value in self.attributes.items())
+        if not self.children:
+            yield f"{indent}<{self.tag}{attributes}/>"
+            return
+        yield f"{indent}<{self.tag}{attributes}>"
+        for child in self.children:
+            yield from child.lines(indent + "    ")
+        yield f"{indent}</{self.tag}>"
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return f"{value:.10g}"
+    return str(value)
+
+
+def _document(root: str, elements: Iterable[_Element]) -> str:
+    body = "\n".join(line for element in elements for line in element.lines())
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n<{root}>\n{body}\n</{root}>\n'
+
+
+@dataclass
+class _Writer:
+    """The elements of one variation, each declared once however often it is used."""
+
+    roads: LaneGraph
+    generator: Generator
+    where: str
+    types: dict[str, _Element] = field(default_factory=dict)
+    """Vehicle types and their distributions by id."""
+    members: dict[t.TrafficActor, list[str]] = field(default_factory=dict)
+    """The ids of each driver's vehicle types."""
+    routes: dict[tuple[str, ...], dict[str, Any]] = field(default_factory=dict)
+    """The attributes of each route by its edges."""
+    stops: dict[str, _Element] = field(default_factory=dict)
+    """Bus stops by id."""
+    drawn: dict[t.RandomRoute, t.Route] = field(default_factory=dict)
+    """What each random route turned out to be."""
+    notes: dict[str, None] = field(default_factory=dict)
+    """In order, each once."""
+
+    def write(self, traffic: t.Traffic) -> SumoTraffic:
+        """Return the files' contents."""
+        departures = [
+            (flow.begin, element)
+            for number, flow in enumerate(traffic.flows)
+            for element in self._flows(flow, number)
+        ]
+        departures += [
+            (trip.depart, self._vehicle(trip, f"{self.where}.trips[{number}]"))
+            for number, trip in enumerate(traffic.trips or ())
+        ]
+        departures.sort(key=lambda departure: departure[0])
+        routes = [_Element("route", attributes) for attributes in self.routes.values()]
+        elements = [*self.types.values(), *routes, *(element for _, element in departures)]
+        return SumoTraffic(
+            routes=_document("routes", elements),
+            additional=_document("additional", self.stops.values()) if self.stops else "",
+            notes=tuple(self.notes),
+        )
+
+    def _flows(self, flow: t.Flow, number: int) -> Iterable[_Element]:
+        """Return the flow once for each speed that its drivers depart with, which SUMO wants at the flow."""
+        where, total = f"{self.where}.flows[{number}]", sum(flow.actors.values())
+        names = {actor.name for actor in flow.actors}
+        name = f"{sumo_id(names.pop()) if len(names) == 1 else 'mixed'}-flow-{number}"
+        route = self._resolved(flow.route)
+        edges = self._edges(route, where, flow.actors)
+        departing = sorted({actor.depart_speed for actor in flow.actors}, key=str)
+        for speed in departing:
+            actors = {actor: weight for actor, weight in flow.actors.items() if actor.depart_speed == speed}
+            rate = flow.rate * sum(actors.values()) / total
+            if rate == 0:
+                continue
+            attributes = {
+                "id": name if len(departing) == 1 else f"{name}-{_text(speed)}",
+                "type": self._mixture(actors),
+                "route": self._round_trip(edges, where) if flow.repeat_route else self._route(edges),
+                "begin": flow.begin,
+                "end": flow.end,
+                **({"period": f"exp({rate / 3600:.10g})"} if flow.randomly_spaced else {"vehsPerHour": rate}),
+                **self._ends(route, speed),
+            }
+            yield _Element("flow", attributes, [self._stop(stop) for stop in flow.stops])
+
+    def _vehicle(self, trip: t.Trip, where: str) -> _Element:
+        actor, route = trip.driver, self._resolved(trip.route)
+        attributes = {
+            "id": trip.vehicle_name,
+            "type": self._mixture({actor: 1.0}),
+            "route": self._route(self._edges(route, where, [actor])),
+            "depart": trip.depart,
+            **self._ends(route, actor.depart_speed),
+        }
+        return _Element("vehicle", attributes, [self._stop(stop) for stop in trip.stops])
+
+    def _resolved(self, route: t.Route | t.RandomRoute) -> t.Route:
+        if isinstance(route, t.Route):
+            return route
+        if route not in self.drawn:
+            self.drawn[route] = draw_route(self.roads, self.generator)
+        return self.drawn[route]
+
+    def _mixture(self, actors: Mapping[t.TrafficActor, float]) -> str:
+        """Declare the drivers' vehicle types and return the id of the only one, or of their distribution."""
+        shares: dict[str, float] = {}
+        total = sum(actors.values())
+        for actor in sorted(
+            (actor for actor, weight in actors.items() if weight), key=lambda actor: actor.id
+        ):
+            members = self._members(actor)
+            for member in members:
+                shares[member] = shares.get(member, 0.0) + actors[actor] / total / len(members)
+        if len(shares) == 1:
+            return next(iter(shares))
+        mixture = mix_id(actors)
+        probabilities = " ".join(map(_text, shares.values()))
+        attributes = {"id": mixture, "vTypes": " ".join(shares), "probabilities": probabilities}
+        self.types[mixture] = _Element("vTypeDistribution", attributes)
+        return mixture
+
+    def _members(self, actor: t.TrafficActor) -> list[str]:
+        if actor not in self.members:
+            declared = vehicle_types(actor, self.generator)
+            self.types.update({attributes["id"]: _Element("vType", attributes) for attributes in declared})
+            self.members[actor] = [attributes["id"] for attributes in declared]
+            for model in ignored_models(actor):
+                self._note(f"SUMO drives actor '{actor.name}', so its {type(model).__name__} has no effect")
+        return self.members[actor]
+
+    def _edges(self, route: t.Route, where: str, actors: Iterable[t.TrafficActor]) -> tuple[str, ...]:
+        open_to_all = frozenset.intersection(*(usable_lanes(actor.vehicle_type) for actor in actors))
+        return route_edges(self.roads, route, f"{where}.route", open_to_all)
+
+    def _route(self, edges: tuple[str, ...], rounds: int = 1) -> str:
+        key = (*edges, str(rounds))
+        if key not in self.routes:
+            name = f"route-{len(self.routes)}"
+            repeat = {"repeat": rounds} if rounds > 1 else {}
+            self.routes[key] = {"id": name, "edges": " ".join(edges), **repeat}
+        return self.routes[key]["id"]
+
+    def _round_trip(self, edges: tuple[str, ...], where: str) -> str:
+        """Declare a route that leads back to its begin over the map's own roads, many times."""
+        try:
+            back = shortest_route(self.roads, edges[-1], edges[0], lap=True)[1:-1]
+        except MapError:
+            self._note(
+                f"{where}: no way leads back to '{edges[0]}', so vehicles leave at the end of the route"
+            )
+            return self._route(edges)
+        circuit = (*edges, *back)
+        if len(circuit) > 1 and circuit[0] == circuit[-1]:
+            circuit = circuit[:-1]  # the next round begins with that edge
+        return self._route(circuit, rounds=-(-ROUND_TRIP_EDGES // len(circuit)))
+
+    def _ends(self, route: t.Route, speed: float | str) -> dict[str, Any]:
+        """Return where and how vehicles depart and arrive, in SUMO's words."""
+        (_, depart_lane, depart), (_, arrival_lane, arrival) = route.begin, route.end
+        if depart == MAX_OFFSET:
+            depart = float(self.roads.sumo_length[self.roads.lane_number(*route.begin[:2])])
+        return {
+            "departLane": depart_lane,
+            "departPos": depart,
+            "departSpeed": speed,
+            "arrivalLane": arrival_lane,
+            "arrivalPos": 0 if arrival == BASE_OFFSET else arrival,
+        }
+
+    def _stop(self, stop: t.Stop) -> _Element:
+        area = {
+            "lane": f"{stop.road_id}_{stop.lane_index}",
+            "startPos": max(stop.offset - stop.length, 0.0),
+            "endPos": stop.offset,
+        }
+        if not stop.bus_stop:
+            return _Element("stop", {**area, "duration": stop.duration})
+        name = f"stop-{area['lane']}-{_text(area['startPos'])}-{_text(area['endPos'])}"
+        self.stops[name] = _Element("busStop", {"id": name, **area})
+        return _Element("stop", {"busStop": name, "duration": stop.duration})
+
+    def _note(self, note: str) -> None:
+        self.notes[note] = None

@@ -1,0 +1,63 @@
+"""The areas that zones cover, as shapely geometries in the map frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from shapely import affinity, ops
+from shapely.geometry import LineString, Polygon, box
+from shapely.geometry.base import BaseGeometry
+
+from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
+from smarts.sstudio.sstypes.drawing import drawing
+from smarts.sstudio.sstypes.zone import MapZone
+
+SEAM = 0.3
+"""By how much a lane's strip is wider than the lane, so that neighbouring strips overlap [m]."""
+
+
+def rectangle(centre: tuple[float, float], size: tuple[float, float], rotation: float) -> Polygon:
+    """Return the rectangle of `size` [m] about `centre`, turned counter-clockwise by `rotation` [rad]."""
+    (x, y), (along, across) = centre[:2], size
+    upright = box(x - along / 2, y - across / 2, x + along / 2, y + across / 2)
+    return affinity.rotate(upright, rotation, origin="center", use_radians=True) if rotation else upright
+
+
+def polygon(corners: Sequence[tuple[float, float]], rotation: float) -> Polygon:
+    """Return the polygon of the corners, or the rectangle that two corners span, turned about its middle."""
+    if len(corners) == 2:
+        (left, low), (right, high) = corners
+        shape = box(min(left, right), min(low, high), max(left, right), max(low, high))
+    else:
+        shape = Polygon(corners)
+    return affinity.rotate(shape, rotation, origin="center", use_radians=True) if rotation else shape
+
+
+def lane_zone_geometry(zone: MapZone, roads: LaneGraph) -> BaseGeometry:
+    """Return the strips of the zone's lanes as one area.
+
+    Raises:
+        MapError: The edge or one of the lanes is not on the map.
+    """
+    edge, first, offset = zone.start
+    lanes = [roads.lane_number(edge, first + place) for place in range(zone.n_lanes)]
+    return ops.unary_union([_strip(roads, lane, offset, zone.length) for lane in lanes])
+
+
+def _strip(roads: LaneGraph, lane: int, offset: float | str, wanted: float | str) -> BaseGeometry:
+    """Return the part of a lane that begins at `offset` and is `wanted` [m] long, or shorter at its end."""
+    whole = float(roads.length[lane])
+    length = whole if wanted == MAX_OFFSET else min(float(wanted), whole)
+    begin = _begin(offset, whole - length)
+    centre = ops.substring(LineString(roads.centreline(lane)), begin, min(begin + length, whole))
+    return centre.buffer((float(roads.width[lane]) + SEAM) / 2, cap_style="flat")
+
+
+def _begin(offset: float | str, latest: float) -> float:
+    if isinstance(offset, str):
+        named = {BASE_OFFSET: 0.0, MAX_OFFSET: latest}
+        if offset == RANDOM_OFFSET:
+            return float(drawing().generator.uniform(0.0, latest))
+        return named[offset]
+    return float(offset)
