@@ -14,6 +14,8 @@ Floats = NDArray[np.float64]
 Place = tuple[str, int, float | str]
 
 ANY_VEHICLE = frozenset({LaneKind.CAR, LaneKind.BUS})
+LANE_CHANGE = 25.0
+"""Length of a lane change in a picture [m]."""
 
 
 def start_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, float] | None:
@@ -33,47 +35,60 @@ def goal_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, fl
 def route_line(roads: LaneGraph, route: t.Route) -> Floats:
     """Return a line from a route's begin to its end along lanes that connect, shape (., 2).
 
-    Lanes are changed where the next junction asks for it; the line then jumps from lane to lane.
+    Where lanes have to be changed, the line does so half-way along the road.
     """
     begin, end = route.begin, route.end
     first, last = roads.lane_number(begin[0], begin[1]), roads.lane_number(end[0], end[1])
     s0, s1 = _offset(roads, first, begin[2]), _offset(roads, last, end[2])
     lap = begin[0] == end[0] and s1 <= s0
     edges = shortest_route(roads, begin[0], end[0], route.via, lap=lap, kinds=ANY_VEHICLE)
-    lanes = _lanes_along(roads, route_corridor(roads, edges, ANY_VEHICLE), first, last)
-    parts = [roads.centreline(lane) for lane in lanes]
-    if len(lanes) == 1:
-        parts[0] = _between(roads, first, s0, s1)
-    else:
-        parts[0] = _between(roads, lanes[0], s0, np.inf)
-        parts[-1] = _between(roads, lanes[-1], 0.0, s1)
+    legs = _lanes_along(roads, route_corridor(roads, edges, ANY_VEHICLE), first, last)
+    parts = []
+    for number, lanes in enumerate(legs):
+        low = s0 if number == 0 else 0.0
+        high = s1 if number == len(legs) - 1 else np.inf
+        parts += _leg(roads, lanes, low, high)
     return np.concatenate(parts)
 
 
-def _lanes_along(roads: LaneGraph, corridor: Corridor, first: int, last: int) -> list[int]:
-    """Return lanes from `first` to `last`, one or more for each group of the corridor."""
+def _lanes_along(roads: LaneGraph, corridor: Corridor, first: int, last: int) -> list[list[int]]:
+    """Return the lanes on each road and in each junction of the way; two where the lane is changed."""
     row = int(np.flatnonzero(corridor.lane == first)[0])
-    lanes = [first]
+    legs = [[first]]
     while True:
-        onward = corridor.onward[corridor.onward_start[row] : corridor.onward_start[row + 1]]
-        if len(onward) == 0:
-            beside = _rows_beside(corridor, row)
+        onward = _onward(corridor, row)
+        if not onward:
+            beside = [other for other in _rows_beside(corridor, row) if _onward(corridor, other)]
             if not beside:
                 break
             row = min(beside, key=lambda other: abs(other - row))
-        else:
-            goal_index = roads.lane_index[last]
-            row = min(onward.tolist(), key=lambda r: abs(roads.lane_index[corridor.lane[r]] - goal_index))
-        lanes.append(int(corridor.lane[row]))
-    if lanes[-1] != last:
-        lanes.append(last)
-    return lanes
+            legs[-1].append(int(corridor.lane[row]))
+            onward = _onward(corridor, row)
+        goal = roads.lane_index[last]
+        row = min(onward, key=lambda other: abs(roads.lane_index[corridor.lane[other]] - goal))
+        legs.append([int(corridor.lane[row])])
+    if legs[-1][-1] != last:
+        legs[-1].append(last)
+    return legs
+
+
+def _onward(corridor: Corridor, row: int) -> list[int]:
+    return corridor.onward[corridor.onward_start[row] : corridor.onward_start[row + 1]].tolist()
 
 
 def _rows_beside(corridor: Corridor, row: int) -> list[int]:
-    """Return the rows of the same edge that lead onward."""
-    same = np.flatnonzero(corridor.group == corridor.group[row])
-    return [int(other) for other in same if corridor.onward_start[other] < corridor.onward_start[other + 1]]
+    return np.flatnonzero(corridor.group == corridor.group[row]).tolist()
+
+
+def _leg(roads: LaneGraph, lanes: list[int], low: float, high: float) -> list[Floats]:
+    """Return the line from `low` to `high` [m] on one road, from the first of its lanes to the last."""
+    before, after = lanes[0], lanes[-1]
+    if before == after:
+        return [_between(roads, before, low, high)]
+    ends = (low, min(high, float(roads.length[after])))
+    reach = min(LANE_CHANGE, abs(ends[1] - ends[0])) / 2
+    middle = sum(ends) / 2
+    return [_between(roads, before, low, middle - reach), _between(roads, after, middle + reach, high)]
 
 
 def _between(roads: LaneGraph, lane: int, s0: float, s1: float) -> Floats:

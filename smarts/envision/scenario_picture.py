@@ -39,6 +39,8 @@ EGOS = ("#d62728", "#ff7f0e", "#9e2a6b", "#8c564b")
 CAR = "#2c5f8a"
 LARGE_VEHICLES = {VehicleKind.BUS: "#1b7f5c", VehicleKind.COACH: "#1b7f5c", VehicleKind.TRUCK: "#4d4d4d"}
 EGO_SIZE = (5.0, 2.0)
+SHEET_ASPECT = 2.4
+"""Width over height of one scenario on the sheet."""
 
 Picture = tuple[BuiltScenario, str | None, VehicleStates | None]
 """A scenario, the variation of its traffic, and a moment of it."""
@@ -53,14 +55,14 @@ def scenario_picture(picture: Picture, out: Path, *, dpi: int = 150) -> None:
     axes.set_title(f"{built.name}, {traffic or 'no traffic'}", loc="left")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.legend(handles=_legend(picture), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    figure.legend(handles=_legend(picture), loc="outside lower center", ncols=6, frameon=False)
     _write(figure, out, dpi)
 
 
-def scenario_sheet(pictures: Sequence[Picture], out: Path, *, columns: int = 3, dpi: int = 110) -> None:
+def scenario_sheet(pictures: Sequence[Picture], out: Path, *, columns: int = 2, dpi: int = 100) -> None:
     """Draw many scenarios side by side, closely round their missions' roads, to one file."""
     rows = -(-len(pictures) // columns)
-    figure = Figure(figsize=(5.2 * columns, 4.0 * rows), layout="constrained")
+    figure = Figure(figsize=(7.5 * columns, 7.5 / SHEET_ASPECT * rows + 0.5), layout="constrained")
     for axes, picture in zip(figure.subplots(rows, columns, squeeze=False).flat, pictures, strict=False):
         _draw_all(axes, picture)
         _zoom_to_missions(axes, picture[0])
@@ -164,8 +166,8 @@ def _draw_all(axes: Axes, picture: Picture) -> None:
     axes.autoscale_view()
 
 
-def _zoom_to_missions(axes: Axes, built: BuiltScenario, margin: float = 25.0, least: float = 60.0) -> None:
-    """Show what the missions' routes span and a margin [m], in the sheet's 4:3, at least `least` [m] high."""
+def _zoom_to_missions(axes: Axes, built: BuiltScenario, margin: float = 15.0) -> None:
+    """Show what the missions' routes span and a margin [m], in the sheet's proportions."""
     roads = built.roads()
     routes = [
         m.route for m in expand(built.scenario.ego_missions or ()) if not isinstance(m, t.EndlessMission)
@@ -174,9 +176,9 @@ def _zoom_to_missions(axes: Axes, built: BuiltScenario, margin: float = 25.0, le
     points = np.concatenate(lines) if lines else roads.point_xy
     low, high = points.min(0) - margin, points.max(0) + margin
     middle, (width, height) = (low + high) / 2, high - low
-    height = max(height, width * 3 / 4, least)
-    axes.set_xlim(middle[0] - height * 2 / 3, middle[0] + height * 2 / 3)
-    axes.set_ylim(middle[1] - height / 2, middle[1] + height / 2)
+    half = max(width, height * SHEET_ASPECT) / 2
+    axes.set_xlim(middle[0] - half, middle[0] + half)
+    axes.set_ylim(middle[1] - half / SHEET_ASPECT, middle[1] + half / SHEET_ASPECT)
 
 
 def _legend(picture: Picture | None = None) -> list[Patch]:

@@ -1,0 +1,116 @@
+"""`smarts-bench scenario ...` as a user meets it: in a process of its own."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from smarts.sstudio.locating import suite
+
+TINY = {
+    "map.nod.xml": """<nodes>
+        <node id="a" x="0" y="0"/><node id="b" x="200" y="0"/><node id="c" x="400" y="40"/></nodes>""",
+    "map.edg.xml": """<edges>
+        <edge id="first" from="a" to="b" numLanes="2" speed="13.9"/>
+        <edge id="second" from="b" to="c" numLanes="2" speed="13.9"/></edges>""",
+    "scenario.py": """
+from pathlib import Path
+from smarts.sstudio import gen_scenario, types as t
+route = t.Route(begin=("first", 0, 5), end=("second", 1, "max"))
+flow = t.Flow(route=route, rate=1200, actors={t.TrafficActor("car"): 1.0})
+gen_scenario(
+    t.Scenario(ego_missions=[t.Mission(route)], traffic={"busy": t.Traffic(flows=[flow])}),
+    output_dir=Path(__file__).parent,
+)
+""",
+}
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    folder = tmp_path / "tiny"
+    folder.mkdir()
+    for name, text in TINY.items():
+        (folder / name).write_text(text)
+    return folder
+
+
+def smarts_bench(*arguments, cwd=None):
+    command = [sys.executable, "-c", "from benchmark.cli import main; main()", *map(str, arguments)]
+    environment = {**os.environ, "COLUMNS": "200"}
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, env=environment)
+
+
+def test_help_reaches_no_heavy_import():
+    code = (
+        "import sys\n"
+        "from benchmark.cli import app\n"
+        "app(['--help'], standalone_mode=False)\n"
+        "heavy = {'numpy', 'numba', 'matplotlib', 'shapely', 'sumolib', 'libsumo', 'torch', 'ray', 'yaml'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert result.returncode == 0, result.stderr
+    assert "scenario" in result.stdout
+
+
+def test_list_names_the_suite_in_order():
+    result = smarts_bench("scenario", "list")
+    assert [line.split()[0] for line in result.stdout.splitlines()] == list(suite())
+
+
+def test_build_reports_and_is_idempotent(tiny):
+    first, second = smarts_bench("scenario", "build", tiny), smarts_bench("scenario", "build", tiny)
+    assert first.returncode == second.returncode == 0, first.stderr
+    assert "tiny: " in first.stdout
+    assert "traffic busy" in first.stdout
+    assert first.stdout.splitlines()[1] == second.stdout.splitlines()[1]
+
+
+def test_run_counts_vehicles_and_draws(tiny):
+    out = tiny / "pictures" / "end.png"
+    result = smarts_bench("scenario", "run", tiny, "--seconds", "30", "--out", out)
+    assert result.returncode == 0, result.stderr
+    assert "300 steps of 0.1 s" in result.stdout
+    # 1,200 vehicles an hour for 30 s: ten departures, the last ones still under way.
+    assert "10 at most" in result.stdout
+    assert out.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_show_draws_any_format(tiny, suffix):
+    out = tiny / f"picture{suffix}"
+    result = smarts_bench("scenario", "show", tiny, "--seconds", "5", "--out", out)
+    assert result.returncode == 0, result.stderr
+    assert out.stat().st_size > 5_000
+
+
+def test_show_draws_a_map_without_a_scenario_file(tiny):
+    (tiny / "scenario.py").unlink()
+    out = tiny / "map.png"
+    result = smarts_bench("scenario", "show", tiny, "--out", out)
+    assert result.returncode == 0, result.stderr
+    assert out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["build", "intersektion"], "did you mean 'intersection'"),
+        (["build"], "no scenario is named"),
+        (["build", "loop", "--all"], "both names and --all"),
+        (["show", "TINY", "--out", "picture.bmpx"], "no picture format"),
+        (["run", "TINY", "--traffic", "bussy"], "did you mean 'busy'"),
+        (["build", "TINY@dense"], "dense"),
+        (["run", "TINY", "--seconds", "-1"], "--seconds"),
+        (["build", "no/such/folder"], "no/such/folder"),
+    ],
+)
+def test_bad_input_ends_in_one_message_and_exit_code_2(tiny, arguments, said):
+    result = smarts_bench("scenario", *(a.replace("TINY", str(tiny)) for a in arguments), cwd=tiny)
+    assert result.returncode == 2
+    assert said in result.stderr
+    assert "Traceback" not in result.stderr
+    assert not list(Path(tiny).glob("*.bmpx"))
