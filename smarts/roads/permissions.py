@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from smarts.roads.lane_graph import LaneKind
 
-# In order of precedence: a lane is of the first kind whose users may all be found on it.
+_RAIL = {"rail", "tram", "rail_urban", "rail_electric", "rail_fast", "subway", "cable_car"}
+# In order of precedence: a lane is of the first kind of which it is open to some user.
 _USERS = (
-    (LaneKind.CAR, "passenger"),
-    (LaneKind.BUS, "bus"),
-    (LaneKind.BICYCLE, "bicycle"),
-    (LaneKind.FOOT, "pedestrian"),
-    (LaneKind.RAIL, "rail"),
-    (LaneKind.RAIL, "tram"),
+    (LaneKind.CAR, {"passenger"}),
+    (LaneKind.BUS, {"bus", "coach"}),
+    (LaneKind.BICYCLE, {"bicycle"}),
+    (LaneKind.FOOT, {"pedestrian"}),
+    (LaneKind.RAIL, _RAIL),
 )
-_RAIL = {"rail", "tram", "rail_urban", "rail_electric", "rail_fast", "subway"}
 
 
 def lane_kind(allow: str, disallow: str, road_type: str = "") -> LaneKind:
@@ -22,9 +21,9 @@ def lane_kind(allow: str, disallow: str, road_type: str = "") -> LaneKind:
         return LaneKind.SHOULDER
     allowed, disallowed = set(allow.split()), set(disallow.split())
 
-    def may_use(user: str) -> bool:
+    def is_open(users: set[str]) -> bool:
         if allowed:
-            return user in allowed or "all" in allowed
-        return user not in disallowed and "all" not in disallowed
+            return "all" in allowed or bool(users & allowed)
+        return "all" not in disallowed and bool(users - disallowed)
 
-    return next((kind for kind, user in _USERS if may_use(user)), LaneKind.CLOSED)
+    return next((kind for kind, users in _USERS if is_open(users)), LaneKind.CLOSED)

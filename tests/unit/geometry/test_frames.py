@@ -1,0 +1,40 @@
+import math
+
+import numpy as np
+import pytest
+
+from smarts.geometry.frames import compass_from_heading, heading_from_compass, rotate, wrap_angle
+
+
+@pytest.mark.parametrize(
+    ("angle", "expected"),
+    [(0.0, 0.0), (math.pi, math.pi), (-math.pi, math.pi), (3 * math.pi, math.pi), (7.0, 7.0 - 2 * math.pi)],
+)
+def test_wrap_angle(angle, expected):
+    assert wrap_angle(angle) == pytest.approx(expected)
+
+
+def test_wrap_angle_keeps_to_the_half_open_interval():
+    wrapped = wrap_angle(np.linspace(-50, 50, 10_001))
+    assert (wrapped > -math.pi).all()
+    assert (wrapped <= math.pi).all()
+    np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * np.linspace(-50, 50, 10_001)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("compass", "heading"), [(0.0, math.pi / 2), (90.0, 0.0), (180.0, -math.pi / 2), (270.0, math.pi)]
+)
+def test_compass_points(compass, heading):
+    assert heading_from_compass(compass) == pytest.approx(heading)
+    assert compass_from_heading(heading) == pytest.approx(compass)
+
+
+def test_compass_there_and_back():
+    degrees = np.linspace(0, 359.9, 500)
+    np.testing.assert_allclose(compass_from_heading(heading_from_compass(degrees)), degrees)
+
+
+def test_rotate_is_counter_clockwise():
+    np.testing.assert_allclose(
+        rotate(np.array([[1.0, 0.0], [0.0, 2.0]]), math.pi / 2), [[0, 1], [-2, 0]], atol=1e-15
+    )

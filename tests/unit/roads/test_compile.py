@@ -1,0 +1,146 @@
+import shutil
+from pathlib import Path
+
+import pytest
+
+from smarts.errors import MapError
+from smarts.roads.compile import compile_map
+from smarts.roads.lane_graph import LaneKind
+from smarts.roads.routes import shortest_route
+from smarts.roads.sources import find_map_source
+from smarts.roads.sumo_net import read_net
+
+from . import maps
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+def compiled(folder, out=None):
+    out = out or folder / "out.net.xml"
+    return out, compile_map(find_map_source(folder), out)
+
+
+def error_of(folder):
+    with pytest.raises(MapError) as caught:
+        compiled(folder)
+    assert not (folder / "out.net.xml").exists()
+    assert [file.name for file in folder.iterdir() if file.name.startswith(".")] == []
+    return caught.value
+
+
+@pytest.mark.parametrize("name", ["cross", "city"])
+def test_same_sources_give_same_bytes_anywhere(tmp_path, name):
+    one, _ = compiled(maps.write(tmp_path / "one", **maps.MAPS[name]))
+    two, _ = compiled(
+        maps.write(tmp_path / "deeper" / "two", **maps.MAPS[name]), tmp_path / "new" / "net.xml"
+    )
+    assert one.read_bytes() == two.read_bytes()
+    assert b"generated on" not in one.read_bytes()
+    assert str(tmp_path).encode() not in one.read_bytes()
+
+
+def test_a_compiled_net_is_copied(tmp_path, nets):
+    folder = maps.write(tmp_path)
+    shutil.copy(nets["cross"], folder / "map.net.xml")
+    out, notes = compiled(folder)
+    assert out.read_bytes() == nets["cross"].read_bytes()
+    assert notes == ()
+
+
+def test_plain_sources_have_no_turnarounds_unless_asked_for(tmp_path, cross):
+    with pytest.raises(MapError, match="no way leads"):
+        shortest_route(cross, "west_in", "west_out")
+    options = '<configuration><no-turnarounds value="false"/></configuration>'
+    out, _ = compiled(maps.write(tmp_path, netccfg=options, **maps.cross()))
+    assert shortest_route(read_net(out), "west_in", "west_out") == ("west_in", "west_out")
+
+
+def test_warnings_become_notes_once_and_without_paths(tmp_path):
+    sources = maps.cross()
+    hairpin = '<edge id="west_out" shape="0,0 -50,0 -20,1 -100,0" '
+    sources["edg"] = sources["edg"].replace('<edge id="west_out" ', hairpin)
+    _, notes = compiled(maps.write(tmp_path, **sources))
+    assert any("angle" in note and "west_out" in note for note in notes)
+    assert len(set(notes)) == len(notes)
+    assert not any(str(tmp_path) in note or "SUMO_HOME" in note for note in notes)
+
+
+def test_opendrive(tmp_path):
+    shutil.copy(DATA / "bend.xodr", tmp_path / "map.xodr")
+    out, notes = compiled(tmp_path)
+    graph = read_net(out)
+    ahead = [graph.lane_number("-1", index) for index in range(3)]
+    assert [LaneKind(graph.kind[lane]) for lane in ahead] == [LaneKind.SHOULDER, LaneKind.CAR, LaneKind.CAR]
+    assert graph.width[ahead].tolist() == [1.5, 3.25, 3.5]
+    assert graph.pose_at(ahead[2], 10.0) == pytest.approx((10, -1.75, 0), abs=1e-2)
+    # The inner lane of a left bend of 0.8 rad on a radius of 50 m.
+    back = graph.lane_number("1", 1)
+    assert graph.length[back] == pytest.approx(60 + 0.8 * (50 - 1.75), abs=0.1)
+    assert notes == ()
+
+
+def test_osm(tmp_path):
+    shutil.copy(DATA / "village.osm", tmp_path / "map.osm")
+    out, notes = compiled(tmp_path)
+    graph = read_net(out)
+    assert {edge.lstrip("-").split("#")[0] for edge in graph.road_edges} == {"100", "101"}
+    assert graph.speed_limit[graph.lane_number("101", 0)] == pytest.approx(30 / 3.6, abs=0.01)
+    assert shortest_route(graph, "101", "-101") == ("101", "-101")
+    assert notes == ("dropped 1 of 3 ways with highway: 1 footway",)
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"xodr": "<OpenDRIVE><road"}, r"map\.xodr: netconvert refused the map: .*unexpected end of input"),
+        ({"osm": "<osm><node id='1' lat='x'"}, r"map\.osm: netconvert refused the map: "),
+        ({"osm": "<osm></osm>"}, "No nodes loaded"),
+        ({"nod": "<nodes/>", "edg": "<edges/>"}, "No nodes loaded"),
+        ({"netgcfg": "<configuration/>"}, "netgenerate refused the map: "),
+        ({"net": "<net></net>"}, "none of the map's 0 lanes is open to cars"),
+        ({"net": "<routes></routes>"}, "outermost element is <routes>"),
+        ({"net": "not xml"}, "not a SUMO network: syntax error"),
+        ({"net": ""}, "not a SUMO network: no element found"),
+    ],
+)
+def test_broken_sources(tmp_path, files, message):
+    folder = tmp_path
+    for suffix, text in files.items():
+        ending = f"{suffix}.xml" if suffix in ("nod", "edg", "net") else suffix
+        (folder / f"map.{ending}").write_text(text)
+    error = error_of(folder)
+    with pytest.raises(MapError, match=message):
+        raise error
+    assert str(folder) in error.place
+    assert str(folder) not in error.problem
+    assert error.remedy
+
+
+def test_broken_options(tmp_path):
+    error = error_of(maps.write(tmp_path, netccfg="<configuration", **maps.cross()))
+    assert error.place.endswith("map.netccfg")
+    bad = '<configuration><no-such-option value="1"/></configuration>'
+    error = error_of(maps.write(tmp_path, netccfg=bad, **maps.cross()))
+    assert "no-such-option" in error.problem
+
+
+def test_a_map_for_pedestrians_only(tmp_path):
+    sources = maps.lane_kinds()
+    sources["edg"] = sources["edg"].replace("passenger bus", "tram").replace('"bus"', '"tram"')
+    assert "is open to cars" in error_of(maps.write(tmp_path, **sources)).problem
+
+
+def test_a_net_without_lanes_inside_junctions(tmp_path):
+    options = '<configuration><no-internal-links value="true"/></configuration>'
+    error = error_of(maps.write(tmp_path, netccfg=options, **maps.cross()))
+    assert "no lanes inside" in error.problem
+    assert "netconvert" in error.remedy
+
+
+def test_an_existing_output_survives_a_failure(tmp_path):
+    out, _ = compiled(maps.write(tmp_path, **maps.cross()))
+    before = out.read_bytes()
+    (tmp_path / "map.edg.xml").write_text("<edges")
+    with pytest.raises(MapError):
+        compiled(tmp_path)
+    assert out.read_bytes() == before

@@ -1,0 +1,113 @@
+"""Conflicts of the cross: lanes 3.2 m wide, 1.6 and 4.8 m off the axes, a junction from -10.4 to 10.4 m."""
+
+import numpy as np
+import pytest
+import shapely
+import shapely.ops
+
+from smarts.roads.lane_graph import ConflictKind
+
+
+def through(graph, origin, target):
+    """Return the junction lanes from one lane to another."""
+    chain = [graph.lane_of_id(origin)]
+    goal = graph.lane_of_id(target)
+
+    def search(lane, path):
+        for after in graph.successors(lane):
+            if after == goal:
+                return path
+            if graph.is_internal[after] and (found := search(after, [*path, int(after)])):
+                return found
+        return None
+
+    return search(chain[0], [])
+
+
+def conflict(graph, lane, other):
+    """Return kind and both extents, or None."""
+    rows = range(graph.conflict_start[lane], graph.conflict_start[lane + 1])
+    found = [row for row in rows if graph.conflict_lane[row] == other]
+    if not found:
+        return None
+    (row,) = found
+    extents = graph.conflict_extent[row], graph.conflict_other_extent[row]
+    return ConflictKind(graph.conflict_kind[row]), *(tuple(extent) for extent in extents)
+
+
+def test_straight_roads_cross_in_a_square(cross):
+    (eastbound,) = through(cross, "west_in_1", "east_out_1")
+    (northbound,) = through(cross, "south_in_0", "north_out_0")
+    # Eastbound at y = -1.6 from x = -10.4; northbound at x = 4.8 from y = -10.4, each 1.6 m to either side.
+    kind, own, other = conflict(cross, eastbound, northbound)
+    assert kind is ConflictKind.CROSS
+    assert own == pytest.approx((13.6, 16.8))
+    assert other == pytest.approx((7.2, 10.4))
+
+
+def test_right_turn_merges_with_the_straight_road(cross):
+    (turn,) = through(cross, "west_in_0", "south_out_0")
+    (straight,) = through(cross, "north_in_0", "south_out_0")
+    kind, own, other = conflict(cross, turn, straight)
+    assert kind is ConflictKind.MERGE
+    assert own[1] == pytest.approx(cross.length[turn], abs=0.01)
+    assert other[1] == pytest.approx(cross.length[straight], abs=0.01)
+    assert 0 < own[0] < own[1]
+    assert cross.length[straight] - other[0] < 8
+
+
+def test_left_turn_crosses_oncoming_traffic(cross):
+    before, after = through(cross, "west_in_1", "north_out_1")
+    (oncoming,) = through(cross, "east_in_0", "west_out_0")
+    kinds = [found[0] for lane in (before, after) if (found := conflict(cross, lane, oncoming))]
+    assert kinds == [ConflictKind.CROSS]
+
+
+def test_lanes_that_do_not_meet(cross):
+    (eastbound,) = through(cross, "west_in_1", "east_out_1")
+    (beside,) = through(cross, "west_in_0", "east_out_0")
+    (oncoming,) = through(cross, "east_in_1", "west_out_1")
+    assert conflict(cross, eastbound, beside) is None
+    assert conflict(cross, eastbound, oncoming) is None
+
+
+def test_lanes_that_diverge_are_no_conflict(cross):
+    (straight,) = through(cross, "west_in_1", "east_out_1")
+    for turn in through(cross, "west_in_1", "north_out_1"):
+        assert conflict(cross, straight, turn) is None
+
+
+def test_every_conflict_has_its_mirror_image(graphs):
+    for graph in graphs.values():
+        owner = np.repeat(np.arange(len(graph.length)), np.diff(graph.conflict_start))
+        rows = {(a, b): row for row, (a, b) in enumerate(zip(owner, graph.conflict_lane, strict=True))}
+        assert rows
+        for (a, b), row in rows.items():
+            mirror = rows[b, a]
+            assert graph.conflict_kind[row] == graph.conflict_kind[mirror]
+            np.testing.assert_array_equal(graph.conflict_extent[row], graph.conflict_other_extent[mirror])
+
+
+def test_extents_hold_the_whole_overlap(graphs):
+    """Outside its extent, a lane's area meets the other nowhere, but for slivers in bends."""
+    for graph in graphs.values():
+        lines = [shapely.LineString(graph.centreline(lane)) for lane in range(len(graph.length))]
+        owner = np.repeat(np.arange(len(graph.length)), np.diff(graph.conflict_start))
+        for row, lane in enumerate(owner):
+            other = graph.conflict_lane[row]
+            area = lines[other].buffer(graph.width[other] / 2, cap_style="flat")
+            begin, end = graph.conflict_extent[row]
+            assert 0 <= begin < end <= graph.length[lane] + 1e-9
+            for piece in ((0, begin), (end, graph.length[lane])):
+                outside = shapely.ops.substring(lines[lane], *piece)
+                if outside.length > 0.01:
+                    swept = outside.buffer(graph.width[lane] / 2, cap_style="flat")
+                    assert swept.intersection(area).area < 0.35
+
+
+def test_ring_of_a_roundabout(graphs):
+    graph = graphs["roundabout"]
+    entry = through(graph, "east_in_0", "ring_east_0")
+    ring = through(graph, "ring_south_0", "ring_east_0")
+    kinds = {found[0] for a in entry for b in ring if (found := conflict(graph, a, b))}
+    assert ConflictKind.MERGE in kinds

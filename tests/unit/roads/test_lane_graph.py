@@ -1,0 +1,95 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from smarts.errors import MapError
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.sumo_net import read_net
+
+
+def test_numbers_of_edges_and_lanes(cross):
+    edge = cross.edge_number("west_in")
+    assert cross.edge_ids[edge] == "west_in"
+    lane = cross.lane_number("west_in", 1)
+    assert cross.lane_ids[lane] == "west_in_1"
+    assert cross.lane_of_id("west_in_1") == lane
+    assert (cross.lane_edge[lane], cross.lane_index[lane]) == (edge, 1)
+    assert list(cross.edge_lanes(edge)) == [lane - 1, lane]
+
+
+def test_unknown_edge_names_the_nearest(cross):
+    with pytest.raises(MapError, match=r"no edge 'west_inn'\n.*did you mean 'west_in'"):
+        cross.edge_number("west_inn")
+    with pytest.raises(MapError, match=r"no lane 'west_in_7'\n.*'west_in_"):
+        cross.lane_of_id("west_in_7")
+
+
+@pytest.mark.parametrize("index", [-1, 2])
+def test_lane_off_the_edge(cross, index):
+    with pytest.raises(MapError, match=rf"edge 'west_in' has no lane {index}\n.*has lanes 0\.\.1"):
+        cross.lane_number("west_in", index)
+
+
+def test_pose_on_a_straight_lane(cross):
+    lane = cross.lane_number("west_in", 0)
+    assert cross.pose_at(lane, 30.0) == pytest.approx((-70.0, -4.8, 0.0))
+    assert cross.pose_at(lane, 30.5, t=1.5) == pytest.approx((-69.5, -3.3, 0.0))
+    assert cross.pose_at(cross.lane_number("north_in", 0), 10.0, 1.0) == pytest.approx(
+        (-3.8, 90.0, -math.pi / 2)
+    )
+
+
+def test_pose_beyond_the_ends(cross):
+    lane = cross.lane_number("west_in", 0)
+    assert cross.pose_at(lane, -2.0) == pytest.approx((-102.0, -4.8, 0.0))
+    assert cross.pose_at(lane, cross.length[lane] + 3.0)[0] == pytest.approx(-100 + cross.length[lane] + 3)
+
+
+def test_saved_graph_is_the_same_graph(tmp_path, graphs):
+    for name, graph in graphs.items():
+        graph.save(tmp_path / name)
+        again = LaneGraph.load(tmp_path / name)
+        for field in dataclasses.fields(LaneGraph):
+            before, after = getattr(graph, field.name), getattr(again, field.name)
+            if isinstance(before, np.ndarray):
+                assert before.dtype == after.dtype
+            np.testing.assert_array_equal(before, after)
+
+
+def test_saved_bytes_depend_on_the_map_only(tmp_path, nets):
+    for copy in ("one", "two"):
+        read_net(nets["roundabout"]).save(tmp_path / copy)
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+
+
+@pytest.mark.parametrize("content", [None, b"", b"PK\x03\x04 cut off", b"text"])
+def test_a_damaged_file(tmp_path, content):
+    path = tmp_path / "lanes.npz"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(MapError, match="not a saved lane graph") as caught:
+        LaneGraph.load(path)
+    assert caught.value.place == str(path)
+
+
+def test_a_truncated_file(tmp_path, cross):
+    path = tmp_path / "lanes.npz"
+    cross.save(path)
+    path.write_bytes(path.read_bytes()[:-500])
+    with pytest.raises(MapError, match="not a saved lane graph"):
+        LaneGraph.load(path)
+
+
+def test_a_file_of_another_version(tmp_path, cross, monkeypatch):
+    path = tmp_path / "lanes.npz"
+    cross.save(path)
+    monkeypatch.setattr("smarts.roads.lane_graph.FORMAT", 999)
+    with pytest.raises(MapError, match="another version"):
+        LaneGraph.load(path)
+
+
+def test_arrays_are_read_only(cross):
+    with pytest.raises(ValueError, match="read-only"):
+        cross.length[0] = 1.0

@@ -1,0 +1,166 @@
+"""Places on the cross by hand: lanes 3.2 m wide, centred 1.6 m and 4.8 m to the right of the axes."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from smarts.roads.atlas import LanePositions, RoadAtlas
+from smarts.roads.lane_graph import LaneKind
+from smarts.roads.sumo_net import read_net
+
+from . import maps
+
+
+@pytest.fixture(scope="module")
+def atlas(cross):
+    return RoadAtlas([cross])
+
+
+def world(count=1):
+    return np.zeros(count, np.int32)
+
+
+def locate(atlas, x, y, heading=None, route=None):
+    place = np.array([[x, y]], float)
+    heading = None if heading is None else np.array([heading])
+    if route is None:
+        found = atlas.locate(world(), place, heading)
+    else:
+        table = atlas.route_table([(0, route)])
+        found = atlas.locate(world(), place, heading, world(), table)
+    return atlas.graphs[0].lane_ids[found.lane[0]], found.s[0], found.t[0]
+
+
+def leads_to(atlas, lane_id):
+    """Return the road lane behind a junction lane."""
+    graph = atlas.graphs[0]
+    lane = graph.lane_of_id(lane_id)
+    while graph.is_internal[lane]:
+        (lane,) = graph.successors(lane)
+    return graph.lane_ids[lane]
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "lane", "s", "t"),
+    [
+        (-50, -4.8, "west_in_0", 50, 0),
+        (-50, -4.0, "west_in_0", 50, 0.8),
+        (-50, -1.0, "west_in_1", 50, 0.6),
+        (-50, 2.0, "west_out_1", 39.6, -0.4),
+        (2.0, 60, "north_out_1", 49.6, -0.4),
+        (-50, -9.0, "west_in_0", 50, -4.2),
+    ],
+)
+def test_lane_position(atlas, x, y, lane, s, t):
+    assert locate(atlas, x, y) == (lane, pytest.approx(s), pytest.approx(t))
+
+
+def test_driving_the_wrong_way_does_not_change_the_lane(atlas):
+    assert locate(atlas, -50, 2.0, heading=0.0)[0] == "west_out_1"
+
+
+def test_behind_a_dead_end(atlas):
+    found = atlas.locate(world(), np.array([[-103.0, -0.8]]))
+    assert atlas.graphs[0].lane_ids[found.lane[0]] == "west_in_1"
+    assert (found.s[0], found.t[0], found.distance[0]) == pytest.approx((0, 0.8, math.hypot(3, 0.8)))
+
+
+def test_heading_decides_where_junction_lanes_cross(atlas):
+    # Eastbound and northbound centrelines cross here.
+    assert leads_to(atlas, locate(atlas, 1.6, -1.6, heading=0.0)[0]) == "east_out_1"
+    assert leads_to(atlas, locate(atlas, 1.6, -1.6, heading=math.pi / 2)[0]) == "north_out_1"
+
+
+def test_route_decides_where_junction_lanes_diverge(atlas):
+    place = (-9.5, -1.55)
+    for target in ("east_out", "north_out"):
+        lane, _, _ = locate(atlas, *place, heading=0.02, route=("west_in", target))
+        assert leads_to(atlas, lane) == f"{target}_1"
+
+
+def test_a_corner_cut_in_a_junction_keeps_the_lane(atlas):
+    lane, _, t = locate(atlas, -4.5, 2.2, heading=math.pi / 4, route=("west_in", "north_out"))
+    assert leads_to(atlas, lane) == "north_out_1"
+    assert 1.6 < t < 3.2
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
+def test_nowhere(atlas, value):
+    found = atlas.locate(world(2), np.array([[value, 0.0], [-50, -4.8]]))
+    assert found.lane.tolist() == [-1, atlas.graphs[0].lane_of_id("west_in_0")]
+    assert math.isnan(found.s[0])
+    assert atlas.on_road(world(2), np.array([[value, 0.0], [-50, -4.8]])).tolist() == [False, True]
+    s, t = atlas.project(world(2), found.lane, np.array([[value, 0.0], [-50, -4.8]]))
+    assert np.isnan(s).tolist() == np.isnan(t).tolist() == [True, False]
+
+
+def test_far_away(atlas):
+    found = atlas.locate(world(), np.array([[90_000.0, 4.8]]))
+    assert atlas.graphs[0].lane_ids[found.lane[0]] == "east_in_0"
+    assert found.distance[0] == pytest.approx(89_900)
+
+
+def test_kinds_of_lanes(compile_to):
+    graph = read_net(compile_to("kinds", maps.lane_kinds()))
+    kinds = RoadAtlas([graph])
+    # From the right: sidewalk, bicycles, buses, cars, nobody; the leftmost lane ends at the axis.
+    places = np.array([[50, -14.4], [50, -11.2], [50, -8.0], [50, -4.8], [50, -1.6]])
+    assert kinds.on_road(world(5), places).tolist() == [False, False, True, True, False]
+    foot = kinds.on_road(world(5), places, kinds={LaneKind.FOOT})
+    assert foot.tolist() == [True, False, False, False, False]
+    assert kinds.locate(world(5), places).lane.tolist() == [2, 2, 2, 3, 3]
+    cars = kinds.locate(world(5), places, kinds={LaneKind.CAR})
+    assert cars.lane.tolist() == [3] * 5
+    rails = kinds.locate(world(5), places, kinds={LaneKind.RAIL})
+    assert rails.lane.tolist() == [-1] * 5
+
+
+def test_footprint_over_the_edge_of_the_road(atlas):
+    # The road's right edge is at y = -6.4.
+    position = np.array([[-50, -5.0], [-50, -5.6], [-50, -6.2], [-50, -9.0]])
+    heading = np.array([0.0, 0.0, math.pi / 2, 0.3])
+    length, width = np.full(4, 4.0), np.full(4, 2.0)
+    corners = atlas.corners_on_road(world(4), position, heading, length, width)
+    assert corners.tolist() == [4, 2, 2, 0]
+
+
+def test_junction_outline_is_road_if_wanted(graphs):
+    graph = graphs["roundabout"]
+    ring = RoadAtlas([graph])
+    outlines = [shapely.Polygon(graph.junction_outline(n)) for n in range(len(graph.junction_ids))]
+    places = np.random.default_rng(0).uniform(-30, 30, (5000, 2))
+    inside = shapely.contains_xy(shapely.union_all(outlines), places)
+    on_lane = ring.on_road(world(5000), places, junctions=False)
+    gaps = inside & ~on_lane
+    assert gaps.sum() > 10
+    np.testing.assert_array_equal(ring.on_road(world(5000), places), inside | on_lane)
+
+
+def test_route_distances(atlas):
+    graph = atlas.graphs[0]
+    table = atlas.route_table([(0, ("west_in", "east_out"))])
+    lanes = ["west_in_0", "west_in_1", "east_out_1", "north_in_0"]
+    lane = np.array([graph.lane_of_id(name) for name in lanes], np.int32)
+    done, remaining = atlas.route_distances(table, world(4), world(4), lane, np.array([10.0, 89.6, 4.0, 4.0]))
+    np.testing.assert_allclose(done, [10, 89.6, 89.6 + 20.8 + 4, np.nan])
+    np.testing.assert_allclose(done[:3] + remaining[:3], 89.6 + 20.8 + 89.6)
+
+
+def test_route_distances_on_the_second_time_round(graphs):
+    graph = graphs["roundabout"]
+    ring = RoadAtlas([graph])
+    route = ("ring_east", "ring_north", "ring_west", "ring_south", "ring_east")
+    table = ring.route_table([(0, route)])
+    lane = np.full(3, graph.lane_number("ring_east", 0), np.int32)
+    hint = np.array([np.nan, 8.0, 110.0])
+    done, _ = ring.route_distances(table, world(3), world(3), lane, np.full(3, 5.0), hint)
+    assert done[0] == done[1] < 10
+    assert done[2] > 100
+
+
+def test_buffers_are_written_in_place(atlas):
+    out = LanePositions.allocate(1)
+    assert atlas.locate(world(), np.array([[-50, -4.0]]), out=out) is out
+    assert out.t[0] == pytest.approx(0.8)

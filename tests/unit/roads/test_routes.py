@@ -1,0 +1,164 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from smarts.errors import MapError
+from smarts.roads.corridors import free_corridor, route_corridor
+from smarts.roads.lane_graph import LaneKind
+from smarts.roads.routes import CARS, edge_graph, random_route, shortest_route
+from smarts.roads.sumo_net import read_net
+
+# Two ways from a to d: 100 m at 10 m/s by b, or 200 m at 30 m/s by c.
+DIAMOND = {
+    "nod": """<nodes>
+        <node id="s" x="-100" y="0"/> <node id="a" x="0" y="0"/> <node id="d" x="100" y="0"/>
+        <node id="t" x="200" y="0"/> <node id="c" x="50" y="90"/>
+    </nodes>""",
+    "edg": """<edges>
+        <edge id="in" from="s" to="a" numLanes="1" speed="10"/>
+        <edge id="short" from="a" to="d" numLanes="1" speed="10"/>
+        <edge id="fast_1" from="a" to="c" numLanes="1" speed="40"/>
+        <edge id="fast_2" from="c" to="d" numLanes="1" speed="40"/>
+        <edge id="out" from="d" to="t" numLanes="1" speed="10"/>
+    </edges>""",
+}
+
+
+@pytest.fixture(scope="module")
+def diamond(compile_to):
+    return read_net(compile_to("diamond", DIAMOND))
+
+
+def test_shortest_by_length_and_by_time(diamond):
+    assert shortest_route(diamond, "in", "out") == ("in", "short", "out")
+    assert shortest_route(diamond, "in", "out", cost="time") == ("in", "fast_1", "fast_2", "out")
+
+
+def test_via(diamond):
+    assert shortest_route(diamond, "in", "out", via=["fast_2"]) == ("in", "fast_1", "fast_2", "out")
+
+
+def test_one_edge(diamond):
+    assert shortest_route(diamond, "in", "in") == ("in",)
+
+
+def test_a_lap_of_the_ring(graphs):
+    ring = ("ring_east", "ring_north", "ring_west", "ring_south", "ring_east")
+    assert shortest_route(graphs["roundabout"], "ring_east", "ring_east", lap=True) == ring
+    assert shortest_route(graphs["roundabout"], "ring_east", "ring_east") == ("ring_east",)
+
+
+def test_no_way(diamond):
+    with pytest.raises(
+        MapError, match=r"no way leads from edge 'fast_1' to edge 'short'\n.*leads into 'fast_2'"
+    ):
+        shortest_route(diamond, "in", "out", via=["fast_1", "short"])
+    with pytest.raises(MapError, match=r"from edge 'out' to edge 'in'\n.*'out' is a dead end"):
+        shortest_route(diamond, "out", "in")
+    with pytest.raises(MapError, match="from edge 'in' to edge 'in'"):
+        shortest_route(diamond, "in", "in", lap=True)
+
+
+def test_unknown_and_unusable_edges(diamond, cross, compile_to):
+    with pytest.raises(MapError, match=r"no edge 'shorter'\n.*'short'"):
+        shortest_route(diamond, "in", "shorter")
+    with pytest.raises(MapError, match="inside a junction"):
+        shortest_route(cross, ":centre_0", "west_out")
+    sources = dict(DIAMOND)
+    sources["edg"] = sources["edg"].replace('id="short"', 'id="short" allow="bus"')
+    graph = read_net(compile_to("buses", sources))
+    assert shortest_route(graph, "in", "out") == ("in", "fast_1", "fast_2", "out")
+    with pytest.raises(MapError, match="'short' is closed"):
+        shortest_route(graph, "in", "short")
+    both = frozenset({LaneKind.CAR, LaneKind.BUS})
+    assert shortest_route(graph, "in", "out", kinds=both) == ("in", "short", "out")
+
+
+def test_equals_sumolibs_shortest_path(graphs, sumo_nets):
+    graph, net = graphs["city"], sumo_nets["city"]
+    generator = np.random.default_rng(1)
+    reachable = 0
+    edges = edge_graph(graph)
+    for begin, end in generator.choice(graph.road_edges, (60, 2)):
+        if begin == end:
+            continue
+        path, _ = net.getOptimalPath(net.getEdge(begin), net.getEdge(end), includeFromToCost=False)
+        if path is None:
+            with pytest.raises(MapError):
+                shortest_route(graph, begin, end)
+            continue
+        reachable += 1
+        route = shortest_route(graph, begin, end)
+        assert cost_of(graph, edges, route) <= cost_of(graph, edges, [edge.getID() for edge in path]) + 1e-9
+    assert reachable > 20
+
+
+def cost_of(graph, edges, route):
+    numbers = [graph.edge_number(name) for name in route]
+    crossings = sum(edges.onward[a][b] for a, b in itertools.pairwise(numbers))
+    return crossings + sum(edges.cost[edge] for edge in numbers[1:])
+
+
+def test_random_routes(graphs):
+    graph = graphs["city"]
+    generator = np.random.default_rng(5)
+    routes = [random_route(graph, generator, max_edges=6) for _ in range(50)]
+    assert len(set(routes)) > 40
+    assert {len(route) for route in routes} <= set(range(2, 7))
+    for route in routes:
+        route_corridor(graph, route)
+    again = np.random.default_rng(5)
+    assert [random_route(graph, again, max_edges=6) for _ in range(50)] == routes
+
+
+def test_corridor_of_a_left_turn(cross):
+    corridor = route_corridor(cross, ("west_in", "north_out"))
+    names = [cross.lane_ids[lane] for lane in corridor.lane]
+    inside = [name for name in names if name.startswith(":")]
+    assert names == ["west_in_0", "west_in_1", *inside, "north_out_0", "north_out_1"]
+    assert len(inside) == 2
+    first, second = (cross.length[cross.lane_of_id(name)] for name in inside)
+    assert corridor.begin.tolist() == pytest.approx(
+        [0, 0, 89.6, 89.6 + first, 89.6 + first + second, 89.6 + first + second]
+    )
+    assert corridor.length == pytest.approx(89.6 + first + second + 89.6)
+    onward = [
+        corridor.onward[a:b].tolist()
+        for a, b in zip(corridor.onward_start[:-1], corridor.onward_start[1:], strict=True)
+    ]
+    assert onward == [[], [2], [3], [5], [], []]
+    assert corridor.before.tolist() == [-1, -1, -1, 2, -1, -1]
+
+
+def test_corridor_length_is_the_cost_of_the_route(graphs):
+    generator = np.random.default_rng(2)
+    graph = graphs["city"]
+    edges = edge_graph(graph)
+    for _ in range(30):
+        route = random_route(graph, generator)
+        first = edges.cost[graph.edge_number(route[0])]
+        assert route_corridor(graph, route).length == pytest.approx(first + cost_of(graph, edges, route))
+
+
+def test_corridor_of_a_lap_has_the_first_road_twice(graphs):
+    graph = graphs["roundabout"]
+    route = shortest_route(graph, "ring_east", "ring_east", lap=True)
+    corridor = route_corridor(graph, route)
+    rows = np.flatnonzero(corridor.lane == graph.lane_number("ring_east", 0))
+    assert corridor.begin[rows].tolist() == pytest.approx([0, corridor.begin[rows[1]]])
+    assert corridor.begin[rows[1]] > 100
+
+
+def test_corridor_with_a_gap(cross):
+    with pytest.raises(MapError, match="'west_in' does not lead into edge 'west_out'"):
+        route_corridor(cross, ("west_in", "west_out"))
+
+
+def test_free_corridor_has_all_lanes(cross):
+    corridor = free_corridor(cross, CARS)
+    assert corridor.lane.tolist() == list(range(len(cross.lane_ids)))
+    lane = cross.lane_number("west_in", 0)
+    exits = corridor.onward[corridor.onward_start[lane] : corridor.onward_start[lane + 1]]
+    assert exits.tolist() == cross.successors(lane).tolist()
+    assert np.isnan(corridor.begin).all()
