@@ -9,23 +9,40 @@ from smarts.roads.lane_graph import LaneGraph
 def connecting_edge(roads: LaneGraph, begin: int, end: int) -> str:
     """Return the id of the first junction edge on the way from one road lane straight into another.
 
+    Where nothing joins these two lanes, as in the original the way between any lanes of the two edges counts.
+
     Args:
         roads: The map.
         begin: Row of the lane that leads into the junction.
         end: Row of the lane behind it.
 
     Raises:
-        MapError: No junction lane joins the two.
+        MapError: No junction joins the two edges.
     """
-    for inside in roads.successors(begin):
-        lane = int(inside)
-        # A long turn may have a second junction lane behind its waiting point.
-        while roads.is_internal[lane] and len(roads.successors(lane)):
-            lane = int(roads.successors(lane)[0])
-        if roads.is_internal[inside] and lane == end:
-            return roads.edge_ids[roads.lane_edge[inside]]
-    exits = sorted({roads.lane_ids[lane] for lane in roads.successors(begin) if not roads.is_internal[lane]})
+    edge, target = int(roads.lane_edge[begin]), int(roads.lane_edge[end])
+    for exact, lane in [(True, begin), *((False, lane) for lane in roads.edge_lanes(edge))]:
+        for inside, behind in _crossings(roads, lane):
+            if behind == end or (not exact and roads.lane_edge[behind] == target):
+                return roads.edge_ids[roads.lane_edge[inside]]
+    beyond = {
+        roads.edge_ids[roads.lane_edge[behind]]
+        for lane in roads.edge_lanes(edge)
+        for _, behind in _crossings(roads, lane)
+    }
     raise MapError(
-        f"no junction joins lane '{roads.lane_ids[begin]}' to lane '{roads.lane_ids[end]}'",
-        remedy=f"it leads straight into {', '.join(exits)}" if exits else "check the connections of the map",
+        f"no junction joins edge '{roads.edge_ids[edge]}' to edge '{roads.edge_ids[target]}'",
+        remedy=f"it leads into {', '.join(map(repr, sorted(beyond)))}" if beyond else "it is a dead end",
     )
+
+
+def _crossings(roads: LaneGraph, lane: int) -> list[tuple[int, int]]:
+    """Return the first junction lane and the road lane behind the junction, for every way out of a lane."""
+    crossings = []
+    for inside in roads.successors(lane):
+        behind = int(inside)
+        # A long turn may have a second junction lane behind its waiting point.
+        while roads.is_internal[behind] and len(roads.successors(behind)):
+            behind = int(roads.successors(behind)[0])
+        if roads.is_internal[inside]:
+            crossings.append((int(inside), behind))
+    return crossings

@@ -225,7 +225,12 @@ class _Validation:
             self._type(route, t.Route, f"{where}.route")
         if not isinstance(route, t.Route):
             return None
-        route_edges(self.roads, route, self._at(f"{where}.route"))
+        if isinstance(mission, t.Mission) and isinstance(mission.task, t.UTurn):
+            # The turn itself is the way: no road need lead from begin to end.
+            for end in ("begin", "end"):
+                lane_of(self.roads, getattr(route, end), self._at(f"{where}.route.{end}"))
+        else:
+            route_edges(self.roads, route, self._at(f"{where}.route"))
         if isinstance(mission, t.LapMission) and mission.num_laps > 1:
             back = t.Route(begin=(route.end[0], route.end[1], 0), end=(route.begin[0], route.begin[1], 0))
             route_edges(self.roads, back, self._at(f"{where}.route, which must be closed"))

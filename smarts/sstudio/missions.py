@@ -1,0 +1,315 @@
+"""Missions on their map: where exactly each ego starts, by which edges it drives, and where it is to arrive.
+
+Resolved anew for every episode, since random routes, random offsets and varied starts are drawn then.
+
+Starts on one lane never overlap: behind the ego ahead, `GAP` metres stay free to its rear bumper (or as much
+as the scenario itself leaves), however the starts are drawn. A start is where the front bumper is, and stays
+on its lane; the rear bumper, too, unless the scenario itself puts it across the lane's begin.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from numpy.random import Generator
+
+from smarts.errors import ScenarioError
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.routes import shortest_route
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.episodes import expand
+from smarts.sstudio.placement import arc_length, blame, lane_of, route_edges
+from smarts.sstudio.random_routes import draw_route
+from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, MISSING, RANDOM_OFFSET
+
+GAP = 2.5
+"""What stays free between egos that start on one lane, bumper to bumper [m]."""
+CAR_LENGTH = 5.0
+"""The length of an ego unless told otherwise [m]."""
+TRIES = 100
+"""How often a random start is drawn anew to find room."""
+
+
+@dataclass(frozen=True)
+class LanePoint:
+    """A point on a lane's centreline."""
+
+    lane: int
+    """Row of the lane."""
+    s: float
+    """Arc length from the lane's begin [m]."""
+
+    def pose(self, roads: LaneGraph, behind: float = 0.0) -> tuple[float, float, float]:
+        """Return x, y [m] and heading [rad], `behind` metres before the point."""
+        return roads.pose_at(self.lane, self.s - behind)
+
+
+@dataclass(frozen=True)
+class ViaPoint:
+    """A point to pass on the way."""
+
+    point: LanePoint
+    required_speed: float
+    """[m/s]"""
+    hit_distance: float
+    """Within which it counts as passed [m]."""
+
+
+@dataclass(frozen=True)
+class PlacedMission:
+    """A mission of one episode."""
+
+    mission: t.AnyMission
+    """What it comes from."""
+    start: LanePoint
+    """Of the front bumper."""
+    pose: tuple[float, float, float]
+    """Of the vehicle's centre at the start, x, y [m] and heading [rad]."""
+    speed: float
+    """At the start [m/s]."""
+    goal: LanePoint | None
+    """None for endless missions."""
+    route: tuple[str, ...]
+    """Ids of the road edges from start to goal, all laps; for endless missions the first one only."""
+    via: tuple[ViaPoint, ...]
+    start_time: float
+    """The earliest time of entry [s]; 0 where the scenario names none."""
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """A mission whose start is not yet final."""
+
+    mission: t.AnyMission
+    route: t.Route | None
+    lane: int
+    s: float
+    """Of the front bumper, as the scenario says [m]."""
+    where: str
+
+
+def place_missions(
+    missions: Sequence[t.AnyMission],
+    roads: LaneGraph,
+    generator: Generator,
+    variation: t.StartVariation | None = None,
+    *,
+    vehicle_length: float = CAR_LENGTH,
+    place: str = "",
+) -> tuple[PlacedMission, ...]:
+    """Return the missions of one episode, one for each ego.
+
+    Args:
+        missions: As one of the scenario's `mission_sets`; groups of lap missions count as their members.
+        roads: The scenario's map.
+        generator: Draws random routes and offsets, then starts, then speeds, each in the order of the egos.
+        variation: How starts vary, or None to keep them.
+        vehicle_length: The egos' length [m].
+        place: The scenario's name, for errors.
+
+    Raises:
+        ScenarioError: A mission cannot be on this map, or two egos start in one place.
+    """
+    members = expand(missions)
+    drafts = _drafts(members, roads, generator, vehicle_length, place)
+    starts = _spread_starts(drafts, roads, generator, variation, vehicle_length)
+    speeds = [_speed(mission, generator, variation) for mission in members]
+    return tuple(
+        _placed(draft, s, speed, roads, generator, vehicle_length)
+        for draft, s, speed in zip(drafts, starts, speeds, strict=True)
+    )
+
+
+def _drafts(
+    missions: Sequence[t.AnyMission], roads: LaneGraph, generator: Generator, length: float, place: str
+) -> list[_Draft]:
+    """Return the missions with their starts: fixed ones first, then random ones where there is room."""
+    drafts: dict[int, _Draft] = {}
+    for number in sorted(range(len(missions)), key=lambda number: _is_random(missions[number])):
+        mission, where = missions[number], f"{place}: mission {number}"
+        for _ in range(TRIES):
+            draft = _draft(mission, roads, generator, length, where)
+            others = [other for other in drafts.values() if other.lane == draft.lane]
+            if not _is_random(mission) or all(abs(draft.s - other.s) >= length + GAP for other in others):
+                drafts[number] = draft
+                break
+        else:
+            raise ScenarioError(
+                f"there is no room for a random start besides {len(drafts)} others",
+                place=where,
+                remedy="use fewer egos, or a larger map",
+            )
+    return [drafts[number] for number in range(len(missions))]
+
+
+def _is_random(mission: t.AnyMission) -> bool:
+    """Return whether a mission's start is drawn."""
+    if isinstance(mission, t.EndlessMission):
+        return mission.begin[2] == RANDOM_OFFSET
+    return isinstance(mission.route, t.RandomRoute) or mission.route.begin[2] == RANDOM_OFFSET
+
+
+def _draft(
+    mission: t.AnyMission, roads: LaneGraph, generator: Generator, length: float, where: str
+) -> _Draft:
+    if isinstance(mission, t.EndlessMission):
+        route, begin = None, mission.begin
+    else:
+        route = draw_route(roads, generator) if isinstance(mission.route, t.RandomRoute) else mission.route
+        begin = route.begin
+    lane = lane_of(roads, begin, where)
+    return _Draft(mission, route, lane, _start_offset(roads, lane, begin[2], generator, length), where)
+
+
+def _start_offset(roads: LaneGraph, lane: int, offset: Any, generator: Generator, length: float) -> float:
+    whole = float(roads.length[lane])
+    if offset == BASE_OFFSET:
+        return min(length, whole)
+    if offset == MAX_OFFSET:
+        return whole
+    if isinstance(offset, str):
+        return float(generator.uniform(min(length, whole), whole))
+    return arc_length(roads, lane, float(offset))
+
+
+def _spread_starts(
+    drafts: Sequence[_Draft],
+    roads: LaneGraph,
+    generator: Generator,
+    variation: t.StartVariation | None,
+    length: float,
+) -> list[float]:
+    """Return where each ego's front bumper starts [m], drawn and then kept apart lane by lane."""
+    reach = variation.offset if variation else 0.0
+    drawn = [draft.s + float(generator.uniform(-reach, reach)) if reach else draft.s for draft in drafts]
+    starts = list(drawn)
+    by_lane: dict[int, list[int]] = defaultdict(list)
+    for number, draft in enumerate(drafts):
+        by_lane[draft.lane].append(number)
+    for lane, members in by_lane.items():
+        queue = sorted(members, key=lambda number: drafts[number].s)
+        kept = keep_apart(
+            [drafts[number].s for number in queue],
+            [drawn[number] for number in queue],
+            reach,
+            float(roads.length[lane]),
+            length,
+        )
+        if kept is None:
+            raise _overlap([drafts[number] for number in queue], roads, length)
+        for number, s in zip(queue, kept, strict=True):
+            starts[number] = s
+    return starts
+
+
+def keep_apart(
+    nominal: Sequence[float], drawn: Sequence[float], reach: float, lane_length: float, length: float
+) -> list[float] | None:
+    """Return starts on one lane near those drawn that keep their order and their gaps.
+
+    Args:
+        nominal: The starts that the scenario names, rising [m].
+        drawn: Each within `reach` of its nominal start [m].
+        reach: How far a start may be from its nominal one [m].
+        lane_length: [m]
+        length: Of each vehicle [m].
+
+    Returns:
+        The starts, or None if two vehicles overlap where the scenario puts them.
+    """
+    gaps = [ahead - behind for behind, ahead in pairwise(nominal)]
+    if any(gap < length for gap in gaps):
+        return None
+    spacing = [min(gap, length + GAP) for gap in gaps]
+    # From the rear, the least that each start can be once those behind it have their room; the scenario's
+    # own starts are always feasible, so no bound passes them.
+    least = [max(start - reach, min(start, length)) for start in nominal]
+    for rank, room in enumerate(spacing):
+        least[rank + 1] = max(least[rank + 1], least[rank] + room)
+    # From the front, each start as drawn as far as the one ahead lets it.
+    starts = list(drawn)
+    ceiling = max(lane_length, nominal[-1])
+    for rank in reversed(range(len(starts))):
+        starts[rank] = min(max(drawn[rank], least[rank]), ceiling)
+        ceiling = starts[rank] - spacing[rank - 1] if rank else ceiling
+    return starts
+
+
+def _overlap(queue: Sequence[_Draft], roads: LaneGraph, length: float) -> ScenarioError:
+    behind, ahead = min(pairwise(queue), key=lambda pair: pair[1].s - pair[0].s)
+    return ScenarioError(
+        f"it starts at {behind.s:g} m on lane '{roads.lane_ids[behind.lane]}', and another at {ahead.s:g} m",
+        place=behind.where,
+        remedy=f"leave at least {length:g} m between the front bumpers of egos on one lane",
+    )
+
+
+def _speed(mission: t.AnyMission, generator: Generator, variation: t.StartVariation | None) -> float:
+    """Return the speed at the start: what the mission itself names, else as varied, else 0 [m/s]."""
+    task = mission.task if isinstance(mission, t.Mission) else None
+    if isinstance(task, t.UTurn) and task.initial_speed is not None:
+        return task.initial_speed
+    tactic = mission.entry_tactic
+    if isinstance(tactic, t.TrapEntryTactic) and tactic.default_entry_speed is not None:
+        return tactic.default_entry_speed
+    return float(generator.uniform(*variation.speed)) if variation else 0.0
+
+
+def _placed(
+    draft: _Draft, s: float, speed: float, roads: LaneGraph, generator: Generator, length: float
+) -> PlacedMission:
+    start = LanePoint(draft.lane, s)
+    return PlacedMission(
+        mission=draft.mission,
+        start=start,
+        pose=start.pose(roads, behind=length / 2),
+        speed=speed,
+        goal=None if draft.route is None else _goal(draft.route, roads, generator, draft.where),
+        route=_route(draft, roads),
+        via=tuple(_via(via, roads, draft.where) for via in draft.mission.via),
+        start_time=_start_time(draft.mission),
+    )
+
+
+def _goal(route: t.Route, roads: LaneGraph, generator: Generator, where: str) -> LanePoint:
+    lane, offset = lane_of(roads, route.end, where), route.end[2]
+    whole = float(roads.length[lane])
+    if isinstance(offset, str):
+        drawn = float(generator.uniform(0.0, whole)) if offset == RANDOM_OFFSET else 0.0
+        return LanePoint(lane, {BASE_OFFSET: 0.0, MAX_OFFSET: whole}.get(offset, drawn))
+    return LanePoint(lane, arc_length(roads, lane, offset))
+
+
+def _route(draft: _Draft, roads: LaneGraph) -> tuple[str, ...]:
+    if draft.route is None:
+        return (roads.edge_ids[roads.lane_edge[draft.lane]],)
+    mission = draft.mission
+    if isinstance(mission, t.Mission) and isinstance(mission.task, t.UTurn):
+        return (draft.route.begin[0], draft.route.end[0])  # the turn itself is the way between the two
+    lap = route_edges(roads, draft.route, draft.where)
+    if not isinstance(mission, t.LapMission) or mission.num_laps == 1:
+        return lap
+    with blame(draft.where):
+        # From the goal's edge round to the begin's, both of which the laps themselves have.
+        back = shortest_route(roads, lap[-1], lap[0], lap=True)[1:-1]
+    further = (*back, *lap) if lap[0] != lap[-1] else (*back, *lap[-1:])
+    return lap + further * (mission.num_laps - 1)
+
+
+def _via(via: t.Via, roads: LaneGraph, where: str) -> ViaPoint:
+    with blame(where):
+        resolver = via.road_id
+        edge = resolver.to_edge(roads) if isinstance(resolver, t.JunctionEdgeIDResolver) else resolver
+        lane = roads.lane_number(edge, via.lane_index)
+    within = via.hit_distance if via.hit_distance >= 0 else float(roads.width[lane]) / 2
+    return ViaPoint(LanePoint(lane, arc_length(roads, lane, via.lane_offset)), via.required_speed, within)
+
+
+def _start_time(mission: t.AnyMission) -> float:
+    tactic = mission.entry_tactic
+    times = (getattr(mission, "start_time", MISSING), MISSING if tactic is None else tactic.start_time)
+    return next((time for time in times if time != MISSING), 0.0)
