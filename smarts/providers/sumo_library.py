@@ -21,7 +21,7 @@ import threading
 import types
 import weakref
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +30,15 @@ from smarts.errors import TrafficError
 SYSTEM_PACKAGES = "libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1"
 """Debian packages of the system libraries that libsumo's wheel expects to find."""
 
-# Raised classes are told by name: an error may carry the class of another copy, whichever was loaded last.
 _SUMO_ERRORS = {"TraCIException", "FatalTraCIError", "RuntimeError"}
 
 _EXTENSION = "_libsumo.so"
-_REPORT = "/proc/self/fd/{}"
+_FILE = "/proc/self/fd/{}"
+
+
+def is_sumo_error(error: Exception) -> bool:
+    """Return whether libsumo raised this; by name, for it may carry the class of another copy."""
+    return type(error).__name__ in _SUMO_ERRORS
 
 
 class SumoLibrary:
@@ -53,16 +57,16 @@ class SumoLibrary:
         self.index = _claim(index)
         self._closer = weakref.finalize(self, _held.discard, self.index)
         try:
-            libsumo = _load(self.index)
+            extension = _load(self.index)
         except BaseException:
             self._closer()
             raise
-        self.lane: Any = libsumo.lane
-        self.simulation: Any = libsumo.simulation
-        self.trafficlight: Any = libsumo.trafficlight
-        self.vehicle: Any = libsumo.vehicle
-        self.vehicletype: Any = libsumo.vehicletype
-        self._report = -1
+        self.lane = _domain(extension, "lane")
+        self.simulation = _domain(extension, "simulation")
+        self.trafficlight = _domain(extension, "trafficlight")
+        self.vehicle = _domain(extension, "vehicle")
+        self.vehicletype = _domain(extension, "vehicletype")
+        self._log = -1
         self._place = ""
 
     def start(self, options: Sequence[str], place: str = "traffic") -> None:
@@ -75,13 +79,17 @@ class SumoLibrary:
         Raises:
             TrafficError: SUMO refuses; its own message is in the error.
         """
+        self._place = place
         # An anonymous file, one for each start: nothing stays behind when the process is killed, and a forked
         # child does not write into its parent's.
-        self._close_report()
-        self._place = place
-        self._report = os.memfd_create("sumo-errors")
+        self._close_log()
+        self._log = os.memfd_create("sumo-errors")
         with self.errors("failed to start"):
-            self.simulation.load([*options, "--error-log", _REPORT.format(self._report)])
+            try:
+                self.simulation.load([*options, "--error-log", _FILE.format(self._log)])
+            except BaseException:
+                self._flush_log()
+                raise
 
     @contextmanager
     def errors(self, what: str) -> Iterator[None]:
@@ -89,16 +97,17 @@ class SumoLibrary:
         try:
             yield
         except Exception as error:
-            if type(error).__name__ not in _SUMO_ERRORS:
+            if not is_sumo_error(error):
                 raise
             raise self.error(what, error) from None
 
     def error(self, what: str, error: Exception) -> TrafficError:
         """Return the error to raise for one of SUMO's own, with the reason that SUMO logged."""
-        logged = os.pread(self._report, 4096, 0).decode(errors="replace").strip() if self._report >= 0 else ""
-        reasons = dict.fromkeys(filter(None, [logged.removeprefix("Error: "), str(error).strip()]))
+        logged = os.pread(self._log, 4096, 0).decode(errors="replace").strip() if self._log >= 0 else ""
+        said = str(error).strip()
+        reason = logged.removeprefix("Error: ") if said == "Process Error" and logged else said
         return TrafficError(
-            f"SUMO {what}: {'; '.join(reasons)}",
+            f"SUMO {what}: {reason}",
             place=self._place,
             remedy="mend the traffic of the scenario and build it again; other simulations are not affected",
         )
@@ -108,13 +117,22 @@ class SumoLibrary:
         if self._closer.alive:
             with self.errors("failed to stop"):
                 self.simulation.close()
-            self._close_report()
+            self._close_log()
             self._closer()
 
-    def _close_report(self) -> None:
-        if self._report >= 0:
-            os.close(self._report)
-            self._report = -1
+    def _flush_log(self) -> None:
+        """Make SUMO write its log after a failed start, which it does only when the next simulation ends."""
+        net = os.memfd_create("empty-net")
+        os.write(net, b'<net version="1.20"/>')
+        with suppress(Exception):
+            self.simulation.load(["--net-file", _FILE.format(net), "--no-step-log", "--no-warnings"])
+            self.simulation.close()
+        os.close(net)
+
+    def _close_log(self) -> None:
+        if self._log >= 0:
+            os.close(self._log)
+            self._log = -1
 
 
 _held: set[int] = set()
@@ -133,6 +151,13 @@ def _claim(index: int | None) -> int:
         return index
 
 
+def _domain(extension: types.ModuleType, name: str) -> Any:
+    """Return libsumo's functions of one domain, without wrappers in Python that cost as much as the calls."""
+    prefix = f"{name}_"
+    functions = {key: value for key, value in vars(extension).items() if key.startswith(prefix)}
+    return types.SimpleNamespace(**{key.removeprefix(prefix): value for key, value in functions.items()})
+
+
 def _load(index: int) -> types.ModuleType:
     """Import copy `index`; a copy once loaded stays loaded, since no extension module can be unloaded."""
     name = f"_smarts_libsumo_{index}"
@@ -142,7 +167,9 @@ def _load(index: int) -> types.ModuleType:
         package.__path__ = [str(_copy_of_extension(index, installed)), str(installed)]
         sys.modules[name] = package
     try:
-        return importlib.import_module(f"{name}.libsumo")
+        # The Python side registers the classes of results and errors with the extension.
+        importlib.import_module(f"{name}.libsumo")
+        return importlib.import_module(f"{name}._libsumo")
     except ImportError as error:
         raise TrafficError(
             f"libsumo does not load: {error}",

@@ -7,8 +7,10 @@ two. What SUMO needs help with, found by experiment (the tests in `test_sumo_sha
 - `keepRoute` must be 2: 1 leaves a ghost in the old lane, 0 snaps to the lane's centre. The first `moveToXY`
   must come before any step.
 - Within a lane SUMO keeps vehicles in the order in which they came, so a shadow that overtakes inside a lane
-  stays behind the overtaken one in SUMO's books and is ignored by it for good. Such a shadow leaves the net
-  for one step and is sorted in anew.
+  stays behind the overtaken one in SUMO's books and is ignored by it for good. Likewise SUMO notes only on
+  entry to a lane whether a vehicle straddles the next one: a shadow that drifts over the line is not seen
+  there, and one that drifts back leaves a ghost. Such a shadow is entered anew, by way of the lane beside,
+  which its drivers cannot see; where there is none it leaves the net for one step.
 - A driver who must give way looks at the routes of those who approach. A shadow whose route ends before the
   junction is no reason to wait, so every shadow is given a route across the next junction: its own, or
   straight on.
@@ -21,12 +23,14 @@ two. What SUMO needs help with, found by experiment (the tests in `test_sumo_sha
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from smarts.geometry.frames import compass_from_heading
-from smarts.providers.sumo_library import SumoLibrary
+from smarts.providers.sumo_library import SumoLibrary, is_sumo_error
+from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
 _CLASSES = {
@@ -44,6 +48,17 @@ _OFF_THE_NET = -1e6
 """Both coordinates of a place that is on no map [m]."""
 
 
+class _Entry(enum.Enum):
+    """How SUMO is brought to enter a shadow into its lane anew."""
+
+    BESIDE = enum.auto()
+    """By way of the lane that it straddles into."""
+    AND_BACK = enum.auto()
+    """By way of a lane beside and back at once."""
+    OFF_THE_NET = enum.auto()
+    """By leaving the net for one step."""
+
+
 @dataclass
 class _Shadow:
     """What is remembered of a shadow between steps."""
@@ -56,7 +71,13 @@ class _Shadow:
     lane: str = ""
     position: float = 0.0
     against: bool = False
-    out_of_order: bool = False
+    """Whether it moves against its lane."""
+    side: int = 0
+    """Where it reaches into another lane: 1 left, -1 right, 0 nowhere."""
+    noted_side: int = 0
+    """The side that SUMO has noted."""
+    entry: _Entry | None = None
+    """How to enter it anew in the coming step."""
 
 
 class SumoShadows:
@@ -71,8 +92,9 @@ class SumoShadows:
     def __contains__(self, slot: int) -> bool:
         return slot in self._shadows
 
-    def reset(self) -> None:
+    def reset(self, roads: LaneGraph) -> None:
         """Forget all; SUMO has begun anew."""
+        self._roads = roads
         self._shadows.clear()
         self._types.clear()
         self._ways_on.clear()
@@ -118,7 +140,8 @@ class SumoShadows:
         """Say where every shadow is at the end of the coming step."""
         move = self._library.vehicle.moveToXY
         for slot, shadow in self._shadows.items():
-            if shadow.out_of_order:
+            if shadow.entry and not self._enter_anew(shadow):
+                shadow.entry = _Entry.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET)
                 continue
             heading = float(states.heading[slot])
@@ -130,26 +153,66 @@ class SumoShadows:
             move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET)
 
     def settle(self, states: VehicleStates) -> None:
-        """See where SUMO has put the shadows, and mend what it got wrong."""
+        """See where SUMO has put the shadows, and find out what it got wrong."""
         vehicle = self._library.vehicle
         for slot, shadow in self._shadows.items():
             lane = vehicle.getLaneID(shadow.id)
-            if shadow.out_of_order:
-                shadow.out_of_order = False
-            elif not lane:
-                shadow.lane = lane
+            if lane:
+                self._settle_on_lane(shadow, lane, float(states.width[slot]))
             else:
-                position = vehicle.getLanePosition(shadow.id)
-                if lane != shadow.lane:
-                    shadow.against = False
-                    self._show_way_on(shadow, lane)
-                elif abs(position - shadow.position) > 0.01:
-                    shadow.against = position < shadow.position
-                shadow.lane, shadow.position = lane, position
-                shadow.out_of_order = self._is_out_of_order(shadow)
+                shadow.lane, shadow.entry = "", None
             vehicle.setPreviousSpeed(
                 shadow.id, 0.0 if shadow.against else max(float(states.speed[slot]), 0.0)
             )
+
+    def _settle_on_lane(self, shadow: _Shadow, lane: str, width: float) -> None:
+        vehicle = self._library.vehicle
+        position = vehicle.getLanePosition(shadow.id)
+        offset = vehicle.getLateralLanePosition(shadow.id)
+        shadow.side = self._straddled_side(lane, offset, width)
+        # SUMO has noted the side whenever it has moved the shadow to this lane from another or from off the
+        # net.
+        is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE
+        if lane != shadow.lane:
+            shadow.against = False
+            self._show_way_on(shadow, lane)
+        elif abs(position - shadow.position) > 0.01:
+            shadow.against = position < shadow.position
+        shadow.lane, shadow.position = lane, position
+        if shadow.entry is _Entry.AND_BACK:
+            shadow.noted_side = 0
+        elif is_noted:
+            shadow.noted_side = shadow.side
+        shadow.entry = None
+        if shadow.side != shadow.noted_side or self._is_out_of_order(shadow):
+            shadow.entry = _Entry.BESIDE if shadow.side else _Entry.AND_BACK
+
+    def _enter_anew(self, shadow: _Shadow) -> bool:
+        """Take a shadow out of its lane and in again; return whether there was a lane beside to do it by."""
+        number = self._roads.lane_of_id(shadow.lane)
+        left, right = int(self._roads.left[number]), int(self._roads.right[number])
+        beside = left if shadow.side > 0 or right < 0 else right
+        if beside < 0:
+            return False
+        move = self._library.vehicle.moveTo
+        try:
+            move(shadow.id, self._roads.lane_ids[beside], shadow.position)
+            if shadow.entry is _Entry.AND_BACK:
+                move(shadow.id, shadow.lane, shadow.position)
+        except Exception as error:
+            # The lane is not on the route that SUMO has given to the shadow.
+            if not is_sumo_error(error):
+                raise
+            return False
+        return True
+
+    def _straddled_side(self, lane: str, offset: float, width: float) -> int:
+        """Return 1 or -1 if a vehicle so far left of the centreline reaches into the lane on that side."""
+        number = self._roads.lane_of_id(lane)
+        if abs(offset) + width / 2 <= self._roads.width[number] / 2:
+            return 0
+        beside = self._roads.left if offset > 0 else self._roads.right
+        return (1 if offset > 0 else -1) if beside[number] >= 0 else 0
 
     def _take(self, slot: int, name: str, route: tuple[str, ...], lane_change_mode: int | None) -> None:
         self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)

@@ -11,7 +11,6 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.errors import TrafficError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
@@ -100,7 +99,7 @@ class SumoTraffic:
             roads: The lanes of the net in `files`.
         """
         self._roster = roster
-        self._shadows.reset()
+        self._shadows.reset(roads)
         for memory in (self._ids, self._driven, self._routes_to_come):
             memory.clear()
         self._limit = states.capacity - roster.reserved
@@ -176,12 +175,6 @@ class SumoTraffic:
         self._library.close()
 
     def _start(self, files: TrafficFiles, seed: int) -> None:
-        # SUMO reports a missing net before it opens its log, so what is missing is said here.
-        for file in (files.net, *files.additional, *files.routes):
-            if not file.is_file():
-                raise TrafficError(
-                    f"no such file: {file}", place="traffic", remedy="build the scenario again"
-                )
         place = str((files.routes or (files.net,))[0])
         options = [*sumo_options(files, seed, self.dt), "--max-num-vehicles", str(self._limit)]
         self._library.start(options, place)
@@ -290,8 +283,10 @@ class SumoTraffic:
         """Return centres and headings; SUMO reckons with the middle of the front bumper."""
         vehicle = self._library.vehicle
         heading = heading_from_compass(np.array([*map(vehicle.getAngle, names)]))
-        to_centre = np.stack([np.cos(heading), np.sin(heading)], -1) * (length[:, None] / 2)
-        return np.array([*map(vehicle.getPosition, names)]) - to_centre, heading
+        position = np.array([*map(vehicle.getPosition, names)])
+        position[:, 0] -= np.cos(heading) * (length / 2)
+        position[:, 1] -= np.sin(heading) * (length / 2)
+        return position, heading
 
     def _write(self, states: VehicleStates) -> None:
         """Fill the rows that SUMO drives.
@@ -299,7 +294,7 @@ class SumoTraffic:
         One call per value and vehicle costs less in this process than a subscription, which builds a
         dictionary for each vehicle (`perf/traffic.py`).
         """
-        names = list(self._driven)
+        names = [*self._driven]
         if not names:
             return
         rows = np.array([*self._driven.values()])

@@ -1,0 +1,170 @@
+"""Small nets, compiled once a session, and a driver that runs a traffic provider over them."""
+
+import hashlib
+import subprocess
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sumo
+
+from smarts.providers.sumo_traffic import SumoTraffic
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.sumo_net import read_net
+from smarts.sim.roster import Roster
+from smarts.types.traffic import TrafficFiles
+from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+
+NETCONVERT = Path(sumo.__file__).parent / "bin" / "netconvert"
+
+ROAD = (
+    '<nodes><node id="a" x="0" y="0"/><node id="b" x="1000" y="0"/><node id="c" x="2000" y="0"/></nodes>',
+    '<edges><edge id="ab" from="a" to="b" numLanes="2" speed="20"/>'
+    '<edge id="bc" from="b" to="c" numLanes="2" speed="20"/>'
+    '<edge id="ba" from="b" to="a" numLanes="1" speed="20"/></edges>',
+)
+"""Two lanes eastward, centred at y = -4.8 and -1.6, and one back at y = 1.6."""
+
+
+def cross(kind: str) -> tuple[str, str]:
+    """Return a crossing of four arms of 200 m around the origin, one lane a direction, 1.6 m off the axis."""
+    arms = {"n": (0, 200), "s": (0, -200), "e": (200, 0), "w": (-200, 0)}
+    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in arms.items())
+    edges = "".join(
+        f'<edge id="{begin}{end}" from="{begin}" to="{end}" speed="15" priority="{2 if arm in "ew" else 1}"/>'
+        for arm in arms
+        for begin, end in ((arm, "c"), ("c", arm))
+    )
+    return f'<nodes>{nodes}<node id="c" x="0" y="0" type="{kind}"/></nodes>', f"<edges>{edges}</edges>"
+
+
+BUSY_ROAD = """<routes>
+  <vType id="patient" sigma="0.7" speedFactor="normc(0.9,0.1,0.7,1.1)"/>
+  <vType id="hurried" sigma="0.3" speedFactor="normc(1.2,0.1,0.9,1.4)" lcSpeedGain="3" tau="0.8"/>
+  <vType id="lorry" vClass="truck"/>
+  <flow id="slow" type="patient" from="ab" to="bc" begin="0" end="900" vehsPerHour="700" departLane="random"/>
+  <flow id="fast" type="hurried" from="ab" to="bc" begin="0" end="900" vehsPerHour="700" departLane="random"
+        departSpeed="max"/>
+  <flow id="long" type="lorry" from="ab" to="bc" begin="5" end="900" probability="0.05"/>
+</routes>"""
+
+BUSY_CROSS = """<routes>
+  <vType id="car" speedFactor="normc(1,0.1,0.7,1.3)"/>
+  <flow id="we" type="car" from="wc" to="ce" begin="0" end="900" vehsPerHour="500"/>
+  <flow id="en" type="car" from="ec" to="cn" begin="0" end="900" vehsPerHour="300"/>
+  <flow id="ns" type="car" from="nc" to="cs" begin="0" end="900" vehsPerHour="300"/>
+  <flow id="sw" type="car" from="sc" to="cw" begin="0" end="900" vehsPerHour="300"/>
+</routes>"""
+
+
+class Country:
+    """Compiles nets and writes routes into a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._nets: dict[str, Path] = {}
+        self._roads: dict[Path, LaneGraph] = {}
+
+    def net(self, name: str, source: tuple[str, str]) -> Path:
+        if name not in self._nets:
+            nodes, edges = self.folder / f"{name}.nod.xml", self.folder / f"{name}.edg.xml"
+            nodes.write_text(source[0])
+            edges.write_text(source[1])
+            net = self.folder / f"{name}.net.xml"
+            options = ["--junctions.internal-link-detail", "20", "--offset.disable-normalization"]
+            command = [NETCONVERT, "-n", nodes, "-e", edges, "-o", net, *options]
+            subprocess.run([*map(str, command)], check=True, capture_output=True)
+            self._nets[name] = net
+        return self._nets[name]
+
+    def files(self, net: Path, routes: str, warm_up: float = 0.0, additional: str = "") -> TrafficFiles:
+        digest = hashlib.blake2b((routes + additional).encode(), digest_size=6).hexdigest()
+        route_file = self.folder / f"{digest}.rou.xml"
+        route_file.write_text(routes if routes.startswith("<routes") else f"<routes>{routes}</routes>")
+        more: tuple[Path, ...] = ()
+        if additional:
+            more = (self.folder / f"{digest}.add.xml",)
+            more[0].write_text(f"<additional>{additional}</additional>")
+        return TrafficFiles(net, (route_file,), more, warm_up)
+
+    def road(self, routes: str = BUSY_ROAD, warm_up: float = 0.0) -> TrafficFiles:
+        return self.files(self.net("road", ROAD), routes, warm_up)
+
+    def cross(self, routes: str = BUSY_CROSS, warm_up: float = 0.0, kind: str = "priority") -> TrafficFiles:
+        return self.files(self.net(f"cross_{kind}", cross(kind)), routes, warm_up)
+
+    def roads(self, files: TrafficFiles) -> LaneGraph:
+        if files.net not in self._roads:
+            self._roads[files.net] = read_net(files.net)
+        return self._roads[files.net]
+
+
+@dataclass
+class World:
+    """One simulation that consists of traffic and of vehicles that a test moves by hand."""
+
+    country: Country
+    states: VehicleStates
+    roster: Roster
+    traffic: SumoTraffic
+
+    def reset(self, files: TrafficFiles, seed: int = 3) -> None:
+        self.roads = self.country.roads(files)
+        self.traffic.reset(files, seed, self.states, self.roster, self.roads)
+
+    def step(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.traffic.step(self.states)
+
+    def admit(self, x: float, y: float, heading: float, speed: float, owner: Owner = Owner.AGENT) -> int:
+        slot = self.roster.admit("ego", owner, VehicleKind.PASSENGER, 5.0, 1.8)
+        self.put(slot, x, y, heading, speed)
+        return slot
+
+    def put(self, slot: int, x: float, y: float, heading: float, speed: float) -> None:
+        self.states.position[slot] = x, y
+        self.states.heading[slot] = heading
+        self.states.speed[slot] = speed
+
+    def slot(self, name: str) -> int:
+        return next(s for s in range(self.states.capacity) if self.roster.name(s) == name)
+
+    def names(self) -> list[str]:
+        return [self.roster.name(slot) for slot in range(self.states.capacity) if self.states.alive[slot]]
+
+    def fingerprint(self) -> bytes:
+        return b"".join(getattr(self.states, field.name).tobytes() for field in fields(self.states))
+
+
+@pytest.fixture(scope="session")
+def country(tmp_path_factory):
+    return Country(tmp_path_factory.mktemp("country"))
+
+
+@pytest.fixture
+def new_world(country):
+    """Make worlds, each with a library of its own, and close them in the end."""
+    worlds = []
+
+    def make(capacity: int = 64, reserved: int = 0) -> World:
+        states = VehicleStates.allocate(capacity)
+        worlds.append(World(country, states, Roster(states, reserved), SumoTraffic()))
+        return worlds[-1]
+
+    yield make
+    for world in worlds:
+        world.traffic.close()
+
+
+@pytest.fixture
+def world(new_world):
+    return new_world()
+
+
+def front_of(states: VehicleStates, rows) -> np.ndarray:
+    """Return the middle of the front bumpers, SUMO's reference point."""
+    heading = states.heading[rows]
+    return states.position[rows] + np.stack([np.cos(heading), np.sin(heading)], -1) * (
+        states.length[rows, None] / 2
+    )

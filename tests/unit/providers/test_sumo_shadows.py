@@ -1,0 +1,319 @@
+"""SUMO's drivers and the vehicles of others: every trap of `moveToXY` that we know has a case here."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.geometry.boxes import boxes_overlap
+from smarts.types.vehicles import Owner
+
+RIGHT, LEFT = -4.8, -1.6
+"""y of the two eastbound lanes of the road [m]."""
+
+CALM = '<vType id="calm" sigma="0" speedFactor="1" speedDev="0" lcSpeedGain="0" lcKeepRight="0"/>'
+
+
+def drivers(*starts):
+    """Return routes with calm drivers "s0", "s1", ... on the road, from (lane, position, speed)."""
+    return CALM + "".join(
+        f'<vehicle id="s{number}" type="calm" depart="0" departLane="{lane}" departPos="{position}" '
+        f'departSpeed="{speed}"><route edges="ab bc"/></vehicle>'
+        for number, (lane, position, speed) in enumerate(starts)
+    )
+
+
+def from_arm(arm, to, position=60, speed=10):
+    return CALM + (
+        f'<vehicle id="s0" type="calm" depart="0" departPos="{position}" departSpeed="{speed}">'
+        f'<route edges="{arm}c c{to}"/></vehicle>'
+    )
+
+
+def drive(world, ego, motion, steps, start=0.0):
+    """Move the ego by `motion(time) -> x, y, heading, speed`; no vehicle may touch another."""
+    for step in range(1, steps + 1):
+        world.put(ego, *motion(start + step * 0.1))
+        world.step()
+        assert not touching(world), f"contact after {start + step * 0.1:.1f} s"
+
+
+def touching(world):
+    rows = np.flatnonzero(world.states.alive)
+    position, heading = world.states.position[rows], world.states.heading[rows]
+    size = np.stack([world.states.length[rows], world.states.width[rows]], -1)
+    overlap = boxes_overlap(position[:, None], heading[:, None], size[:, None], position, heading, size)
+    return bool(overlap[~np.eye(len(rows), dtype=bool)].any())
+
+
+def sumo_says(world, slot):
+    """Return SUMO's own (lane, speed, angle) of a shadow."""
+    vehicle = world.traffic._library.vehicle
+    name = world.traffic._ids[slot]
+    return vehicle.getLaneID(name), vehicle.getSpeed(name), vehicle.getAngle(name)
+
+
+def speed(world, name):
+    return world.states.speed[world.slot(name)]
+
+
+def x(world, name):
+    return world.states.position[world.slot(name), 0]
+
+
+def begin(world, files, seconds=0.1):
+    world.reset(files)
+    world.step(round(seconds / 0.1))
+
+
+def test_a_driver_stops_behind_a_standing_ego(world, country):
+    begin(world, country.road(drivers((0, 100, 10))))
+    ego = world.admit(250.0, RIGHT, 0.0, 0.0)
+    drive(world, ego, lambda t: (250.0, RIGHT, 0.0, 0.0), 200)
+    # It stops with its minimum gap, 2.5 m, before the ego's rear.
+    assert x(world, "s0") == pytest.approx(250 - 2.5 - 2.5 - 2.5, abs=0.5)
+
+
+def test_the_egos_row_is_left_alone(world, country):
+    begin(world, country.road(drivers((0, 100, 10))))
+    ego = world.admit(250.0, RIGHT + 0.3, 0.1, 3.0)
+    world.states.lane[ego], world.states.acceleration[ego] = 3, -0.5
+    before = [np.copy(getattr(world.states, name)[ego]) for name in ("position", "heading", "speed")]
+    world.step(20)
+    after = [getattr(world.states, name)[ego] for name in ("position", "heading", "speed")]
+    assert all((a == b).all() for a, b in zip(before, after, strict=True))
+    assert (world.states.lane[ego], world.states.acceleration[ego]) == (3, -0.5)
+    assert world.states.owner[ego] == Owner.AGENT
+
+
+def test_a_shadow_is_where_and_as_fast_as_its_owner_says(world, country):
+    """Also faster than the limit allows, and at an angle to the lane."""
+    begin(world, country.road(drivers((0, 10, 10))))
+    ego = world.admit(200.0, LEFT, 0.1, 33.0)
+    vehicle = world.traffic._library.vehicle
+    for step in range(1, 120):
+        world.put(ego, 200 + 3.3 * step, LEFT, 0.1, 33.0)
+        world.step()
+        lane, said, angle = sumo_says(world, ego)
+        assert said == pytest.approx(33.0)
+        assert angle == pytest.approx(90 - math.degrees(0.1))
+        assert lane == "ab_1"
+        front = 200 + 3.3 * step + 2.5 * math.cos(0.1), LEFT + 2.5 * math.sin(0.1)
+        assert vehicle.getPosition(world.traffic._ids[ego]) == pytest.approx(front)
+
+
+def test_overtaking_inside_a_lane_and_braking(world, country):
+    """SUMO ignores, for good, an ego that has passed a vehicle within one lane, unless it is entered anew."""
+    routes = drivers((0, 100, 10)).replace('id="calm"', 'id="calm" maxSpeed="10"')
+    begin(world, country.road(routes))
+    ego = world.admit(60.0, RIGHT, 0.0, 25.0)
+    # Passing through the other is contact; what counts is what happens afterwards.
+    for step in range(1, 51):
+        world.put(ego, 60 + 2.5 * step, RIGHT, 0.0, 25.0)
+        world.step()
+    assert x(world, "s0") + 10 < 60 + 2.5 * 50
+    drive(world, ego, lambda t: (185.0, RIGHT, 0.0, 0.0), 200)
+    assert speed(world, "s0") < 0.1
+    assert x(world, "s0") < 185 - 5
+
+
+def test_appearing_ahead_inside_a_lane(world, country):
+    routes = drivers((0, 100, 10)).replace('id="calm"', 'id="calm" maxSpeed="10"')
+    begin(world, country.road(routes))
+    ego = world.admit(50.0, RIGHT, 0.0, 0.0)
+    world.step(10)
+    drive(world, ego, lambda t: (170.0, RIGHT, 0.0, 0.0), 200)
+    assert speed(world, "s0") < 0.1
+
+
+def test_insertion_ahead_of_traffic(world, country):
+    begin(world, country.road(drivers((0, 100, 18), (0, 60, 18))), 2.0)
+    ahead = x(world, "s0") + 45
+    ego = world.admit(ahead, RIGHT, 0.0, 5.0)
+    drive(world, ego, lambda t: (ahead + 5 * t, RIGHT, 0.0, 5.0), 300)
+    assert speed(world, "s0") == pytest.approx(5.0, abs=0.3)
+    assert speed(world, "s1") == pytest.approx(5.0, abs=0.3)
+
+
+def test_a_lane_change_leaves_no_ghost(world, country):
+    """With keepRoute 1 the driver would stay behind where the ego was. (Nobody overtakes on the right.)"""
+    begin(world, country.road(drivers((1, 100, 15))))
+    ego = world.admit(160.0, LEFT, 0.0, 5.0)
+
+    def motion(t):
+        return 160 + 5 * t, LEFT - 3.2 * min(t / 3, 1), 0.0, 5.0
+
+    drive(world, ego, motion, 200)
+    assert x(world, "s0") > 160 + 5 * 20 + 30
+    assert speed(world, "s0") == pytest.approx(20.0)
+
+
+def test_straddling_two_lanes_stops_both(world, country):
+    begin(world, country.road(drivers((0, 100, 10), (1, 100, 10))))
+    ego = world.admit(300.0, -3.2, 0.0, 0.0)
+    drive(world, ego, lambda t: (300.0, -3.2, 0.0, 0.0), 220)
+    for name in ("s0", "s1"):
+        assert speed(world, name) < 0.1
+        assert x(world, name) < 300 - 5
+
+
+def test_drifting_over_the_line_stops_the_next_lane_too(world, country):
+    """SUMO looks whether a vehicle straddles when it enters a lane, and not again."""
+    begin(world, country.road(drivers((0, 20, 10), (1, 20, 10))))
+    ego = world.admit(300.0, RIGHT, 0.0, 0.0)
+    drive(world, ego, lambda t: (300.0, RIGHT + 1.4 * min(t / 3, 1), 0.0, 0.0), 250)
+    for name in ("s0", "s1"):
+        assert speed(world, name) < 0.1
+        assert x(world, name) < 300 - 5
+
+
+@pytest.mark.parametrize("begin_at", [RIGHT, LEFT])
+@pytest.mark.parametrize("over", [1.4, 3.2])
+def test_drifting_back_inside_a_lane_frees_the_other(world, country, begin_at, over):
+    """From inside a lane over the line and back, or all the way across: traffic flows where nobody is."""
+    begin(world, country.road(drivers((0, 20, 10), (1, 20, 10))))
+    ego = world.admit(300.0, begin_at, 0.0, 0.0)
+    over = over if begin_at == RIGHT else -over
+
+    def motion(t):
+        there, back = min(t / 3, 1), (min(max(t - 4, 0) / 3, 1) if abs(over) < 3.2 else 0)
+        return 300.0, begin_at + over * (there - back), 0.0, 0.0
+
+    drive(world, ego, motion, 250)
+    ends_right = motion(25)[1] == pytest.approx(RIGHT)
+    blocked, free = ("s0", "s1") if ends_right else ("s1", "s0")
+    assert speed(world, blocked) < 0.1
+    assert speed(world, free) == pytest.approx(20.0)
+
+
+def test_beside_the_next_lane_stops_only_one(world, country):
+    begin(world, country.road(drivers((0, 100, 10), (1, 100, 10))))
+    ego = world.admit(300.0, RIGHT, 0.0, 0.0)
+    drive(world, ego, lambda t: (300.0, RIGHT, 0.0, 0.0), 220)
+    assert speed(world, "s0") < 0.1
+    assert speed(world, "s1") == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("speed_against", [0.0, 4.0])
+def test_head_on_in_the_oncoming_lane(world, country, speed_against):
+    """A driver stops for an ego that comes the wrong way and stops in time itself."""
+    begin(world, country.cross(from_arm("w", "e", 20)))
+    ego = world.admit(-60.0, -1.6, math.pi, speed_against)
+
+    def motion(t):
+        moving = t < 5
+        return -60 - speed_against * min(t, 5), -1.6, math.pi, speed_against if moving else 0.0
+
+    drive(world, ego, motion, 300)
+    assert speed(world, "s0") < 0.5
+
+
+def test_reversing_in_the_lane(world, country):
+    """An ego that backs towards a driver is not taken for a leader that drives away."""
+    begin(world, country.road(drivers((0, 100, 8))))
+    ego = world.admit(300.0, RIGHT, 0.0, -3.0)
+    drive(world, ego, lambda t: (300 - 3 * min(t, 10), RIGHT, 0.0, -3.0 if t < 10 else 0.0), 250)
+    assert speed(world, "s0") < 0.1
+
+
+def test_off_the_road_and_back(world, country):
+    begin(world, country.road(drivers((0, 100, 10))))
+    ego = world.admit(200.0, RIGHT - 20, 0.5, 0.0)
+    drive(world, ego, lambda t: (200.0, RIGHT - 20, 0.5, 0.0), 30)
+    assert sumo_says(world, ego)[0] == ""
+    assert speed(world, "s0") > 15
+    back = x(world, "s0") + 90
+    drive(world, ego, lambda t: (back, RIGHT, 0.0, 0.0), 200)
+    assert sumo_says(world, ego)[0] == "ab_0"
+    assert speed(world, "s0") < 0.1
+
+
+@pytest.mark.parametrize("arm", ["s", "e"])
+@pytest.mark.parametrize("says_route", [True, False])
+def test_who_must_give_way_gives_way_to_an_ego(world, country, arm, says_route):
+    """From the minor road, and turning left; an ego that names no route is expected to go straight on."""
+    to = {"s": "n", "e": "s"}[arm]
+    begin(world, country.cross(from_arm(arm, to)))
+    ego = world.admit(-130.0, -1.6, 0.0, 12.0)
+    if says_route:
+        world.traffic.set_route(ego, ("wc", "ce"))
+    slowest = 100.0
+    for step in range(1, 160):
+        world.put(ego, -130 + 1.2 * step, -1.6, 0.0, 12.0)
+        world.step()
+        assert not touching(world)
+        if world.states.position[ego, 0] < 0:
+            slowest = min(slowest, speed(world, "s0"))
+    assert slowest < 4.0
+    assert speed(world, "s0") > 8
+
+
+def test_a_driver_with_right_of_way_stops_for_an_ego_in_the_junction(world, country):
+    """The ego stands in its left turn, across the lane of oncoming traffic."""
+    begin(world, country.cross(from_arm("e", "w")))
+    ego = world.admit(2.0, 1.0, 2.2, 0.0)
+    drive(world, ego, lambda t: (2.0, 1.0, 2.2, 0.0), 250)
+    assert speed(world, "s0") < 0.1
+
+
+def test_an_ego_that_leaves_frees_the_lane(world, country):
+    begin(world, country.road(drivers((0, 100, 10))))
+    ego = world.admit(250.0, RIGHT, 0.0, 0.0)
+    drive(world, ego, lambda t: (250.0, RIGHT, 0.0, 0.0), 200)
+    world.roster.dismiss(ego)
+    world.step(100)
+    assert speed(world, "s0") > 15
+    assert not world.states.alive[ego]
+
+
+def test_a_slot_taken_by_the_next_ego_in_the_same_step(world, country):
+    begin(world, country.road(drivers((0, 100, 10))))
+    ego = world.admit(250.0, RIGHT, 0.0, 0.0)
+    world.step(5)
+    world.roster.dismiss(ego)
+    assert world.admit(400.0, LEFT, 0.0, 0.0) == ego
+    world.step(5)
+    assert sumo_says(world, ego)[0] == "ab_1"
+    assert world.traffic._library.vehicle.getIDCount() == 2
+
+
+def test_traffic_keeps_clear_of_starts(world, country):
+    """Neither those who were there before nor those who depart in the first step are in an ego's place."""
+    routes = CALM + (
+        '<flow id="f" type="calm" from="ab" to="bc" begin="0" end="100" period="0.1" departPos="200"'
+        ' departLane="0" departSpeed="0"/>'
+    )
+    for warm_up in (0.0, 20.0):
+        world.roster.reset()
+        ego = world.admit(200.0, RIGHT, 0.0, 0.0)
+        world.reset(country.road(routes, warm_up))
+        drive(world, ego, lambda t: (200.0, RIGHT, 0.0, 0.0), 100)
+        gap = np.abs(world.states.position[:, 0] - 200)[world.states.alive & (world.states.owner == 1)]
+        assert (gap > 5).all()
+
+
+def test_clearing_a_place_in_mid_episode(world, country):
+    begin(world, country.road(drivers((0, 100, 0), (0, 130, 0), (1, 100, 0))))
+    ego = world.admit(97.5, RIGHT, 0.0, 0.0)
+    world.traffic.clear(world.states, [ego])
+    assert sorted(world.names()) == ["ego", "s1", "s2"]
+    drive(world, ego, lambda t: (97.5, RIGHT, 0.0, 0.0), 20)
+    assert sorted(world.names()) == ["ego", "s1", "s2"]
+
+
+def test_many_egos_among_busy_traffic_never_upset_sumo(world, country):
+    """Egos that drive through everything, at any angle, on and off the road."""
+    world.reset(country.cross())
+    rng = np.random.Generator(np.random.Philox(5))
+    egos = [world.admit(*rng.uniform(-60, 60, 2), rng.uniform(-3, 3), 5.0) for _ in range(6)]
+    turn = rng.uniform(-0.1, 0.1, len(egos))
+    for step in range(1200):
+        for ego, rate in zip(egos, turn, strict=True):
+            heading = world.states.heading[ego] + rate * 0.1
+            position = world.states.position[ego] + 0.8 * np.array([math.cos(heading), math.sin(heading)])
+            if np.abs(position).max() > 80:
+                position, heading = -position, heading
+            world.put(ego, *position, heading, 8.0)
+        world.step()
+        assert all(world.states.alive[ego] for ego in egos), f"an ego vanished in step {step}"
+    assert world.states.alive.sum() > 12

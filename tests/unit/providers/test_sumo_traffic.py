@@ -1,0 +1,273 @@
+"""Traffic alone: it is exactly SUMO's, whoever else runs in the process and whatever ran before."""
+
+import hashlib
+import math
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import libsumo
+import numpy as np
+import pytest
+import sumo
+
+from smarts.errors import TrafficError
+from smarts.providers.sumo_traffic import sumo_options
+from smarts.types.traffic import Signal, TrafficFiles
+from smarts.types.vehicles import Owner, VehicleKind
+
+from .conftest import front_of
+
+ONE_CAR = '<vehicle id="a" depart="0" departPos="100" departSpeed="10"><route edges="ab bc"/></vehicle>'
+
+
+def digest(world, files, seed, steps):
+    """Return the hash of all states over an episode."""
+    world.roster.reset()
+    world.reset(files, seed)
+    hashed = hashlib.blake2b(world.fingerprint())
+    for _ in range(steps):
+        world.step()
+        hashed.update(world.fingerprint())
+    return hashed.hexdigest()
+
+
+@pytest.mark.parametrize("warm_up", [0.0, 30.0])
+@pytest.mark.parametrize("place", ["road", "cross"])
+def test_equals_bare_libsumo_exactly(world, country, place, warm_up):
+    files = getattr(country, place)(warm_up=warm_up)
+    world.reset(files, seed=7)
+    libsumo.start(["sumo", *sumo_options(files, 7, 0.1)])
+    for _ in range(round(warm_up / 0.1)):
+        libsumo.simulationStep()
+    seen = 0
+    for _ in range(600):
+        world.step()
+        libsumo.simulationStep()
+        names = libsumo.vehicle.getIDList()
+        assert sorted(world.names()) == sorted(names)
+        rows = [world.slot(name) for name in names]
+        if rows:
+            angle = np.array([libsumo.vehicle.getAngle(name) for name in names])
+            assert (world.states.speed[rows] == [libsumo.vehicle.getSpeed(name) for name in names]).all()
+            acceleration = [libsumo.vehicle.getAcceleration(name) for name in names]
+            assert (world.states.acceleration[rows] == acceleration).all()
+            turn = np.degrees(world.states.heading[rows]) + angle - 90
+            assert np.abs((turn + 180) % 360 - 180).max() < 1e-10
+            position = np.array([libsumo.vehicle.getPosition(name) for name in names])
+            assert np.abs(front_of(world.states, rows) - position).max() < 1e-12
+            desired = [libsumo.vehicle.getAllowedSpeed(name) for name in names]
+            assert (world.states.desired_speed[rows] == desired).all()
+            seen += len(rows)
+    libsumo.close()
+    assert seen > 3000
+
+
+@pytest.mark.parametrize("place", ["road", "cross"])
+def test_equals_the_sumo_binary(world, country, tmp_path, place):
+    files = getattr(country, place)()
+    output = tmp_path / "fcd.xml"
+    binary = Path(sumo.__file__).parent / "bin" / "sumo"
+    options = ["--fcd-output", output, "--precision", "17", "--fcd-output.acceleration", "--end", "60"]
+    subprocess.run([*map(str, [binary, *sumo_options(files, 5, 0.1), *options])], check=True)
+    world.reset(files, seed=5)
+    for moment in ElementTree.parse(output).getroot()[:600]:
+        world.step()
+        said = {vehicle.get("id"): vehicle.attrib for vehicle in moment}
+        assert sorted(said) == sorted(world.names())
+        for slot in np.flatnonzero(world.states.alive):
+            attributes = said[world.roster.name(slot)]
+            front = front_of(world.states, [slot])[0]
+            assert front == pytest.approx([float(attributes["x"]), float(attributes["y"])], rel=0, abs=1e-12)
+            assert world.states.speed[slot] == pytest.approx(float(attributes["speed"]), rel=0, abs=1e-12)
+            assert world.roads.lane_ids[world.states.lane[slot]] == attributes["lane"]
+
+
+def test_four_in_turn_equal_four_alone(new_world, country):
+    files = country.road(warm_up=10.0)
+    alone = [digest(new_world(), files, seed, 1000) for seed in range(4)]
+    worlds = [new_world() for _ in range(4)]
+    for seed, world in enumerate(worlds):
+        world.reset(files, seed)
+    hashes = [hashlib.blake2b(world.fingerprint()) for world in worlds]
+    for _ in range(1000):
+        for world, hashed in zip(worlds, hashes, strict=True):
+            world.step()
+            hashed.update(world.fingerprint())
+    assert [hashed.hexdigest() for hashed in hashes] == alone
+    assert len(set(alone)) == 4
+
+
+def test_an_episode_does_not_depend_on_those_before(new_world, country):
+    files = country.cross(warm_up=5.0)
+    used = new_world()
+    for seed in (1, 2):
+        digest(used, country.road(), seed, 200)
+    assert digest(used, files, 9, 300) == digest(new_world(), files, 9, 300)
+
+
+IN_A_PROCESS = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+from tests.unit.providers.conftest import Country, World
+from tests.unit.providers.test_sumo_traffic import digest
+from smarts.providers.sumo_traffic import SumoTraffic
+from smarts.sim.roster import Roster
+from smarts.types.traffic import TrafficFiles
+from smarts.types.vehicles import VehicleStates
+
+states = VehicleStates.allocate(64)
+world = World(Country(Path(sys.argv[2]).parent), states, Roster(states), SumoTraffic())
+print(digest(world, TrafficFiles(Path(sys.argv[2]), (Path(sys.argv[3]),), (), 10.0), 11, 1000))
+"""
+
+
+def test_two_processes_agree_over_a_thousand_steps(world, country):
+    files = country.road(warm_up=10.0)
+    root = Path(__file__).resolve().parents[3]
+    command = [sys.executable, "-c", IN_A_PROCESS, root, files.net, files.routes[0]]
+    printed = subprocess.run(
+        [*map(str, command)], check=True, capture_output=True, text=True, cwd=root
+    ).stdout
+    assert printed.strip() == digest(world, files, 11, 1000)
+
+
+def test_a_row_in_detail(world, country):
+    car = (
+        '<vType id="bus" vClass="bus" length="12" width="2.5" speedFactor="1.1" speedDev="0" maxSpeed="30"/>'
+        '<vehicle id="x" type="bus" depart="0" departPos="50" departSpeed="10" departLane="0">'
+        '<route edges="wc ce"/></vehicle>'
+    )
+    world.reset(country.cross(car))
+    assert not world.states.alive.any()
+    world.step()
+    states, row = world.states, world.slot("x")
+    assert row == 0
+    assert (states.owner[row], states.kind[row]) == (Owner.TRAFFIC, VehicleKind.BUS)
+    assert (states.length[row], states.width[row]) == (12.0, 2.5)
+    assert states.position[row] == pytest.approx([-200 + 50 - 6, -1.6])
+    assert states.heading[row] == pytest.approx(0.0)
+    assert world.roads.lane_ids[states.lane[row]] == "wc_0"
+    assert states.lane_position[row] == pytest.approx(44.0)
+    assert states.desired_speed[row] == pytest.approx(1.1 * 15)
+    world.step()
+    assert states.acceleration[row] == pytest.approx((states.speed[row] - 10.0) / 0.1)
+
+
+def test_headings_around_the_compass(world, country):
+    cars = "".join(
+        f'<vehicle id="{arm}" depart="0" departPos="50"><route edges="{arm}c c{to}"/></vehicle>'
+        for arm, to in ("we", "ew", "ns", "sn")
+    )
+    world.reset(country.cross(cars))
+    world.step()
+    heading = {arm: world.states.heading[world.slot(arm)] for arm in "wens"}
+    assert heading == pytest.approx({"w": 0.0, "e": math.pi, "n": -math.pi / 2, "s": math.pi / 2})
+
+
+def test_slots_follow_the_order_of_departure_and_are_used_again(world, country):
+    cars = "".join(
+        f'<vehicle id="{name}" depart="{when}" departSpeed="max"><route edges="{edges}"/></vehicle>'
+        for name, when, edges in (("z", 0, "wc"), ("y", 3, "wc ce"), ("b", 9, "ec cw"), ("a", 30, "wc"))
+    )
+    world.reset(country.cross(cars, warm_up=10.0))
+    assert [world.slot(name) for name in "zyb"] == [0, 1, 2]
+    world.step(150)
+    assert "z" not in world.names()
+    assert world.states.generation[0] == 1
+    world.step(100)
+    assert world.slot("a") == 0
+    assert world.states.generation[0] == 2
+
+
+def test_a_full_world_holds_departures_back(new_world, country):
+    world = new_world(capacity=10, reserved=2)
+    world.reset(country.road())
+    for _ in range(600):
+        world.step()
+        assert world.states.alive.sum() <= 8
+    assert world.traffic.is_full
+    assert not world.states.alive[:2].any()
+
+
+def test_a_wide_enough_world_is_never_full(world, country):
+    world.reset(country.cross(ONE_CAR.replace("ab bc", "wc ce")))
+    world.step(50)
+    assert not world.traffic.is_full
+
+
+def test_signals_are_those_of_the_lanes(world, country):
+    files = country.cross(kind="traffic_light")
+    world.reset(files)
+    libsumo.start(["sumo", *sumo_options(files, 3, 0.1)])
+    seen = set()
+    light_of = {"r": Signal.STOP, "y": Signal.CAUTION, "g": Signal.GO, "G": Signal.GO}
+    controlled = libsumo.trafficlight.getControlledLinks("c")
+    for _ in range(900):
+        libsumo.simulationStep()
+        world.step()
+        lights = libsumo.trafficlight.getRedYellowGreenState("c")
+        for link, light in zip(controlled, lights, strict=True):
+            lane = world.roads.lane_of_id(link[0][2])
+            assert world.traffic.signals[lane] == light_of[light]
+            seen.add(light)
+    libsumo.close()
+    assert seen == set("ryGg")
+    road = world.roads.lane_of_id("wc_0")
+    assert world.traffic.signals[road] == Signal.NONE
+
+
+def test_routes_are_told(world, country):
+    world.reset(country.road(ONE_CAR))
+    world.step()
+    assert world.traffic.route(world.slot("a")) == ("ab", "bc")
+    world.step(800)
+    assert world.traffic.route(world.slot("a")) == ("bc",)
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda files: files.net.write_text(files.net.read_text()[:3000]), "unexpected end of input"),
+        (lambda files: files.routes[0].write_text("<routes><vehicle"), "rou.xml"),
+        (lambda files: files.routes[0].write_text('<routes><flow id="a" from="ab"/></routes>'), "flow 'a'"),
+        (lambda files: files.routes[0].unlink(), "not accessible"),
+        (lambda files: files.net.unlink(), "not accessible"),
+    ],
+)
+def test_what_cannot_start_is_one_named_error(new_world, country, tmp_path, damage, message):
+    sound = country.road()
+    broken = TrafficFiles(tmp_path / "map.net.xml", (tmp_path / "x.rou.xml",))
+    broken.net.write_bytes(sound.net.read_bytes())
+    broken.routes[0].write_bytes(sound.routes[0].read_bytes())
+    damage(broken)
+    neighbour, world = new_world(), new_world()
+    expected = digest(new_world(), sound, 4, 100)
+    neighbour.reset(sound, 4)
+    hashed = hashlib.blake2b(neighbour.fingerprint())
+    country_roads = country.roads(sound)
+    with pytest.raises(TrafficError, match=message):
+        world.traffic.reset(broken, 4, world.states, world.roster, country_roads)
+    for _ in range(100):
+        neighbour.step()
+        hashed.update(neighbour.fingerprint())
+    assert hashed.hexdigest() == expected
+    assert digest(world, sound, 4, 100) == expected
+
+
+def test_a_failure_in_mid_run_is_one_named_error(new_world, country):
+    late = (
+        '<vehicle id="fine" depart="0"><route edges="ab bc"/></vehicle>'
+        '<vehicle id="broken" depart="300"><route edges="bc ab"/></vehicle>'
+    )
+    neighbour, world = new_world(), new_world()
+    world.reset(country.road(late))
+    neighbour.reset(country.road())
+    with pytest.raises(TrafficError, match="Vehicle 'broken' has no valid route"):
+        world.step(4000)
+    with pytest.raises(TrafficError):
+        world.step()
+    neighbour.step(100)
+    assert digest(world, country.road(), 4, 100) == digest(neighbour, country.road(), 4, 100)
