@@ -82,10 +82,10 @@ def traffic(
 
 def _along_the_road(flow: t.Flow, filled: Mapping[str, float]) -> Iterator[t.Flow]:
     """Yield flows of a moment that stand for the vehicles which would have entered before time 0."""
-    road, lane, offset = flow.route.begin
-    if offset != "base":
+    road, lane, offset = flow.route.begin if isinstance(flow.route, t.Route) else (None, 0, None)
+    if road not in filled or offset != "base":
         return
     rate = flow.rate * SPACING / (TYPICAL_SPEED * FILLING_TIME)
-    for place in range(SPACING, int(filled.get(road, 0)), SPACING):
+    for place in range(SPACING, int(filled[road]), SPACING):
         route = replace(flow.route, begin=(road, lane, place))
         yield replace(flow, route=route, rate=rate, end=FILLING_TIME)

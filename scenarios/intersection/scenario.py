@@ -4,7 +4,7 @@ from scenarios.drivers import IMPATIENT, MIXED, START_VARIATION, Drivers, flow, 
 from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
 
-WARM_UP = 25.0
+WARM_UP = 30.0
 FILLED = {"north_approach": 95, "south_approach": 95, "west_approach": 95, "east_approach": 95}
 OPPOSITE = {"north": "south", "south": "north", "west": "east", "east": "west"}
 LEFT = {"north": "east", "south": "west", "west": "north", "east": "south"}
@@ -12,7 +12,7 @@ RIGHT = {"north": "west", "south": "east", "west": "south", "east": "north"}
 
 
 def social(density: float = 1.0, drivers: Drivers = MIXED, lanes: int = 2) -> dict[str, t.Traffic]:
-    arms = {"north": 660, "south": 660, "west": 600, "east": 600}
+    arms = {"north": 680, "south": 680, "west": 680, "east": 680}
     leftmost = lanes - 1
     result = []
     for arm, rate in arms.items():
