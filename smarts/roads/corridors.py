@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,12 @@ class Corridor:
     """CSR of the rows that a row leads into without leaving the route, shape (R + 1,)."""
     onward: Ints
 
-    @property
+    @cached_property
+    def by_lane(self) -> Ints:
+        """Rows in ascending order of lane, and along the route where lanes are equal."""
+        return np.argsort(self.lane, kind="stable").astype(np.int32)
+
+    @cached_property
     def before(self) -> Ints:
         """Row of the lane before within the same group, -1 where none is: the ways through a junction."""
         source = np.repeat(np.arange(len(self.lane), dtype=np.int32), np.diff(self.onward_start))
