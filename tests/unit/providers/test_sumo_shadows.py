@@ -126,6 +126,16 @@ def test_appearing_ahead_inside_a_lane(world, country):
     assert speed(world, "s0") < 0.1
 
 
+def test_appearing_ahead_where_there_is_no_lane_beside(world, country):
+    """The shadow leaves the net for one step instead."""
+    routes = from_arm("w", "e", 60).replace('id="calm"', 'id="calm" maxSpeed="10"')
+    begin(world, country.cross(routes))
+    ego = world.admit(-190.0, -1.6, 0.0, 0.0)
+    world.step(10)
+    drive(world, ego, lambda t: (-80.0, -1.6, 0.0, 0.0), 200)
+    assert speed(world, "s0") < 0.1
+
+
 def test_insertion_ahead_of_traffic(world, country):
     begin(world, country.road(drivers((0, 100, 18), (0, 60, 18))), 2.0)
     ahead = x(world, "s0") + 45
