@@ -30,6 +30,8 @@ GAP = 2.5
 """What stays free between egos that start on one lane, bumper to bumper [m]."""
 CAR_LENGTH = 5.0
 """The length of an ego unless told otherwise [m]."""
+ROUNDING = 1e-6
+"""What counts as no overlap yet, since offsets are scaled [m]."""
 TRIES = 100
 """How often a random start is drawn anew to find room."""
 
@@ -222,7 +224,7 @@ def keep_apart(
         The starts, or None if two vehicles overlap where the scenario puts them.
     """
     gaps = [ahead - behind for behind, ahead in pairwise(nominal)]
-    if any(gap < length for gap in gaps):
+    if any(gap < length - ROUNDING for gap in gaps):
         return None
     spacing = [min(gap, length + GAP) for gap in gaps]
     # From the rear, the least that each start can be once those behind it have their room; the scenario's

@@ -46,6 +46,13 @@ class _Validation:
     place: str
 
     def scenario(self, scenario: t.Scenario) -> None:
+        spec = scenario.map_spec
+        self._require(
+            spec is None or spec.builder_fn is None,
+            "map_spec.builder_fn",
+            "maps cannot be built by a function of one's own",
+            "leave it out, and give the map as a SUMO, OpenDRIVE or OSM file",
+        )
         for name, traffic in (scenario.traffic or {}).items():
             self._traffic(traffic, f"traffic[{name!r}]")
         for number, mission in enumerate(scenario.ego_missions or ()):
