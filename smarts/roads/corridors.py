@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.memory import remembered
 from smarts.roads.routes import CARS, edge_graph
 
 Floats = NDArray[np.float64]
@@ -70,7 +71,7 @@ class _Row:
     """Lanes of the rows that follow."""
 
 
-@lru_cache(maxsize=1024)
+@remembered(most=1024)
 def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[LaneKind] = CARS) -> Corridor:
     """Return the (remembered) corridor of a route.
 
@@ -104,7 +105,7 @@ def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[La
     return _corridor(rows)
 
 
-@lru_cache(maxsize=64)
+@remembered(most=8)
 def free_corridor(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Corridor:
     """Return the corridor of going anywhere: row i is lane i, and every usable exit of a junction is open.
 
