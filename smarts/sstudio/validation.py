@@ -6,10 +6,11 @@ Every error names the object (`traffic['dense'].flows[2].route.begin`), the valu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
 from smarts.errors import ScenarioError, nearest_names
@@ -53,26 +54,22 @@ class _Validation:
             "maps cannot be built by a function of one's own",
             "leave it out, and give the map as a SUMO, OpenDRIVE or OSM file",
         )
-        for name, traffic in (scenario.traffic or {}).items():
-            self._traffic(traffic, f"traffic[{name!r}]")
-        for number, mission in enumerate(scenario.ego_missions or ()):
-            self._mission(mission, f"ego_missions[{number}]")
-        for group, (actors, missions) in (scenario.social_agent_missions or {}).items():
-            self._social_agents(actors, missions, f"social_agent_missions[{group!r}]")
-        self._bubbles(scenario.bubbles or ())
-        for number, patch in enumerate(scenario.friction_maps or ()):
-            self._patch(patch, f"friction_maps[{number}]")
-        for number, history in enumerate(scenario.traffic_histories or ()):
-            self._history(history, f"traffic_histories[{number}]")
+        for where, traffic in self._named(scenario.traffic, "traffic"):
+            self._traffic(traffic, where)
+        for where, mission in self._listed(scenario.ego_missions, "ego_missions"):
+            self._mission(mission, where)
+        for where, (actors, missions) in self._named(scenario.social_agent_missions, "social_agent_missions"):
+            self._social_agents(actors, missions, where)
+        self._bubbles(scenario.bubbles)
+        for where, patch in self._listed(scenario.friction_maps, "friction_maps"):
+            self._patch(patch, where)
+        for where, history in self._listed(scenario.traffic_histories, "traffic_histories"):
+            self._history(history, where)
+        for where, variation in self._named(scenario.held_out, "held_out"):
+            self._type(variation, t.Variation, where)
         for name in scenario.held_out or {}:
-            self._require(
-                bool(name) and not set(name) & set("@/\\"),
-                f"held_out[{name!r}]",
-                "not a name",
-                "leave out @ and /",
-            )
-
-    # Small things
+            plain = bool(name) and not set(name) & set("@/\\")
+            self._require(plain, f"held_out[{name!r}]", "not a name", "leave out @ and /")
 
     def _require(self, holds: bool, where: str, problem: str, remedy: str) -> None:
         if not holds:
@@ -80,6 +77,22 @@ class _Validation:
 
     def _at(self, where: str) -> str:
         return f"{self.place}: {where}"
+
+    def _named(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
+        """Return the items of a dict by what they are called, nothing for None."""
+        named = isinstance(value, Mapping | None) and all(isinstance(name, str) for name in value or ())
+        self._require(named, where, f"not a dict by name: {value!r}", 'use {"name": ...}')
+        return ((f"{where}[{name!r}]", item) for name, item in (value or {}).items())
+
+    def _listed(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
+        """Return the items of a list by what they are called, nothing for None."""
+        listed = isinstance(value, list | tuple | None)
+        self._require(listed, where, f"not a list: {value!r}", "use [...]")
+        return ((f"{where}[{number}]", item) for number, item in enumerate(value or ()))
+
+    def _count(self, value: Any, where: str) -> None:
+        whole = isinstance(value, int) and value >= 1
+        self._require(whole, where, f"{value!r} is not a count", "use 1, 2, 3, ...")
 
     def _number(self, value: Any, where: str, least: float = 0.0, above: bool = False) -> None:
         """Require a finite number that is at least, or above, `least`."""
@@ -99,25 +112,22 @@ class _Validation:
             isinstance(value, expected), where, f"a {type(value).__name__}: {value!r}", f"use a {names}"
         )
 
-    # Traffic
-
     def _traffic(self, traffic: t.Traffic, where: str) -> None:
         self._type(traffic, t.Traffic, where)
         self._choice(traffic.engine, ENGINES, f"{where}.engine")
         self._number(traffic.warm_up, f"{where}.warm_up")
-        for number, flow in enumerate(traffic.flows):
-            self._flow(flow, f"{where}.flows[{number}]")
-        seen: dict[str, int] = {}
-        for number, trip in enumerate(traffic.trips or ()):
-            at = f"{where}.trips[{number}]"
-            earlier = seen.setdefault(trip.vehicle_name, number)
+        for at, flow in self._listed(traffic.flows, f"{where}.flows"):
+            self._flow(flow, at)
+        seen: dict[str, str] = {}
+        for at, trip in self._listed(traffic.trips, f"{where}.trips"):
+            self._trip(trip, at)
+            earlier = seen.setdefault(trip.vehicle_name, at)
             self._require(
-                earlier == number,
+                earlier == at,
                 f"{at}.vehicle_name",
-                f"trips[{earlier}] has the name {trip.vehicle_name!r}, too",
+                f"{earlier} has the name {trip.vehicle_name!r}, too",
                 "give every trip a name of its own",
             )
-            self._trip(trip, at)
 
     def _flow(self, flow: t.Flow, where: str) -> None:
         self._type(flow, t.Flow, where)
@@ -136,6 +146,7 @@ class _Validation:
         self._vehicle_route(flow.route, flow.actors, flow.stops, where)
 
     def _weights(self, actors: Mapping[t.TrafficActor, float], where: str) -> None:
+        self._type(actors, dict, where)
         self._require(bool(actors), where, "the flow has no actors", "give actors={TrafficActor('car'): 1}")
         for actor, weight in actors.items():
             self._type(actor, t.TrafficActor, f"{where} key")
@@ -143,6 +154,8 @@ class _Validation:
         self._require(sum(actors.values()) > 0, where, "the weights sum to zero", "give one a weight above 0")
 
     def _trip(self, trip: t.Trip, where: str) -> None:
+        self._type(trip, t.Trip, where)
+        self._type(trip.vehicle_name, str, f"{where}.vehicle_name")
         self._require(
             bool(trip.vehicle_name) and sumo_id(trip.vehicle_name) == trip.vehicle_name,
             f"{where}.vehicle_name",
@@ -165,10 +178,11 @@ class _Validation:
         edges = None
         if isinstance(route, t.Route):
             edges = route_edges(self.roads, route, self._at(f"{where}.route"), kinds)
-        for number, stop in enumerate(stops):
-            self._stop(stop, edges, f"{where}.stops[{number}]")
+        for at, stop in self._listed(stops, f"{where}.stops"):
+            self._stop(stop, edges, at)
 
     def _stop(self, stop: t.Stop, edges: tuple[str, ...] | None, where: str) -> None:
+        self._type(stop, t.Stop, where)
         lane_of(self.roads, (stop.road_id, stop.lane_index, stop.offset), self._at(where))
         self._number(stop.duration, f"{where}.duration")
         self._number(stop.length, f"{where}.length", above=True)
@@ -202,8 +216,6 @@ class _Validation:
             for attribute in () if model in ignored else model:
                 self._choice(attribute, known, f"{where}.{name}")
 
-    # Missions
-
     def _mission(self, mission: t.AnyMission, where: str) -> None:
         kinds = (t.Mission, t.EndlessMission, t.LapMission, t.GroupedLapMission)
         self._type(mission, kinds, where)
@@ -216,8 +228,8 @@ class _Validation:
         else:
             begin = self._mission_route(mission, where)
         self._number(mission.start_time, f"{where}.start_time")
-        for number, via in enumerate(mission.via):
-            self._via(via, f"{where}.via[{number}]")
+        for at, via in self._listed(mission.via, f"{where}.via"):
+            self._via(via, at)
         if isinstance(mission, t.Mission) and mission.task is not None:
             self._task(mission.task, f"{where}.task")
         if mission.entry_tactic is not None:
@@ -228,7 +240,7 @@ class _Validation:
         route = mission.route
         self._type(route, (t.Route, t.RandomRoute), f"{where}.route")
         if isinstance(mission, t.LapMission):
-            self._number(mission.num_laps, f"{where}.num_laps", least=1)
+            self._count(mission.num_laps, f"{where}.num_laps")
             self._type(route, t.Route, f"{where}.route")
         if not isinstance(route, t.Route):
             return None
@@ -244,8 +256,8 @@ class _Validation:
         return route.begin[0]
 
     def _group(self, group: t.GroupedLapMission, where: str) -> None:
-        self._number(group.actor_count, f"{where}.actor_count", least=1)
-        self._number(group.lanes, f"{where}.lanes", least=1)
+        self._count(group.actor_count, f"{where}.actor_count")
+        self._count(group.lanes, f"{where}.lanes")
         begin = group.route.begin[2]
         self._require(
             not isinstance(begin, str),
@@ -257,6 +269,7 @@ class _Validation:
             self._mission(mission, f"{where}, start {number}")
 
     def _via(self, via: t.Via, where: str) -> None:
+        self._type(via, t.Via, where)
         via_place(self.roads, via, self._at(where))
         self._number(via.required_speed, f"{where}.required_speed")
 
@@ -287,8 +300,6 @@ class _Validation:
                     f"put the zone on edge '{begin}'",
                 )
 
-    # Agents and areas
-
     def _social_agents(
         self, actors: Sequence[t.SocialAgentActor], missions: Sequence[t.AnyMission], where: str
     ) -> None:
@@ -306,13 +317,12 @@ class _Validation:
                 actor.name not in names, where, f"two actors are named {actor.name!r}", "rename one of them"
             )
             names.add(actor.name)
-        for number, mission in enumerate(missions):
-            self._mission(mission, f"{where}.missions[{number}]")
+        for at, mission in self._listed(missions, f"{where}.missions"):
+            self._mission(mission, at)
 
-    def _bubbles(self, bubbles: Sequence[t.Bubble]) -> None:
+    def _bubbles(self, bubbles: Sequence[t.Bubble] | None) -> None:
         seen: set[str] = set()
-        for number, bubble in enumerate(bubbles):
-            where = f"bubbles[{number}]"
+        for where, bubble in self._listed(bubbles, "bubbles"):
             self._type(bubble, t.Bubble, where)
             self._require(
                 bubble.id not in seen,
@@ -340,20 +350,28 @@ class _Validation:
         self._type(zone, t.Zone, where)
         if isinstance(zone, t.MapZone):
             lane_of(self.roads, zone.start, self._at(f"{where}.start"))
-            self._number(zone.n_lanes, f"{where}.n_lanes", least=1)
+            self._count(zone.n_lanes, f"{where}.n_lanes")
             if not isinstance(zone.length, str):
                 self._number(zone.length, f"{where}.length", above=True)
         if isinstance(zone, t.PositionalZone):
             for extent in zone.size:
                 self._number(extent, f"{where}.size", above=True)
-        with blame(self._at(where)):
-            area = zone.to_geometry(self.roads)
+        area = self._area(zone, where)
         self._require(
             area.is_valid and area.area > 0,
             where,
             f"the area is not a simple polygon: {explain_validity(area)}",
             "list the corners in order round the area, so that no two sides cross",
         )
+
+    def _area(self, zone: t.Zone, where: str) -> BaseGeometry:
+        try:
+            with blame(self._at(where)):
+                return zone.to_geometry(self.roads)
+        except (TypeError, ValueError) as error:
+            raise ScenarioError(
+                f"not an area: {error}", place=self._at(where), remedy="use pairs of numbers (x, y)"
+            ) from error
 
     def _history(self, history: t.TrafficHistoryDataset | str, where: str) -> None:
         self._type(history, (t.TrafficHistoryDataset, str), where)
