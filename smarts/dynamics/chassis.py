@@ -26,7 +26,9 @@ SHELL_FRICTION = 0.6
 
 @njit(cache=True)
 def advance(rows, cars, states, bodies, controls, road, velocities, dt):
-    """Write the velocities that one sub-step's forces give the bodies of `rows`.
+    """Write the velocities that one sub-step's forces give the bodies of `rows`; return a row or -1.
+
+    The row is the first whose velocities are not finite numbers, which Bullet must not be given.
 
     Args:
         rows: Vehicles to advance, shape (R,).
@@ -40,7 +42,11 @@ def advance(rows, cars, states, bodies, controls, road, velocities, dt):
         dt: Sub-step [s].
     """
     for row in rows:
-        _advance_one(cars[row], states[row], bodies[row], controls[row], road[row], velocities[row], dt)
+        velocity = velocities[row]
+        _advance_one(cars[row], states[row], bodies[row], controls[row], road[row], velocity, dt)
+        if not math.isfinite(_dot(velocity[0], velocity[0]) + _dot(velocity[1], velocity[1])):
+            return row
+    return -1
 
 
 @njit(cache=True)
@@ -96,13 +102,13 @@ def steer(car, state, command, dt):
 
 @njit(cache=True)
 def _dot(a, b):
-    """Return the scalar product of two triples."""
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True)
 def _cross(a, b):
-    """Return the vector product of two triples."""
+    """Return the vector product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 

@@ -43,6 +43,20 @@ def record_poses(rows, cars, bodies, poses, substep):
 
 
 @njit(cache=True)
+def show_wheels(active, cars, poses, positions):
+    """Write where the active vehicles' wheels stand [m], shape (E, 4, 2), from the last of `poses`."""
+    for row in range(active.size):
+        if not active[row]:
+            continue
+        car, pose = cars[row], poses[row, -1]
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        for wheel in range(positions.shape[1]):
+            x, y = car.centre_to_cog + car.wheel_x[wheel], car.wheel_y[wheel]
+            positions[row, wheel, 0] = pose[0] + x * cos - y * sin
+            positions[row, wheel, 1] = pose[1] + x * sin + y * cos
+
+
+@njit(cache=True)
 def show_motion(active, bodies, before, velocity, yaw_rate, acceleration, step):
     """Write the active vehicles' planar motion; return the first row whose motion is not finite, or -1.
 

@@ -15,7 +15,7 @@ import math
 from numba import njit
 
 from smarts.dynamics.chassis import rotation, steer
-from smarts.dynamics.tyre_models import characteristics, shares
+from smarts.dynamics.tyre_models import characteristics, side_share
 from smarts.dynamics.wheel import BREAKAWAY_SPEED, DAMPING_SPEED, DAMPING_TIME, LEAST_FRICTION
 
 FRONT, REAR = 0, 2
@@ -195,7 +195,7 @@ def _axle_side_force(car, state, wheel, tyre, force_x, vx, vy, dt):
         state.deflection_y[side] = deflection
         state.slip_angle[side] = math.atan(carcass * deflection / stiffness)
     pull = carcass * (deflection - damping * vy)
-    _, share = shares(car, 0.0, pull / peak_y, 0.0, curvature)
+    share = side_share(car, pull / peak_y, curvature)
     used = min(abs(force_x) / (2.0 * peak_x), 0.98)
     return 2.0 * share * pull * math.sqrt(1.0 - used * used)
 

@@ -7,7 +7,7 @@ combine by similarity (Pacejka 2012, section 4.3.1): both curves are taken at th
 normalised slips, and the force points along it, so that the force never leaves the friction ellipse and
 opposes the sliding of a locked wheel.
 
-To add a model: its file, its name in `layout.TYRE_MODELS`, and its line in each of the two kernels below.
+To add a model: its file, its name in `layout.TYRE_MODELS`, and its line in each of the kernels below.
 """
 
 from __future__ import annotations
@@ -43,6 +43,17 @@ def shares(car, slip_x, slip_y, curvature_x, curvature_y):
         pacejka.curve(slip, car.pcx1, curvature_x) / slip,
         pacejka.curve(slip, car.pcy1, curvature_y) / slip,
     )
+
+
+@njit(cache=True)
+def side_share(car, slip, curvature):
+    """Return lateral force over unsaturated force at a normalised slip that is lateral alone."""
+    slip = abs(slip)
+    if slip < 1e-6:
+        return 1.0
+    if car.tyre_model == LINEAR:
+        return linear.curve(slip) / slip
+    return pacejka.curve(slip, car.pcy1, curvature) / slip
 
 
 @njit(cache=True)
