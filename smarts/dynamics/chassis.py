@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from smarts.dynamics.layout import GRAVITY, WHEELS
 from smarts.dynamics.wheel import roll
+from smarts.geometry.compiling import kernel
 
 MAX_LOAD = 6.0
 """Largest load of a wheel over its static load; a harder blow bottoms out on the shell."""
@@ -24,7 +23,7 @@ SHELL_FRICTION = 0.6
 """Of sheet metal on asphalt."""
 
 
-@njit(cache=True)
+@kernel
 def advance(rows, cars, states, bodies, controls, road, velocities, dt):
     """Write the velocities that one sub-step's forces give the bodies of `rows`; return a row or -1.
 
@@ -49,7 +48,7 @@ def advance(rows, cars, states, bodies, controls, road, velocities, dt):
     return -1
 
 
-@njit(cache=True)
+@kernel
 def _advance_one(car, state, body, controls, road, velocity, dt):
     """Advance one vehicle; see `advance`."""
     axes = rotation(body)
@@ -73,7 +72,7 @@ def _advance_one(car, state, body, controls, road, velocity, dt):
         velocity[1, axis] = body[10 + axis] + dt * turn[axis]
 
 
-@njit(cache=True)
+@kernel
 def rotation(body):
     """Return the body's axes forward, left, up in the world, three triples."""
     x, y, z, w = body[3], body[4], body[5], body[6]
@@ -84,7 +83,7 @@ def rotation(body):
     )
 
 
-@njit(cache=True)
+@kernel
 def steer(car, state, command, dt):
     """Turn the steering towards `command` in [-1, 1] (left), return both front wheels' angles [rad].
 
@@ -100,19 +99,19 @@ def steer(car, state, command, dt):
     return left, right
 
 
-@njit(cache=True)
+@kernel
 def _dot(a, b):
     """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@kernel
 def _cross(a, b):
     """Return the vector product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@kernel
 def _place(axes, x, y, z):
     """Return a point of the body's frame as an arm from the centre of gravity in the world."""
     forward, left, up = axes
@@ -123,7 +122,7 @@ def _place(axes, x, y, z):
     )
 
 
-@njit(cache=True)
+@kernel
 def _height(body, road, arm):
     """Return the height of a point above the road's plane [m]."""
     return (
@@ -131,7 +130,7 @@ def _height(body, road, arm):
     )
 
 
-@njit(cache=True)
+@kernel
 def _point_velocity(body, arm):
     """Return the velocity of a point of the body [m/s]."""
     return (
@@ -141,7 +140,7 @@ def _point_velocity(body, arm):
     )
 
 
-@njit(cache=True)
+@kernel
 def _compression(car, state, body, axes, road, wheel):
     """Return how far a suspension is compressed [m]; negative in the air."""
     radius = car.radius[wheel]
@@ -150,7 +149,7 @@ def _compression(car, state, body, axes, road, wheel):
     return at_rest + radius * state.radius_factor[wheel] - _height(body, road, arm)
 
 
-@njit(cache=True)
+@kernel
 def _compressions(car, state, body, axes, road):
     """Return the four suspensions' compressions [m]."""
     return (
@@ -161,7 +160,7 @@ def _compressions(car, state, body, axes, road):
     )
 
 
-@njit(cache=True)
+@kernel
 def _wheel_force(car, state, body, axes, road, controls, wheel, angle, compressions, dt):
     """Return a wheel's force on the body [N] and the arm from the centre of gravity to its contact [m]."""
     normal = road[4], road[5], road[6]
@@ -203,7 +202,7 @@ def _wheel_force(car, state, body, axes, road, controls, wheel, angle, compressi
     return force, arm
 
 
-@njit(cache=True)
+@kernel
 def _load(car, wheel, compression, opposite, sinking):
     """Return a wheel's load [N] from its and its opposite's compression [m] and its rate [m/s]."""
     if compression <= 0.0:
@@ -213,7 +212,7 @@ def _load(car, wheel, compression, opposite, sinking):
     return min(max(load, 0.0), MAX_LOAD * car.static_load[wheel])
 
 
-@njit(cache=True)
+@kernel
 def drive_torque(car, state, wheel, throttle):
     """Return the engine's torque at a wheel [N m]: limited by force, and by power at speed."""
     if throttle == 0.0 or car.drive_share[wheel] == 0.0:
@@ -225,7 +224,7 @@ def drive_torque(car, state, wheel, throttle):
     return throttle * torque * car.drive_share[wheel]
 
 
-@njit(cache=True)
+@kernel
 def brake_torque(car, state, wheel, brake, load, road):
     """Return the largest torque of a wheel's brake [N m].
 
@@ -240,7 +239,7 @@ def brake_torque(car, state, wheel, brake, load, road):
     return torque
 
 
-@njit(cache=True)
+@kernel
 def _angular_acceleration(car, axes, tx, ty, tz):
     """Return what a torque [N m] in the world does to the body's angular velocity [rad/s^2].
 
@@ -254,7 +253,7 @@ def _angular_acceleration(car, axes, tx, ty, tz):
     return ax, ay, az
 
 
-@njit(cache=True)
+@kernel
 def _shell_on_road(car, body, axes, road, dt):
     """Return force [N] and torque [N m] of the road on the corners of the body's box.
 
@@ -279,7 +278,7 @@ def _shell_on_road(car, body, axes, road, dt):
     return (fx, fy, fz), (tx, ty, tz)
 
 
-@njit(cache=True)
+@kernel
 def _corner_force(car, body, road, arm, dt):
     """Return the road's force on one corner of the shell [N]: a damped spring and Coulomb's friction."""
     depth = -_height(body, road, arm)
