@@ -35,7 +35,7 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         "opendrive.curve-resolution": "1",
         # Shoulders and sidewalks stay, closed to cars, so that lanes keep their place on the road.
         "opendrive.import-all-lanes": "true",
-        "opendrive.internal-shapes": "true",
+        # `opendrive.internal-shapes` stays off: it leaves gaps of metres and folded lanes in real maps.
         "output.original-names": "true",
     },
     "osm": {
