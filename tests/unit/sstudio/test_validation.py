@@ -112,6 +112,16 @@ WRONG = {
         "bubbles[0].zone",
         "not an area",
     ),
+    "route on another map": (
+        'ego_missions=[t.Mission(t.RandomRoute(map_spec=t.MapSpec("elsewhere")))]',
+        "ego_missions[0].route.map_spec",
+        "a route cannot be on a map of its own",
+    ),
+    "group on a random route": (
+        "ego_missions=[t.GroupedLapMission(t.RandomRoute(), 5, 1, 1, 1)]",
+        "ego_missions[0].route",
+        "use a Route",
+    ),
     "not a mission": ("ego_missions=[south_north]", "ego_missions[0]", "a Route: Route("),
     "no actors": (
         'traffic={"x": t.Traffic(flows=[flow(), flow(actors={})])}',
