@@ -21,7 +21,7 @@ import threading
 import types
 import weakref
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -124,9 +124,8 @@ class SumoLibrary:
         """Make SUMO write its log after a failed start, which it does only when the next simulation ends."""
         net = os.memfd_create("empty-net")
         os.write(net, b'<net version="1.20"/>')
-        with suppress(Exception):
-            self.simulation.load(["--net-file", _FILE.format(net), "--no-step-log", "--no-warnings"])
-            self.simulation.close()
+        self.simulation.load(["--net-file", _FILE.format(net), "--no-step-log", "--no-warnings"])
+        self.simulation.close()
         os.close(net)
 
     def _close_log(self) -> None:
