@@ -31,7 +31,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from smarts.geometry.frames import compass_from_heading
-from smarts.providers.sumo_library import SumoLibrary, is_sumo_error
+from smarts.providers.sumo_library import SumoLibrary
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
@@ -124,8 +124,8 @@ class SumoShadows:
         """Let a vehicle of SUMO's be a shadow from the next step on."""
         vehicle = self._library.vehicle
         vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
-        route = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]
-        shadow = _Shadow(name, tuple(route), vehicle.getLaneID(name), vehicle.getLanePosition(name))
+        route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
+        shadow = _Shadow(name, route, lane, vehicle.getLanePosition(name))
         if slot in self._returned:
             shadow.noted_side = self._returned.pop(slot).noted_side
         if vehicle.getLateralSpeed(name):
@@ -238,17 +238,11 @@ class SumoShadows:
         beside = self._lane_beside(shadow)
         if not beside:
             return False
-        move = self._library.vehicle.moveTo
-        try:
-            move(shadow.id, beside, shadow.position)
-            if shadow.entry is _Entry.AND_BACK:
-                move(shadow.id, shadow.lane, shadow.position)
-        except Exception as error:
-            # The lane is not on the route that SUMO has given to the shadow.
-            if not is_sumo_error(error):
-                raise
-            return False
-        return True
+        # SUMO refuses where the lane is not on the route that it has given to the shadow.
+        move, accepts = self._library.vehicle.moveTo, self._library.accepts
+        return accepts(move, shadow.id, beside, shadow.position) and (
+            shadow.entry is _Entry.BESIDE or accepts(move, shadow.id, shadow.lane, shadow.position)
+        )
 
     def _lane_beside(self, shadow: _Shadow) -> str:
         """Return the lane that a shadow straddles into, or else any lane beside its own, "" without one."""
@@ -285,8 +279,10 @@ class SumoShadows:
             ahead = list(shadow.route)
         else:
             ahead = [edge, *self._way_on(lane)]
-        if tuple(ahead) != self._library.vehicle.getRoute(shadow.id):
-            self._library.vehicle.setRoute(shadow.id, ahead)
+        if tuple(ahead) != self._library.route_ahead(shadow.id):
+            # Where SUMO refuses, because the vehicle may not use a lane, it sees no way on; nothing else is
+            # lost.
+            self._library.accepts(self._library.vehicle.setRoute, shadow.id, ahead)
 
     def _way_on(self, lane: str) -> list[str]:
         """Return the edge that a lane leads into, the one straight on where there are several."""
@@ -297,22 +293,20 @@ class SumoShadows:
         return self._ways_on[lane]
 
     def _restore_route(self, shadow: _Shadow) -> None:
-        vehicle = self._library.vehicle
-        present = vehicle.getRoute(shadow.id)
-        index = max(vehicle.getRouteIndex(shadow.id), 0)
-        # Inside a junction the edge behind it is settled already.
-        settled = list(present[index : index + (2 if vehicle.getRoadID(shadow.id).startswith(":") else 1)])
+        """Send a vehicle on to its destination: along its own route, or else by the fastest way."""
         if not shadow.route:
             return
-        if settled[-1] in shadow.route:
-            ahead = list(shadow.route[shadow.route.index(settled[-1]) :])
+        vehicle = self._library.vehicle
+        present = self._library.route_ahead(shadow.id)
+        # Inside a junction the edge behind it is settled already.
+        settled = present[: 2 if vehicle.getRoadID(shadow.id).startswith(":") else 1]
+        here, destination = settled[-1], shadow.route[-1]
+        if here in shadow.route:
+            ahead = shadow.route[shadow.route.index(here) :]
         else:
-            ahead = list(
-                self._library.simulation.findRoute(
-                    settled[-1], shadow.route[-1], vehicle.getTypeID(shadow.id)
-                ).edges
-            )
-        if ahead and (*settled[:-1], *ahead) != present[index:]:
+            find = self._library.simulation.findRoute
+            ahead = tuple(find(here, destination, vehicle.getTypeID(shadow.id)).edges)
+        if ahead and (*settled[:-1], *ahead) != present:
             vehicle.setRoute(shadow.id, [*settled[:-1], *ahead])
 
     def _type_of(self, slot: int, states: VehicleStates) -> str:
