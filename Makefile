@@ -21,7 +21,7 @@ help:  ## list the targets
 install: $(INSTALLED)  ## create .venv and install everything
 
 run: $(INSTALLED)  ## build a scenario and run its traffic
-	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/intersection.png
+	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/traffic/intersection.png
 
 test: $(INSTALLED)  ## run all tests
 	$(BIN)/python -m pytest -q -n 2
