@@ -16,6 +16,7 @@ import site
 import sys
 import sysconfig
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +108,7 @@ def _record_opened(folder: Path) -> set[str]:
     opened: set[str] = set()
     root = str(folder) + os.sep
 
-    def record(event: str, arguments: tuple[Any, ...]) -> None:
+    def record(event: str, arguments: Sequence[Any]) -> None:
         if event not in ("open", "sqlite3.connect") or not isinstance(
             arguments[0], str | bytes | os.PathLike
         ):
