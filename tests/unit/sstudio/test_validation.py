@@ -109,8 +109,8 @@ WRONG = {
     ),
     "size of a zone": (
         "bubbles=[t.Bubble(t.PositionalZone((0, 0), (1,)), agent)]",
-        "bubbles[0].zone",
-        "not an area",
+        "bubbles[0].zone.size",
+        "not a pair of numbers: (1,)",
     ),
     "route on another map": (
         'ego_missions=[t.Mission(t.RandomRoute(map_spec=t.MapSpec("elsewhere")))]',
