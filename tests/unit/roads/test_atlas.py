@@ -220,9 +220,18 @@ def test_many_branches_still_to_follow(graphs):
     """Of a long way through the city with hundreds of forks, K paths are the first K of all."""
     graph = graphs["city"]
     city = RoadAtlas([graph])
-    lane = next(n for n in range(len(graph.lane_ids)) if not graph.is_internal[n] and graph.left[n] < 0)
-    x, y, _ = graph.pose_at(lane, 3.0)
     lookahead, room = 8000, 100
+
+    def branches(lane):
+        """Return how many branches the first path leaves behind."""
+        left, count = lookahead, 0
+        while left > 0 and len(following := graph.successors(lane)):
+            left, count, lane = left - graph.length[lane], count + len(following) - 1, following[0]
+        return count
+
+    lane = max(np.flatnonzero(~graph.is_internal), key=branches)
+    assert branches(lane) > 70
+    x, y, _ = graph.pose_at(lane, 3.0)
 
     def ways(lane, left):
         """Yield the lanes of all paths in order, `left` metres long."""
