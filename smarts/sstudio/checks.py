@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote
 
 from smarts.errors import ScenarioError, nearest_names, shortened
 
@@ -53,7 +54,9 @@ class Checks:
     def name(self, value: Any, where: str) -> None:
         """Require a name that files can have, too."""
         self.type(value, str, where)
-        fits = 1 <= len(value) <= LONGEST_NAME and value.isprintable()
+        fits = (
+            1 <= len(value) <= LONGEST_NAME and value.isprintable() and len(quote(value)) <= 2 * LONGEST_NAME
+        )
         if not fits:
             remedy = f"use 1 to {LONGEST_NAME} letters, digits and signs"
             raise self.error(where, f"{shown(value)} is not a name", remedy)

@@ -28,6 +28,8 @@ VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind)
 DEPART_SPEEDS = ("max", "desired", "random", "speedLimit", "avg", "last")
 LARGEST = 1e6
 """The largest value of what has no other bound, so that nothing overflows in SUMO."""
+FARTHEST = 1e9
+"""The largest coordinate; those of whole countries are large [m]."""
 LATEST = 1e9
 """The latest time [s]."""
 LONGEST_WARM_UP = 3600.0
@@ -361,11 +363,11 @@ class _Validation(Checks):
             if not isinstance(zone.length, str):
                 self.number(zone.length, f"{where}.length", above=0)
         if isinstance(zone, t.PositionalZone):
-            self._pair(zone.pos, f"{where}.pos", least=-LARGEST)
+            self._pair(zone.pos, f"{where}.pos", least=-FARTHEST)
             self._pair(zone.size, f"{where}.size", above=0)
         if isinstance(zone, t.ConfigurableZone):
             for at, corner in self.listed(zone.ext_coordinates, f"{where}.ext_coordinates"):
-                self._pair(corner, at, least=-LARGEST)
+                self._pair(corner, at, least=-FARTHEST)
         rotation = getattr(zone, "rotation", None)
         if rotation is not None:
             self.number(rotation, f"{where}.rotation", least=-LARGEST, most=LARGEST)
@@ -382,7 +384,7 @@ class _Validation(Checks):
         if not isinstance(value, list | tuple) or len(value) < 2:
             raise self.error(where, f"not a pair of numbers: {shown(value)}", "use (x, y)")
         for number in value[:2]:
-            self.number(number, where, above=above, least=least, most=LARGEST)
+            self.number(number, where, above=above, least=least, most=FARTHEST)
 
     def _area(self, zone: t.Zone, where: str) -> BaseGeometry:
         try:

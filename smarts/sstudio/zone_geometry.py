@@ -54,8 +54,8 @@ def _strip(roads: LaneGraph, lane: int, offset: float | str, wanted: float | str
     whole = float(roads.sumo_length[lane])
     length = whole if wanted == MAX_OFFSET else min(float(wanted), whole)
     begin = _begin(offset, whole - length)
-    ends = (arc_length(roads, lane, position) for position in (begin, min(begin + length, whole)))
-    centre = ops.substring(LineString(roads.centreline(lane)), *ends)
+    first, last = (arc_length(roads, lane, position) for position in (begin, min(begin + length, whole)))
+    centre = ops.substring(LineString(roads.centreline(lane)), first, last)
     return centre.buffer((float(roads.width[lane]) + SEAM) / 2, cap_style="flat")
 
 

@@ -99,4 +99,4 @@ class Traffic(Described):
     engine: str = "SUMO"
     """Who drives them: "SUMO" or "SMARTS"."""
     warm_up: float = 0.0
-    """Simulated before an episode begins, so that it starts among traffic [s]; at most 3600 (an extension)."""
+    """Simulated before an episode begins, so that it is among traffic [s]; at most 3600 (an extension)."""
