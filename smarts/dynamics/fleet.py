@@ -197,8 +197,8 @@ class Fleet:
     ) -> None:
         """Put a vehicle on the road as if it had always rolled there: wheels at speed, suspension settled.
 
-        Whether the place is free is for the caller to know: bodies that overlap in Bullet are pushed apart
-        within a few steps, at speeds of their own.
+        The caller sees to it that the place is free. Where bodies overlap, Bullet pushes them apart: at
+        2 m/s, within a second if they overlap a little, after some seconds if one stands in another.
 
         Args:
             row: Of the vehicle; must be free.
