@@ -54,18 +54,19 @@ def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
 
 
 class SumoTraffic:
-    """A traffic provider: SUMO drives the vehicles of owner TRAFFIC and minds all others.
+    """A traffic provider: SUMO drives the vehicles that it owns and minds all others.
 
-    A vehicle keeps one SUMO id for life. When a row's owner becomes AGENT, its SUMO vehicle is led as a
-    shadow from the next step on; when it becomes TRAFFIC again, SUMO drives on from that pose and speed. A
-    row that others have admitted gets a SUMO vehicle, and a row that others have dismissed loses it. A
-    vehicle handed to SUMO while it stands on no lane leaves the world.
+    A vehicle keeps one SUMO id for life. When another becomes a row's owner, its SUMO vehicle is led as a
+    shadow from the next step on; when SUMO becomes it again, SUMO drives on from that pose and speed. A row
+    that others have admitted gets a SUMO vehicle, and a row that others have dismissed loses it. A vehicle
+    handed to SUMO while it stands on no lane leaves the world (`can_accept` tells beforehand).
 
-    When all slots are taken, SUMO holds departures back until one is free (`is_full`), so what an episode
-    looks like depends on the capacity only if the capacity is too small.
+    At the limit of vehicles SUMO holds departures back until one has left (`is_full`), so what an episode
+    looks like depends on the limit only if the limit is too small.
 
     Args:
         dt: Length of a step [s].
+        owner: Its number among the providers.
         library: Which copy of libsumo to use; by default any that is free.
 
     Raises:
@@ -74,8 +75,9 @@ class SumoTraffic:
             next `reset`.
     """
 
-    def __init__(self, *, dt: float = 0.1, library: int | None = None) -> None:
+    def __init__(self, *, dt: float = 0.1, owner: int = Owner.TRAFFIC, library: int | None = None) -> None:
         self.dt = dt
+        self.owner = int(owner)
         self.signals = np.zeros(0, np.int8)
         self.is_full = False
         self._library = SumoLibrary(library)
@@ -87,25 +89,34 @@ class SumoTraffic:
         self._limit = 0
 
     def reset(
-        self, files: TrafficFiles, seed: int, states: VehicleStates, roster: Roster, roads: LaneGraph
+        self,
+        files: TrafficFiles,
+        seed: int,
+        states: VehicleStates,
+        roster: Roster,
+        roads: LaneGraph,
+        limit: int | None = None,
     ) -> None:
         """Begin an episode: load, warm up, and let the traffic into the world.
 
         Args:
             files: The traffic.
             seed: SUMO's, in [0, 2^31).
-            states: The world. It may hold egos at their starts, owner AGENT; traffic keeps clear of them.
+            states: The world. It may hold egos at their starts; traffic keeps clear of them.
             roster: Issues the slots of `states`.
             roads: The lanes of the net in `files`.
+            limit: The most vehicles that SUMO knows at a time, those of others included; by default as many
+                as there are slots.
         """
         self._roster = roster
         self._shadows.reset(roads)
         for memory in (self._ids, self._driven, self._routes_to_come):
             memory.clear()
-        self._limit = states.capacity - roster.reserved
+        self._limit = states.capacity if limit is None else limit
         self.is_full = False
         self._read_map(roads)
         self._start(files, seed)
+        self._sumo_lane = np.full(states.capacity, -1)
         with self._library.errors("failed while the traffic warmed up"):
             if files.warm_up > 0:
                 self._library.simulation.step(files.warm_up)
@@ -120,7 +131,7 @@ class SumoTraffic:
         self._seen_owner[self._kept_clear] = Owner.NOBODY
 
     def step(self, states: VehicleStates) -> None:
-        """Advance by `dt`; rows of owner AGENT hold their pose at the end of the step already."""
+        """Advance by `dt`; the rows of others hold their pose at the end of the step already."""
         library = self._library
         with library.errors("failed in mid-run"):
             entering = self._follow_owners(states) if self._has_changed(states) else []
@@ -136,7 +147,14 @@ class SumoTraffic:
             self._read_signals()
         self._remember(states)
         # They are shadows until SUMO takes the wheel in the next step.
-        self._seen_owner[entering] = Owner.AGENT
+        self._seen_owner[entering] = Owner.NOBODY
+
+    def can_accept(self, slot: int) -> bool:
+        """Return whether SUMO could drive on with a vehicle of another: it must stand on a lane."""
+        if slot not in self._shadows:
+            return True
+        with self._library.errors("failed to tell a place"):
+            return bool(self._library.vehicle.getLaneID(self._ids[slot]))
 
     def clear(self, states: VehicleStates, slots: Sequence[int]) -> None:
         """Remove traffic from the surroundings of these vehicles, and let none depart there in the next step.
@@ -181,7 +199,6 @@ class SumoTraffic:
 
     def _read_map(self, roads: LaneGraph) -> None:
         self._lane_number = {lane: number for number, lane in enumerate(roads.lane_ids)}
-        self._metres_per_sumo_metre = roads.length / roads.sumo_length
         self.signals = np.full(len(roads.lane_ids), Signal.NONE, np.int8)
         self._lights = [
             (signal, lanes, roads.signal_link[lanes])
@@ -209,19 +226,23 @@ class SumoTraffic:
                 continue
             if slot not in self._ids:
                 self._enter(slot, states)
-                if owner == Owner.TRAFFIC:
+                if owner == self.owner:
                     entering.append(slot)
-            elif owner == Owner.AGENT:
+            elif owner == self.owner:
+                self._take_back(slot)
+            elif slot not in self._shadows:
                 del self._driven[self._ids[slot]]
                 self._shadows.take_over(slot, self._ids[slot])
-            elif self._shadows.hand_back(slot):
-                self._driven[self._ids[slot]] = slot
-                # The lane is another's finding: this makes `_write` look up the desired speed.
-                states.lane[slot] = -1
-            else:
-                self._remove(slot)
-                self._roster.dismiss(slot)
         return entering
+
+    def _take_back(self, slot: int) -> None:
+        if self._shadows.hand_back(slot):
+            self._driven[self._ids[slot]] = slot
+            # Another has written the desired speed meanwhile: this makes `_write` look it up.
+            self._sumo_lane[slot] = -1
+        else:
+            self._remove(slot)
+            self._roster.dismiss(slot)
 
     def _enter(self, slot: int, states: VehicleStates) -> None:
         name = f"slot-{slot}-{states.generation[slot]}"
@@ -255,9 +276,10 @@ class SumoTraffic:
                 continue
             kind = _KINDS.get(vehicle.getVehicleClass(name), VehicleKind.PASSENGER)
             size = vehicle.getLength(name), vehicle.getWidth(name)
-            slot = self._roster.admit(name, Owner.TRAFFIC, kind, *size)
+            slot = self._roster.admit(name, self.owner, kind, *size)
             self._driven[name] = slot
             self._ids[slot] = name
+            self._sumo_lane[slot] = -1
         self.is_full |= len(self._ids) >= self._limit
 
     def _in_the_way(self, names: Sequence[str], states: VehicleStates) -> list[str]:
@@ -303,12 +325,12 @@ class SumoTraffic:
         states.position[rows], states.heading[rows] = self._poses(names, length)
         states.speed[rows] = [*map(vehicle.getSpeed, names)]
         states.acceleration[rows] = [*map(vehicle.getAcceleration, names)]
+        # Where a vehicle is on the map is for the simulation to say, of all vehicles alike; SUMO's lane only
+        # tells when the limit may have changed.
         lane = np.array([*map(self._lane_number.get, map(vehicle.getLaneID, names), repeat(-1))])
-        along = np.array([*map(vehicle.getLanePosition, names)]) * self._metres_per_sumo_metre[lane]
-        states.lane_position[rows] = np.where(lane >= 0, along - length / 2, 0.0)
-        for index in np.flatnonzero(lane != states.lane[rows]):
+        for index in np.flatnonzero(lane != self._sumo_lane[rows]):
             states.desired_speed[rows[index]] = vehicle.getAllowedSpeed(names[index])
-        states.lane[rows] = lane
+        self._sumo_lane[rows] = lane
 
     def _read_signals(self) -> None:
         state_of = self._library.trafficlight.getRedYellowGreenState
