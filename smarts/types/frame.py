@@ -1,0 +1,50 @@
+"""Frames: what one step, or a reset, has brought about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.types.actions import Actions, Commands
+from smarts.types.events import Contacts, Events
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the sensors have seen, by group of seats with equal options.
+
+    Only the wanted seats' entries are of this step; the others are left as they were.
+    """
+
+    blocks: Mapping[str, Mapping[str, NDArray]]
+    """Sensor -> field -> array of shape (B, G, ...), G the seats that have the sensor."""
+    seats: Mapping[str, NDArray[np.int32]]
+    """Sensor -> the seat of each column, shape (G,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Everything about one step, as views: valid until the next step or reset, and to be read only."""
+
+    world: World
+    """The state after the step."""
+    rows: Bools
+    """Which simulations were stepped or reset, shape (B,)."""
+    actions: Actions
+    """What was asked for, on the state before; stale in the frame of a reset."""
+    commands: Commands
+    """What the vehicles were told; stale in the frame of a reset."""
+    contacts: Contacts
+    events: Events
+    """Of this step alone; whoever steps several times in a decision joins them."""
+    wanted: Bools
+    """Whose readings are of this step, shape (B, A)."""
+    readings: Readings
+    is_reset: bool = False
+    """Whether an episode has begun in `rows`, instead of a step being made."""
