@@ -82,7 +82,9 @@ def traffic(
 
 def _along_the_road(flow: t.Flow, filled: Mapping[str, float]) -> Iterator[t.Flow]:
     """Yield flows of a moment that stand for the vehicles which would have entered before time 0."""
-    road, lane, offset = flow.route.begin if isinstance(flow.route, t.Route) else (None, 0, None)
+    if not isinstance(flow.route, t.Route):
+        return
+    road, lane, offset = flow.route.begin
     if road not in filled or offset != "base":
         return
     rate = flow.rate * SPACING / (TYPICAL_SPEED * FILLING_TIME)

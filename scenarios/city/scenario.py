@@ -14,7 +14,7 @@ def social(density: float = 1.0, drivers: Drivers = MIXED) -> dict[str, t.Traffi
     flows = []
     for _ in range(ROUTES):
         route = t.RandomRoute()
-        for rate, end in ((1000, RUSH), (28, 3600)):
+        for rate, end in ((1200, RUSH), (28, 3600)):
             flows.append(
                 t.Flow(route=route, rate=rate * density, end=end, actors=drivers, randomly_spaced=True)
             )

@@ -16,8 +16,7 @@ two. What SUMO needs help with, found by experiment (the tests in `test_sumo_sha
   straight on.
 - SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. It is told
   instead.
-- A vehicle that moves against its lane is met by its rear as SUMO counts, and at no speed worth trusting:
-  it is put with its rear where its front is, and said to stand.
+- A vehicle that moves against its lane would be taken for a leader that drives away; it is said to stand.
 - SUMO would change a shadow's lane and ask others to make room for that, so lane changing is off meanwhile.
 """
 
@@ -44,6 +43,10 @@ _CLASSES = {
 
 _MAY_LEAVE_NET = 2
 _NO_LANE_CHANGES = 0
+_SUMO_LANE_CHANGES = 0b011001010101
+"""Lane-change modes: nothing, and SUMO's default."""
+_CENTRING = 0.1
+"""How far a vehicle that SUMO has got back moves to the middle of its lane in a step [m]."""
 _OFF_THE_NET = -1e6
 """Both coordinates of a place that is on no map [m]."""
 
@@ -66,12 +69,11 @@ class _Shadow:
     id: str
     route: tuple[str, ...]
     """Where it is bound for; empty if nobody said."""
-    lane_change_mode: int | None
-    """To be restored when SUMO drives again; None for vehicles that SUMO never drove."""
     lane: str = ""
     position: float = 0.0
-    against: bool = False
-    """Whether it moves against its lane."""
+    """Of the front along the lane [m]."""
+    offset: float = 0.0
+    """Of the front to the left of the lane's centre [m]."""
     side: int = 0
     """Where it reaches into another lane: 1 left, -1 right, 0 nowhere."""
     noted_side: int = 0
@@ -86,6 +88,7 @@ class SumoShadows:
     def __init__(self, library: SumoLibrary) -> None:
         self._library = library
         self._shadows: dict[int, _Shadow] = {}
+        self._returned: dict[int, _Shadow] = {}
         self._types: set[str] = set()
         self._ways_on: dict[str, list[str]] = {}
 
@@ -96,19 +99,26 @@ class SumoShadows:
         """Forget all; SUMO has begun anew."""
         self._roads = roads
         self._shadows.clear()
+        self._returned.clear()
         self._types.clear()
         self._ways_on.clear()
 
     def create(self, slot: int, name: str, states: VehicleStates, route: Sequence[str]) -> None:
         """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""
         self._library.vehicle.add(name, "", typeID=self._type_of(slot, states))
-        self._take(slot, name, tuple(route), None)
+        self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
+        self._shadows[slot] = _Shadow(name, tuple(route))
 
     def take_over(self, slot: int, name: str) -> None:
         """Let a vehicle of SUMO's be a shadow from the next step on."""
         vehicle = self._library.vehicle
+        vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         route = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]
-        self._take(slot, name, tuple(route), vehicle.getLaneChangeMode(name))
+        shadow = _Shadow(name, tuple(route), vehicle.getLaneID(name), vehicle.getLanePosition(name))
+        # Entered anew, it does not go on with a change of lane that SUMO has begun.
+        shadow.entry = _Entry.AND_BACK if self._lane_beside(shadow) else None
+        self._shadows[slot] = shadow
+        self._returned.pop(slot, None)
 
     def hand_back(self, slot: int) -> bool:
         """Let SUMO drive a shadow on towards its destination; return whether SUMO can.
@@ -120,21 +130,22 @@ class SumoShadows:
         vehicle = self._library.vehicle
         if not vehicle.getLaneID(shadow.id):
             return False
-        vehicle.setLaneChangeMode(
-            shadow.id, 1621 if shadow.lane_change_mode is None else shadow.lane_change_mode
-        )
+        vehicle.setLaneChangeMode(shadow.id, _SUMO_LANE_CHANGES)
         self._restore_route(shadow)
+        self._returned[slot] = shadow
         return True
 
     def forget(self, slot: int) -> None:
         """Drop the shadow in a slot, if there is one."""
         self._shadows.pop(slot, None)
+        self._returned.pop(slot, None)
 
     def set_route(self, slot: int, edges: Sequence[str]) -> None:
         """Say where a shadow is bound for."""
         shadow = self._shadows[slot]
         shadow.route = tuple(edges)
-        shadow.lane = ""
+        if shadow.lane:
+            self._show_way_on(shadow, shadow.lane)
 
     def place(self, states: VehicleStates) -> None:
         """Say where every shadow is at the end of the coming step."""
@@ -147,37 +158,35 @@ class SumoShadows:
             heading = float(states.heading[slot])
             x, y = states.position[slot].tolist()
             to_front = float(states.length[slot]) / 2
-            if shadow.against:
-                heading += math.pi
             x, y = x + to_front * math.cos(heading), y + to_front * math.sin(heading)
             move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET)
+        for slot in [*self._returned]:
+            if self._is_centred(self._returned[slot]):
+                del self._returned[slot]
 
     def settle(self, states: VehicleStates) -> None:
         """See where SUMO has put the shadows, and find out what it got wrong."""
         vehicle = self._library.vehicle
         for slot, shadow in self._shadows.items():
             lane = vehicle.getLaneID(shadow.id)
+            speed = float(states.speed[slot])
             if lane:
-                self._settle_on_lane(shadow, lane, float(states.width[slot]))
+                position = vehicle.getLanePosition(shadow.id)
+                if lane == shadow.lane and position < shadow.position:
+                    speed = 0.0
+                self._settle_on_lane(shadow, lane, position, float(states.width[slot]))
             else:
                 shadow.lane, shadow.entry = "", None
-            vehicle.setPreviousSpeed(
-                shadow.id, 0.0 if shadow.against else max(float(states.speed[slot]), 0.0)
-            )
+            vehicle.setPreviousSpeed(shadow.id, max(speed, 0.0))
 
-    def _settle_on_lane(self, shadow: _Shadow, lane: str, width: float) -> None:
-        vehicle = self._library.vehicle
-        position = vehicle.getLanePosition(shadow.id)
-        offset = vehicle.getLateralLanePosition(shadow.id)
-        shadow.side = self._straddled_side(lane, offset, width)
-        # SUMO has noted the side whenever it has moved the shadow to this lane from another or from off the
+    def _settle_on_lane(self, shadow: _Shadow, lane: str, position: float, width: float) -> None:
+        shadow.offset = self._library.vehicle.getLateralLanePosition(shadow.id)
+        shadow.side = self._straddled_side(lane, shadow.offset, width)
+        # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
         # net.
         is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE
         if lane != shadow.lane:
-            shadow.against = False
             self._show_way_on(shadow, lane)
-        elif abs(position - shadow.position) > 0.01:
-            shadow.against = position < shadow.position
         shadow.lane, shadow.position = lane, position
         if shadow.entry is _Entry.AND_BACK:
             shadow.noted_side = 0
@@ -187,16 +196,32 @@ class SumoShadows:
         if shadow.side != shadow.noted_side or self._is_out_of_order(shadow):
             shadow.entry = _Entry.BESIDE if shadow.side else _Entry.AND_BACK
 
+    def _is_centred(self, shadow: _Shadow) -> bool:
+        """Ease a vehicle that was handed to SUMO to the middle of its lane; return whether that is over.
+
+        SUMO would leave it where it is, with what it has noted of it, until it changes lanes.
+        """
+        vehicle = self._library.vehicle
+        if abs(vehicle.getLateralLanePosition(shadow.id) - shadow.offset) > 1e-6:
+            return True  # SUMO has begun to change lanes.
+        shadow.offset -= math.copysign(min(abs(shadow.offset), _CENTRING), shadow.offset)
+        vehicle.setLateralLanePosition(shadow.id, shadow.offset)
+        if shadow.offset:
+            return False
+        if shadow.side or shadow.noted_side:
+            shadow.lane, shadow.position = vehicle.getLaneID(shadow.id), vehicle.getLanePosition(shadow.id)
+            shadow.entry = _Entry.AND_BACK
+            self._enter_anew(shadow)
+        return True
+
     def _enter_anew(self, shadow: _Shadow) -> bool:
         """Take a shadow out of its lane and in again; return whether there was a lane beside to do it by."""
-        number = self._roads.lane_of_id(shadow.lane)
-        left, right = int(self._roads.left[number]), int(self._roads.right[number])
-        beside = left if shadow.side > 0 or right < 0 else right
-        if beside < 0:
+        beside = self._lane_beside(shadow)
+        if not beside:
             return False
         move = self._library.vehicle.moveTo
         try:
-            move(shadow.id, self._roads.lane_ids[beside], shadow.position)
+            move(shadow.id, beside, shadow.position)
             if shadow.entry is _Entry.AND_BACK:
                 move(shadow.id, shadow.lane, shadow.position)
         except Exception as error:
@@ -206,6 +231,13 @@ class SumoShadows:
             return False
         return True
 
+    def _lane_beside(self, shadow: _Shadow) -> str:
+        """Return the lane that a shadow straddles into, or else any lane beside its own, "" without one."""
+        number = self._roads.lane_of_id(shadow.lane)
+        left, right = int(self._roads.left[number]), int(self._roads.right[number])
+        beside = left if shadow.side > 0 or right < 0 else right
+        return self._roads.lane_ids[beside] if beside >= 0 else ""
+
     def _straddled_side(self, lane: str, offset: float, width: float) -> int:
         """Return 1 or -1 if a vehicle so far left of the centreline reaches into the lane on that side."""
         number = self._roads.lane_of_id(lane)
@@ -213,10 +245,6 @@ class SumoShadows:
             return 0
         beside = self._roads.left if offset > 0 else self._roads.right
         return (1 if offset > 0 else -1) if beside[number] >= 0 else 0
-
-    def _take(self, slot: int, name: str, route: tuple[str, ...], lane_change_mode: int | None) -> None:
-        self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
-        self._shadows[slot] = _Shadow(name, route, lane_change_mode)
 
     def _is_out_of_order(self, shadow: _Shadow) -> bool:
         """Return whether SUMO's order on the lane is not that of the positions around the shadow."""
@@ -279,9 +307,7 @@ class SumoShadows:
             vehicletype.setVehicleClass(name, _CLASSES[kind])
             vehicletype.setLength(name, length)
             vehicletype.setWidth(name, width)
-            # Limits bind the owner, not the shadow.
-            vehicletype.setMaxSpeed(name, 100.0)
+            # With a spread, the type would draw from SUMO's random stream.
             vehicletype.setSpeedDeviation(name, 0.0)
-            vehicletype.setSpeedFactor(name, 10.0)
             self._types.add(name)
         return name

@@ -262,6 +262,7 @@ class SumoTraffic:
             # Those that were removed for others are gone already.
             if (slot := self._driven.pop(name, None)) is not None:
                 del self._ids[slot]
+                self._shadows.forget(slot)
                 self._roster.dismiss(slot)
 
     def _admit(self, departed: Iterable[str], states: VehicleStates) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import subprocess
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -94,17 +94,18 @@ def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
 
 
 def _publish(net: bytes, notes: tuple[str, ...], source: MapSource, out: Path) -> tuple[str, ...]:
+    """Check the network, and put it into place in one step."""
     notes += validate_net(net, source)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=out.parent, prefix=f".{out.name}.", delete=False) as file:
-        temporary = Path(file.name)
-        try:
-            file.write(net)
-            file.close()
-            temporary.chmod(0o644)
-            os.replace(temporary, out)
-        finally:
-            temporary.unlink(missing_ok=True)
+    temporary = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(net)
+        os.replace(temporary, out)
+    except OSError as error:
+        raise MapError(f"cannot write the compiled map: {error.strerror}", place=str(out)) from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
     return notes
 
 
@@ -120,7 +121,14 @@ def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
     command = [str(_sumo_folder() / "bin" / tool), *_arguments(source), "--output-file", str(product)]
     try:
         run = subprocess.run(
-            command, env=_environment(), capture_output=True, text=True, errors="replace", check=False
+            command,
+            # There, file names are enough: SUMO splits paths at commas, and its messages repeat them.
+            cwd=source.files[0].parent,
+            env=_environment(),
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
         )
     except OSError as error:
         raise MapError(
@@ -128,7 +136,7 @@ def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
             place=command[0],
             remedy="reinstall SUMO: pip install --force-reinstall eclipse-sumo",
         ) from error
-    messages = _messages(run.stderr, source.files)
+    messages = _messages(run.stderr)
     if run.returncode != 0 or not product.is_file():
         errors = [text.removeprefix("Error: ") for text in messages if not text.startswith("Warning: ")]
         raise MapError(
@@ -158,12 +166,12 @@ def _arguments(source: MapSource) -> list[str]:
     """Return the command line: the user's options file, then our choices for what it leaves open."""
     config = source.files[0] if source.kind == "netgenerate" else source.options
     chosen = _configured_options(config) if config else set()
-    arguments = ["--configuration-file", str(config)] if config else []
+    arguments = ["--configuration-file", config.name] if config else []
     if source.kind != "netgenerate":
         for file in source.files:
             option = next((o for suffix, o in _INPUT_OPTIONS.items() if file.name.endswith(suffix)), None)
             if option:
-                arguments += [f"--{option}", str(file)]
+                arguments += [f"--{option}", file.name]
     for option, value in (_COMMON | _DEFAULTS[source.kind]).items():
         if option not in chosen:
             arguments += [f"--{option}", value]
@@ -178,10 +186,8 @@ def _configured_options(config: Path) -> set[str]:
     return {element.tag for element in tree.iter() if "value" in element.attrib or "v" in element.attrib}
 
 
-def _messages(stderr: str, files: Iterable[Path]) -> list[str]:
-    """Return each distinct message once, without the paths of this machine."""
-    for folder in sorted({f"{file.parent}{os.sep}" for file in files}, key=len, reverse=True):
-        stderr = stderr.replace(folder, "")
+def _messages(stderr: str) -> list[str]:
+    """Return each distinct message once."""
     messages: list[str] = []
     for line in stderr.splitlines():
         text = " ".join(line.split())

@@ -213,10 +213,10 @@ def _points(shape: str) -> Floats:
 
 
 def _stub(point: Floats, line_before: Floats) -> Floats:
-    """Return a line of 2 cm at `point`: SUMO draws some lanes inside junctions without any length."""
+    """Return a line of 1 mm at `point`: SUMO draws some lanes inside junctions without any length."""
     step = line_before[-1] - line_before[-2] if len(line_before) > 1 else np.array([1.0, 0.0])
     direction = step / np.hypot(*step)
-    return np.array([point - 0.01 * direction, point + 0.01 * direction])
+    return np.array([point - 0.0005 * direction, point + 0.0005 * direction])
 
 
 def _outline(junction: ElementTree.Element) -> Floats:

@@ -29,6 +29,12 @@ def validate_net(net: bytes, source: MapSource) -> tuple[str, ...]:
             place=place,
             remedy="compile it with netconvert, or give its sources instead",
         )
+    if root.get("lefthand") == "true":
+        raise MapError(
+            "the map's traffic keeps to the left, which is not supported",
+            place=place,
+            remedy="convert it without the option lefthand",
+        )
     return _check_edges(root, place)
 
 

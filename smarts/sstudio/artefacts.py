@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from smarts.errors import ScenarioError
 from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.sources import MapSource
@@ -98,12 +97,6 @@ def _notes(description: Description) -> list[str]:
     spec = description.scenario.map_spec
     if spec is None:
         return []
-    if spec.builder_fn is not None:
-        raise ScenarioError(
-            "maps cannot be built by a function of one's own",
-            place="map_spec.builder_fn",
-            remedy="leave it out, and give the map as a SUMO, OpenDRIVE or OSM file",
-        )
     unused = {
         "default_lane_width": spec.default_lane_width is not None,
         "shift_to_origin": spec.shift_to_origin,

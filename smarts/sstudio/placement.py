@@ -74,6 +74,31 @@ def arc_length(roads: LaneGraph, lane: int, position: float) -> float:
     return position * float(roads.length[lane] / roads.sumo_length[lane])
 
 
+def via_place(roads: LaneGraph, via: t.Via, where: str) -> tuple[int, float]:
+    """Return the row of the lane of a via point and the offset along it [m].
+
+    In a junction an offset may run on into the lane behind a turn's waiting point: where maps put that
+    point, scenarios cannot know.
+
+    Raises:
+        ScenarioError: The edge or the lane is not on the map, or the offset is off the lane.
+    """
+    with blame(f"{where}.road_id"):
+        edge = (
+            via.road_id.to_edge(roads) if isinstance(via.road_id, t.JunctionEdgeIDResolver) else via.road_id
+        )
+    with blame(f"{where}.lane_index"):
+        lane = roads.lane_number(edge, via.lane_index)
+    offset = via.lane_offset
+    while roads.is_internal[lane] and offset > roads.sumo_length[lane]:
+        onward = [int(lane) for lane in roads.successors(lane) if roads.is_internal[lane]]
+        if not onward:
+            break
+        offset, lane = offset - float(roads.sumo_length[lane]), onward[0]
+    check_offset(roads, lane, offset, f"{where}.lane_offset")
+    return lane, offset
+
+
 def route_edges(
     roads: LaneGraph, route: t.Route, where: str, kinds: frozenset[LaneKind] = CARS
 ) -> tuple[str, ...]:

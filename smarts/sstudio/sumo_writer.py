@@ -218,9 +218,8 @@ class _Writer:
                 f"{where}: no way leads back to '{edges[0]}', so vehicles leave at the end of the route"
             )
             return self._route(edges)
-        circuit = (*edges, *back)
-        if len(circuit) > 1 and circuit[0] == circuit[-1]:
-            circuit = circuit[:-1]  # the next round begins with that edge
+        # A route that ends on its first edge has come round already; the next round begins with that edge.
+        circuit = edges[:-1] if len(edges) > 1 and edges[0] == edges[-1] else (*edges, *back)
         return self._route(circuit, rounds=-(-ROUND_TRIP_EDGES // len(circuit)))
 
     def _ends(self, route: t.Route, speed: float | str) -> dict[str, Any]:

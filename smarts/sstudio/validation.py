@@ -16,7 +16,7 @@ from smarts.errors import ScenarioError, nearest_names
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.episodes import grid
-from smarts.sstudio.placement import blame, check_offset, lane_of, route_edges, usable_lanes
+from smarts.sstudio.placement import blame, lane_of, route_edges, usable_lanes, via_place
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
 from smarts.types.vehicles import VehicleKind
 
@@ -46,6 +46,13 @@ class _Validation:
     place: str
 
     def scenario(self, scenario: t.Scenario) -> None:
+        spec = scenario.map_spec
+        self._require(
+            spec is None or spec.builder_fn is None,
+            "map_spec.builder_fn",
+            "maps cannot be built by a function of one's own",
+            "leave it out, and give the map as a SUMO, OpenDRIVE or OSM file",
+        )
         for name, traffic in (scenario.traffic or {}).items():
             self._traffic(traffic, f"traffic[{name!r}]")
         for number, mission in enumerate(scenario.ego_missions or ()):
@@ -250,28 +257,18 @@ class _Validation:
             self._mission(mission, f"{where}, start {number}")
 
     def _via(self, via: t.Via, where: str) -> None:
-        if isinstance(via.road_id, t.JunctionEdgeIDResolver):
-            edge = self._junction_edge(via.road_id, f"{where}.road_id")
-        else:
-            edge = via.road_id
-        with blame(self._at(where)):
-            lane = self.roads.lane_number(edge, via.lane_index)
-        check_offset(self.roads, lane, via.lane_offset, self._at(f"{where}.lane_offset"))
+        via_place(self.roads, via, self._at(where))
         self._number(via.required_speed, f"{where}.required_speed")
 
     def _task(self, task: t.UTurn | t.CutIn, where: str) -> None:
         self._type(task, (t.UTurn, t.CutIn), where)
         self._number(task.trigger_radius, f"{where}.trigger_radius")
         if isinstance(task, t.CutIn) and task.complete_on_edge_id is not None:
-            if isinstance(task.complete_on_edge_id, t.JunctionEdgeIDResolver):
-                self._junction_edge(task.complete_on_edge_id, f"{where}.complete_on_edge_id")
-            else:
-                with blame(self._at(f"{where}.complete_on_edge_id")):
+            with blame(self._at(f"{where}.complete_on_edge_id")):
+                if isinstance(task.complete_on_edge_id, t.JunctionEdgeIDResolver):
+                    task.complete_on_edge_id.to_edge(self.roads)
+                else:
                     self.roads.edge_number(task.complete_on_edge_id)
-
-    def _junction_edge(self, resolver: t.JunctionEdgeIDResolver, where: str) -> str:
-        with blame(self._at(where)):
-            return resolver.to_edge(self.roads)
 
     def _entry(self, tactic: t.EntryTactic, begin: str | None, where: str) -> None:
         self._type(tactic, t.EntryTactic, where)

@@ -99,6 +99,7 @@ def test_osm(tmp_path):
         ({"netgcfg": "<configuration/>"}, "netgenerate refused the map: "),
         ({"net": "<net></net>"}, "none of the map's 0 lanes is open to cars"),
         ({"net": "<routes></routes>"}, "outermost element is <routes>"),
+        ({"net": '<net lefthand="true"></net>'}, "keeps to the left"),
         ({"net": "not xml"}, "not a SUMO network: syntax error"),
         ({"net": ""}, "not a SUMO network: no element found"),
     ],
@@ -135,6 +136,22 @@ def test_a_net_without_lanes_inside_junctions(tmp_path):
     error = error_of(maps.write(tmp_path, netccfg=options, **maps.cross()))
     assert "no lanes inside" in error.problem
     assert "netconvert" in error.remedy
+
+
+def test_names_that_trouble_command_lines(tmp_path, monkeypatch):
+    folder = maps.write(tmp_path / "two maps, --really", **maps.cross())
+    (folder / "map.netccfg").write_text('<configuration><no-turnarounds value="false"/></configuration>')
+    out, _ = compiled(folder)
+    monkeypatch.chdir(folder.parent)
+    again, _ = compiled(Path(folder.name), Path("again.net.xml"))
+    assert again.read_bytes() == out.read_bytes()
+
+
+def test_an_output_that_cannot_be_written(tmp_path):
+    folder = maps.write(tmp_path, **maps.cross())
+    with pytest.raises(MapError, match="cannot write the compiled map") as caught:
+        compiled(folder, folder / "map.nod.xml" / "out.net.xml")
+    assert "out.net.xml" in caught.value.place
 
 
 def test_an_existing_output_survives_a_failure(tmp_path):
