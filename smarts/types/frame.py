@@ -36,15 +36,13 @@ class Frame:
     """The state after the step."""
     rows: Bools
     """Which simulations were stepped or reset, shape (B,)."""
-    actions: Actions
-    """What was asked for, on the state before; stale in the frame of a reset."""
-    commands: Commands
-    """What the vehicles were told; stale in the frame of a reset."""
+    actions: Actions | None
+    """What was asked for, on the state before; None in the frame of a reset."""
+    commands: Commands | None
+    """What the vehicles were told; None in the frame of a reset."""
     contacts: Contacts
     events: Events
     """Of this step alone; whoever steps several times in a decision joins them."""
     wanted: Bools
     """Whose readings are of this step, shape (B, A)."""
     readings: Readings
-    is_reset: bool = False
-    """Whether an episode has begun in `rows`, instead of a step being made."""
