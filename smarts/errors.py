@@ -51,6 +51,10 @@ class TrafficError(SmartsError):
     """The traffic engine failed to start or to go on."""
 
 
+class ActionError(SmartsError):
+    """An action is of the wrong kind, not finite, or for an agent that does not exist."""
+
+
 class UnknownNameError(SmartsError):
     """A name that is not in a registry."""
 

@@ -1,0 +1,1 @@
+"""Environments: the simulation as Gymnasium, PettingZoo, RLlib and arrays."""
