@@ -32,7 +32,7 @@ test-fast: $(INSTALLED)  ## run the tests that take seconds
 check: $(INSTALLED)  ## format, lint, types and fast tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(MAKE) --no-print-directory test-fast
 
 format: $(INSTALLED)  ## format the code

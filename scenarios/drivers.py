@@ -26,7 +26,10 @@ patient_car = t.TrafficActor(
 MIXED = {impatient_car: 0.5, patient_car: 0.5}
 IMPATIENT = {impatient_car: 1.0}
 
-START_VARIATION = t.StartVariation(offset=5.0, speed=(0.0, 5.0))
+START_IN_TOWN = t.StartVariation(offset=5.0, speed=(0.0, 5.0))
+START_ON_A_ROAD = t.StartVariation(offset=5.0, speed=(5.0, 10.0))
+START_ON_A_FAST_ROAD = t.StartVariation(offset=5.0, speed=(10.0, 15.0))
+"""Not from standstill: traffic of 80 km/h that comes up behind could not stop in time."""
 
 SPACING = 40
 """Distance between the places where a filled road gets its first vehicles [m]."""

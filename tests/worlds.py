@@ -59,7 +59,7 @@ class Willing:
 def world_of(
     *rows: Sequence[Car], maps: Sequence[LaneGraph], capacity: int = 16, seats: int = 4, vias: int = 2
 ) -> HandMade:
-    """Return a world with one simulation for each row of cars, on the map of the same place or the only one."""
+    """Return a world with a simulation for each row of cars, on the map of the same place or the only map."""
     atlas = RoadAtlas(maps)
     world = World(
         worlds=len(rows),

@@ -32,7 +32,14 @@ Name = Annotated[
         show_default=False,
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of every random draw.")]
+Seed = Annotated[int, typer.Option(help="Seed of the traffic.")]
+BuildSeed = Annotated[
+    int | None,
+    typer.Option(
+        help="Seed of what is drawn while building; by default the scenario file's own, else 42.",
+        show_default=False,
+    ),
+]
 Traffic = Annotated[
     str | None,
     typer.Option(help="Traffic variation; by default the scenario's last, its fullest.", show_default=False),
@@ -54,7 +61,7 @@ def list_scenarios() -> None:
 def build(
     scenarios: Names = None,
     everything: Annotated[bool, typer.Option("--all", help="Build the whole suite.")] = False,
-    seed: Seed = 42,
+    seed: BuildSeed = None,
 ) -> None:
     """Build scenarios by hand; running one builds it, too, when it is new or changed."""
     from smarts.sstudio.build import build_scenario
@@ -92,7 +99,7 @@ def show(
     _check_picture(out)
     pictures = []
     for name in names:
-        built = build_scenario(name, seed=seed)
+        built = build_scenario(name)
         chosen = _traffic_of(built, traffic)
         pictures.append((built, chosen, _moment(built, chosen, seconds, seed)))
     if len(pictures) == 1:
@@ -121,7 +128,7 @@ def run(
 
     if out is not None:
         _check_picture(out)
-    built = build_scenario(scenario, seed=seed)
+    built = build_scenario(scenario)
     chosen = _traffic_of(built, traffic)
     typer.echo(f"{built.name}, {chosen or 'no traffic'}, seed {seed}")
     speed_sum, vehicle_steps, steps, most, stepping = 0.0, 0, round(seconds / 0.1), 0, 0.0

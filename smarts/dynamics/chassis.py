@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from smarts.dynamics.layout import GRAVITY, WHEELS
 from smarts.dynamics.wheel import roll
+from smarts.geometry.compiling import kernel
 
 MAX_LOAD = 6.0
 """Largest load of a wheel over its static load; a harder blow bottoms out on the shell."""
@@ -24,9 +23,11 @@ SHELL_FRICTION = 0.6
 """Of sheet metal on asphalt."""
 
 
-@njit(cache=True)
+@kernel
 def advance(rows, cars, states, bodies, controls, road, velocities, dt):
-    """Write the velocities that one sub-step's forces give the bodies of `rows`.
+    """Write the velocities that one sub-step's forces give the bodies of `rows`; return a row or -1.
+
+    The row is the first whose velocities are not finite numbers, which Bullet must not be given.
 
     Args:
         rows: Vehicles to advance, shape (R,).
@@ -40,10 +41,14 @@ def advance(rows, cars, states, bodies, controls, road, velocities, dt):
         dt: Sub-step [s].
     """
     for row in rows:
-        _advance_one(cars[row], states[row], bodies[row], controls[row], road[row], velocities[row], dt)
+        velocity = velocities[row]
+        _advance_one(cars[row], states[row], bodies[row], controls[row], road[row], velocity, dt)
+        if not math.isfinite(_dot(velocity[0], velocity[0]) + _dot(velocity[1], velocity[1])):
+            return row
+    return -1
 
 
-@njit(cache=True)
+@kernel
 def _advance_one(car, state, body, controls, road, velocity, dt):
     """Advance one vehicle; see `advance`."""
     axes = rotation(body)
@@ -67,7 +72,7 @@ def _advance_one(car, state, body, controls, road, velocity, dt):
         velocity[1, axis] = body[10 + axis] + dt * turn[axis]
 
 
-@njit(cache=True)
+@kernel
 def rotation(body):
     """Return the body's axes forward, left, up in the world, three triples."""
     x, y, z, w = body[3], body[4], body[5], body[6]
@@ -78,7 +83,7 @@ def rotation(body):
     )
 
 
-@njit(cache=True)
+@kernel
 def steer(car, state, command, dt):
     """Turn the steering towards `command` in [-1, 1] (left), return both front wheels' angles [rad].
 
@@ -94,19 +99,19 @@ def steer(car, state, command, dt):
     return left, right
 
 
-@njit(cache=True)
+@kernel
 def _dot(a, b):
-    """Return the scalar product of two triples."""
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@kernel
 def _cross(a, b):
-    """Return the vector product of two triples."""
+    """Return the vector product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@kernel
 def _place(axes, x, y, z):
     """Return a point of the body's frame as an arm from the centre of gravity in the world."""
     forward, left, up = axes
@@ -117,7 +122,7 @@ def _place(axes, x, y, z):
     )
 
 
-@njit(cache=True)
+@kernel
 def _height(body, road, arm):
     """Return the height of a point above the road's plane [m]."""
     return (
@@ -125,7 +130,7 @@ def _height(body, road, arm):
     )
 
 
-@njit(cache=True)
+@kernel
 def _point_velocity(body, arm):
     """Return the velocity of a point of the body [m/s]."""
     return (
@@ -135,7 +140,7 @@ def _point_velocity(body, arm):
     )
 
 
-@njit(cache=True)
+@kernel
 def _compression(car, state, body, axes, road, wheel):
     """Return how far a suspension is compressed [m]; negative in the air."""
     radius = car.radius[wheel]
@@ -144,7 +149,7 @@ def _compression(car, state, body, axes, road, wheel):
     return at_rest + radius * state.radius_factor[wheel] - _height(body, road, arm)
 
 
-@njit(cache=True)
+@kernel
 def _compressions(car, state, body, axes, road):
     """Return the four suspensions' compressions [m]."""
     return (
@@ -155,7 +160,7 @@ def _compressions(car, state, body, axes, road):
     )
 
 
-@njit(cache=True)
+@kernel
 def _wheel_force(car, state, body, axes, road, controls, wheel, angle, compressions, dt):
     """Return a wheel's force on the body [N] and the arm from the centre of gravity to its contact [m]."""
     normal = road[4], road[5], road[6]
@@ -197,7 +202,7 @@ def _wheel_force(car, state, body, axes, road, controls, wheel, angle, compressi
     return force, arm
 
 
-@njit(cache=True)
+@kernel
 def _load(car, wheel, compression, opposite, sinking):
     """Return a wheel's load [N] from its and its opposite's compression [m] and its rate [m/s]."""
     if compression <= 0.0:
@@ -207,7 +212,7 @@ def _load(car, wheel, compression, opposite, sinking):
     return min(max(load, 0.0), MAX_LOAD * car.static_load[wheel])
 
 
-@njit(cache=True)
+@kernel
 def drive_torque(car, state, wheel, throttle):
     """Return the engine's torque at a wheel [N m]: limited by force, and by power at speed."""
     if throttle == 0.0 or car.drive_share[wheel] == 0.0:
@@ -219,7 +224,7 @@ def drive_torque(car, state, wheel, throttle):
     return throttle * torque * car.drive_share[wheel]
 
 
-@njit(cache=True)
+@kernel
 def brake_torque(car, state, wheel, brake, load, road):
     """Return the largest torque of a wheel's brake [N m].
 
@@ -234,7 +239,7 @@ def brake_torque(car, state, wheel, brake, load, road):
     return torque
 
 
-@njit(cache=True)
+@kernel
 def _angular_acceleration(car, axes, tx, ty, tz):
     """Return what a torque [N m] in the world does to the body's angular velocity [rad/s^2].
 
@@ -248,7 +253,7 @@ def _angular_acceleration(car, axes, tx, ty, tz):
     return ax, ay, az
 
 
-@njit(cache=True)
+@kernel
 def _shell_on_road(car, body, axes, road, dt):
     """Return force [N] and torque [N m] of the road on the corners of the body's box.
 
@@ -273,7 +278,7 @@ def _shell_on_road(car, body, axes, road, dt):
     return (fx, fy, fz), (tx, ty, tz)
 
 
-@njit(cache=True)
+@kernel
 def _corner_force(car, body, road, arm, dt):
     """Return the road's force on one corner of the shell [N]: a damped spring and Coulomb's friction."""
     depth = -_height(body, road, arm)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,8 +90,10 @@ class Motion:
 
 @dataclass(frozen=True)
 class Wheels:
-    """What the wheels did in the last sub-step, shape (E, 4): front left, front right, rear left, right."""
+    """The wheels after the last sub-step, shape (E, 4): front left, front right, rear left, rear right."""
 
+    position: Floats
+    """Where they stand on the map [m], shape (E, 4, 2): there the road's friction is to be looked up."""
     spin: Floats
     """[rad/s]."""
     slip: Floats
@@ -150,8 +153,11 @@ class Fleet:
             acceleration=_view(self._acceleration),
             steering=_view(self._states["steering"]),
         )
+        self._wheel_position = np.zeros((rows, layout.WHEELS, 2))
         names = ("spin", "slip", "slip_angle", "load", "force_x", "force_y")
-        self.wheels = Wheels(**{name: _view(self._states[name]) for name in names})
+        self.wheels = Wheels(
+            position=_view(self._wheel_position), **{name: _view(self._states[name]) for name in names}
+        )
 
     def __enter__(self) -> Fleet:
         return self
@@ -228,6 +234,7 @@ class Fleet:
         self._velocity[row] = speed, yaw_rate * car["cog_to_rear_axle"]
         self._yaw_rate[row] = yaw_rate
         self._acceleration[row] = 0.0
+        readout.show_wheels(self._active, self._cars, self._poses, self._wheel_position)
 
     def despawn(self, row: int) -> None:
         """Take a vehicle off the road.
@@ -295,9 +302,14 @@ class Fleet:
                 the lock (positive to the left), shape (E, 3); clipped. Rows without a vehicle are ignored.
 
         Raises:
-            ControlError: A control is NaN. Nothing has moved.
+            ControlError: A control is NaN, or their shape is wrong. Nothing has moved.
             MotionError: A vehicle's motion is no longer finite.
         """
+        controls = np.asarray(controls, np.float64)
+        if controls.shape != self._controls.shape:
+            raise ControlError(
+                f"controls have shape {controls.shape}", remedy=f"send shape {self._controls.shape}"
+            )
         bad = readout.take_controls(self._active, controls, self._controls)
         if bad >= 0:
             raise ControlError(
@@ -324,30 +336,31 @@ class Fleet:
             self._step,
         )
         if bad >= 0:
-            raise MotionError(
-                f"body {self._bodies[bad].tolist()} is not finite",
-                place=f"vehicle in row {bad}",
-                remedy="clear the simulation; report the controls that led here",
-            )
+            self._refuse_motion(bad)
+        readout.show_wheels(self._active, self._cars, self._poses, self._wheel_position)
         return self.motion
 
     def _step_bullet(self, rows: NDArray[np.int64]) -> None:
         """Advance the vehicles in Bullet: forces before each sub-step, all simulations in one call."""
+        cars, states, bodies, velocities = self._cars, self._states, self._bodies, self._velocities
         for substep in range(self._poses.shape[1]):
-            chassis.advance(
-                rows,
-                self._cars,
-                self._states,
-                self._bodies,
-                self._controls,
-                self._road,
-                self._velocities,
-                self._dt,
+            bad = chassis.advance(
+                rows, cars, states, bodies, self._controls, self._road, velocities, self._dt
             )
-            velocities = self._velocities.tolist()
+            if bad >= 0:
+                self._refuse_motion(bad)
+            commands = velocities.tolist()
             for world in self._worlds:
-                world.substep(velocities)
-            readout.record_poses(rows, self._cars, self._bodies, self._poses, substep)
+                world.substep(commands)
+            readout.record_poses(rows, cars, bodies, self._poses, substep)
+
+    def _refuse_motion(self, row: int) -> NoReturn:
+        body, road = self._bodies[row].tolist(), self._road[row].tolist()
+        raise MotionError(
+            f"motion is no longer finite: body {body}, road (friction, normal, offset) {road}",
+            place=f"vehicle in row {row}",
+            remedy="see that the road is of finite numbers, then clear the simulation",
+        )
 
     def _level(self, rows: slice) -> None:
         self.road.friction[rows] = DRY_ASPHALT

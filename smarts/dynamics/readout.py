@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from smarts.dynamics.single_track import planar_motion, record_pose
+from smarts.geometry.compiling import kernel
 
 
-@njit(cache=True)
+@kernel
 def take_controls(active, given, controls):
     """Clip `given` controls of shape (E, 3) into `controls`; return the first active row with a NaN, or -1.
 
@@ -27,7 +26,7 @@ def take_controls(active, given, controls):
     return -1
 
 
-@njit(cache=True)
+@kernel
 def remember_velocity(bodies, before):
     """Copy the bodies' velocities to `before`, shape (E, 2)."""
     for row in range(bodies.shape[0]):
@@ -35,14 +34,28 @@ def remember_velocity(bodies, before):
         before[row, 1] = bodies[row, 8]
 
 
-@njit(cache=True)
+@kernel
 def record_poses(rows, cars, bodies, poses, substep):
     """Write the footprints' poses of `rows` after a sub-step into `poses`, shape (E, S, 3)."""
     for row in rows:
         record_pose(cars[row], bodies[row], poses[row, substep])
 
 
-@njit(cache=True)
+@kernel
+def show_wheels(active, cars, poses, positions):
+    """Write where the active vehicles' wheels stand [m], shape (E, 4, 2), from the last of `poses`."""
+    for row in range(active.size):
+        if not active[row]:
+            continue
+        car, pose = cars[row], poses[row, -1]
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        for wheel in range(positions.shape[1]):
+            x, y = car.centre_to_cog + car.wheel_x[wheel], car.wheel_y[wheel]
+            positions[row, wheel, 0] = pose[0] + x * cos - y * sin
+            positions[row, wheel, 1] = pose[1] + x * sin + y * cos
+
+
+@kernel
 def show_motion(active, bodies, before, velocity, yaw_rate, acceleration, step):
     """Write the active vehicles' planar motion; return the first row whose motion is not finite, or -1.
 

@@ -12,17 +12,16 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from smarts.dynamics.chassis import rotation, steer
-from smarts.dynamics.tyre_models import characteristics, shares
+from smarts.dynamics.tyre_models import characteristics, side_share
 from smarts.dynamics.wheel import BREAKAWAY_SPEED, DAMPING_SPEED, DAMPING_TIME, LEAST_FRICTION
+from smarts.geometry.compiling import kernel
 
 FRONT, REAR = 0, 2
 """The wheels that stand for their axles."""
 
 
-@njit(cache=True)
+@kernel
 def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt):
     """Advance kinematic vehicles by all sub-steps of one step.
 
@@ -56,7 +55,7 @@ def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt):
             _show_axle(car, state, REAR, load_rear, speed, _net(rear, speed), 0.0)
 
 
-@njit(cache=True)
+@kernel
 def advance_dynamic(rows, cars, states, bodies, controls, road, poses, dt):
     """Advance dynamic single-track vehicles by all sub-steps of one step; see `advance_kinematic`."""
     for row in rows:
@@ -65,7 +64,7 @@ def advance_dynamic(rows, cars, states, bodies, controls, road, poses, dt):
             record_pose(cars[row], bodies[row], poses[row, substep])
 
 
-@njit(cache=True)
+@kernel
 def _advance_dynamic(car, state, body, controls, road, dt):
     """Advance one dynamic single-track vehicle by one sub-step."""
     heading, vx, vy, yaw_rate = planar_motion(body)
@@ -105,7 +104,7 @@ def _advance_dynamic(car, state, body, controls, road, dt):
     _show_axle(car, state, REAR, load_rear, new_vx, rear_x, rear_y)
 
 
-@njit(cache=True)
+@kernel
 def planar_motion(body):
     """Return heading [rad], velocity forward and left [m/s], and yaw rate [rad/s] of a body."""
     forward, _, _ = rotation(body)
@@ -114,7 +113,7 @@ def planar_motion(body):
     return heading, body[7] * cos + body[8] * sin, body[8] * cos - body[7] * sin, body[12]
 
 
-@njit(cache=True)
+@kernel
 def record_pose(car, body, pose):
     """Write the centre of a body's footprint [m] and its heading in (-pi, pi] [rad], shape (3,).
 
@@ -128,21 +127,21 @@ def record_pose(car, body, pose):
     pose[2] = math.atan2(forward[1] + 0.0, forward[0])
 
 
-@njit(cache=True)
+@kernel
 def _axle_loads(car, push):
     """Return the loads of one front and one rear wheel [N] while the tyres push forward with `push` [N]."""
     moved = 0.5 * push * car.cog_height / (car.cog_to_front_axle + car.cog_to_rear_axle)
     return max(car.static_load[FRONT] - moved, 1.0), max(car.static_load[REAR] + moved, 1.0)
 
 
-@njit(cache=True)
+@kernel
 def _axle_tyre(car, state, wheel, load, friction):
     """Return the `characteristics` of one of an axle's tyres at the mean of both sides' grip."""
     grip = 0.5 * (friction[0] * state.grip_factor[wheel] + friction[1] * state.grip_factor[wheel + 1])
     return characteristics(car, wheel, load, max(grip, LEAST_FRICTION))
 
 
-@njit(cache=True)
+@kernel
 def _axle_request(car, state, wheel, load, peak, controls, speed):
     """Return an axle's drive force and its resisting force [N].
 
@@ -159,19 +158,19 @@ def _axle_request(car, state, wheel, load, peak, controls, speed):
     return min(max(drive, -limit), limit), min(resistance, limit)
 
 
-@njit(cache=True)
+@kernel
 def _net(request, speed):
     """Return the force [N] of an axle's drive and resistance; nothing resists a standing vehicle."""
     return request[0] - (math.copysign(request[1], speed) if speed != 0.0 else 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _resist(speed, loss):
     """Return a speed after a resistance that would take `loss` [m/s] of it, but never turns it round."""
     return max(speed - loss, 0.0) if speed > 0.0 else min(speed + loss, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _axle_side_force(car, state, wheel, tyre, force_x, vx, vy, dt):
     """Return an axle's lateral force [N] beside the longitudinal force `force_x` [N].
 
@@ -195,12 +194,12 @@ def _axle_side_force(car, state, wheel, tyre, force_x, vx, vy, dt):
         state.deflection_y[side] = deflection
         state.slip_angle[side] = math.atan(carcass * deflection / stiffness)
     pull = carcass * (deflection - damping * vy)
-    _, share = shares(car, 0.0, pull / peak_y, 0.0, curvature)
+    share = side_share(car, pull / peak_y, curvature)
     used = min(abs(force_x) / (2.0 * peak_x), 0.98)
     return 2.0 * share * pull * math.sqrt(1.0 - used * used)
 
 
-@njit(cache=True)
+@kernel
 def _move(body, heading, vx, vy, yaw_rate, dt):
     """Write velocities given in the body's frame at `heading`, and the pose that they lead to after `dt`."""
     cos, sin = math.cos(heading), math.sin(heading)
@@ -212,7 +211,7 @@ def _move(body, heading, vx, vy, yaw_rate, dt):
     body[3], body[4], body[5], body[6] = 0.0, 0.0, math.sin(half), math.cos(half)
 
 
-@njit(cache=True)
+@kernel
 def _show_axle(car, state, wheel, load, speed, force_x, force_y):
     """Write an axle's read-out into both of its wheels."""
     for side in range(wheel, wheel + 2):

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from smarts.dynamics.tyre_models import characteristics, shares
+from smarts.geometry.compiling import kernel
 
 DAMPING_TIME = 0.03
 """Force of the standing bristle's damping over its stiffness [s]: a car's corner on it is damped to about
@@ -30,7 +29,7 @@ STEERING_RESERVE = 0.3
 """Least share of the peak slip that ABS and traction control leave to braking and driving in a bend."""
 
 
-@njit(cache=True)
+@kernel
 def roll(car, state, wheel, load, friction, vx, vy, drive, brake, dt):
     """Advance one wheel by `dt` [s] and return its tyre's force (forward, left) [N].
 
@@ -98,7 +97,7 @@ def roll(car, state, wheel, load, friction, vx, vy, drive, brake, dt):
     return share_x * pull_x, share_y * pull_y
 
 
-@njit(cache=True)
+@kernel
 def _spin(car, state, wheel, held, slope, peak, vx, drive, brake, dt):
     """Return the wheel's next spin [rad/s].
 
@@ -127,7 +126,7 @@ def _spin(car, state, wheel, held, slope, peak, vx, drive, brake, dt):
     return braked
 
 
-@njit(cache=True)
+@kernel
 def _spin_freely(car, state, wheel, drive, brake, dt):
     """Advance a wheel in the air: nothing but drive and brake act on it."""
     spin = state.spin[wheel] + dt * drive / car.wheel_inertia[wheel]

@@ -17,6 +17,9 @@ two. What SUMO needs help with, found by experiment (the tests in `test_sumo_sha
 - SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. It is told
   instead.
 - A vehicle that moves against its lane would be taken for a leader that drives away; it is said to stand.
+- SUMO goes on with a change of lane that it has begun when a vehicle is taken over, and crashes if the
+  vehicle is by then in a lane with none beside. Such a change is brought to its end, in SUMO's books, within
+  the first step.
 - SUMO would change a shadow's lane and ask others to make room for that, so lane changing is off meanwhile.
 """
 
@@ -28,7 +31,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from smarts.geometry.frames import compass_from_heading
-from smarts.providers.sumo_library import SumoLibrary, is_sumo_error
+from smarts.providers.sumo_library import SumoLibrary
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
@@ -42,9 +45,14 @@ _CLASSES = {
 }
 
 _MAY_LEAVE_NET = 2
+_MATCH_WITHIN = 20.0
+"""Where SUMO looks for lanes [m]; its default of 100 m takes twice the time."""
 _NO_LANE_CHANGES = 0
 _SUMO_LANE_CHANGES = 0b011001010101
 """Lane-change modes: nothing, and SUMO's default."""
+_SIDEWAYS = "laneChangeModel.lcMaxSpeedLatStanding"
+_AT_ONCE = 1e4
+"""A limit to the speed of lane changes [m/s] that ends one in a step; `_SIDEWAYS` is its other half."""
 _CENTRING = 0.1
 """How far a vehicle that SUMO has got back moves to the middle of its lane in a step [m]."""
 _OFF_THE_NET = -1e6
@@ -80,6 +88,9 @@ class _Shadow:
     """The side that SUMO has noted."""
     entry: _Entry | None = None
     """How to enter it anew in the coming step."""
+    own_type: str = ""
+    own_sideways: str = ""
+    """Type and `_SIDEWAYS`, to be restored after its change of lane was ended; empty if there was none."""
 
 
 class SumoShadows:
@@ -113,12 +124,16 @@ class SumoShadows:
         """Let a vehicle of SUMO's be a shadow from the next step on."""
         vehicle = self._library.vehicle
         vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
-        route = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]
-        shadow = _Shadow(name, tuple(route), vehicle.getLaneID(name), vehicle.getLanePosition(name))
-        # Entered anew, it does not go on with a change of lane that SUMO has begun.
-        shadow.entry = _Entry.AND_BACK if self._lane_beside(shadow) else None
+        route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
+        shadow = _Shadow(name, route, lane, vehicle.getLanePosition(name))
+        if slot in self._returned:
+            shadow.noted_side = self._returned.pop(slot).noted_side
+        if vehicle.getLateralSpeed(name):
+            shadow.own_type = vehicle.getTypeID(name)
+            shadow.own_sideways = vehicle.getParameter(name, _SIDEWAYS)
+            vehicle.setMaxSpeedLat(name, _AT_ONCE)
+            vehicle.setParameter(name, _SIDEWAYS, str(_AT_ONCE))
         self._shadows[slot] = shadow
-        self._returned.pop(slot, None)
 
     def hand_back(self, slot: int) -> bool:
         """Let SUMO drive a shadow on towards its destination; return whether SUMO can.
@@ -153,13 +168,13 @@ class SumoShadows:
         for slot, shadow in self._shadows.items():
             if shadow.entry and not self._enter_anew(shadow):
                 shadow.entry = _Entry.OFF_THE_NET
-                move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET)
+                move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
             heading = float(states.heading[slot])
             x, y = states.position[slot].tolist()
             to_front = float(states.length[slot]) / 2
             x, y = x + to_front * math.cos(heading), y + to_front * math.sin(heading)
-            move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET)
+            move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET, _MATCH_WITHIN)
         for slot in [*self._returned]:
             if self._is_centred(self._returned[slot]):
                 del self._returned[slot]
@@ -178,6 +193,10 @@ class SumoShadows:
             else:
                 shadow.lane, shadow.entry = "", None
             vehicle.setPreviousSpeed(shadow.id, max(speed, 0.0))
+            if shadow.own_type:
+                vehicle.setType(shadow.id, shadow.own_type)
+                vehicle.setParameter(shadow.id, _SIDEWAYS, shadow.own_sideways)
+                shadow.own_type = ""
 
     def _settle_on_lane(self, shadow: _Shadow, lane: str, position: float, width: float) -> None:
         shadow.offset = self._library.vehicle.getLateralLanePosition(shadow.id)
@@ -219,17 +238,11 @@ class SumoShadows:
         beside = self._lane_beside(shadow)
         if not beside:
             return False
-        move = self._library.vehicle.moveTo
-        try:
-            move(shadow.id, beside, shadow.position)
-            if shadow.entry is _Entry.AND_BACK:
-                move(shadow.id, shadow.lane, shadow.position)
-        except Exception as error:
-            # The lane is not on the route that SUMO has given to the shadow.
-            if not is_sumo_error(error):
-                raise
-            return False
-        return True
+        # SUMO refuses where the lane is not on the route that it has given to the shadow.
+        move, accepts = self._library.vehicle.moveTo, self._library.accepts
+        return accepts(move, shadow.id, beside, shadow.position) and (
+            shadow.entry is _Entry.BESIDE or accepts(move, shadow.id, shadow.lane, shadow.position)
+        )
 
     def _lane_beside(self, shadow: _Shadow) -> str:
         """Return the lane that a shadow straddles into, or else any lane beside its own, "" without one."""
@@ -266,8 +279,10 @@ class SumoShadows:
             ahead = list(shadow.route)
         else:
             ahead = [edge, *self._way_on(lane)]
-        if tuple(ahead) != self._library.vehicle.getRoute(shadow.id):
-            self._library.vehicle.setRoute(shadow.id, ahead)
+        if tuple(ahead) != self._library.route_ahead(shadow.id):
+            # Where SUMO refuses, because the vehicle may not use a lane, it sees no way on; nothing else is
+            # lost.
+            self._library.accepts(self._library.vehicle.setRoute, shadow.id, ahead)
 
     def _way_on(self, lane: str) -> list[str]:
         """Return the edge that a lane leads into, the one straight on where there are several."""
@@ -278,22 +293,20 @@ class SumoShadows:
         return self._ways_on[lane]
 
     def _restore_route(self, shadow: _Shadow) -> None:
-        vehicle = self._library.vehicle
-        present = vehicle.getRoute(shadow.id)
-        index = max(vehicle.getRouteIndex(shadow.id), 0)
-        # Inside a junction the edge behind it is settled already.
-        settled = list(present[index : index + (2 if vehicle.getRoadID(shadow.id).startswith(":") else 1)])
+        """Send a vehicle on to its destination: along its own route, or else by the fastest way."""
         if not shadow.route:
             return
-        if settled[-1] in shadow.route:
-            ahead = list(shadow.route[shadow.route.index(settled[-1]) :])
+        vehicle = self._library.vehicle
+        present = self._library.route_ahead(shadow.id)
+        # Inside a junction the edge behind it is settled already.
+        settled = present[: 2 if vehicle.getRoadID(shadow.id).startswith(":") else 1]
+        here, destination = settled[-1], shadow.route[-1]
+        if here in shadow.route:
+            ahead = shadow.route[shadow.route.index(here) :]
         else:
-            ahead = list(
-                self._library.simulation.findRoute(
-                    settled[-1], shadow.route[-1], vehicle.getTypeID(shadow.id)
-                ).edges
-            )
-        if ahead and (*settled[:-1], *ahead) != present[index:]:
+            find = self._library.simulation.findRoute
+            ahead = tuple(find(here, destination, vehicle.getTypeID(shadow.id)).edges)
+        if ahead and (*settled[:-1], *ahead) != present:
             vehicle.setRoute(shadow.id, [*settled[:-1], *ahead])
 
     def _type_of(self, slot: int, states: VehicleStates) -> str:

@@ -88,6 +88,8 @@ class RoadAtlas:
             kinds: The lanes that count.
             out: Buffers to write into.
         """
+        if routes is not None and table is None:
+            raise TypeError("locate() needs the table that the routes are numbers of")
         count = len(maps)
         out = LanePositions.allocate(count) if out is None else out
         kernels.locate(

@@ -35,7 +35,7 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         "opendrive.curve-resolution": "1",
         # Shoulders and sidewalks stay, closed to cars, so that lanes keep their place on the road.
         "opendrive.import-all-lanes": "true",
-        "opendrive.internal-shapes": "true",
+        # `opendrive.internal-shapes` stays off: it leaves gaps of metres and folded lanes in real maps.
         "output.original-names": "true",
     },
     "osm": {
@@ -95,7 +95,7 @@ def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
 
 def _publish(net: bytes, notes: tuple[str, ...], source: MapSource, out: Path) -> tuple[str, ...]:
     """Check the network, and put it into place in one step."""
-    notes += validate_net(net, source)
+    validate_net(net, source)
     temporary = out.with_name(f".{out.name}.{os.getpid()}")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -142,9 +142,17 @@ def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
         raise MapError(
             f"{tool} refused the map: {' '.join(errors) or f'exit code {run.returncode}'}",
             place=str(source.files[0]),
-            remedy=f"mend the file; {tool} --help explains the options that a .netccfg file may set",
+            remedy=_remedy(source, tool),
         )
-    return tuple(text.removeprefix("Warning: ") for text in messages)
+    return tuple(text.removeprefix("Warning: ").removeprefix("Error: ") for text in messages)
+
+
+def _remedy(source: MapSource, tool: str) -> str:
+    if source.kind in ("opendrive", "osm"):
+        options = source.files[0].name.partition(".")[0] + ".netccfg"
+        entry = '<configuration><ignore-errors value="true"/></configuration>'
+        return f"mend the file, or import what is sound in it: write {entry} to {options} beside it"
+    return f"mend the file; {tool} --help lists the options"
 
 
 def _sumo_folder() -> Path:

@@ -113,11 +113,11 @@ def free_corridor(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Corridor:
     """
     lanes = np.arange(len(graph.lane_ids), dtype=np.int32)
     usable = np.isin(graph.kind, list(kinds))
-    onward = [[int(lane) for lane in graph.successors(int(lane)) if usable[lane]] for lane in lanes]
+    kept = usable[graph.successor]
+    # How many of the links before each lane's own are kept.
+    start = np.concatenate(([0], np.cumsum(kept)))[graph.successor_start].astype(np.int32)
     unknown = np.full(len(lanes), np.nan)
-    start = np.cumsum([0, *(len(lanes) for lanes in onward)]).astype(np.int32)
-    flat = np.array([lane for lanes in onward for lane in lanes], np.int32)
-    return Corridor(lanes, graph.lane_edge.copy(), unknown, unknown, start, flat)
+    return Corridor(lanes, graph.lane_edge, unknown, unknown, start, graph.successor[kept])
 
 
 def _chains(graph: LaneGraph, lanes: Sequence[int], edge: int, usable: NDArray[np.bool_]) -> list[list[int]]:

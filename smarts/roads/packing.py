@@ -34,8 +34,8 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
 
     lane_base = _bases(len(graph.lane_ids) for graph in graphs)
     point_base = _bases(len(graph.point_s) for graph in graphs)
-    junction_base = _bases(len(graph.junction_ids) for graph in graphs)
-    shifts = np.stack((lane_base, point_base, point_base), axis=1)
+    junction_base = _bases(len(graph.junction_ids) for graph in graphs)[:-1]
+    shifts = np.stack((lane_base, point_base, point_base), axis=1)[:-1]
     return Roads(
         lane_base=lane_base,
         lane_index=joined(graph.lane_index for graph in graphs),
@@ -52,11 +52,9 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
         grid_shape=np.array([(grid.columns, grid.rows) for grid in grids], np.int32),
         cell_base=_bases(grid.columns * grid.rows for grid in grids),
         run_start=stacked(grid.run_start for grid in grids),
-        run=joined(grid.run + shift for grid, shift in zip(grids, shifts, strict=False)).astype(np.int32),
+        run=joined(grid.run + shift for grid, shift in zip(grids, shifts, strict=True)),
         outline_start=stacked(grid.outline_start for grid in grids),
-        outline=joined(g.outline + base for g, base in zip(grids, junction_base, strict=False)).astype(
-            np.int32
-        ),
+        outline=joined(grid.outline + base for grid, base in zip(grids, junction_base, strict=True)),
         vertex_start=stacked(graph.junction_start for graph in graphs),
         vertex=joined(graph.junction_xy for graph in graphs),
     )
@@ -91,24 +89,24 @@ def pack_routes(
     onward_base = _bases(len(corridor.onward) for corridor in corridors)
     group_base = _bases(int(corridor.group[-1]) + 1 for corridor in corridors)
 
-    def joined(parts: Iterable[NDArray], bases: Iterable[int] | None = None) -> NDArray:
+    def joined(parts: Iterable[NDArray], bases: Ints | None = None) -> NDArray:
+        """Join arrays, raising the numbers in each by its base; -1 stays, since it means none."""
         if bases is None:
             return np.concatenate(list(parts))
-        return np.concatenate([part + base for part, base in zip(parts, bases, strict=False)])
+        raised = (np.where(part < 0, part, part + base) for part, base in zip(parts, bases, strict=True))
+        return np.concatenate(list(raised))
 
     return RouteTable(
         free=len(free),
         start=row_base,
         lane=joined((c.lane for c in corridors), lane_base[worlds]),
-        group=joined((c.group for c in corridors), group_base),
+        group=joined((c.group for c in corridors), group_base[:-1]),
         begin=joined(c.begin for c in corridors),
         end=joined(c.end for c in corridors),
         onward_start=np.append(
-            joined((c.onward_start[:-1] for c in corridors), onward_base), onward_base[-1]
-        ).astype(np.int32),
-        onward=joined((c.onward for c in corridors), row_base),
-        before=joined(
-            np.where(c.before >= 0, c.before + base, -1) for c, base in zip(corridors, row_base, strict=False)
-        ).astype(np.int32),
-        by_lane=joined((c.by_lane for c in corridors), row_base),
+            joined((c.onward_start[:-1] for c in corridors), onward_base[:-1]), onward_base[-1]
+        ),
+        onward=joined((c.onward for c in corridors), row_base[:-1]),
+        before=joined((c.before for c in corridors), row_base[:-1]),
+        by_lane=joined((c.by_lane for c in corridors), row_base[:-1]),
     )

@@ -75,7 +75,7 @@ class WaypointPaths(NamedTuple):
 @kernel
 def _foot(roads: Roads, lane: int, x: float, y: float) -> float:
     """Return the arc length of the point of a lane's centreline that is nearest to a position [m]."""
-    best, best_square, best_share = -1, np.inf, 0.0
+    best, best_square, best_share = roads.point_start[lane], np.inf, 0.0
     for point in range(roads.point_start[lane], roads.point_start[lane + 1] - 1):
         a, b = roads.point_xy[point], roads.point_xy[point + 1]
         share, square, _ = project(x, y, a[0], a[1], b[0], b[1])

@@ -193,9 +193,6 @@ def _place(location: Location) -> str:
     return file if location.variation is None else f"{file}: held_out[{location.variation!r}]"
 
 
-# Fingerprints
-
-
 def _fingerprint_inputs(location: Location, seed: int | None) -> str:
     files: list[Path] = []
     if location.script is not None:

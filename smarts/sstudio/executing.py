@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,21 +34,31 @@ def run_scenario_file(script: Path, seed: int) -> Description:
         ScenarioError: The file raises (the place is its line), describes no scenario, or one that cannot be
             written down.
     """
-    with tempfile.TemporaryDirectory(prefix="smarts-") as folder:
-        answer = Path(folder) / "answer.json"
-        command = [sys.executable, "-m", "smarts.sstudio.runner", str(script), str(answer), str(seed)]
-        code = subprocess.run(command, cwd=script.parent, env=_environment(), check=False).returncode
-        if not answer.is_file():
-            raise ScenarioError(
-                f"the scenario file ended its process with code {code} before it was done",
-                place=str(script),
-                remedy="run it with python to see what happens",
-            )
-        reply = json.loads(answer.read_text(encoding="utf-8"))
+    answer, code = _answer(script, seed)
+    if not answer:
+        raise ScenarioError(
+            f"the scenario file ended its process with code {code} before it was done",
+            place=str(script),
+            remedy="run it with python to see what happens",
+        )
+    reply = json.loads(answer)
     if "error" in reply:
         raise ScenarioError(**reply["error"])
     modules = tuple(Path(file) for file in reply["modules"])
     return Description(decode(reply["scenario"]), reply["seed"], modules)
+
+
+def _answer(script: Path, seed: int) -> tuple[str, int]:
+    """Return what the runner writes into a pipe, and its exit code."""
+    reader, writer = os.pipe()
+    command = [sys.executable, "-m", "smarts.sstudio.runner", str(script), str(writer), str(seed)]
+    with open(reader, encoding="utf-8") as answer:
+        try:
+            process = subprocess.Popen(command, cwd=script.parent, env=_environment(), pass_fds=[writer])
+        finally:
+            os.close(writer)  # so that the pipe ends when the runner does
+        with process:
+            return answer.read(), process.wait()
 
 
 def _environment() -> dict[str, str]:

@@ -57,6 +57,8 @@ class Location:
 def locate(path: str | Path) -> Location:
     """Return what `path` means: a folder, a map file or a name of the suite, maybe with "@variation".
 
+    What lies on disk under that name counts before the suite.
+
     Raises:
         UnknownNameError: It is neither; the remedy names the nearest scenarios of the suite.
         ScenarioError: The folder holds neither a scenario file nor anything else to build from.

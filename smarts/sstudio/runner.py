@@ -1,6 +1,6 @@
 """Runs a scenario file in a process of its own and writes down what it says.
 
-    python -m smarts.sstudio.runner SCENARIO_FILE ANSWER_FILE SEED
+    python -m smarts.sstudio.runner SCENARIO_FILE ANSWER_PIPE SEED
 
 A process of its own, so that the file meets the same world every time: fresh modules, a fixed order of
 sets, fixed seeds, its own folder as the working directory; and so that nothing it does stays behind.
@@ -24,14 +24,15 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 def main(arguments: list[str]) -> None:
     """Run the file and write the answer: what it says, or the error."""
-    script, answer, seed = Path(arguments[0]), Path(arguments[1]), int(arguments[2])
+    script, pipe, seed = Path(arguments[0]), int(arguments[1]), int(arguments[2])
     sys.dont_write_bytecode = True
     sys.path.insert(0, str(script.parent))
     try:
         reply = _describe(script, seed)
     except SmartsError as error:
         reply = {"error": {"problem": error.problem, "place": error.place, "remedy": error.remedy}}
-    answer.write_text(json.dumps(reply), encoding="utf-8")
+    with open(pipe, "w", encoding="utf-8") as answer:
+        json.dump(reply, answer)
 
 
 def _describe(script: Path, seed: int) -> Json:

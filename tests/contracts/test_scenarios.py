@@ -95,6 +95,8 @@ def test_the_benchmarks_scenarios_have_four_egos(name):
 def test_starts_vary_and_stay_on_their_lane(case):
     for built in builds(case):
         roads, scenario = built.roads(), built.scenario
+        low, high = scenario.start_variation.speed
+        assert low < high
         seen = set()
         for seed in range(20):
             placed = place_missions(
@@ -105,7 +107,7 @@ def test_starts_vary_and_stay_on_their_lane(case):
                 assert ego.start.s > 2.5
                 assert ego.start.s <= roads.length[ego.start.lane]
                 assert abs(ego.start.s - nominal) <= 5.0001
-                assert 0 <= ego.speed <= 5
+                assert low <= ego.speed <= high
             seen.add(tuple(round(ego.start.s, 6) for ego in placed))
         assert len(seen) == 20
 

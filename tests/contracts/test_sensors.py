@@ -1,4 +1,4 @@
-"""Every sensor: in bounds whatever the world is like, the same in any batch, serving the wanted seats only."""
+"""Every sensor: in bounds whatever the world is like, the same in any batch, serving only who asks."""
 
 import numpy as np
 import pytest

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from smarts.geometry.compiling import kernel
 
 
-@njit(cache=True)
+@kernel
 def characteristics(car, wheel, load, friction):
     """Return largest forces (x, y) [N], slip stiffnesses (x, y) [N] and two unused curvatures.
 
@@ -19,7 +19,7 @@ def characteristics(car, wheel, load, friction):
     return peak, peak, car.linear_x[wheel], car.linear_y[wheel], 0.0, 0.0
 
 
-@njit(cache=True)
+@kernel
 def curve(slip):
     """Return force over largest force at a normalised slip."""
     return min(slip, 1.0)

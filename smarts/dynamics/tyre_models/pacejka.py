@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from smarts.geometry.compiling import kernel
 
 
-@njit(cache=True)
+@kernel
 def characteristics(car, wheel, load, friction):
     """Return largest forces (x, y) [N], slip stiffnesses (x, y) [N] and curvatures (x, y).
 
@@ -36,7 +36,7 @@ def characteristics(car, wheel, load, friction):
     return peak_x, peak_y, stiffness_x, stiffness_y, curvature_x, curvature_y
 
 
-@njit(cache=True)
+@kernel
 def curve(slip, shape, curvature):
     """Return force over largest force at a normalised slip, 4.E9 with B = 1/C."""
     x = slip / shape

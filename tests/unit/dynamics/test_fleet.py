@@ -1,9 +1,12 @@
 import hashlib
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from smarts.dynamics import FLAT_TYRE, MODELS, Box, ControlError, Fleet, MotionError
+from smarts.dynamics import FLAT_TYRE, MODELS, Box, ControlError, Fleet, MotionError, vehicle
 from smarts.errors import UnknownNameError
 
 
@@ -87,6 +90,18 @@ def test_spawn_shows_the_pose_it_was_given(model):
         assert fleet.motion.heading[1] == pytest.approx(2.5)
 
 
+def test_wheels_stand_under_the_car():
+    car = vehicle("bus")
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(1, "bus", (100.0, 50.0), np.pi / 2)
+        front = 50.0 + 0.5 * car.length - car.front_overhang
+        half = 0.5 * car.front.track
+        assert fleet.wheels.position[1, 0] == pytest.approx([100.0 - half, front])
+        assert fleet.wheels.position[1, 1] == pytest.approx([100.0 + half, front])
+        rear = fleet.wheels.position[1, 2:].mean(axis=0)
+        assert rear == pytest.approx([100.0, front - car.wheelbase])
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_heading_stays_in_its_range_through_west(model):
     with Fleet(1, 1) as fleet:
@@ -131,12 +146,44 @@ def test_controls_out_of_range_are_clipped():
         assert fingerprint(fleet, slice(0, 1)) == fingerprint(fleet, slice(1, 2))
 
 
-def test_a_road_that_is_not_a_number_is_a_named_error():
-    with Fleet(1, 1) as fleet:
-        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 5.0, model="dynamic")
-        fleet.road.friction[:] = np.nan
-        with pytest.raises(MotionError, match="row 0"):
-            fleet.step(np.array([[0.5, 0.0, 0.5]]))
+@pytest.mark.parametrize("model", ["bullet", "dynamic"])
+def test_a_road_that_is_not_a_number_is_a_named_error_and_can_be_cleared(model):
+    with Fleet(2, 1) as fleet:
+        for _ in range(2):
+            fleet.spawn(1, "passenger", (0.0, 0.0), 0.0, 5.0, model=model)
+            fleet.road.friction[1] = np.nan
+            with pytest.raises(MotionError, match="row 1"):
+                fleet.step(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.5]]))
+            fleet.clear(1)
+        fleet.spawn(1, "passenger", (0.0, 0.0), 0.0, 5.0, model=model)
+        fleet.step(np.zeros((2, 3)))
+        assert fleet.motion.position[1] == pytest.approx([0.5, 0.0], abs=0.01)
+
+
+def test_controls_of_another_shape_are_refused():
+    with Fleet(1, 2) as fleet, pytest.raises(ControlError, match=r"\(1, 3\)"):
+        fleet.step(np.zeros((1, 3)))
+
+
+def test_an_empty_fleet_steps():
+    with Fleet(2, 2) as fleet:
+        assert not fleet.step(np.zeros((4, 3))).active.any()
+
+
+def test_another_process_gives_the_same_bits():
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1])\nimport test_fleet as t\n"
+        "fleet = t.Fleet(1, 4); t.fill(fleet, 0, 0)\n"
+        "for row in t.wild_controls(4, 60): fleet.step(row)\n"
+        "print(t.fingerprint(fleet, slice(0, 4)))"
+    )
+    command = [sys.executable, "-c", program, str(Path(__file__).parent)]
+    other = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[-1]
+    with Fleet(1, 4) as fleet:
+        fill(fleet, 0, 0)
+        for row in wild_controls(4, 60):
+            fleet.step(row)
+        assert fingerprint(fleet, slice(0, 4)) == other
 
 
 def test_a_road_without_friction_lets_it_slide():

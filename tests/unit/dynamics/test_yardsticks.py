@@ -109,7 +109,6 @@ def test_split_friction_pulls_to_the_grip(rig):
     assert mirrored.heading == pytest.approx(-car.heading)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
 @pytest.mark.parametrize("name", TYPES)
 def test_top_speed_balances_power_and_resistance(name, model):

@@ -130,6 +130,9 @@ class World:
     def slot(self, name: str) -> int:
         return next(s for s in range(self.states.capacity) if self.roster.name(s) == name)
 
+    def sumo_lane(self, slot: int) -> str:
+        return self.traffic._library.vehicle.getLaneID(self.traffic._ids[slot])
+
     def names(self) -> list[str]:
         return [self.roster.name(slot) for slot in range(self.states.capacity) if self.states.alive[slot]]
 

@@ -5,6 +5,8 @@ import pytest
 from smarts.errors import ScenarioError, SmartsError
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.collecting import collecting
+from smarts.sstudio.decoding import decode
+from smarts.sstudio.encoding import encode
 from smarts.sstudio.validation import validate
 
 from . import sources
@@ -83,6 +85,43 @@ WRONG = {
         "ego_missions[0].entry_tactic.zone.start",
         "the zone is on edge 'from_west', but the mission begins on 'from_south'",
     ),
+    "traffic without a name": ("traffic=t.Traffic(flows=[flow()])", "traffic", "not a dict by name"),
+    "one mission instead of a list": ("ego_missions=t.Mission(south_north)", "ego_missions", "not a list"),
+    "lane by name": (
+        'ego_missions=[t.EndlessMission(("from_west", "0", 1))]',
+        "ego_missions[0].begin",
+        "('from_west', '0', 1) is not a place",
+    ),
+    "offset of another type": (
+        'ego_missions=[t.EndlessMission(("from_west", 0, None))]',
+        "ego_missions[0].begin",
+        "offset None is off lane",
+    ),
+    "list of actors": (
+        'traffic={"x": t.Traffic(flows=[flow(actors=[car])])}',
+        "traffic['x'].flows[0].actors",
+        "use a dict",
+    ),
+    "half a lap": (
+        "ego_missions=[t.LapMission(south_north, num_laps=1.5)]",
+        "ego_missions[0].num_laps",
+        "1.5 is not a count",
+    ),
+    "size of a zone": (
+        "bubbles=[t.Bubble(t.PositionalZone((0, 0), (1,)), agent)]",
+        "bubbles[0].zone",
+        "not an area",
+    ),
+    "route on another map": (
+        'ego_missions=[t.Mission(t.RandomRoute(map_spec=t.MapSpec("elsewhere")))]',
+        "ego_missions[0].route.map_spec",
+        "a route cannot be on a map of its own",
+    ),
+    "group on a random route": (
+        "ego_missions=[t.GroupedLapMission(t.RandomRoute(), 5, 1, 1, 1)]",
+        "ego_missions[0].route",
+        "use a Route",
+    ),
     "not a mission": ("ego_missions=[south_north]", "ego_missions[0]", "a Route: Route("),
     "no actors": (
         'traffic={"x": t.Traffic(flows=[flow(), flow(actors={})])}',
@@ -123,7 +162,7 @@ WRONG = {
     "twin trips": (
         'traffic={"x": t.Traffic(flows=[], trips=[t.Trip("a", west_east), t.Trip("a", south_north)])}',
         "traffic['x'].trips[1].vehicle_name",
-        "trips[0] has the name 'a', too",
+        "traffic['x'].trips[0] has the name 'a', too",
     ),
     "name of a trip": (
         'traffic={"x": t.Traffic(flows=[], trips=[t.Trip("a b", west_east)])}',
@@ -238,9 +277,8 @@ def test_refused(case, roads):
     body, place, message = WRONG[case]
     with collecting() as collection:
         exec(sources.scenario(body), {"__file__": "scenario.py"})
-    assert collection.scenario is not None
     with pytest.raises(ScenarioError) as caught:
-        validate(collection.scenario, roads, "scenario.py")
+        validate(decode(encode(collection.scenario)), roads, "scenario.py")
     assert caught.value.place.startswith(f"scenario.py: {place}")
     assert message in str(caught.value)
     assert caught.value.remedy
