@@ -14,6 +14,8 @@ from tests.parts import episode, simulation_of
 LOCATION = {"lane", "lane_position", "lane_offset"}
 IDENTITY = {"alive", "generation", "owner", "kind", "length", "width", "home"}
 
+ACTUATORS = {f"seats.{name}" for name in ("steering", "throttle", "brake", "travelled")}
+
 
 def tables(world):
     """Return every array of the world by name."""
@@ -56,20 +58,23 @@ def nothing(world, table, changed):
     return np.zeros_like(changed)
 
 
-def rows_of(owner, *seat_columns):
-    """Allow motion in the rows of an owner and some columns of seats; also who comes and goes."""
+def driving(world, table, changed):
+    """Allow motion of agents' vehicles, and the actuators of their seats."""
+    kind, _, column = table.partition(".")
+    if kind == "vehicles" and column not in LOCATION | IDENTITY:
+        return spread(world.vehicles.owner == Owner.AGENT, changed)
+    return np.full_like(changed, table in ACTUATORS)
 
-    def allowed(world, table, changed):
-        kind, _, column = table.partition(".")
-        if kind == "vehicles" and column not in LOCATION | (IDENTITY if owner == Owner.AGENT else set()):
-            mine = world.vehicles.owner == owner
-            if owner == Owner.TRAFFIC:
-                mine |= ~world.vehicles.alive  # those who have just left
-            return np.broadcast_to(mine.reshape(*mine.shape, *[1] * (changed.ndim - 2)), changed.shape)
-        is_left = kind == "vehicles" and owner == Owner.TRAFFIC
-        return np.full_like(changed, is_left or column in seat_columns or (table == "signals" and is_left))
 
-    return allowed
+def engine(world, table, changed):
+    """Allow whatever concerns vehicles of traffic, those that have just left included, and signals."""
+    if table.startswith("vehicles."):
+        return spread((world.vehicles.owner == Owner.TRAFFIC) | ~world.vehicles.alive, changed)
+    return np.full_like(changed, table == "signals")
+
+
+def spread(rows, changed):
+    return np.broadcast_to(rows.reshape(*rows.shape, *[1] * (changed.ndim - 2)), changed.shape)
 
 
 def columns(*names):
@@ -77,8 +82,11 @@ def columns(*names):
 
 
 ALLOWED = {
-    "controllers": columns("seats.target_lane", "seats.change_phase", "seats.effective"),
-    "vehicles": rows_of(Owner.AGENT, "steering", "throttle", "brake", "travelled"),
+    "controllers": columns(
+        *("seats.target_lane", "seats.change_phase", "seats.effective", "vehicles.desired_speed")
+    ),
+    "vehicles": driving,
+    "traffic": engine,
     "locator": columns(
         *(f"vehicles.{name}" for name in LOCATION),
         *(f"seats.{name}" for name in ("route_done", "remaining", "on_road", "corners_on_road", "on_route")),
