@@ -14,15 +14,19 @@ Floats = NDArray[np.float64]
 Place = tuple[str, int, float | str]
 
 ANY_VEHICLE = frozenset({LaneKind.CAR, LaneKind.BUS})
+CAR_LENGTH = 5.0
+"""Offsets of starts say where the front bumper is; this is how far the car reaches behind it [m]."""
 LANE_CHANGE = 25.0
 """Length of a lane change in a picture [m]."""
 
 
 def start_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, float] | None:
-    """Return x, y [m], heading [rad] of a mission's start; None if it is drawn anew in every episode."""
+    """Return x, y [m], heading [rad] of a car's centre at a mission's start; None for a random route."""
     if isinstance(mission, t.EndlessMission):
-        return _pose(roads, mission.begin)
-    return _pose(roads, mission.route.begin) if isinstance(mission.route, t.Route) else None
+        return _pose(roads, mission.begin, behind=CAR_LENGTH / 2)
+    if isinstance(mission.route, t.Route):
+        return _pose(roads, mission.route.begin, behind=CAR_LENGTH / 2)
+    return None
 
 
 def goal_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, float] | None:
@@ -98,9 +102,9 @@ def _between(roads: LaneGraph, lane: int, s0: float, s1: float) -> Floats:
     return np.concatenate([[ends[0]], roads.point_xy[rows][inside], [ends[1]]])
 
 
-def _pose(roads: LaneGraph, place: Place) -> tuple[float, float, float]:
+def _pose(roads: LaneGraph, place: Place, behind: float = 0.0) -> tuple[float, float, float]:
     lane = roads.lane_number(place[0], place[1])
-    return roads.pose_at(lane, _offset(roads, lane, place[2]))
+    return roads.pose_at(lane, _offset(roads, lane, place[2]) - behind)
 
 
 def _offset(roads: LaneGraph, lane: int, offset: float | str) -> float:

@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as Outline
 from numpy.typing import NDArray
 
-from smarts.envision.route_lines import goal_pose, route_line, start_pose
+from smarts.envision.route_lines import CAR_LENGTH, goal_pose, route_line, start_pose
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sstudio import types as t
 from smarts.sstudio.built import BuiltScenario
@@ -38,9 +38,9 @@ STOP = "#2ca02c"
 EGOS = ("#d62728", "#ff7f0e", "#9e2a6b", "#8c564b")
 CAR = "#2c5f8a"
 LARGE_VEHICLES = {VehicleKind.BUS: "#1b7f5c", VehicleKind.COACH: "#1b7f5c", VehicleKind.TRUCK: "#4d4d4d"}
-EGO_SIZE = (5.0, 2.0)
-SHEET_ASPECT = 2.4
-"""Width over height of one scenario on the sheet."""
+EGO_SIZE = (CAR_LENGTH, 2.0)
+FLATTEST, MOST_UPRIGHT = 0.12, 0.5
+"""Limits to the height over the width of one scenario on a sheet."""
 
 Picture = tuple[BuiltScenario, str | None, VehicleStates | None]
 """A scenario, the variation of its traffic, and a moment of it."""
@@ -61,11 +61,16 @@ def scenario_picture(picture: Picture, out: Path, *, dpi: int = 150) -> None:
 
 def scenario_sheet(pictures: Sequence[Picture], out: Path, *, columns: int = 2, dpi: int = 100) -> None:
     """Draw many scenarios side by side, closely round their missions' roads, to one file."""
-    rows = -(-len(pictures) // columns)
-    figure = Figure(figsize=(7.5 * columns, 7.5 / SHEET_ASPECT * rows + 0.5), layout="constrained")
-    for axes, picture in zip(figure.subplots(rows, columns, squeeze=False).flat, pictures, strict=False):
+    windows = [_mission_window(built) for built, _, _ in pictures]
+    aspects = [height / width for _, _, width, height in windows]
+    rows = [max(aspects[first : first + columns]) for first in range(0, len(aspects), columns)]
+    width = 15.0 / columns
+    figure = Figure(figsize=(15.0, sum(rows) * width + 0.3 * len(rows) + 0.5), layout="constrained")
+    grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=rows)
+    for axes, picture, (x, y, window_width, window_height) in zip(grid.flat, pictures, windows, strict=False):
         _draw_all(axes, picture)
-        _zoom_to_missions(axes, picture[0])
+        axes.set_xlim(x - window_width / 2, x + window_width / 2)
+        axes.set_ylim(y - window_height / 2, y + window_height / 2)
         axes.set_title(picture[0].name, fontsize=11)
     for axes in figure.axes:
         axes.set_axis_off()
@@ -166,19 +171,17 @@ def _draw_all(axes: Axes, picture: Picture) -> None:
     axes.autoscale_view()
 
 
-def _zoom_to_missions(axes: Axes, built: BuiltScenario, margin: float = 15.0) -> None:
-    """Show what the missions' routes span and a margin [m], in the sheet's proportions."""
+def _mission_window(built: BuiltScenario, margin: float = 12.0) -> tuple[float, float, float, float]:
+    """Return the middle, width and height [m] of what the missions' routes span."""
     roads = built.roads()
-    routes = [
-        m.route for m in expand(built.scenario.ego_missions or ()) if not isinstance(m, t.EndlessMission)
-    ]
+    missions = expand(built.scenario.ego_missions or ())
+    routes = [mission.route for mission in missions if not isinstance(mission, t.EndlessMission)]
     lines = [route_line(roads, route) for route in routes if isinstance(route, t.Route)]
     points = np.concatenate(lines) if lines else roads.point_xy
     low, high = points.min(0) - margin, points.max(0) + margin
-    middle, (width, height) = (low + high) / 2, high - low
-    half = max(width, height * SHEET_ASPECT) / 2
-    axes.set_xlim(middle[0] - half, middle[0] + half)
-    axes.set_ylim(middle[1] - half / SHEET_ASPECT, middle[1] + half / SHEET_ASPECT)
+    (x, y), (width, height) = (low + high) / 2, high - low
+    width = max(width, height / MOST_UPRIGHT)
+    return float(x), float(y), float(width), float(max(height, width * FLATTEST))
 
 
 def _legend(picture: Picture | None = None) -> list[Patch]:

@@ -175,7 +175,8 @@ def _load(index: int) -> types.ModuleType:
     """Import copy `index`; a copy once loaded stays loaded, since no extension module can be unloaded."""
     name = f"_smarts_libsumo_{index}"
     if name not in sys.modules:
-        installed = _installed_package()
+        installed = _installed_package("libsumo")
+        _point_to_projections()
         package = types.ModuleType(name)
         package.__path__ = [str(_copy_of_extension(index, installed)), str(installed)]
         sys.modules[name] = package
@@ -190,12 +191,19 @@ def _load(index: int) -> types.ModuleType:
         ) from error
 
 
-def _installed_package() -> Path:
+def _installed_package(name: str) -> Path:
     # `find_spec` does not run the package, which would load a copy that nobody uses.
-    spec = importlib.util.find_spec("libsumo")
+    spec = importlib.util.find_spec(name)
     if spec is None or not spec.submodule_search_locations:
-        raise TrafficError("libsumo is not installed", remedy="pip install libsumo==1.28.0")
+        raise TrafficError(f"{name} is not installed", remedy="pip install libsumo==1.28.0")
     return Path(spec.submodule_search_locations[0])
+
+
+def _point_to_projections() -> None:
+    """Say where maps with a projection find its data, as libsumo's package does."""
+    if not os.environ.get("PROJ_LIB") and not os.environ.get("PROJ_DATA"):
+        data = str(_installed_package("sumo_data") / "data" / "proj")
+        os.environ["PROJ_LIB"] = os.environ["PROJ_DATA"] = data
 
 
 def _copy_of_extension(index: int, installed: Path) -> Path:

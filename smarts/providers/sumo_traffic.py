@@ -9,18 +9,16 @@ from collections.abc import Iterable, Sequence
 from itertools import chain, repeat
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
+from smarts.providers.sumo_rows import centre_of, fill_rows
 from smarts.providers.sumo_shadows import SumoShadows
 from smarts.providers.traffic_provider import Roster, TrafficProvider
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
-
-Floats = NDArray[np.float64]
 
 SPAWN_MARGIN = (10.0, 1.0)
 """Kept free of traffic around a vehicle that enters: before and behind it, and on either side [m]."""
@@ -116,7 +114,7 @@ class SumoTraffic(TrafficProvider):
         self.is_full = False
         self._read_map(roads)
         self._start(files, seed)
-        self._sumo_lane = np.full(states.capacity, -1)
+        self._sumo_lane = np.full(states.capacity, -1, np.int32)
         with self._library.errors("failed while the traffic warmed up"):
             if files.warm_up > 0:
                 self._library.simulation.step(files.warm_up)
@@ -293,7 +291,7 @@ class SumoTraffic(TrafficProvider):
         size = np.array([(vehicle.getLength(name), vehicle.getWidth(name)) for name in names])
         front = np.array([*map(vehicle.getPosition, names)])
         heading = heading_from_compass(np.array([*map(vehicle.getAngle, names)]))
-        position = _centre(front, heading, size[:, 0])
+        position = centre_of(front, heading, size[:, 0])
         kept = np.stack([states.length[slots], states.width[slots]], -1) + 2 * np.array(SPAWN_MARGIN)
         overlap = boxes_overlap(
             position[:, None],
@@ -320,30 +318,22 @@ class SumoTraffic(TrafficProvider):
         ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration)
         pairs = chain.from_iterable(map(vehicle.getPosition, names))
         values = np.fromiter(chain(pairs, *(map(one, names) for one in ones)), np.float64, 5 * count)
-        angle, speed, acceleration = values[2 * count :].reshape(3, count)
-        length = states.length[rows]
-        heading = heading_from_compass(angle)
-        states.position[rows] = _centre(values[: 2 * count].reshape(count, 2), heading, length)
-        states.heading[rows] = heading
-        states.speed[rows] = speed
-        states.acceleration[rows] = acceleration
         # Where a vehicle is on the map is for the simulation to say, of all vehicles alike; SUMO's lane only
         # tells when the limit may have changed.
         lanes = map(self._lane_number.get, map(vehicle.getLaneID, names), repeat(-1))
-        lane = np.fromiter(lanes, np.int32, count)
-        for index in np.flatnonzero(lane != self._sumo_lane[rows]).tolist():
+        has_changed = fill_rows(
+            rows,
+            values[: 2 * count].reshape(count, 2),
+            heading_from_compass(values[2 * count : 3 * count]),
+            values[3 * count :].reshape(2, count),
+            np.fromiter(lanes, np.int32, count),
+            self._sumo_lane,
+            (states.length, states.position, states.heading, states.speed, states.acceleration),
+        )
+        for index in np.flatnonzero(has_changed).tolist():
             states.desired_speed[rows[index]] = vehicle.getAllowedSpeed(names[index])
-        self._sumo_lane[rows] = lane
 
     def _read_signals(self) -> None:
         state_of = self._library.trafficlight.getRedYellowGreenState
         for signal, lanes, links in self._lights:
             self.signals[lanes] = _LIGHTS[np.frombuffer(state_of(signal).encode(), np.uint8)[links]]
-
-
-def _centre(front: Floats, heading: Floats, length: Floats) -> Floats:
-    """Return the centres of footprints, shape (A, 2), of which SUMO names the middle of the front bumper."""
-    centre = np.empty_like(front)
-    centre[:, 0] = front[:, 0] - np.cos(heading) * (length / 2)
-    centre[:, 1] = front[:, 1] - np.sin(heading) * (length / 2)
-    return centre

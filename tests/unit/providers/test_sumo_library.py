@@ -161,3 +161,19 @@ def test_without_a_cache_folder_the_temporary_one_serves(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     monkeypatch.setattr(sumo_library.tempfile, "gettempdir", lambda: str(tmp_path))
     assert sumo_library._cache_folder() == tmp_path / f"smarts-bench-{os.getuid()}"
+
+
+def test_maps_with_a_projection_load_in_silence(country):
+    net = country.folder / "projected.net.xml"
+    projection = 'projParameter="+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"'
+    plain = country.road().net.read_text()
+    net.write_text(plain.replace('projParameter="!"', projection))
+    assert projection in net.read_text()
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PROJ_")}
+    script = (
+        "import sys; from smarts.providers.sumo_library import SumoLibrary;"
+        " library = SumoLibrary(); library.start(sys.argv[1:]); library.simulation.step(0.0); library.close()"
+    )
+    command = [sys.executable, "-c", script, "-n", str(net), *OPTIONS]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert (ran.stdout, ran.stderr) == ("", "")
