@@ -29,7 +29,7 @@ ROUND_TRIP_EDGES = 2000
 
 
 @dataclass(frozen=True)
-class SumoTraffic:
+class SumoDocuments:
     """The contents of the files for one variation of the traffic."""
 
     routes: str
@@ -40,7 +40,7 @@ class SumoTraffic:
     """What SUMO cannot do of what was asked."""
 
 
-def sumo_traffic(traffic: t.Traffic, roads: LaneGraph, generator: Generator, where: str) -> SumoTraffic:
+def sumo_traffic(traffic: t.Traffic, roads: LaneGraph, generator: Generator, where: str) -> SumoDocuments:
     """Return a variation of the traffic as SUMO's input.
 
     Args:
@@ -108,7 +108,7 @@ class _Writer:
     notes: dict[str, None] = field(default_factory=dict)
     """In order, each once."""
 
-    def write(self, traffic: t.Traffic) -> SumoTraffic:
+    def write(self, traffic: t.Traffic) -> SumoDocuments:
         """Return the files' contents."""
         departures = [
             (flow.begin, element)
@@ -122,7 +122,7 @@ class _Writer:
         departures.sort(key=lambda departure: departure[0])
         routes = [_Element("route", attributes) for attributes in self.routes.values()]
         elements = [*self.types.values(), *routes, *(element for _, element in departures)]
-        return SumoTraffic(
+        return SumoDocuments(
             routes=_document("routes", elements),
             additional=_document("additional", self.stops.values()) if self.stops else "",
             notes=tuple(self.notes),
