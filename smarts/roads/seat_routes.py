@@ -26,9 +26,10 @@ class SeatRoutes:
         self.number: Ints = np.full((worlds, seats), -1, np.int32)
         """Route number in `table`, -1 without a route, shape (B, A); written in place."""
         self.table: RouteTable = atlas.no_routes
-        """Replaced at every `assign`; pass it on as it is, do not keep it."""
-        self._atlas = atlas
-        self._routes: list[list[tuple[int, tuple[str, ...]]]] = [[] for _ in range(worlds)]
+        """Replaced at every assignment; pass it on as it is, do not keep it."""
+        self.atlas = atlas
+        self._maps = [0] * worlds
+        self._routes: list[list[tuple[str, ...]]] = [[()] * seats for _ in range(worlds)]
 
     def assign(self, row: int, map_number: int, routes: Sequence[tuple[str, ...]]) -> None:
         """Give the first seats of one simulation their routes, ids of road edges, and the others none.
@@ -36,12 +37,29 @@ class SeatRoutes:
         Raises:
             MapError: A route has an unknown edge or a gap.
         """
-        self._routes[row] = [(map_number, tuple(route)) for route in routes]
-        self.number[:] = -1
-        driven = []
-        for world, seats in enumerate(self._routes):
-            for seat, (number, route) in enumerate(seats):
-                if route:
-                    self.number[world, seat] = len(driven)
-                    driven.append((number, route))
-        self.table = self._atlas.route_table(driven)
+        seats = self.number.shape[1]
+        self._maps[row] = map_number
+        self._routes[row] = [*map(tuple, routes), *[()] * (seats - len(routes))]
+        self._tabulate()
+
+    def assign_seat(self, row: int, seat: int, route: Sequence[str]) -> None:
+        """Give one seat of a simulation another route, or an empty one.
+
+        Raises:
+            MapError: The route has an unknown edge or a gap.
+        """
+        self._routes[row][seat] = tuple(route)
+        self._tabulate()
+
+    def route(self, row: int, seat: int) -> tuple[str, ...]:
+        """Return the ids of the road edges of a seat's route."""
+        return self._routes[row][seat]
+
+    def _tabulate(self) -> None:
+        """Write the table anew; equal routes on one map share their rows."""
+        places: dict[tuple[int, tuple[str, ...]], int] = {}
+        for row, routes in enumerate(self._routes):
+            for seat, route in enumerate(routes):
+                key = (self._maps[row], route)
+                self.number[row, seat] = places.setdefault(key, len(places)) if route else -1
+        self.table = self.atlas.route_table(places)

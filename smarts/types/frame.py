@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.errors import TrafficError
 from smarts.types.actions import Actions, Commands
 from smarts.types.events import Contacts, Events
 from smarts.types.world import World
@@ -35,7 +36,7 @@ class Frame:
     world: World
     """The state after the step."""
     rows: Bools
-    """Which simulations were stepped or reset, shape (B,)."""
+    """Which simulations were stepped or reset, shape (B,); those that failed are not among them."""
     actions: Actions | None
     """What was asked for, on the state before; None in the frame of a reset."""
     commands: Commands | None
@@ -46,3 +47,5 @@ class Frame:
     wanted: Bools
     """Whose readings are of this step, shape (B, A)."""
     readings: Readings
+    failures: Mapping[int, TrafficError] = field(default_factory=dict)
+    """Simulations whose traffic failed in this step: their episodes are void, their next reset works."""
