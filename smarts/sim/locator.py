@@ -2,68 +2,179 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.roads.atlas import RoadAtlas
+from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.atlas import ROAD_LANES, RoadAtlas
+from smarts.roads.kernels import (
+    candidates,
+    count_corners_on_road,
+    distance_on_row,
+    find_row,
+    is_on_road,
+    place_on_map,
+)
 from smarts.roads.seat_routes import SeatRoutes
+from smarts.types.mission import GoalKind
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+_ROAD = sum(1 << kind for kind in ROAD_LANES)
+_LAPS = int(GoalKind.LAPS)
+_LATEST = 1e12
+"""Beyond the end of every route [m]: picks the last time that a route uses a lane."""
+
+
+class _Vehicles(NamedTuple):
+    """Columns of `World.vehicles`, shape (B, V)."""
+
+    alive: Bools
+    position: Floats
+    heading: Floats
+    length: Floats
+    width: Floats
+    lane: Ints
+    lane_position: Floats
+    lane_offset: Floats
+
+
+class _Seats(NamedTuple):
+    """Columns of `World.seats` and `World.missions`, shape (B, A)."""
+
+    slot: Ints
+    entry_step: Ints
+    goal: Bytes
+    goal_lane: Ints
+    goal_s: Floats
+    route_done: Floats
+    remaining: Floats
+    lap: NDArray[np.int16]
+    on_road: Bools
+    corners_on_road: Bytes
+    on_route: Bools
 
 
 class MapLocator:
     """Finds all vehicles' lanes, and the seats' progress along their routes."""
 
     def __init__(self, atlas: RoadAtlas, routes: SeatRoutes) -> None:
-        self._atlas = atlas
+        self._roads = atlas.roads
         self._routes = routes
 
     def locate(self, world: World, rows: Bools) -> None:
-        """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes."""
-        vehicles = world.vehicles
-        row, slot = np.nonzero(vehicles.alive & rows[:, None])
-        found = self._atlas.locate(
-            world.map[row],
-            vehicles.position[row, slot],
-            vehicles.heading[row, slot],
-            self._routes_of(world)[row, slot],
-            self._routes.table,
-        )
-        vehicles.lane[row, slot] = found.lane
-        vehicles.lane_position[row, slot] = found.s
-        vehicles.lane_offset[row, slot] = found.t
-        self._measure_progress(world, rows)
+        """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes.
 
-    def _routes_of(self, world: World) -> NDArray[np.int32]:
-        """Return the route number of each slot, -1 without one, shape (B, V)."""
-        numbers = np.full(world.vehicles.alive.shape, -1, np.int32)
-        row, seat = np.nonzero(world.seats.slot >= 0)
-        numbers[row, world.seats.slot[row, seat]] = self._routes.number[row, seat]
-        return numbers
-
-    def _measure_progress(self, world: World, rows: Bools) -> None:
-        vehicles, seats = world.vehicles, world.seats
-        row, seat = np.nonzero((seats.slot >= 0) & rows[:, None])
-        slot = seats.slot[row, seat]
-        maps, position = world.map[row], vehicles.position[row, slot]
-        done, remaining = self._atlas.route_distances(
+        On its route, a seat's `remaining` is the distance to the goal, on the last lap if there are several,
+        and 0 behind it; off the route it stays as it was. Without a route a seat counts as on its route.
+        """
+        vehicles, seats, missions = world.vehicles, world.seats, world.missions
+        _locate(
+            self._roads,
             self._routes.table,
-            maps,
-            self._routes.number[row, seat],
-            vehicles.lane[row, slot],
-            vehicles.lane_position[row, slot],
-            seats.route_done[row, seat],
+            self._routes.number,
+            rows,
+            world.map,
+            world.step,
+            _Vehicles(*(getattr(vehicles, name) for name in _Vehicles._fields)),
+            _Seats(
+                *(getattr(missions if name.startswith("goal") else seats, name) for name in _Seats._fields)
+            ),
         )
-        is_on_route = np.isfinite(done)
-        seats.on_route[row, seat] = is_on_route
-        seats.route_done[row[is_on_route], seat[is_on_route]] = done[is_on_route]
-        seats.remaining[row[is_on_route], seat[is_on_route]] = remaining[is_on_route]
-        seats.on_road[row, seat] = self._atlas.on_road(maps, position)
-        seats.corners_on_road[row, seat] = self._atlas.corners_on_road(
-            maps,
-            position,
-            vehicles.heading[row, slot],
-            vehicles.length[row, slot],
-            vehicles.width[row, slot],
-        )
+
+
+@kernel
+def _locate(
+    roads: Roads,
+    table: RouteTable,
+    route: Ints,
+    rows: Bools,
+    maps: Ints,
+    step: Ints,
+    vehicles: _Vehicles,
+    seats: _Seats,
+) -> None:
+    """Write the places of all vehicles and the progress of all seats; one call, since each has its price."""
+    worlds, capacity = vehicles.alive.shape
+    room = candidates()
+    corridor = np.empty(capacity, np.int32)
+    for b in range(worlds):
+        if not rows[b]:
+            continue
+        corridor[:] = -1
+        for a in range(seats.slot.shape[1]):
+            if seats.slot[b, a] >= 0 and route[b, a] >= 0:
+                corridor[seats.slot[b, a]] = table.free + route[b, a]
+        for v in range(capacity):
+            if vehicles.alive[b, v]:
+                x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
+                place = place_on_map(
+                    roads, table, maps[b], x, y, vehicles.heading[b, v], corridor[v], _ROAD, room
+                )
+                vehicles.lane[b, v] = place[0]
+                vehicles.lane_position[b, v] = place[1]
+                vehicles.lane_offset[b, v] = place[2]
+        for a in range(seats.slot.shape[1]):
+            v = seats.slot[b, a]
+            if v < 0:
+                continue
+            x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
+            seats.on_road[b, a] = is_on_road(roads, maps[b], x, y, _ROAD, True)
+            seats.corners_on_road[b, a] = count_corners_on_road(
+                roads,
+                maps[b],
+                x,
+                y,
+                vehicles.heading[b, v],
+                vehicles.length[b, v],
+                vehicles.width[b, v],
+                _ROAD,
+                True,
+            )
+            seats.on_route[b, a] = corridor[v] < 0
+            if corridor[v] >= 0:
+                is_new = seats.entry_step[b, a] == step[b]
+                _measure(roads, table, corridor[v], roads.lane_base[maps[b]], vehicles, seats, b, a, is_new)
+
+
+@kernel
+def _measure(
+    roads: Roads,
+    table: RouteTable,
+    corridor: int,
+    base: int,
+    vehicles: _Vehicles,
+    seats: _Seats,
+    b: int,
+    a: int,
+    is_new: bool,
+) -> None:
+    """Write how far a seat has come on its route."""
+    v = seats.slot[b, a]
+    before = seats.route_done[b, a]
+    row = -1
+    if vehicles.lane[b, v] >= 0:
+        row = find_row(table, corridor, base + vehicles.lane[b, v], before)
+    seats.on_route[b, a] = row >= 0
+    if row < 0:
+        return
+    done = distance_on_row(roads, table, row, vehicles.lane_position[b, v])
+    goal = table.end[table.start[corridor + 1] - 1]
+    if seats.goal_lane[b, a] >= 0:
+        lane = base + seats.goal_lane[b, a]
+        last = find_row(table, corridor, lane, _LATEST)
+        if last >= 0:
+            goal = distance_on_row(roads, table, last, seats.goal_s[b, a])
+        if seats.goal[b, a] == _LAPS and last >= 0 and not is_new:
+            line = distance_on_row(roads, table, find_row(table, corridor, lane, done), seats.goal_s[b, a])
+            if before < line <= done:
+                seats.lap[b, a] += 1
+    seats.route_done[b, a] = done
+    seats.remaining[b, a] = max(0.0, goal - done)
