@@ -5,7 +5,7 @@ With nobody else in the world it is exactly what `sumo` computes for the same fi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, repeat
 
 import numpy as np
@@ -94,6 +94,7 @@ class SumoTraffic(TrafficProvider):
         roster: Roster,
         roads: LaneGraph,
         limit: int | None = None,
+        bound_for: Mapping[int, Sequence[str]] | None = None,
     ) -> None:
         """Begin an episode: load, warm up, and let the traffic into the world.
 
@@ -105,6 +106,7 @@ class SumoTraffic(TrafficProvider):
             roads: The lanes of the net in `files`.
             limit: The most vehicles that SUMO knows at a time, those of others included; by default as many
                 as there are slots.
+            bound_for: Where those who are in the world are bound for, by slot.
         """
         self._roster = roster
         self._shadows.reset(roads)
@@ -116,17 +118,16 @@ class SumoTraffic(TrafficProvider):
         self._start(files, seed)
         self._sumo_lane = np.full(states.capacity, -1, np.int32)
         with self._library.errors("failed while the traffic warmed up"):
-            if files.warm_up > 0:
-                self._library.simulation.step(files.warm_up)
+            self._routes_to_come.update({slot: tuple(edges) for slot, edges in (bound_for or {}).items()})
             self._kept_clear = np.flatnonzero(states.alive).tolist()
-            self._admit(self._library.simulation.getDepartedIDList(), states)
+            self._admit(self._warm_up(files.warm_up, states), states)
             self._write(states)
             self._read_signals()
         self._seen_owner = np.zeros_like(states.owner)
         self._seen_generation = np.zeros_like(states.generation)
         self._remember(states)
         # Those who were here first are new to SUMO.
-        self._seen_owner[self._kept_clear] = Owner.NOBODY
+        self._seen_owner[[slot for slot in self._kept_clear if slot not in self._ids]] = Owner.NOBODY
 
     def step(self, states: VehicleStates) -> None:
         """Advance by `dt`; the rows of others hold their pose at the end of the step already."""
@@ -189,6 +190,28 @@ class SumoTraffic(TrafficProvider):
     def close(self) -> None:
         """End the simulation and give the library back."""
         self._library.close()
+
+    def _warm_up(self, duration: float, states: VehicleStates) -> list[str]:
+        """Run traffic on its own for a while [s]; return who has departed.
+
+        In the last step those who are in the world already come in, so that drivers mind them from the first
+        step of the episode on.
+        """
+        library = self._library
+        entering = self._kept_clear if duration > self.dt else []
+        departed: list[str] = []
+        if duration > 0 and entering:
+            library.simulation.step(duration - self.dt)
+            departed += library.simulation.getDepartedIDList()
+            for slot in entering:
+                self._enter(slot, states)
+            self._shadows.place(states)
+        if duration > 0:
+            library.simulation.step(duration)
+            departed += library.simulation.getDepartedIDList()
+        if entering:
+            self._shadows.settle(states)
+        return departed
 
     def _start(self, files: TrafficFiles, seed: int) -> None:
         place = str((files.routes or (files.net,))[0])

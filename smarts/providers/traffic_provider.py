@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -43,8 +43,12 @@ class TrafficProvider(Protocol):
         roster: Roster,
         roads: LaneGraph,
         limit: int | None = None,
+        bound_for: Mapping[int, Sequence[str]] | None = None,
     ) -> None:
-        """Begin an episode: traffic joins those who are in the world, at most `limit` vehicles with them."""
+        """Begin an episode: traffic joins those who are in the world, at most `limit` vehicles with them.
+
+        `bound_for` says where they are bound for, by slot, as `set_route` does.
+        """
         ...
 
     def step(self, states: VehicleStates) -> None:

@@ -23,6 +23,7 @@ from smarts.sim.stages import (
 )
 from smarts.types.actions import Actions
 from smarts.types.episode import EpisodeStart
+from smarts.types.events import Events, Outcome
 from smarts.types.frame import Frame
 from smarts.types.seats import SeatState
 from smarts.types.world import World
@@ -47,6 +48,18 @@ class Stages:
     recorder: Recorder
 
 
+def void(world: World, events: Events, row: int) -> None:
+    """End the episode of one simulation for all of its agents, without counting it."""
+    seats = world.seats
+    there = (seats.state[row] == SeatState.ACTIVE) | (seats.state[row] == SeatState.SHADOWING)
+    seats.state[row, there] = SeatState.DONE
+    seats.state[row, seats.state[row] == SeatState.WAITING] = SeatState.VACANT
+    seats.outcome[row, there] = Outcome.VOID
+    events.just_done[row] |= there
+    events.truncated[row] |= there
+    events.finished[row] = True
+
+
 class Simulation:
     """B simulations; what happens in one does not depend on the others, nor on how many there are.
 
@@ -68,8 +81,9 @@ class Simulation:
             rows: Which simulations make the step, shape (B,).
             wanted: Which seats are to be observed, shape (B, A); those whose agent is done always are.
 
-        Raises:
-            TrafficError: A traffic engine failed: reset its simulation; the others have made the step.
+        Returns:
+            What happened. Where traffic failed, the frame's `failures` say so, and the episode is void: its
+            agents are done, and the simulation is to be reset. The others have made the step.
         """
         world, stages = self.world, self._stages
         world.advance(rows)
@@ -81,13 +95,19 @@ class Simulation:
         tracks = stages.vehicles.step(world, commands, rows)
         stages.traffic.step(world, rows, stages.ownership.routes)
         stages.locator.locate(world, rows)
+        failures = stages.traffic.failures
+        if failures:
+            rows = rows.copy()
+            rows[list(failures)] = False
         contacts = stages.contacts.find(world, tracks, rows)
         # Before the sensors: the last observation of an agent is of the step that ended it.
         events = stages.events.detect(world, contacts, rows)
+        for row in failures:
+            void(world, events, row)
         stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
         seen = self._visible(rows) & wanted | events.just_done
         readings = stages.sensors.observe(world, seen)
-        frame = Frame(world, rows, actions, commands, contacts, events, seen, readings)
+        frame = Frame(world, rows, actions, commands, contacts, events, seen, readings, failures)
         stages.recorder.record(frame)
         return frame
 
@@ -105,9 +125,11 @@ class Simulation:
         stages.vehicles.reset(world, rows)
         stages.locator.locate(world, rows)
         for row in starts:
+            stages.entries.clear_way(world, row)
             world.settle(row)
         contacts = stages.contacts.find(world, self._no_tracks, rows)
         events = stages.events.reset(world, contacts, rows)
+        stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
         seen = self._visible(rows)
         readings = stages.sensors.observe(world, seen)
         frame = Frame(world, rows, None, None, contacts, events, seen, readings)

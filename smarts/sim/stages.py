@@ -6,12 +6,13 @@ Whatever a stage returns is refilled in place by its next call.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.errors import TrafficError
 from smarts.providers.traffic_provider import Roster
 from smarts.providers.traffic_set import RouteNumbers
 from smarts.types.actions import Actions, Commands
@@ -30,6 +31,10 @@ class EntryRules(Protocol):
 
     def reset(self, world: World, row: int, start: EpisodeStart) -> None:
         """Begin an episode of one simulation, which is empty."""
+        ...
+
+    def clear_way(self, world: World, row: int) -> None:
+        """Make room for those who are in at the beginning; everybody has been located."""
         ...
 
     def enter(self, world: World, rows: Bools) -> None:
@@ -67,6 +72,11 @@ class Vehicles(Protocol):
 
 class Traffic(Protocol):
     """Move everybody else; write their rows, signals and routes."""
+
+    @property
+    def failures(self) -> Mapping[int, TrafficError]:
+        """What went wrong in the last step, by row; those rows are to be reset."""
+        ...
 
     def reset(
         self, world: World, row: int, start: EpisodeStart, roster: Roster, routes: RouteNumbers

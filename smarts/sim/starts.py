@@ -169,9 +169,7 @@ def corridor_of(roads: LaneGraph, route: tuple[str, ...]) -> Corridor:
     return route_corridor(roads, route, ROAD_LANES)
 
 
-def distance_along(
-    corridor: Corridor, roads: LaneGraph, lane: int, s: float, *, last: bool = False
-) -> float:
+def distance_along(corridor: Corridor, roads: LaneGraph, lane: int, s: float, *, last: bool = False) -> float:
     """Return the distance along a route of a place on a lane [m], NaN off the route.
 
     Args:
@@ -189,9 +187,7 @@ def distance_along(
     return float(corridor.begin[row] + share * (corridor.end[row] - corridor.begin[row]))
 
 
-def free_flow_time(
-    roads: LaneGraph, route: Sequence[str], lane: int, length: float, speed: float
-) -> float:
+def free_flow_time(roads: LaneGraph, route: Sequence[str], lane: int, length: float, speed: float) -> float:
     """Return how long a driver at the limits takes for a route, from a speed at its start [s]."""
     if not route:
         return 0.0

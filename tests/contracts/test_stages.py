@@ -36,6 +36,8 @@ class Guard:
 
     def __getattr__(self, name):
         method = getattr(self._part, name)
+        if not callable(method):
+            return method
         parameters = list(inspect.signature(method).parameters)
         if name == "reset" or not {"world", "rows"} <= set(parameters):
             return method
