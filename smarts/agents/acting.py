@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, Protocol
 
 
 class Question(NamedTuple):
-    """Names one decision of one agent for good. An answer to a question that is not open any more is dropped.
+    """Names one decision of one agent for good.
 
-    Since episodes, seats and vehicles follow each other, an answer that comes late could else be taken for the
-    next one's.
+    An answer to a question that is not open any more is dropped: since episodes, seats and vehicles follow
+    each other, it could else be taken for the next one's.
     """
 
     row: int

@@ -2,5 +2,11 @@
 
 from smarts.registry import Registry
 
-ADAPTERS = Registry("adapter", {})
+ADAPTERS = Registry(
+    "adapter",
+    {
+        "benchmark": "smarts.env.adapters.benchmark:BenchmarkAdapter",
+        "raw": "smarts.env.adapters.raw:RawAdapter",
+    },
+)
 """Name -> "module:Class" of a `smarts.env.adapters.protocol.ArrayAdapter`."""
