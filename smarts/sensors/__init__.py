@@ -5,12 +5,18 @@ from smarts.registry import Registry
 SENSORS = Registry(
     "sensor",
     {
-        "ego_vehicle_state": "smarts.sensors.ego_vehicle_state:EgoVehicleState",
-        "neighborhood_vehicle_states": (
-            "smarts.sensors.neighborhood_vehicle_states:NeighborhoodVehicleStates"
-        ),
-        "waypoint_paths": "smarts.sensors.waypoint_paths:WaypointPathsAhead",
-        "lane_positions": "smarts.sensors.lane_positions:LanePosition",
+        name: f"smarts.sensors.{name}:{kind}"
+        for name, kind in {
+            "ego_vehicle_state": "EgoVehicleState",
+            "mission": "MissionAndGoal",
+            "via_data": "ViaPoints",
+            "neighborhood_vehicle_states": "NeighborhoodVehicleStates",
+            "waypoint_paths": "WaypointPathsAhead",
+            "lane_positions": "LanePosition",
+            "accelerometer": "AccelerationAndJerk",
+            "signals": "SignalsAhead",
+            "road_waypoints": "RoadWaypointsAround",
+        }.items()
     },
 )
 """Name of the option in `AgentInterface` -> "module:Class" of a `smarts.sensors.protocol.Sensor`."""
