@@ -35,14 +35,19 @@ class Entries:
     """
 
     def __init__(self, ownership: Ownership, routes: SeatRoutes) -> None:
-        self.starts: list[Sequence[SeatStart]] = [() for _ in range(len(ownership.rosters))]
-        """How the agents of each simulation begin, in the order of their seats."""
+        self.episodes: list[EpisodeStart | None] = [None] * len(ownership.rosters)
+        """What each simulation plays."""
         self._ownership = ownership
         self._routes = routes
 
+    def starts(self, row: int) -> Sequence[SeatStart]:
+        """Return how the agents of a simulation begin, in the order of their seats."""
+        episode = self.episodes[row]
+        return episode.seats if episode else ()
+
     def reset(self, world: World, row: int, start: EpisodeStart) -> None:
         """Give the missions of an episode out, in an empty simulation, and let in who enters at once."""
-        self.starts[row] = start.seats
+        self.episodes[row] = start
         self._routes.assign(row, start.map, [seat.mission.route for seat in start.seats])
         for seat, seat_start in enumerate(start.seats):
             route = self._ownership.routes[row].number(seat_start.mission.route)
@@ -64,7 +69,7 @@ class Entries:
         for row in np.flatnonzero(concerned.any(axis=1) & rows).tolist():
             # This is the beginning of the step: its number is already that of its end.
             now = (int(world.step[row]) - 1) * world.dt
-            for seat, start in enumerate(self.starts[row]):
+            for seat, start in enumerate(self.starts(row)):
                 if state[row, seat] == SeatState.WAITING:
                     self._enter(world, row, seat, start, now)
                 elif world.seats.entry_step[row, seat] == world.step[row]:
@@ -127,7 +132,7 @@ class Entries:
             self._routes.assign_seat(row, seat, route)
             number = self._ownership.routes[row].number(route)
             world.missions.route[row, seat] = world.vehicles.route[row, slot] = number
-            mission = dataclasses.replace(self.starts[row][seat].mission, route=route)
+            mission = dataclasses.replace(self.starts(row)[seat].mission, route=route)
             world.missions.write(row, seat, mission, number)
         corridor, goal_s = corridor_of(roads, route), float(world.missions.goal_s[row, seat])
         begin = distance_along(corridor, roads, lane, s)

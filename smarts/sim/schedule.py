@@ -14,6 +14,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.starts import Shape, draw_starts
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import EpisodePlan
+from smarts.sstudio.sstypes.scenario import ScenarioMetadataFields
 from smarts.types.episode import EpisodeStart
 from smarts.types.streams import Purpose, stream, sumo_seed
 
@@ -30,6 +31,11 @@ def vehicle_limit(built: BuiltScenario) -> int:
     roads = built.roads()
     is_road = np.isin(roads.kind, list(ROAD_LANES))
     return min(MOST_VEHICLES, math.ceil(float(roads.length[is_road].sum()) / JAM_SPACING))
+
+
+def _interest(built: BuiltScenario) -> str:
+    metadata = built.scenario.scenario_metadata or {}
+    return str(metadata.get(ScenarioMetadataFields.actor_of_interest_re_filter.name) or "")
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,8 @@ class Schedule:
             for plan in built.episodes(len(self.agents))
         )
         """Everything that is played, in the order of the scenarios."""
+        self.interests = {built.name: _interest(built) for built in scenarios}
+        """Pattern of the names of the vehicles that each scenario marks, "" for none."""
         self._limits = {built.name: vehicle_limit(built) for built in scenarios}
 
     @property

@@ -53,7 +53,7 @@ class TakeOverRules:
             if state[row, seat] == SeatState.DONE:
                 if world.seats.slot[row, seat] != NEITHER:
                     proposed.append(_letting_go(world, row, seat, bool(events.just_done[row, seat])))
-            elif seat < len(self._entries.starts[row]):
+            elif seat < len(self._entries.starts(row)):
                 slot = self._find(world, row, seat, taken)
                 if slot != NEITHER:
                     taken.add((row, slot))
@@ -64,7 +64,7 @@ class TakeOverRules:
 
     def _find(self, world: World, row: int, seat: int, taken: set[tuple[int, int]]) -> int:
         """Return the slot of the vehicle that an agent is to take over in the next step, -1 for none."""
-        start = self._entries.starts[row][seat]
+        start = self._entries.starts(row)[seat]
         rule, now = start.take_over, float(world.step[row]) * world.dt
         if rule is None or now < start.entry_time - 1e-9 or not self._holds(world, row, seat, rule, now):
             return NEITHER

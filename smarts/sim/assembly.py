@@ -1,0 +1,196 @@
+"""Assembly: scenarios and interfaces in, a simulation that is ready to run out."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from smarts.agents.interface import AgentInterface
+from smarts.agents.options import InterfaceError
+from smarts.agents.rules import alive_rules, seat_rules
+from smarts.controllers.legality import Legality
+from smarts.controllers.set import ControllerSet
+from smarts.dynamics import vehicle
+from smarts.providers.sumo_traffic import SumoTraffic
+from smarts.providers.traffic_set import TrafficSet
+from smarts.roads.atlas import RoadAtlas
+from smarts.roads.scene import Scene
+from smarts.roads.seat_routes import SeatRoutes
+from smarts.sensors.suite import SensorSuite
+from smarts.sim.contacts import FootprintContacts
+from smarts.sim.entries import Entries
+from smarts.sim.events import AgentEvents
+from smarts.sim.interest import interest_of
+from smarts.sim.locator import MapLocator
+from smarts.sim.ownership import Ownership
+from smarts.sim.schedule import Schedule
+from smarts.sim.simulation import Simulation, Stages
+from smarts.sim.stages import Recorder, Vehicles
+from smarts.sim.starts import Shape
+from smarts.sim.transfer_rules import TakeOverRules
+from smarts.sstudio.built import BuiltScenario
+from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.frame import Frame
+from smarts.types.interface import SeatRules
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+
+PATH_ACTIONS = (ActionSpaceType.Trajectory, ActionSpaceType.MPC, ActionSpaceType.TrajectoryWithTime)
+"""Agents that act by one of these need room for paths."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a simulation is run."""
+
+    dt: float = 0.1
+    """Length of a step [s]."""
+    path: int = 64
+    """The most points of a path that an agent gives as its action."""
+    record: Path | None = None
+    """Where episodes are written to; None: nowhere."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A simulation and what its users need beside it."""
+
+    simulation: Simulation
+    schedule: Schedule
+    """Which episode comes when; `simulation.reset({row: schedule.start(world, episode)})`."""
+    scene: Scene
+    """What sensors, controllers and adapters look at."""
+    rules: SeatRules
+    """Of all seats."""
+    actions: Actions
+    """Buffers with the kinds of all seats."""
+    ownership: Ownership
+    """Knows the public names of vehicles (`rosters`) and their routes (`routes`)."""
+
+
+class NoRecorder:
+    """Keeps nothing."""
+
+    def record(self, frame: Frame) -> None:
+        """Let the frame pass."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class LocatorStage:
+    """Says where everybody is, and then what may be done there."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._locator = MapLocator(scene.atlas, scene.routes)
+        self._legality = Legality(scene)
+
+    def locate(self, world: World, rows: np.ndarray) -> None:
+        """Write all vehicles' places, the seats' progress and their legal actions."""
+        self._locator.locate(world, rows)
+        self._legality.write(world, rows)
+
+
+def assemble(
+    scenarios: Sequence[BuiltScenario],
+    interfaces: Sequence[AgentInterface],
+    *,
+    agents: Sequence[str] = (),
+    worlds: int = 1,
+    seed: int = 42,
+    options: Options | None = None,
+) -> Assembly:
+    """Return B simulations of some scenarios, to be reset before the first step.
+
+    Args:
+        scenarios: What is played, in turns.
+        interfaces: Of the egos, in the order of their seats.
+        agents: The egos' names; by default "agent-0" and so on.
+        worlds: B.
+        seed: Of the run.
+        options: How it is run.
+
+    Raises:
+        ScenarioError: A scenario cannot be played with so many egos.
+        InterfaceError: The names do not fit the interfaces, or each other.
+    """
+    options = options or Options()
+    names = _names(agents, len(interfaces))
+    schedule = Schedule(scenarios, names, shapes=[_shape(interface) for interface in interfaces], seed=seed)
+    atlas = RoadAtlas(schedule.maps)
+    world = World(
+        worlds=worlds,
+        capacity=schedule.limit + len(interfaces),
+        seats=len(interfaces),
+        lanes=max(len(graph.lane_ids) for graph in schedule.maps),
+        vias=schedule.vias,
+        dt=options.dt,
+    )
+    scene = Scene(world, atlas, SeatRoutes(atlas, worlds, len(interfaces)))
+    rules = seat_rules(interfaces, options.dt)
+    vehicles = _vehicles(scene, interfaces)
+    traffic = TrafficSet(
+        [SumoTraffic(dt=options.dt) for _ in range(worlds)],
+        schedule.maps,
+        lambda: SumoTraffic(dt=options.dt),
+    )
+    ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
+    entries = Entries(ownership, scene.routes)
+    stages = Stages(
+        ownership=ownership,
+        entries=entries,
+        controllers=ControllerSet(scene, rules.action.tolist()),
+        vehicles=vehicles,
+        traffic=traffic,
+        locator=LocatorStage(scene),
+        contacts=FootprintContacts(world),
+        events=AgentEvents(
+            scene,
+            rules,
+            alive_rules(interfaces, names, len(interfaces)),
+            interest_of(interfaces, schedule, entries, ownership),
+        ),
+        transfer_rules=TakeOverRules(ownership, entries, vehicles.can_accept),
+        sensors=SensorSuite(scene, interfaces),
+        recorder=_recorder(scene, ownership, schedule, options),
+    )
+    return Assembly(
+        Simulation(world, stages), schedule, scene, rules, _actions(rules, worlds, options), ownership
+    )
+
+
+def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
+    if not agents:
+        return tuple(f"agent-{number}" for number in range(egos))
+    if len(agents) != egos or len(set(agents)) != egos:
+        raise InterfaceError(
+            f"{egos} interfaces, and the names {', '.join(map(repr, agents))}",
+            remedy="give every interface a name of its own",
+        )
+    return tuple(agents)
+
+
+def _shape(interface: AgentInterface) -> Shape:
+    kind = interface.vehicle_kind
+    parameters = vehicle(VehicleKind(kind).name.lower())
+    return Shape(kind, parameters.length, parameters.width)
+
+
+def _actions(rules: SeatRules, worlds: int, options: Options) -> Actions:
+    has_paths = bool(np.isin(rules.action, PATH_ACTIONS).any())
+    actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
+    actions.kind[:] = rules.action
+    return actions
+
+
+def _vehicles(scene: Scene, interfaces: Sequence[AgentInterface]) -> Vehicles:
+    parts = importlib.import_module("tests.parts")
+    return parts.Followers(scene.world.worlds, len(interfaces))
+
+
+def _recorder(scene: Scene, ownership: Ownership, schedule: Schedule, options: Options) -> Recorder:
+    return NoRecorder()
