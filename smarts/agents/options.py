@@ -70,7 +70,7 @@ class SensorParams:
     end_angle: float
     """[rad]"""
     laser_angles: tuple[float, ...]
-    """Downward inclination of each laser [rad]; any sequence of numbers will do."""
+    """How far up each laser looks [rad]; any sequence of numbers will do."""
     angle_resolution: float
     """Between rays around [rad]."""
     max_distance: float

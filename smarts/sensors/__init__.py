@@ -16,6 +16,11 @@ SENSORS = Registry(
             "accelerometer": "AccelerationAndJerk",
             "signals": "SignalsAhead",
             "road_waypoints": "RoadWaypointsAround",
+            "drivable_area_grid_map": "DrivableArea",
+            "occupancy_grid_map": "OccupancyGrid",
+            "top_down_rgb": "TopDownRgb",
+            "lidar_point_cloud": "LidarPoints",
+            "occlusion_map": "VisibleArea",
         }.items()
     },
 )
