@@ -61,8 +61,10 @@ def paint_band(
             for column in range(low_column, high_column + 1):
                 x, y = origin_x + (column + 0.5) * size, origin_y + (row + 0.5) * size
                 share, square, cross = project(x, y, ax, ay, bx, by)
-                # Round about the bends between segments, but not beyond the ends of the line.
-                if (share < 0.0 and point == first) or (share > 1.0 and point == last - 2):
+                # A band on both sides goes round about the bends, but not beyond the ends of the line.
+                if share < 0.0 and (point == first or right * left > 0.0):
+                    continue
+                if share > 1.0 and (point == last - 2 or right * left > 0.0):
                     continue
                 offset = math.copysign(math.sqrt(square), cross)
                 is_dash = dash == 0.0 or (gone + share * length) % (2.0 * dash) < dash
@@ -170,9 +172,10 @@ def cut_view(
     y: float,
     heading: float,
     resolution: float,
+    mask: int,
     view: Pixels,
 ) -> None:
-    """Write for each pixel of a view the bits of the cell at its centre, 0 outside.
+    """Write for each pixel of a view the masked bits of the cell at its centre, 0 outside.
 
     Args:
         cells: Of several rasters in a row, shape (.,).
@@ -186,6 +189,7 @@ def cut_view(
         y: The viewer's [m].
         heading: The viewer's [rad].
         resolution: Side of a pixel [m].
+        mask: The bits that are wanted.
         view: Written, shape (height, width).
     """
     height, width = view.shape
@@ -198,4 +202,4 @@ def cut_view(
             column = math.floor(across - (left - c) * sine)
             row = math.floor(along + (left - c) * cosine)
             inside = 0 <= row < rows and 0 <= column < columns
-            view[r, c] = cells[first + row * columns + column] if inside else 0
+            view[r, c] = cells[first + row * columns + column] & mask if inside else 0

@@ -68,7 +68,6 @@ def _observe(
             if not wanted[b, g]:
                 continue
             v, m = slots[b, seats[g]], maps[b]
-            view = views[b, g, :, :, 0]
             cut_view(
                 raster.cells,
                 raster.first[m],
@@ -81,8 +80,6 @@ def _observe(
                 clipped(position[b, v, 1], FARTHEST),
                 clipped(heading[b, v], math.pi),
                 resolution,
-                view,
+                ROAD,
+                views[b, g, :, :, 0],
             )
-            for row in range(view.shape[0]):
-                for column in range(view.shape[1]):
-                    view[row, column] &= ROAD

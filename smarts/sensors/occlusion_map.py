@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +51,25 @@ class VisibleArea:
             vehicles.length,
             vehicles.width,
             self.option.resolution,
+            *_lines_of_sight(self.option),
             out["data"],
         )
+
+
+@lru_cache(maxsize=8)
+def _lines_of_sight(option: OcclusionMap) -> tuple[Ints, Floats]:
+    """Return the ray that leads from the viewer to each pixel, and its length [m], shape (height, width)."""
+    ahead = (0.5 * option.height - np.arange(option.height) - 0.5)[:, None] * option.resolution
+    aside = (0.5 * option.width - np.arange(option.width) - 0.5)[None, :] * option.resolution
+    rays = _rays(option.height, option.width)
+    number = (np.arctan2(aside, ahead) + np.pi) / (2 * np.pi) * rays
+    return np.minimum(number.astype(np.int32), rays - 1), np.hypot(ahead, aside)
+
+
+@kernel
+def _rays(rows: int, columns: int) -> int:
+    """Return how many rays it takes for them to be about a pixel apart at the farthest corner."""
+    return 4 * (rows + columns)
 
 
 @kernel
@@ -89,20 +107,6 @@ def _shade(reach: Floats, ahead: float, aside: float, turn: float, length: float
 
 
 @kernel
-def _paint(view: Pixels, resolution: float, reach: Floats) -> None:
-    """Paint the pixels that the rays get to."""
-    rows, columns, _ = view.shape
-    rays = len(reach)
-    for row in range(rows):
-        ahead = (0.5 * rows - row - 0.5) * resolution
-        for column in range(columns):
-            aside = (0.5 * columns - column - 0.5) * resolution
-            angle = math.atan2(aside, ahead)
-            ray = min(rays - 1, int((angle + math.pi) / (2.0 * math.pi) * rays))
-            view[row, column, 0] = math.hypot(ahead, aside) <= reach[ray] + resolution
-
-
-@kernel
 def _observe(
     seats: Ints,
     wanted: Bools,
@@ -113,11 +117,12 @@ def _observe(
     length: Floats,
     width: Floats,
     resolution: float,
+    ray: Ints,
+    distance: Floats,
     views: Pixels,
 ) -> None:
-    rows, columns = views.shape[2], views.shape[3]
-    # At the farthest corner rays are about a pixel apart.
-    reach = np.empty(4 * (rows + columns))
+    rows, columns = ray.shape
+    reach = np.empty(_rays(rows, columns))
     corner = 0.5 * resolution * math.hypot(rows, columns)
     for b in range(wanted.shape[0]):
         for g in range(wanted.shape[1]):
@@ -135,4 +140,7 @@ def _observe(
                 ahead, aside = place_in_view(position[b, v, 0], position[b, v, 1], x, y, direction)
                 if math.hypot(ahead, aside) <= corner + 0.5 * math.hypot(long, wide):
                     _shade(reach, ahead, aside, clipped(heading[b, v], math.pi) - direction, long, wide)
-            _paint(views[b, g], resolution, reach)
+            for row in range(rows):
+                for column in range(columns):
+                    free = reach[ray[row, column]] + resolution
+                    views[b, g, row, column, 0] = distance[row, column] <= free

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +29,15 @@ Pixels = NDArray[np.uint8]
 _AGENT = int(Owner.AGENT)
 _GROUND = (26, 32, 26)
 _WALK = (52, 52, 48)
+_FINE = 0.5
+"""Side of the largest pixels that show lines [m]."""
 
 
 def _levels(colour: SceneColors) -> list[int]:
     return [round(255 * channel) for channel in colour.value[:3]]
 
 
+@cache
 def _palette() -> Pixels:
     """Return the colour of each combination of a cell's bits, shape (16, 3)."""
     colours = np.zeros((16, 3), np.uint8)
@@ -48,6 +52,7 @@ def _palette() -> Pixels:
     return colours
 
 
+@cache
 def _vehicle_colours() -> Pixels:
     """Return the colours of traffic, of other agents, and of the own vehicle, shape (3, 3)."""
     kinds = (SceneColors.SocialVehicle, SceneColors.SocialAgent, SceneColors.Agent)
@@ -112,6 +117,8 @@ def _paint_road(
         y,
         heading,
         resolution,
+        # Of lines finer than a pixel only specks would be left.
+        ROAD | PATH | (DIVIDER | CENTRE_LINE if resolution <= _FINE else 0),
         bits,
     )
     for row in range(view.shape[0]):
