@@ -78,7 +78,8 @@ class FootprintContacts:
     """
 
     def __init__(self, world: World) -> None:
-        self._contacts = Contacts.allocate(*world.seats.slot.shape, world.vehicles.capacity)
+        worlds, seats = world.seats.slot.shape
+        self._contacts = Contacts.allocate(worlds, seats, world.vehicles.capacity)
         self._columns = columns_of(self._contacts, ContactColumns)
         self._now = columns_of(world.vehicles, Footprints)
         self._before = columns_of(world.before, Footprints)
