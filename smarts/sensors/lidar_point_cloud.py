@@ -20,6 +20,7 @@ Bools = NDArray[np.bool_]
 Bytes = NDArray[np.int8]
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 ABOVE_ROOF = 0.3
 """Where rays begin [m]."""
@@ -36,10 +37,12 @@ class LidarPoints:
 
     def fields(self) -> tuple[Field, ...]:
         """Return what is reported."""
+        reach = self.option.sensor_params.max_distance
         rays = len(self.option.sensor_params.laser_angles) * self.option.sensor_params.rays_around
         return (
             Field("point", (rays, 3), np.float64, -FARTHEST, FARTHEST, "m", "in the map; 0 without a hit"),
-            Field("hit", (rays,), np.bool_, 0, 1, "", "whether the ray met something"),
+            Field("hit", (rays,), np.int8, 0, 1, "", "1 if the ray met something"),
+            Field("ray", (rays, 3), np.float32, -reach, reach, "m", "from where rays begin to their ends"),
         )
 
     def directions(self) -> Floats:
@@ -68,6 +71,7 @@ class LidarPoints:
             float(self.option.sensor_params.max_distance),
             out["point"],
             out["hit"],
+            out["ray"],
         )
 
 
@@ -140,7 +144,8 @@ def _observe(
     directions: Floats,
     reach: float,
     point_out: Floats,
-    hit_out: Bools,
+    hit_out: Bytes,
+    ray_out: Singles,
 ) -> None:
     boxes = np.empty((alive.shape[1], 7))
     for b in range(wanted.shape[0]):
@@ -161,6 +166,9 @@ def _observe(
                 nearest = -z / up if up < 0.0 else np.inf
                 for box in range(count):
                     nearest = min(nearest, _distance_to_box(x, y, z, dx, dy, up, boxes[box]))
+                ray_out[b, g, ray, 0] = clipped(reach * dx, reach)
+                ray_out[b, g, ray, 1] = clipped(reach * dy, reach)
+                ray_out[b, g, ray, 2] = clipped(reach * up, reach)
                 hit = nearest <= reach
                 hit_out[b, g, ray] = hit
                 point_out[b, g, ray, 0] = clipped(x + nearest * dx, FARTHEST) if hit else 0.0

@@ -36,7 +36,10 @@ class VisibleArea:
         """Return what is reported."""
         shape = (self.option.height, self.option.width, 1)
         meaning = "1 where the own vehicle can see; it is in the middle, its front towards row 0"
-        return (Field("data", shape, np.uint8, 0, 1, "", meaning),)
+        return (
+            Field("data", shape, np.uint8, 0, 1, "", meaning),
+            Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
+        )
 
     def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
         """Write the readings of the wanted seats."""
@@ -54,6 +57,7 @@ class VisibleArea:
             *_lines_of_sight(self.option),
             out["data"],
         )
+        out["resolution"][wanted] = self.option.resolution
 
 
 @lru_cache(maxsize=8)

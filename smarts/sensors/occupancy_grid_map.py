@@ -32,7 +32,10 @@ class OccupancyGrid:
         """Return what is reported."""
         shape = (self.option.height, self.option.width, 1)
         meaning = "1 on a vehicle; the own vehicle in the middle, its front towards row 0"
-        return (Field("data", shape, np.uint8, 0, 1, "", meaning),)
+        return (
+            Field("data", shape, np.uint8, 0, 1, "", meaning),
+            Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
+        )
 
     def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
         """Write the readings of the wanted seats."""
@@ -49,6 +52,7 @@ class OccupancyGrid:
             self.option.resolution,
             out["data"],
         )
+        out["resolution"][wanted] = self.option.resolution
 
 
 @kernel

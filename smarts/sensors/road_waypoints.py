@@ -21,6 +21,7 @@ from smarts.sensors.road_links import RoadLinks, road_links
 from smarts.types.interface import Field
 
 Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -30,7 +31,7 @@ class _Entries(NamedTuple):
     """The arrays to be filled, shape (B, G, ...), K lanes of W waypoints each."""
 
     lane_count: Ints
-    oncoming: Bools
+    oncoming: Bytes
     waypoint_count: Ints
     beside: Ints
     position: Floats
@@ -58,7 +59,7 @@ class RoadWaypointsAround:
         k, w = self.option.lanes, 2 * self.option.horizon + 1
         return (
             Field("lane_count", (), np.int32, 0, k, "", "how many lanes there are; the others are 0"),
-            Field("oncoming", (k,), np.bool_, 0, 1, "", "whether the lane leads the other way"),
+            Field("oncoming", (k,), np.int8, 0, 1, "", "1 if the lane leads the other way"),
             Field("waypoint_count", (k,), np.int32, 0, w, "", "waypoints of each lane; those after are 0"),
             Field("beside", (k,), np.int32, 0, w, "", "which of them is beside the vehicle"),
             Field("position", (k, w, 2), np.float64, -FARTHEST, FARTHEST, "m", "on the lane's centreline"),
@@ -207,6 +208,6 @@ def _observe(
                     count += 1
             entries.lane_count[b, g] = count
             for k in range(count, most):
-                entries.oncoming[b, g, k] = False
+                entries.oncoming[b, g, k] = 0
                 entries.beside[b, g, k], entries.waypoint_count[b, g, k] = 0, 0
                 _clear(entries, b, g, k, 0)

@@ -69,7 +69,10 @@ class TopDownRgb:
         """Return what is reported."""
         shape = (self.option.height, self.option.width, 3)
         meaning = "red, green, blue; the own vehicle in the middle, its front towards row 0"
-        return (Field("data", shape, np.uint8, 0, 255, "", meaning),)
+        return (
+            Field("data", shape, np.uint8, 0, 255, "", meaning),
+            Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
+        )
 
     def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
         """Write the readings of the wanted seats."""
@@ -91,6 +94,7 @@ class TopDownRgb:
             self.option.resolution,
             out["data"],
         )
+        out["resolution"][wanted] = self.option.resolution
 
 
 @kernel

@@ -36,7 +36,7 @@ class ViaPoints:
             Field("lane", (k,), np.int32, -1, MOST, "", "number in the map"),
             Field("lane_index", (k,), np.int32, 0, MOST, "", "place across the road, 0 is the rightmost"),
             Field("required_speed", (k,), np.float32, 0, FASTEST, "m/s", "to pass it at"),
-            Field("hit", (k,), np.bool_, 0, 1, "", "whether it has been passed"),
+            Field("hit", (k,), np.int8, 0, 1, "", "1 if it has been passed"),
         )
 
     def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
@@ -104,7 +104,7 @@ def _observe(
     lane_out: Ints,
     lane_index_out: Ints,
     speed_out: Singles,
-    hit_out: Bools,
+    hit_out: Bytes,
 ) -> None:
     most = lane_out.shape[2]
     order, far = np.empty(most, np.int32), np.empty(most)
@@ -129,4 +129,4 @@ def _observe(
             lane_out[b, g, count:] = 0
             lane_index_out[b, g, count:] = 0
             speed_out[b, g, count:] = 0.0
-            hit_out[b, g, count:] = False
+            hit_out[b, g, count:] = 0
