@@ -132,7 +132,7 @@ class Simulation:
         stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
         seen = self._visible(rows)
         readings = stages.sensors.observe(world, seen)
-        frame = Frame(world, rows, None, None, contacts, events, seen, readings)
+        frame = Frame(world, rows, None, None, contacts, events, seen, readings, starts=starts)
         stages.recorder.record(frame)
         return frame
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from smarts.errors import TrafficError
 from smarts.types.actions import Actions, Commands
+from smarts.types.episode import EpisodeStart
 from smarts.types.events import Contacts, Events
 from smarts.types.world import World
 
@@ -49,3 +50,5 @@ class Frame:
     readings: Readings
     failures: Mapping[int, TrafficError] = field(default_factory=dict)
     """Simulations whose traffic failed in this step: their episodes are void, their next reset works."""
+    starts: Mapping[int, EpisodeStart] = field(default_factory=dict)
+    """In the frame of a reset: the episodes that begin, by row."""
