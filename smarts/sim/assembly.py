@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,8 @@ from smarts.controllers.set import ControllerSet
 from smarts.dynamics import vehicle
 from smarts.providers.sumo_traffic import SumoTraffic
 from smarts.providers.traffic_set import TrafficSet
+from smarts.providers.vehicle import FleetVehicles
+from smarts.providers.vehicle_surface import RoadSurfaces
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
 from smarts.roads.seat_routes import SeatRoutes
@@ -29,7 +30,7 @@ from smarts.sim.locator import MapLocator
 from smarts.sim.ownership import Ownership
 from smarts.sim.schedule import Schedule
 from smarts.sim.simulation import Simulation, Stages
-from smarts.sim.stages import Recorder, Vehicles
+from smarts.sim.stages import Recorder
 from smarts.sim.starts import Shape
 from smarts.sim.transfer_rules import TakeOverRules
 from smarts.sstudio.built import BuiltScenario
@@ -132,7 +133,11 @@ def assemble(
     )
     scene = Scene(world, atlas, SeatRoutes(atlas, worlds, len(interfaces)))
     rules = seat_rules(interfaces, options.dt)
-    vehicles = _vehicles(scene, interfaces)
+    vehicles = FleetVehicles(
+        world,
+        [interface.vehicle_model for interface in interfaces],
+        surfaces=RoadSurfaces(schedule.surfaces, schedule.maps) if any(schedule.surfaces) else None,
+    )
     traffic = TrafficSet(
         [SumoTraffic(dt=options.dt) for _ in range(worlds)],
         schedule.maps,
@@ -185,11 +190,6 @@ def _actions(rules: SeatRules, worlds: int, options: Options) -> Actions:
     actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
     actions.kind[:] = rules.action
     return actions
-
-
-def _vehicles(scene: Scene, interfaces: Sequence[AgentInterface]) -> Vehicles:
-    parts = importlib.import_module("tests.parts")
-    return parts.Followers(scene.world.worlds, len(interfaces))
 
 
 def _recorder(scene: Scene, ownership: Ownership, schedule: Schedule, options: Options) -> Recorder:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smarts.geometry.boxes import boxes_overlap
-from smarts.roads.lane_graph import Ints, LaneGraph
+from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import Owner, VehicleStates
 
 BRAKING = 3.0
@@ -68,7 +69,13 @@ def needed_gap(behind: float, ahead: float) -> float:
 
 
 def _along(
-    roads: LaneGraph, states: VehicleStates, slot: int, others: Ints, horizon: float, *, ahead: bool
+    roads: LaneGraph,
+    states: VehicleStates,
+    slot: int,
+    others: NDArray[np.intp],
+    horizon: float,
+    *,
+    ahead: bool,
 ) -> list[tuple[int, float]]:
     """Return the others on the lanes that lead on (or hither), with the distance of the centres [m]."""
     home, s = int(states.lane[slot]), float(states.lane_position[slot])

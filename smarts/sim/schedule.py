@@ -76,14 +76,16 @@ class Schedule:
         self.seed = seed
         self.agents = tuple(agents)
         self._shapes = tuple(shapes) if shapes else (Shape(),) * len(self.agents)
-        graphs = [built.roads() for built in scenarios]
-        unique = {id(graph): graph for graph in graphs}
-        self.maps: tuple[LaneGraph, ...] = tuple(unique.values())
-        """Each map once, in the order of its number."""
-        numbers = {key: number for number, key in enumerate(unique)}
+        surfaces = [(id(built.roads()), tuple(built.scenario.friction_maps or ())) for built in scenarios]
+        places = [*dict.fromkeys(surfaces)]
+        first = [scenarios[surfaces.index(place)] for place in places]
+        self.maps: tuple[LaneGraph, ...] = tuple(built.roads() for built in first)
+        """Each map once, or as often as there are road surfaces for it, in the order of its number."""
+        self.surfaces = tuple(surface for _, surface in places)
+        """Where each map has another friction than a dry road."""
         self.combinations = tuple(
-            Combination(built, numbers[id(graph)], plan)
-            for built, graph in zip(scenarios, graphs, strict=True)
+            Combination(built, places.index(surface), plan)
+            for built, surface in zip(scenarios, surfaces, strict=True)
             for plan in built.episodes(len(self.agents))
         )
         """Everything that is played, in the order of the scenarios."""

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,7 @@ def draw_starts(
     """
     roads, variation = built.roads(), built.scenario.start_variation
     longest = max((shape.length for shape in shapes), default=Shape().length)
+    overlap = None
     for _ in range(TRIES):
         placed = place_missions(
             missions, roads, generator, variation, vehicle_length=longest, place=built.name
@@ -85,20 +86,21 @@ def draw_starts(
         if overlap is None:
             return starts
     raise ScenarioError(
-        f"the starts of {overlap[0]!r} and {overlap[1]!r} overlap in {TRIES} draws out of {TRIES}",
+        f"the starts of agents {overlap} overlap in {TRIES} draws out of {TRIES}",
         place=built.name,
         remedy="move the missions' starts apart, or vary them less",
     )
 
 
-def _overlapping(starts: Sequence[SeatStart]) -> tuple[str, str] | None:
+def _overlapping(starts: Sequence[SeatStart]) -> str | None:
+    """Return the names of two agents whose vehicles overlap, None if there are none."""
     for first, second in itertools.combinations(starts, 2):
         boxes = [
             (np.array([start.pose[:2]]), np.array([start.pose[2]]), np.array([[start.length, start.width]]))
             for start in (first, second)
         ]
         if boxes_overlap(*boxes[0], *boxes[1]).any():
-            return first.name, second.name
+            return f"{first.name!r} and {second.name!r}"
     return None
 
 
@@ -227,6 +229,6 @@ def _trap_areas(
         edge, index = roads.edge_ids[roads.lane_edge[lane]], int(roads.lane_index[lane])
         begin = max(0.0, placed.start.s - TRAP_BEHIND)
         zone = t.MapZone((edge, index, begin), TRAP_LENGTH, 1)
-    geometry = zone.to_geometry(roads)
+    geometry: Any = zone.to_geometry(roads)
     parts = getattr(geometry, "geoms", (geometry,))
     return tuple(np.array(part.exterior.coords)[:-1] for part in parts)
