@@ -32,8 +32,8 @@ def __getattr__(name: str) -> Any:
     return getattr(importlib.import_module(_PLACES[name]), name)
 
 
-# `gymnasium.make("smarts.env:hiway-v0")` imports this module for the names to be there. Gymnasium's checks are
-# off, since they take agents that come and go for a mistake.
+# `gymnasium.make("smarts.env:hiway-v0")` imports this module for the names to be there. Gymnasium's checks
+# are off, since they take agents that come and go for a mistake.
 gymnasium.register(
     "hiway-v0", entry_point="smarts.env.hiway:HiWayEnv", disable_env_checker=True, order_enforce=False
 )

@@ -125,6 +125,8 @@ class Batch:
         self.simulation, self.actions, self.scene = parts.simulation, parts.actions, parts.scene
         self.world = self.simulation.world
         self.period = period
+        self.starts: list[EpisodeStart | None] = [None] * self.world.worlds
+        """The present episode of each simulation."""
         self.late = 0
         """Answers of other agents that did not come in time."""
         self._schedule = parts.schedule
@@ -157,6 +159,8 @@ class Batch:
         starts = {
             row: self._schedule.start(key.world, key.episode, key.seed) for row, key in episodes.items()
         }
+        for row, start in starts.items():
+            self.starts[row] = start
         rows = np.zeros(self.world.worlds, np.bool_)
         rows[list(episodes)] = True
         self.running[rows] = False

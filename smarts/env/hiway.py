@@ -41,18 +41,22 @@ class _Onlooker:
             max_steps=0,
         )
         self.rewards = Rewards(self._served, "route_metres")
+        self._events = np.zeros(len(names), np.int32)  # since each agent last looked
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Count a step, and look if a decision ends with it."""
         here = self._served.present(frame)
         settle = here if is_last else self._served.ended(frame)
         self.rewards.add(frame, here, settle)
+        self._events |= frame.events.bits[0, self._served.seats]
         for seat in np.flatnonzero(settle[0]).tolist():
-            self.seen[seat] = self._observe(frame, 0, seat)
+            self.seen[seat] = self._observe(frame, 0, seat, events=int(self._events[seat]))
+            self._events[seat] = 0
 
     def reset(self, egos: Bools) -> None:
         """Forget some agents."""
         self.rewards.reset(egos)
+        self._events[egos[0]] = 0
         for seat in np.flatnonzero(egos[0]).tolist():
             self.seen.pop(seat, None)
 

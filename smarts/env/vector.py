@@ -15,6 +15,7 @@ from smarts.env.arrays import Agents, ArrayWorlds, Group, Setting
 from smarts.env.batch import EpisodeKey, Transition
 from smarts.errors import SmartsError, TrafficError
 from smarts.sim.assembly import Options
+from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
 
 Bools = NDArray[np.bool_]
@@ -140,6 +141,11 @@ class VectorHiWayEnv:
         self._stride = 0
         self._nothing = np.zeros((num_envs, len(self.agents)), np.bool_)
         self._everybody = ~self._nothing
+
+    @property
+    def episodes(self) -> tuple[EpisodeStart, ...]:
+        """What is being played in each simulation; nothing before the first reset."""
+        return tuple(start for start in self._worlds.batch.starts if start is not None)
 
     def reset(
         self, seed: int | None = None, worlds: Ints | None = None, *, episode: int = 0, stride: int = 0

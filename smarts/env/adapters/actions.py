@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 from numpy.typing import NDArray
 
+from smarts.controllers.lane_actions import lane_action_number
 from smarts.env.adapters.protocol import Served
 from smarts.errors import ActionError, SmartsError
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
@@ -21,7 +22,7 @@ _BOUNDS: dict[ActionSpaceType, tuple[list[float], list[float]]] = {
     ActionSpaceType.LaneWithContinuousSpeed: ([0, -1], [60, 1]),
     ActionSpaceType.TargetPose: ([-_FAR, -_FAR, -2 * np.pi, 0], [_FAR, _FAR, 2 * np.pi, 1000]),
     ActionSpaceType.RelativeTargetPose: ([-6, -6, -np.pi], [6, 6, np.pi]),
-    ActionSpaceType.Direct: ([-60, -np.pi], [60, np.pi]),
+    ActionSpaceType.Direct: ([-10, -np.pi], [10, np.pi]),
     ActionSpaceType.Empty: ([], []),
 }
 """Least and greatest values of the types that are a few numbers."""
@@ -81,6 +82,7 @@ def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) ->
         values = values.reshape(len(rows), len(low))
         _refuse(served, rows, columns, values, _not_finite(values), "is not finite")
         out.values[rows, seats, : len(low)] = np.clip(values, low, high)
+        _round_lane_changes(served.action, rows, seats, out)
 
 
 def encode_one(
@@ -101,22 +103,30 @@ def encode_one(
         ActionError: The action is not what this type takes, or not finite.
     """
     if kind == ActionSpaceType.Lane:
-        out.values[row, seat, 0] = _lane_action(agent, action)
+        out.values[row, seat, 0] = lane_action_number(action, agent=f"action of {agent!r}")
     elif kind in _PATH_COLUMNS:
         _write_path(agent, kind, action, row, seat, out)
     elif kind == ActionSpaceType.Direct and np.ndim(action) == 0:
-        # One number is a speed, two are acceleration and yaw rate: the number of values tells the controller.
-        out.values[row, seat, :3] = *_numbers(agent, [action], 1), 0.0, 1.0
-    elif kind == ActionSpaceType.Direct:
-        out.values[row, seat, :3] = *_numbers(agent, action, 2), 2.0
+        # The controller tells a speed from acceleration and yaw rate by the third value.
+        out.values[row, seat, :3] = np.clip(_numbers(agent, [action], 1)[0], -60, 60), 0.0, 1.0
     elif kind in _BOUNDS:
         low, high = _BOUNDS[kind]
         if low:
             out.values[row, seat, : len(low)] = np.clip(_numbers(agent, action, len(low)), low, high)
+        if kind == ActionSpaceType.Direct:
+            out.values[row, seat, 2] = 0.0
+        _round_lane_changes(kind, row, seat, out)
     else:
         raise ActionError(f"{kind.name} actions are of several vehicles", place=f"action of {agent!r}")
     out.legal[row, seat] = legal
     out.given[row, seat] = out.fresh[row, seat] = True
+
+
+def _round_lane_changes(
+    kind: ActionSpaceType, rows: NDArray | int, seats: NDArray | int, out: Actions
+) -> None:
+    if kind == ActionSpaceType.LaneWithContinuousSpeed:
+        out.values[rows, seats, 1] = np.round(out.values[rows, seats, 1])
 
 
 def _mark(served: Served, chosen: Bools, out: Actions) -> None:
@@ -141,20 +151,6 @@ def _refuse(
         f"action {values[first].tolist()} {problem}",
         place=f"agent {served.agents[columns[first]]!r} of simulation {rows[first]}",
         remedy=f"see the action space: {action_space(served.action)}",
-    )
-
-
-def _lane_action(agent: str, action: Any) -> int:
-    names = [member.name for member in LaneAction]
-    if isinstance(action, str):
-        if action in names:
-            return names.index(action)
-    elif np.ndim(action) == 0 and action in [*LaneAction]:
-        return int(action)
-    raise ActionError(
-        f"{action!r} is not a lane action",
-        place=f"action of {agent!r}",
-        remedy=f"use one of {', '.join(map(repr, names))}, or its number, 0 to 3",
     )
 
 
