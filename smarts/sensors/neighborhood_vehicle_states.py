@@ -27,7 +27,6 @@ Singles = NDArray[np.float32]
 class _Entries(NamedTuple):
     """The arrays to be filled, shape (B, G, ...), K vehicles each."""
 
-    count: Ints
     slot: Ints
     generation: Ints
     position: Floats
@@ -84,6 +83,7 @@ class NeighborhoodVehicleStates:
             vehicles.lane_offset,
             roads.lane_base,
             roads.lane_index,
+            out["count"],
             _Entries(**{name: out[name] for name in _Entries._fields}),
         )
 
@@ -145,6 +145,7 @@ def _observe(
     t: Floats,
     lane_base: Ints,
     lane_index: Ints,
+    counts: Ints,
     entries: _Entries,
 ) -> None:
     most = entries.slot.shape[2]
@@ -154,7 +155,7 @@ def _observe(
             if not wanted[b, g]:
                 continue
             count = _nearest(alive[b], position[b], slots[b, seats[g]], radius, found, far)
-            entries.count[b, g] = count
+            counts[b, g] = count
             _clear(entries, b, g, count)
             for k in range(count):
                 v = found[k]

@@ -75,7 +75,7 @@ class SignalsAhead:
 
 @kernel
 def _length(roads: Roads, lane: int) -> float:
-    return roads.point_s[roads.point_start[lane + 1] - 1]
+    return float(roads.point_s[roads.point_start[lane + 1] - 1])
 
 
 @kernel
