@@ -10,8 +10,18 @@ from smarts.registry import Registry
 CONTROLLERS = Registry(
     "controller",
     {
+        "Continuous": "smarts.controllers.continuous:Continuous",
         "Lane": "smarts.controllers.lane_actions:LaneActions",
+        "ActuatorDynamic": "smarts.controllers.actuator_dynamic:ActuatorDynamic",
         "LaneWithContinuousSpeed": "smarts.controllers.lane_following:LaneFollowing",
+        "TargetPose": "smarts.controllers.target_pose:TargetPose",
+        "Trajectory": "smarts.controllers.trajectory_tracking:TrajectoryTracking",
+        "MultiTargetPose": "smarts.controllers.multi_target_pose:MultiTargetPose",
+        "MPC": "smarts.controllers.model_predictive:ModelPredictive",
+        "TrajectoryWithTime": "smarts.controllers.trajectory_interpolation:TrajectoryInterpolation",
+        "Direct": "smarts.controllers.direct:Direct",
+        "Empty": "smarts.controllers.empty:Empty",
+        "RelativeTargetPose": "smarts.controllers.relative_target_pose:RelativeTargetPose",
     },
 )
-"""`ActionSpaceType` name -> "module:Class" of a `smarts.controllers.protocol.Controller`; made with a `Scene`."""
+"""`ActionSpaceType` name -> "module:Class" of a `smarts.controllers.protocol.Controller`, made with a scene."""

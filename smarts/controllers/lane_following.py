@@ -12,6 +12,7 @@ from smarts.controllers.lane_changes import latch
 from smarts.controllers.lane_path import write_reference
 from smarts.controllers.lane_state import LaneState
 from smarts.controllers.leaders import heed_leaders
+from smarts.controllers.tracking import SPEED_GAIN
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
@@ -112,7 +113,11 @@ def _slow_down(points: NDArray[np.float64], speed: float) -> None:
         if i > 0:
             gone += math.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
         square = max(speed, 0.0) ** 2 - 2.0 * SLOWING * gone
-        points[i, 3] = min(points[i, 3], math.sqrt(max(square, 0.0)))
+        wanted = math.sqrt(max(square, 0.0))
+        if speed < SLOWING:
+            # Too close to the stand for the spacing of the points: by the error of the speed alone.
+            wanted = max(speed - SLOWING / SPEED_GAIN, 0.0)
+        points[i, 3] = min(points[i, 3], wanted)
 
 
 class LaneFollowing:

@@ -28,6 +28,8 @@ FREQUENCY = 1.8
 """Natural frequency of the lateral motion at speed [rad/s]."""
 FREQUENCY_PER_WHEELBASE = 0.7
 """The same for slow vehicles, in radians per wheelbase driven."""
+STEERED_TURN = 0.4
+"""The largest error of heading that the steering, at its rate, still answers in time [rad]."""
 DAMPING = 1.0
 """Of the lateral motion."""
 STEERING_DELAY = 0.15
@@ -208,7 +210,9 @@ def _steering(car, heading, vx, reference, length, segment, share, offset, slips
     memory[CURVATURE] += (_wrapped(last - first) / window - memory[CURVATURE]) * min(abs(vx) * dt / lag, 1.0)
     curvature = memory[CURVATURE]
 
-    frequency = min(FREQUENCY, FREQUENCY_PER_WHEELBASE * speed / wheelbase)
+    # Faster than the steering turns, feedback only swings.
+    followed = math.sqrt(car.steering_rate * speed / (2.0 * DAMPING * wheelbase * STEERED_TURN))
+    frequency = min(FREQUENCY, FREQUENCY_PER_WHEELBASE * speed / wheelbase, followed)
     yaw_length = wheelbase + max(understeer, 0.0) * speed * speed
     gain = yaw_length * frequency * frequency / (speed * speed)
     look_ahead = 2.0 * DAMPING * speed / frequency
@@ -238,6 +242,8 @@ def _hold_speed(car, vx, reference, length, segment, share, memory, controls, dt
         memory[SPEED_INTEGRAL] = 0.0
         return
     error = target - vx
+    # Slower than the reference, the vehicle need not brake with it yet.
+    slowing *= min(max(1.0 - error, 0.0), 1.0)
     wanted = slowing + SPEED_GAIN * error + memory[SPEED_INTEGRAL]
     acceleration = min(max(wanted, -MOST_DECELERATION), MOST_ACCELERATION)
     resistance = car.drag * vx * abs(vx) + car.rolling_resistance * car.mass * GRAVITY
