@@ -5,11 +5,13 @@ With nobody else in the world it is exactly what `sumo` computes for the same fi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, repeat
 
 import numpy as np
 
+from smarts.errors import TrafficError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
@@ -74,6 +76,8 @@ class SumoTraffic(TrafficProvider):
     """
 
     def __init__(self, *, dt: float = 0.1, owner: int = Owner.TRAFFIC, library: int | None = None) -> None:
+        if not (math.isfinite(dt) and 0.001 <= dt <= 10.0):
+            raise TrafficError(f"a step of {dt} s", place="dt", remedy="give 0.001 to 10 s")
         self.dt = dt
         self.owner = int(owner)
         self.signals = np.zeros(0, np.int8)
@@ -85,6 +89,7 @@ class SumoTraffic(TrafficProvider):
         self._routes_to_come: dict[int, tuple[str, ...]] = {}
         self._kept_clear: list[int] = []
         self._limit = 0
+        self._has_begun = False
 
     def reset(
         self,
@@ -108,6 +113,8 @@ class SumoTraffic(TrafficProvider):
                 as there are slots.
             bound_for: Where those who are in the world are bound for, by slot.
         """
+        self._library.check_open()
+        self._has_begun = False
         self._roster = roster
         self._shadows.reset(roads)
         for memory in (self._ids, self._driven, self._routes_to_come):
@@ -128,10 +135,12 @@ class SumoTraffic(TrafficProvider):
         self._remember(states)
         # Those who were here first are new to SUMO.
         self._seen_owner[[slot for slot in self._kept_clear if slot not in self._ids]] = Owner.NOBODY
+        self._has_begun = True
 
     def step(self, states: VehicleStates) -> None:
         """Advance by `dt`; the rows of others hold their pose at the end of the step already."""
         library = self._library
+        self._check_begun()
         with library.errors("failed in mid-run"):
             entering = self._follow_owners(states) if self._has_changed(states) else []
             self._shadows.place(states)
@@ -170,6 +179,9 @@ class SumoTraffic(TrafficProvider):
 
     def route(self, slot: int) -> tuple[str, ...]:
         """Return the edges that a vehicle has yet to drive, its own first; for a shadow, as SUMO believes."""
+        self._check_begun()
+        if slot not in self._ids:
+            raise TrafficError(f"slot {slot} holds no vehicle that SUMO knows", place="traffic")
         with self._library.errors("failed to tell a route"):
             return self._library.route_ahead(self._ids[slot])
 
@@ -190,6 +202,11 @@ class SumoTraffic(TrafficProvider):
     def close(self) -> None:
         """End the simulation and give the library back."""
         self._library.close()
+
+    def _check_begun(self) -> None:
+        self._library.check_open()
+        if not self._has_begun:
+            raise TrafficError("no episode has begun", place="traffic", remedy="call reset first")
 
     def _warm_up(self, duration: float, states: VehicleStates) -> list[str]:
         """Run traffic on its own for a while [s]; return who has departed.
@@ -290,7 +307,7 @@ class SumoTraffic(TrafficProvider):
         """Let vehicles into the world in the order of departure, except where the place is kept clear."""
         vehicle = self._library.vehicle
         present = set(vehicle.getIDList()).difference(self._ids.values())
-        names = [name for name in departed if name in present]
+        names = [name for name in departed if name in present and name not in self._shadows.stand_ins]
         blocking = self._in_the_way(names, states)
         for name in names:
             # SUMO counts those who enter by `moveToXY` one step late, so it can let one too many depart.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import sumo
 
-from smarts.providers.sumo_traffic import SumoTraffic, sumo_options
+from smarts.providers.sumo_traffic import SumoTraffic
 from smarts.sim.roster import Roster
 from smarts.sstudio.build import build_scenario, suite
 from smarts.types.vehicles import VehicleStates
@@ -16,6 +16,12 @@ from smarts.types.vehicles import VehicleStates
 SEED = 7
 SECONDS = 60.0
 DT = 0.1
+OPTIONS = (
+    f"--seed {SEED} --step-length {DT} --lanechange.duration 3 --time-to-teleport -1 --collision.action none"
+    " --collision.check-junctions true --no-step-log --no-warnings"
+).split()
+"""The design's, spelled out again: what the product tells SUMO is not taken for granted."""
+
 SUMO = Path(sumo.__file__).parent / "bin" / "sumo"
 
 EXACTLY = 1e-12
@@ -24,8 +30,11 @@ EXACTLY = 1e-12
 
 def moments(files, end, output):
     """Yield (time, vehicles) for every step of plain SUMO up to the end; vehicles are FCD elements."""
-    options = ["--fcd-output", output, "--precision", "17", "--fcd-output.acceleration", "--end", end]
-    command = [SUMO, *sumo_options(files, SEED, DT), *options]
+    inputs = ["--net-file", files.net, "--route-files", ",".join(map(str, files.routes))]
+    if files.additional:
+        inputs += ["--additional-files", ",".join(map(str, files.additional))]
+    output_options = ["--fcd-output", output, "--precision", "17", "--fcd-output.acceleration", "--end", end]
+    command = [SUMO, *inputs, *OPTIONS, *output_options]
     subprocess.run([*map(str, command)], check=True, stdout=subprocess.DEVNULL)
     for _, element in ElementTree.iterparse(output):
         if element.tag == "timestep":

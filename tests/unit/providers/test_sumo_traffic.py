@@ -13,7 +13,7 @@ import pytest
 import sumo
 
 from smarts.errors import TrafficError
-from smarts.providers.sumo_traffic import sumo_options
+from smarts.providers.sumo_traffic import SumoTraffic, sumo_options
 from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import Owner, VehicleKind
 
@@ -288,3 +288,54 @@ def test_a_failure_in_mid_run_is_one_named_error(new_world, country):
         world.step()
     neighbour.step(100)
     assert digest(world, country.road(), 4, 100) == digest(neighbour, country.road(), 4, 100)
+
+
+def test_sumo_is_told_what_the_design_says():
+    """Spelled out, since the tests of equality with SUMO give both sides the same options."""
+    files = TrafficFiles(Path("a.net.xml"), (Path("b.rou.xml"), Path("c.rou.xml")), (Path("d.add.xml"),))
+    options = sumo_options(files, 7, 0.1)
+    pairs = dict(zip(options[::2], options[1::2], strict=False))
+    assert pairs["--net-file"] == "a.net.xml"
+    assert pairs["--route-files"] == "b.rou.xml,c.rou.xml"
+    assert pairs["--additional-files"] == "d.add.xml"
+    assert pairs["--seed"] == "7"
+    assert pairs["--step-length"] == "0.1"
+    assert pairs["--lanechange.duration"] == "3"
+    assert pairs["--time-to-teleport"] == "-1"
+    assert pairs["--collision.action"] == "none"
+    assert pairs["--collision.check-junctions"] == "true"
+
+
+def test_misuse_is_named(world, country):
+    with pytest.raises(TrafficError, match="no episode has begun"):
+        world.traffic.step(world.states)
+    world.reset(country.road())
+    with pytest.raises(TrafficError, match="slot 63 holds no vehicle"):
+        world.traffic.route(63)
+    world.traffic.close()
+    with pytest.raises(TrafficError, match="closed"):
+        world.traffic.step(world.states)
+    with pytest.raises(TrafficError, match="closed"):
+        world.reset(country.road())
+
+
+def test_a_closed_simulation_does_not_drive_the_next_one(new_world, country):
+    closed = new_world()
+    closed.reset(country.road(), 4)
+    closed.traffic.close()
+    world = new_world()
+    expected = digest(new_world(), country.road(), 4, 50)
+    world.reset(country.road(), 4)
+    hashed = hashlib.blake2b(world.fingerprint())
+    for _ in range(50):
+        with pytest.raises(TrafficError, match="closed"):
+            closed.traffic.step(closed.states)
+        world.step()
+        hashed.update(world.fingerprint())
+    assert hashed.hexdigest() == expected
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.1, math.nan, math.inf])
+def test_impossible_steps_are_refused(dt):
+    with pytest.raises(TrafficError, match="a step of"):
+        SumoTraffic(dt=dt)
