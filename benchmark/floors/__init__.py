@@ -1,4 +1,4 @@
-"""Floor policies: what can be reached without learning. A scenario in which they do better than learners is wrong.
+"""Floor policies: what can be reached without learning.
 
 They see what learners see, the vector of `smarts.env.adapters.benchmark` and the mask, and use the same four
 actions.

@@ -148,7 +148,8 @@ def space_of(fields: Sequence[Field]) -> Dict:
         inner = spaces
         for part in path:
             inner = inner.setdefault(part, {})
-        inner[name] = Box(each.low, each.high, each.shape, each.dtype)
+        # Plain numbers: Box takes no enumerations.
+        inner[name] = Box(float(each.low), float(each.high), each.shape, each.dtype)
     return _dict_space(spaces)
 
 

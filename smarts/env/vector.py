@@ -298,7 +298,10 @@ def _mask(group: Group) -> Bools | None:
 
 def _block(group: Group) -> Block:
     fields = {field.name: field for field in group.adapter.fields if field.name != MASK}
-    spaces = {name: Box(field.low, field.high, field.shape, field.dtype) for name, field in fields.items()}
+    spaces = {
+        name: Box(float(field.low), float(field.high), field.shape, field.dtype)
+        for name, field in fields.items()
+    }
     if [*spaces] == ["observation"]:
         spaces = {"": spaces["observation"]}
     action = group.action

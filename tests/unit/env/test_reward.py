@@ -41,7 +41,7 @@ class Drive:
         self._settle(ROUTE)
 
     def decide(self, remaining, outcome=Outcome.NONE, events=Event.NONE, in_step=4):
-        """Make a decision that leads to `remaining` metres; its events and its end are in one of its steps."""
+        """Make a decision that leads to `remaining` metres; events and the end are in one of its steps."""
         for step in range(self.period):
             self.events.clear()
             if step == in_step:
