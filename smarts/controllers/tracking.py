@@ -40,6 +40,8 @@ FARTHEST_OFFSET = 0.5
 """The lateral feedback goes no further than it does at this offset [m]."""
 OFFSET_RATE = 0.15
 """Integral over proportional lateral feedback [1/s]."""
+TRIMMED_TURN = 0.02
+"""The integral runs only while the vehicle goes along the reference to within this angle [rad]."""
 STEERING_TRIM = 0.03
 """The most steering that the integral gives [rad]."""
 
@@ -222,7 +224,12 @@ def _steering(car, heading, vx, reference, length, segment, share, offset, slips
     needed = math.atan(wheelbase * curvature) + understeer * speed * speed * curvature
     feedback = -gain * (error + look_ahead * math.sin(min(max(course, -1.2), 1.2)))
     wanted = (needed + feedback + memory[OFFSET_INTEGRAL]) / car.max_steering
-    if abs(wanted) < 1.0 and abs(offset) < FARTHEST_OFFSET and vx > LEAST_SPEED:
+    if (
+        abs(wanted) < 1.0
+        and abs(offset) < FARTHEST_OFFSET
+        and abs(course) < TRIMMED_TURN
+        and vx > LEAST_SPEED
+    ):
         trim = memory[OFFSET_INTEGRAL] - OFFSET_RATE * gain * error * dt
         memory[OFFSET_INTEGRAL] = min(max(trim, -STEERING_TRIM), STEERING_TRIM)
     return min(max(wanted, -1.0), 1.0)
