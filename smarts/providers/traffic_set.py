@@ -50,6 +50,7 @@ class TrafficSet:
         self._build = build
         self._broken: set[int] = set()
         self._introduced: list[dict[int, int]] = [{} for _ in engines]
+        self._seats = [b""] * len(self._engines)
 
     def reset(
         self, world: World, row: int, start: EpisodeStart, roster: Roster, routes: RouteNumbers
@@ -64,8 +65,9 @@ class TrafficSet:
             self._engines[row] = self._build()
         self._broken.add(row)
         states = world.vehicles[row]
+        self._introduced[row] = {}
         bound_for = self._strangers(world, row, routes)
-        self._introduced[row] = {slot: int(states.generation[slot]) for slot in bound_for}
+        self._seats[row] = _who_sits_where(world, row)
         self._engines[row].reset(
             start.traffic,
             start.sumo_seed,
@@ -102,28 +104,27 @@ class TrafficSet:
                 engine.close()
 
     def _step(self, world: World, row: int, routes: RouteNumbers) -> None:
-        engine = self._engines[row]
-        for slot, edges in self._strangers(world, row, routes).items():
-            self._introduced[row][slot] = int(world.vehicles.generation[row, slot])
-            if edges:
-                engine.set_route(slot, edges)
+        engine, seats = self._engines[row], _who_sits_where(world, row)
+        if seats != self._seats[row]:
+            self._seats[row] = seats
+            for slot, edges in self._strangers(world, row, routes).items():
+                if edges:
+                    engine.set_route(slot, edges)
         engine.step(world.vehicles[row])
         self._finish(world, row, routes)
 
     def _strangers(self, world: World, row: int, routes: RouteNumbers) -> dict[int, tuple[str, ...]]:
-        """Return the routes of agents' vehicles that traffic has not heard of yet, by slot."""
+        """Return the routes of agents' vehicles that traffic has not heard of yet, by slot, and note them."""
         vehicles, known = world.vehicles, self._introduced[row]
-        of_agents = np.flatnonzero(vehicles.owner[row] == Owner.AGENT).tolist()
-        if len(of_agents) == len(known) and all(
-            known.get(slot) == vehicles.generation[row, slot] for slot in of_agents
-        ):
-            return {}
-        for slot in set(known).difference(of_agents):
-            del known[slot]
+        generations = {
+            slot: int(vehicles.generation[row, slot])
+            for slot in np.flatnonzero(vehicles.owner[row] == Owner.AGENT).tolist()
+        }
+        self._introduced[row] = generations
         return {
-            slot: routes[vehicles.route[row, slot]] if vehicles.route[row, slot] >= 0 else ()
-            for slot in of_agents
-            if known.get(slot) != vehicles.generation[row, slot]
+            slot: routes[number] if (number := int(vehicles.route[row, slot])) >= 0 else ()
+            for slot, generation in generations.items()
+            if known.get(slot) != generation
         }
 
     def _finish(self, world: World, row: int, routes: RouteNumbers) -> None:
@@ -133,6 +134,12 @@ class TrafficSet:
         unknown = (vehicles.owner[row] == engine.owner) & (vehicles.route[row] < 0)
         for slot in np.flatnonzero(unknown).tolist():
             vehicles.route[row, slot] = routes.number(engine.route(slot))
+
+
+def _who_sits_where(world: World, row: int) -> bytes:
+    """Return what changes whenever an agent comes to a vehicle."""
+    seats = world.seats
+    return seats.slot[row].tobytes() + seats.generation[row].tobytes() + seats.state[row].tobytes()
 
 
 def _end(engine: TrafficProvider) -> None:

@@ -148,7 +148,7 @@ def assemble(
     stages = Stages(
         ownership=ownership,
         entries=entries,
-        controllers=ControllerSet(scene, rules.action.tolist()),
+        controllers=ControllerSet(scene, rules.action.tolist(), schedule.speeds),
         vehicles=vehicles,
         traffic=traffic,
         locator=LocatorStage(scene),

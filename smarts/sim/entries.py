@@ -37,6 +37,8 @@ class Entries:
     def __init__(self, ownership: Ownership, routes: SeatRoutes) -> None:
         self.episodes: list[EpisodeStart | None] = [None] * len(ownership.rosters)
         """What each simulation plays."""
+        self.pending: set[int] = set()
+        """Simulations in whose episode somebody enters later than at the beginning."""
         self._ownership = ownership
         self._routes = routes
 
@@ -48,6 +50,7 @@ class Entries:
     def reset(self, world: World, row: int, start: EpisodeStart) -> None:
         """Give the missions of an episode out, in an empty simulation, and let in who enters at once."""
         self.episodes[row] = start
+        self.pending.discard(row)
         self._routes.assign(row, start.map, [seat.mission.route for seat in start.seats])
         for seat, seat_start in enumerate(start.seats):
             route = self._ownership.routes[row].number(seat_start.mission.route)
@@ -56,6 +59,8 @@ class Entries:
             world.seats.state[row, seat] = SeatState.WAITING
             if seat_start.entry_time <= 0 and not seat_start.take_over:
                 self._ownership.admit(row, seat, seat_start)
+            else:
+                self.pending.add(row)
 
     def clear_way(self, world: World, row: int) -> None:
         """Make room for those who are in at the beginning; everybody has been located."""
@@ -65,14 +70,13 @@ class Entries:
     def enter(self, world: World, rows: Bools) -> None:
         """Let in those whose time has come, and send on those who have just taken a vehicle over."""
         state = world.seats.state
-        concerned = (state == SeatState.WAITING) | (world.seats.entry_step == world.step[:, None])
-        for row in np.flatnonzero(concerned.any(axis=1) & rows).tolist():
+        for row in sorted(row for row in self.pending if rows[row]):
             # This is the beginning of the step: its number is already that of its end.
             now = (int(world.step[row]) - 1) * world.dt
             for seat, start in enumerate(self.starts(row)):
                 if state[row, seat] == SeatState.WAITING:
                     self._enter(world, row, seat, start, now)
-                elif world.seats.entry_step[row, seat] == world.step[row]:
+                elif start.take_over and world.seats.entry_step[row, seat] == world.step[row]:
                     self._go_on(world, row, seat)
 
     def _enter(self, world: World, row: int, seat: int, start: SeatStart, now: float) -> None:

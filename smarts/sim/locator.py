@@ -19,6 +19,7 @@ from smarts.roads.kernels import (
     place_on_map,
 )
 from smarts.roads.seat_routes import SeatRoutes
+from smarts.sim.columns import columns_of
 from smarts.types.mission import GoalKind
 from smarts.types.world import World
 
@@ -49,11 +50,11 @@ class _Vehicles(NamedTuple):
 class _Seats(NamedTuple):
     """Columns of `World.seats` and `World.missions`, shape (B, A)."""
 
-    slot: Ints
-    entry_step: Ints
     goal: Bytes
     goal_lane: Ints
     goal_s: Floats
+    slot: Ints
+    entry_step: Ints
     route_done: Floats
     remaining: Floats
     lap: NDArray[np.int16]
@@ -68,6 +69,7 @@ class MapLocator:
     def __init__(self, atlas: RoadAtlas, routes: SeatRoutes) -> None:
         self._roads = atlas.roads
         self._routes = routes
+        self._columns: tuple[World, _Vehicles, _Seats] | None = None
 
     def locate(self, world: World, rows: Bools) -> None:
         """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes.
@@ -75,19 +77,16 @@ class MapLocator:
         On its route, a seat's `remaining` is the distance to the goal, on the last lap if there are several,
         and 0 behind it; off the route it stays as it was. Without a route a seat counts as on its route.
         """
-        vehicles, seats, missions = world.vehicles, world.seats, world.missions
-        _locate(
-            self._roads,
-            self._routes.table,
-            self._routes.number,
-            rows,
-            world.map,
-            world.step,
-            _Vehicles(*(getattr(vehicles, name) for name in _Vehicles._fields)),
-            _Seats(
-                *(getattr(missions if name.startswith("goal") else seats, name) for name in _Seats._fields)
-            ),
-        )
+        if self._columns is None or self._columns[0] is not world:
+            self._columns = world, *_columns_of(world)
+        table, number = self._routes.table, self._routes.number
+        _locate(self._roads, table, number, rows, world.map, world.step, *self._columns[1:])
+
+
+def _columns_of(world: World) -> tuple[_Vehicles, _Seats]:
+    missions = [getattr(world.missions, name) for name in _Seats._fields if name.startswith("goal")]
+    seats = [getattr(world.seats, name) for name in _Seats._fields if not name.startswith("goal")]
+    return columns_of(world.vehicles, _Vehicles), _Seats(*missions, *seats)
 
 
 @kernel

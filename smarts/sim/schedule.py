@@ -15,11 +15,14 @@ from smarts.sim.starts import Shape, draw_starts
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import EpisodePlan
 from smarts.sstudio.sstypes.scenario import ScenarioMetadataFields
+from smarts.sstudio.sstypes.zone import RoadSurfacePatch
 from smarts.types.episode import EpisodeStart
 from smarts.types.streams import Purpose, stream, sumo_seed
 
 JAM_SPACING = 7.5
 """Road that a standing vehicle takes up [m]."""
+LANE_SPEED = "lane_speed"
+"""Of a scenario's metadata: the largest speed of the discrete lane actions [m/s]."""
 MOST_VEHICLES = 1024
 """Of traffic in a simulation, however large the map."""
 
@@ -31,6 +34,13 @@ def vehicle_limit(built: BuiltScenario) -> int:
     roads = built.roads()
     is_road = np.isin(roads.kind, list(ROAD_LANES))
     return min(MOST_VEHICLES, math.ceil(float(roads.length[is_road].sum()) / JAM_SPACING))
+
+
+def _ground(built: BuiltScenario) -> tuple[int, tuple[RoadSurfacePatch, ...], float]:
+    """Return what scenarios that share a map in the atlas have in common: map, surface, largest speed."""
+    speed = (built.scenario.scenario_metadata or {}).get(LANE_SPEED)
+    patches = tuple(built.scenario.friction_maps or ())
+    return id(built.roads()), patches, math.inf if speed is None else float(speed)
 
 
 def _interest(built: BuiltScenario) -> str:
@@ -76,16 +86,18 @@ class Schedule:
         self.seed = seed
         self.agents = tuple(agents)
         self._shapes = tuple(shapes) if shapes else (Shape(),) * len(self.agents)
-        surfaces = [(id(built.roads()), tuple(built.scenario.friction_maps or ())) for built in scenarios]
-        places = [*dict.fromkeys(surfaces)]
-        first = [scenarios[surfaces.index(place)] for place in places]
+        grounds = [_ground(built) for built in scenarios]
+        unique = [*dict.fromkeys(grounds)]
+        first = [scenarios[grounds.index(ground)] for ground in unique]
         self.maps: tuple[LaneGraph, ...] = tuple(built.roads() for built in first)
-        """Each map once, or as often as there are road surfaces for it, in the order of its number."""
-        self.surfaces = tuple(surface for _, surface in places)
+        """Each map once, or as often as it is driven on differently, in the order of its number."""
+        self.surfaces = tuple(surface for _, surface, _ in unique)
         """Where each map has another friction than a dry road."""
+        self.speeds = np.array([speed for _, _, speed in unique])
+        """The largest speed of the discrete lane actions on each map [m/s]."""
         self.combinations = tuple(
-            Combination(built, places.index(surface), plan)
-            for built, surface in zip(scenarios, surfaces, strict=True)
+            Combination(built, unique.index(ground), plan)
+            for built, ground in zip(scenarios, grounds, strict=True)
             for plan in built.episodes(len(self.agents))
         )
         """Everything that is played, in the order of the scenarios."""

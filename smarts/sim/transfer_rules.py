@@ -38,15 +38,17 @@ class TakeOverRules:
         self._ownership = ownership
         self._entries = entries
         self._can_take = can_take
+        # Simulations in which a vehicle may still be there after its agent, since nobody wanted it.
+        self._unsettled: set[int] = set()
         # What the triggers of conditions remember, by simulation and seat, of the episode that it is for.
         self._memory: dict[tuple[int, int], tuple[int, MutableMapping[Any, float]]] = {}
 
     def propose(self, world: World, events: Events, rows: Bools) -> Transfers:
         """Return the transfers for the beginning of the next step."""
+        if not (self._unsettled or self._entries.pending or events.just_done.any()):
+            return NO_TRANSFERS
         state = world.seats.state
         concerned = ((state == SeatState.DONE) | (state == SeatState.WAITING)) & rows[:, None]
-        if not concerned.any():
-            return NO_TRANSFERS
         proposed: list[Row] = []
         taken: set[tuple[int, int]] = set()
         for row, seat in np.argwhere(concerned).tolist():
@@ -60,6 +62,7 @@ class TakeOverRules:
                     owner = int(world.vehicles.owner[row, slot])
                     generation = int(world.vehicles.generation[row, slot])
                     proposed.append((row, slot, generation, owner, NEITHER, Owner.AGENT, seat, Reason.TAKE))
+        self._unsettled = {row for row in self._unsettled if not rows[row]} | {each[0] for each in proposed}
         return transfers(proposed)
 
     def _find(self, world: World, row: int, seat: int, taken: set[tuple[int, int]]) -> int:
