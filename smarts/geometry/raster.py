@@ -61,16 +61,22 @@ def paint_band(
             for column in range(low_column, high_column + 1):
                 x, y = origin_x + (column + 0.5) * size, origin_y + (row + 0.5) * size
                 share, square, cross = project(x, y, ax, ay, bx, by)
-                # A band on both sides goes round about the bends, but not beyond the ends of the line.
-                if share < 0.0 and (point == first or right * left > 0.0):
-                    continue
-                if share > 1.0 and (point == last - 2 or right * left > 0.0):
+                if share > 1.0 or (share < 0.0 and not _is_in_wedge(points, first, point, x, y)):
                     continue
                 offset = math.copysign(math.sqrt(square), cross)
                 is_dash = dash == 0.0 or (gone + share * length) % (2.0 * dash) < dash
                 if right <= offset <= left and is_dash:
                     cells[row, column] |= bits
         gone += length
+
+
+@kernel
+def _is_in_wedge(points: Floats, first: int, point: int, x: float, y: float) -> bool:
+    """Tell whether a place before the segment at `point` lies behind the one before it, round the bend."""
+    if point == first:
+        return False
+    a, b = points[point - 1], points[point]
+    return project(x, y, a[0], a[1], b[0], b[1])[0] > 1.0
 
 
 @kernel

@@ -26,8 +26,8 @@ Written by `python -m smarts.sensors.documentation` from the fields that buffers
 `AgentInterface` switches sensors on: `AgentInterface(waypoint_paths=True, top_down_rgb=RGB(64, 64, 1.0))`.
 Arrays come in one block for all agents with the same options, shape (simulations, agents, *shape). Positions
 are in the map frame, x east, y north; headings are counter-clockwise from +x. What lies beyond the bounds is
-clipped; what is not there is 0, and a count says how much is there. `HiWayEnv` makes objects of the same names
-as the original's out of these arrays, when somebody looks (`smarts/env/observation.py`).
+clipped; what is not there is 0, and a count says how much is there. `HiWayEnv` makes objects with the names
+of the original out of these arrays, when somebody looks (`smarts/env/observation.py`).
 """
 
 
