@@ -24,4 +24,4 @@ CONTROLLERS = Registry(
         "RelativeTargetPose": "smarts.controllers.relative_target_pose:RelativeTargetPose",
     },
 )
-"""`ActionSpaceType` name -> "module:Class" of a `smarts.controllers.protocol.Controller`, made with a scene."""
+"""`ActionSpaceType` name -> "module:Class" of a `protocol.Controller`, which is made with a `Scene`."""

@@ -39,6 +39,12 @@ _BUS, _COACH = int(VehicleKind.BUS), int(VehicleKind.COACH)
 
 
 @kernel
+def _is_changing(phase: int) -> bool:
+    """Tell whether a lane change is going on."""
+    return phase in (_REQUESTED, _MOVING)
+
+
+@kernel
 def steered_lane(
     roads: Roads, table: RouteTable, state: LaneState, b: int, a: int
 ) -> tuple[int, float, float]:
@@ -60,7 +66,7 @@ def steered_lane(
     s, t = place_on_lane(roads, table.lane[row], x, y)
     row, s, t = _onward(roads, table, world, row, s, t, x, y)
     phase = state.change_phase[b, a]
-    is_changing = phase == _REQUESTED or phase == _MOVING
+    is_changing = _is_changing(phase)
     farthest = (LOST_CHANGING if is_changing else LOST) * roads.lane_width[table.lane[row]]
     if abs(t) > farthest and here >= 0:
         row = row_of(table, world, route, first_lane + here, first_lane, hint)
@@ -87,8 +93,9 @@ def _onward(
 @kernel
 def is_drivable(roads: Roads, lane: int, kind: int) -> bool:
     """Tell whether a lane is open to a kind of vehicle."""
-    is_bus = kind == _BUS or kind == _COACH
-    return roads.lane_kind[lane] == _CAR_LANE or (is_bus and roads.lane_kind[lane] == _BUS_LANE)
+    if roads.lane_kind[lane] == _BUS_LANE:
+        return kind in (_BUS, _COACH)
+    return roads.lane_kind[lane] == _CAR_LANE
 
 
 @kernel
@@ -137,7 +144,7 @@ def latch(
             s, t = place_on_lane(roads, lane, state.position[b, slot, 0], state.position[b, slot, 1])
     if phase == _REQUESTED and abs(t) < 0.5 * (width + state.width[b, slot]):
         phase = _MOVING
-    if (phase == _REQUESTED or phase == _MOVING) and abs(t) < SETTLED_OFFSET:
+    if _is_changing(phase) and abs(t) < SETTLED_OFFSET:
         point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
         heading = centre_at(roads, point, s)[2]
         if abs(wrapped(state.heading[b, slot] - heading)) < SETTLED_TURN:
@@ -162,8 +169,7 @@ def _command(
 @kernel
 def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
     """Tell whether a command takes back a lane change: the opposite one, before half of the way."""
-    is_changing = phase == _REQUESTED or phase == _MOVING
-    return is_changing and change * t > 0.5 * width
+    return _is_changing(phase) and change * t > 0.5 * width
 
 
 @kernel
@@ -201,7 +207,7 @@ def _is_legal(
     other = beside(state, lane, change)
     if other < 0 or not is_drivable(roads, other, state.kind[b, slot]):
         return False
-    if phase == _REQUESTED or phase == _MOVING:
+    if _is_changing(phase):
         return _can_abort(phase, t, roads.lane_width[lane], change)
     if roads.lane_inside[lane] or roads.lane_inside[other]:
         return False

@@ -19,8 +19,8 @@ class Legality:
 
     To keep the lane and to slow down are always legal. A lane change is if there is a lane on that side in
     the same direction that is open to the vehicle, outside junctions, and if that lane is on the route and
-    goes on along it or does not end soon. During a lane change only the opposite one is legal, up to half-way:
-    it takes the change back.
+    goes on along it or does not end soon. During a lane change only the opposite one is legal, up to
+    half-way: it takes the change back.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 BEGIN, TARGET, TIME, STEP, PLAN = 0, 4, 8, 9, 10
-"""Columns of a plan: begin and target (x, y [m], heading [rad], speed [m/s] each), time [s], its first step."""
+"""Columns of a plan: begin and target (each x, y [m], heading [rad], speed [m/s]), time [s], first step."""
 
 _PLACE = int(CommandMode.PLACE)
 _SLOWEST = 0.05

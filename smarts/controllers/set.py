@@ -29,8 +29,8 @@ class ControllerSet:
     Args:
         scene: What the controllers work in.
         kinds: The action types in use, as in `SeatRules.action`.
-        speeds: The largest speed of the discrete lane actions on each map [m/s], shape (M,); the lanes' limits
-            alone if not given.
+        speeds: The largest speed of the discrete lane actions on each map [m/s], shape (M,); the lanes'
+            limits alone if not given.
     """
 
     def __init__(self, scene: Scene, kinds: Iterable[int], speeds: Floats | None = None) -> None:

@@ -2,11 +2,11 @@
 
 Lateral: the steering that the reference's curvature takes in steady state (wheelbase, and understeer of the
 vehicle's own tyres), plus feedback on the offset a look-ahead distance in front (Kapania and Gerdes, Vehicle
-System Dynamics 53(12), 2015), the heading being compared with the one that a vehicle which side-slips steadily
-has there. Gain and look-ahead follow from the natural frequency and damping that the lateral motion is to
-have, so that they are scheduled by speed and wheelbase. Longitudinal: the force that the wanted acceleration
-takes, plus a proportional-integral part for what the model does not know. Integrals stand still while the
-actuator is at its bound or the error is large.
+System Dynamics 53(12), 2015), the heading being compared with the one that a vehicle which side-slips
+steadily has there. Gain and look-ahead follow from the natural frequency and damping that the lateral motion
+is to have, so that they are scheduled by speed and wheelbase. Longitudinal: the force that the wanted
+acceleration takes, plus a proportional-integral part for what the model does not know. Integrals stand still
+while the actuator is at its bound or the error is large.
 """
 
 from __future__ import annotations
@@ -118,23 +118,27 @@ def first_bad_command(active, mode, actuators, reference, length, poses):
     """Return the first active row b * A + a whose command holds a number that is not finite, or -1."""
     for b in range(active.shape[0]):
         for a in range(active.shape[1]):
-            if not active[b, a]:
+            if not active[b, a] or mode[b, a] == _NONE:
                 continue
-            total = 0.0
             if mode[b, a] == _TRACK:
-                for point in range(length[b, a]):
-                    for column in range(4):
-                        total += reference[b, a, point, column]
+                total = _sum(reference[b, a], length[b, a])
             elif mode[b, a] == _PLACE:
-                for substep in range(poses.shape[2]):
-                    for column in range(4):
-                        total += poses[b, a, substep, column]
-            elif mode[b, a] != _NONE:
-                for column in range(3):
-                    total += actuators[b, a, column]
+                total = _sum(poses[b, a], poses.shape[2])
+            else:
+                total = actuators[b, a, 0] + actuators[b, a, 1] + actuators[b, a, 2]
             if not math.isfinite(total):
                 return b * active.shape[1] + a
     return -1
+
+
+@kernel
+def _sum(rows, count):
+    """Return the sum of the first rows of a table."""
+    total = 0.0
+    for row in range(count):
+        for column in range(rows.shape[1]):
+            total += rows[row, column]
+    return total
 
 
 @kernel
@@ -154,7 +158,7 @@ def _track(car, state, motion, pose, reference, length, slips, memory, controls,
 
 @kernel
 def _foot(reference, length, x, y):
-    """Return the segment of a reference nearest to a point, the share of it, and the offset to the left [m]."""
+    """Return the nearest segment of a reference, the share of it, and the offset to the left [m]."""
     best, best_square, best_share, best_cross = 0, np.inf, 0.0, 0.0
     for point in range(length - 1):
         a, b = reference[point], reference[point + 1]
@@ -175,7 +179,7 @@ def _foot(reference, length, x, y):
 
 @kernel
 def _heading_ahead(reference, length, segment, share, distance):
-    """Return the reference's heading [rad] a distance [m] ahead of a foot; beyond its end, that of its end."""
+    """Return the reference's heading [rad] a distance [m] ahead of a foot, at most at its end."""
     a, b = reference[segment], reference[segment + 1]
     span = math.hypot(b[0] - a[0], b[1] - a[1])
     distance += share * span
