@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,9 +29,9 @@ from smarts.sim.events import AgentEvents
 from smarts.sim.interest import interest_of
 from smarts.sim.locator import MapLocator
 from smarts.sim.ownership import Ownership
+from smarts.sim.recorder import EpisodeRecorder
 from smarts.sim.schedule import Schedule
 from smarts.sim.simulation import Simulation, Stages
-from smarts.sim.stages import Recorder
 from smarts.sim.starts import Shape
 from smarts.sim.transfer_rules import TakeOverRules
 from smarts.sstudio.built import BuiltScenario
@@ -71,6 +72,8 @@ class Assembly:
     """Buffers with the kinds of all seats."""
     ownership: Ownership
     """Knows the public names of vehicles (`rosters`) and their routes (`routes`)."""
+    recorder: EpisodeRecorder | None
+    """Takes notes on what is recorded (`annotate`); None if nothing is."""
 
 
 class NoRecorder:
@@ -122,29 +125,58 @@ def assemble(
     options = options or Options()
     names = _names(agents, len(interfaces))
     schedule = Schedule(scenarios, names, shapes=[_shape(interface) for interface in interfaces], seed=seed)
+    scene = _scene(schedule, worlds, len(interfaces), options)
+    with ExitStack() as on_failure:
+        vehicles, traffic = _vehicles(scene, interfaces, schedule), _traffic(schedule, worlds, options)
+        on_failure.callback(vehicles.close)
+        on_failure.callback(traffic.close)
+        parts = _assemble(scene, interfaces, schedule, vehicles, traffic, options)
+        on_failure.pop_all()
+    return parts
+
+
+def _scene(schedule: Schedule, worlds: int, seats: int, options: Options) -> Scene:
     atlas = RoadAtlas(schedule.maps)
     world = World(
         worlds=worlds,
-        capacity=schedule.limit + len(interfaces),
-        seats=len(interfaces),
+        capacity=schedule.limit + seats,
+        seats=seats,
         lanes=max(len(graph.lane_ids) for graph in schedule.maps),
         vias=schedule.vias,
         dt=options.dt,
     )
-    scene = Scene(world, atlas, SeatRoutes(atlas, worlds, len(interfaces)))
-    rules = seat_rules(interfaces, options.dt)
-    vehicles = FleetVehicles(
-        world,
+    return Scene(world, atlas, SeatRoutes(atlas, worlds, seats))
+
+
+def _vehicles(scene: Scene, interfaces: Sequence[AgentInterface], schedule: Schedule) -> FleetVehicles:
+    return FleetVehicles(
+        scene.world,
         [interface.vehicle_model for interface in interfaces],
         surfaces=RoadSurfaces(schedule.surfaces, schedule.maps) if any(schedule.surfaces) else None,
     )
-    traffic = TrafficSet(
-        [SumoTraffic(dt=options.dt) for _ in range(worlds)],
-        schedule.maps,
-        lambda: SumoTraffic(dt=options.dt),
-    )
+
+
+def _traffic(schedule: Schedule, worlds: int, options: Options) -> TrafficSet:
+    def engine() -> SumoTraffic:
+        return SumoTraffic(dt=options.dt)
+
+    return TrafficSet([engine() for _ in range(worlds)], schedule.maps, engine)
+
+
+def _assemble(
+    scene: Scene,
+    interfaces: Sequence[AgentInterface],
+    schedule: Schedule,
+    vehicles: FleetVehicles,
+    traffic: TrafficSet,
+    options: Options,
+) -> Assembly:
+    world, rules = scene.world, seat_rules(interfaces, options.dt)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
     entries = Entries(ownership, scene.routes)
+    alive = alive_rules(interfaces, schedule.agents, len(interfaces))
+    interest = interest_of(interfaces, schedule, entries, ownership)
+    recorder = None if options.record is None else EpisodeRecorder(scene, ownership, options.record)
     stages = Stages(
         ownership=ownership,
         entries=entries,
@@ -153,19 +185,13 @@ def assemble(
         traffic=traffic,
         locator=LocatorStage(scene),
         contacts=FootprintContacts(world),
-        events=AgentEvents(
-            scene,
-            rules,
-            alive_rules(interfaces, names, len(interfaces)),
-            interest_of(interfaces, schedule, entries, ownership),
-        ),
+        events=AgentEvents(scene, rules, alive, interest),
         transfer_rules=TakeOverRules(ownership, entries, vehicles.can_accept),
         sensors=SensorSuite(scene, interfaces),
-        recorder=_recorder(scene, ownership, schedule, options),
+        recorder=recorder or NoRecorder(),
     )
-    return Assembly(
-        Simulation(world, stages), schedule, scene, rules, _actions(rules, worlds, options), ownership
-    )
+    actions = _actions(rules, world.worlds, options)
+    return Assembly(Simulation(world, stages), schedule, scene, rules, actions, ownership, recorder)
 
 
 def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
@@ -190,7 +216,3 @@ def _actions(rules: SeatRules, worlds: int, options: Options) -> Actions:
     actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
     actions.kind[:] = rules.action
     return actions
-
-
-def _recorder(scene: Scene, ownership: Ownership, schedule: Schedule, options: Options) -> Recorder:
-    return NoRecorder()

@@ -115,7 +115,7 @@ class Simulation:
         """Begin an episode in some simulations, by row; the others stay as they are.
 
         Raises:
-            TrafficError: A traffic engine refused.
+            TrafficError: A traffic engine refused; all these simulations are to be reset again.
         """
         world, stages = self.world, self._stages
         rows = np.zeros(world.worlds, np.bool_)
@@ -138,9 +138,10 @@ class Simulation:
 
     def close(self) -> None:
         """Give back what the parts hold; may be called again."""
-        self._stages.recorder.close()
         self._stages.traffic.close()
         self._stages.vehicles.close()
+        # The last, since it may have to say that the disk is full.
+        self._stages.recorder.close()
 
     def _begin(self, row: int, start: EpisodeStart) -> None:
         """Empty one simulation and fill it: agents first, since traffic makes room for them."""

@@ -7,8 +7,9 @@ import pytest
 
 from smarts.agents import AgentInterface, DoneCriteria
 from smarts.agents.options import InterfaceError, Waypoints
-from smarts.errors import ScenarioError, TrafficError
-from smarts.sim.assembly import assemble
+from smarts.errors import RecordError, ScenarioError, TrafficError
+from smarts.providers.sumo_library import SumoLibrary
+from smarts.sim.assembly import Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import Outcome
@@ -208,3 +209,30 @@ def test_names_must_fit(scenarios):
         assemble(scenarios, [interface()] * 2, agents=["a", "a"])
     with pytest.raises(ScenarioError, match="5 egos"):
         assemble(scenarios, [interface()] * 5)
+
+
+def test_episodes_are_recorded_where_one_says(scenarios, tmp_path):
+    parts = assemble(scenarios[:1], [interface()], options=Options(record=tmp_path / "episodes"))
+    parts.simulation.reset({0: parts.schedule.start(0, 0)})
+    for _ in range(3):
+        parts.simulation.step(parts.actions, np.ones(1, np.bool_), np.ones((1, 1), np.bool_))
+    assert parts.recorder is not None
+    parts.simulation.close()
+    assert any((tmp_path / "episodes").iterdir())
+
+
+def test_what_was_begun_is_given_back_when_assembly_fails(scenarios, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    before = lowest_free_copy()
+    with pytest.raises(RecordError):
+        assemble(scenarios[:1], [interface()], worlds=3, options=Options(record=tmp_path / "file"))
+    assert lowest_free_copy() == before
+
+
+def lowest_free_copy():
+    """Return the number of the next copy of libsumo that is given out."""
+    library = SumoLibrary()
+    try:
+        return library.index
+    finally:
+        library.close()
