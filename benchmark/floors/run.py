@@ -13,6 +13,7 @@ from benchmark.floors import FLOORS
 from benchmark.floors.protocol import Floor
 from smarts.env.vector import VectorHiWayEnv, VectorStep
 from smarts.errors import TrafficError
+from smarts.types.actions import LaneAction
 from smarts.types.episode import EpisodeStart
 
 
@@ -77,7 +78,8 @@ def _begin(drivers: Sequence[Sequence[Floor]], starts: Sequence[EpisodeStart], r
 
 def _actions(drivers: Sequence[Sequence[Floor]], now: VectorStep) -> NDArray[np.int64]:
     """Return the actions of all who are alive, shape (B, N)."""
-    (leaves,), (masks,) = now.observations, now.masks
+    (leaves,), (mask,) = now.observations, now.masks
+    masks = np.ones((*now.alive.shape, len(LaneAction)), np.bool_) if mask is None else mask
     actions = np.zeros(now.alive.shape, np.int64)
     for row, agent in np.argwhere(now.alive).tolist():
         actions[row, agent] = drivers[row][agent].act(leaves[""][row, agent], masks[row, agent])

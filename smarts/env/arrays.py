@@ -131,13 +131,21 @@ class ArrayWorlds:
             ActionError: An action is not one.
         """
         chosen = chosen & self.batch.alive
-        for group, given in zip(self.groups, actions, strict=True):
-            group.adapter.encode(given, chosen[:, group.columns], self.batch.actions)
+        with self.batch.all_or_none():
+            for group, given in zip(self.groups, actions, strict=True):
+                group.adapter.encode(given, chosen[:, group.columns], self.batch.actions)
         transition = self.batch.step()
         for group in self.groups:
             self.rewards[:, group.columns] = group.adapter.rewards
         self.rewards *= transition.acted
         return transition
+
+
+def box_of(field: Field) -> Box:
+    """Return the space of a field."""
+    # Plain numbers: Box takes neither enumerations nor numpy's.
+    dtype: Any = field.dtype
+    return Box(float(field.low), float(field.high), field.shape, dtype)
 
 
 def space_of(fields: Sequence[Field]) -> Dict:
@@ -148,8 +156,7 @@ def space_of(fields: Sequence[Field]) -> Dict:
         inner = spaces
         for part in path:
             inner = inner.setdefault(part, {})
-        # Plain numbers: Box takes no enumerations.
-        inner[name] = Box(float(each.low), float(each.high), each.shape, each.dtype)
+        inner[name] = box_of(each)
     return _dict_space(spaces)
 
 

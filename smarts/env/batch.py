@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from smarts.agents.acting import Acting, Question
 from smarts.env.adapters.actions import encode_one
-from smarts.errors import ScenarioError, SmartsError
+from smarts.errors import ActionError, ScenarioError, SmartsError
 from smarts.roads.scene import Scene
 from smarts.sim.simulation import Simulation
 from smarts.types.actions import Actions, ActionSpaceType
@@ -200,6 +201,15 @@ class Batch:
             ~self.running,
             dict(self._failures),
         )
+
+    @contextmanager
+    def all_or_none(self) -> Iterator[None]:
+        """Take nobody's action in if one is refused, so that the user may try again."""
+        try:
+            yield
+        except ActionError:
+            self.actions.fresh[:] = False
+            raise
 
     def dispatch(self) -> None:
         """Ask those of the other agents who are to decide now; the last thing before the user's turn."""

@@ -121,25 +121,21 @@ class HiWayEnv(gym.Env):
         infos = {self.agent_ids[seat]: {"env_obs": self._onlooker.seen[seat]} for seat in present}
         return {self.agent_ids[seat]: self._adapted(seat) for seat in present}, infos
 
-    def step(
-        self, actions: Mapping[str, Any]
-    ) -> tuple[dict[str, Any], dict[str, Any], dict[str, bool], dict[str, bool], dict[str, Any]]:
-        """Carry out a decision.
+    def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
+        """Carry out a decision; return observations, rewards, terminated, truncated and infos by agent.
 
-        Actions of agents that are not there (any more, or yet) are ignored, so that a loop over the last
-        observations may act for those that have just ended. An agent without an action goes on as before.
+        Both done dicts have "__all__" too. Actions of agents that are not there (any more, or yet) are ignored,
+        so that a loop over the last observations may act for those that have just ended. An agent without an
+        action goes on as before.
 
         Raises:
             ActionError: An agent is unknown, or an action is not one of its type.
             TrafficError: The traffic engine failed; the next reset works.
         """
-        check_names(actions, self.agent_ids)
-        for name, action in actions.items():
-            seat = self.agent_ids.index(name)
-            if self._batch.alive[0, seat]:
-                adapted = self.agent_specs[name].action_adapter(action)
-                legal = self._batch.world.seats.legal[0, seat]
-                encode_one(name, self._kinds[seat], adapted, 0, seat, legal, self._batch.actions)
+        check_names(action, self.agent_ids)
+        with self._batch.all_or_none():
+            for name, chosen in action.items():
+                self._put(name, chosen)
         transition = self._batch.step()
         for error in transition.failures.values():
             raise error
@@ -149,6 +145,13 @@ class HiWayEnv(gym.Env):
     def close(self) -> None:
         """Give back what the simulation holds; may be called again."""
         self._batch.close()
+
+    def _put(self, name: str, action: Any) -> None:
+        seat = self.agent_ids.index(name)
+        if self._batch.alive[0, seat]:
+            adapted = self.agent_specs[name].action_adapter(action)
+            legal = self._batch.world.seats.legal[0, seat]
+            encode_one(name, self._kinds[seat], adapted, 0, seat, legal, self._batch.actions)
 
     def _told(self, transition: Transition) -> tuple[dict, dict, dict, dict, dict]:
         observations, rewards, infos = {}, {}, {}

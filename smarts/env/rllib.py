@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
+from ray.rllib.utils.typing import AgentID
 
 from smarts.env.arrays import Setting
 from smarts.env.solo import SoloWorld
@@ -48,21 +49,21 @@ class RLlibHiWayEnv(MultiAgentEnv):
     def __init__(self, config: Mapping[str, Any]) -> None:
         super().__init__()
         self._world = SoloWorld(setting_of(config))
-        self.possible_agents = self._world.possible_agents
-        self.agents: list[str] = []
-        self.observation_spaces = self._world.observation_spaces
-        self.action_spaces = self._world.action_spaces
+        self.possible_agents: list[AgentID] = [*self._world.possible_agents]
+        self.agents: list[AgentID] = []
+        self.observation_spaces = {**self._world.observation_spaces}
+        self.action_spaces = {**self._world.action_spaces}
 
     def reset(
         self, *, seed: int | None = None, options: dict | None = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    ) -> tuple[dict[AgentID, Any], dict[AgentID, Any]]:
         """Begin the next episode, or with a seed the first one of that seed."""
         super().reset(seed=seed, options=options)
         observations, infos = self._world.reset(seed)
         self.agents = list(observations)
-        return observations, infos
+        return {**observations}, {**infos}
 
-    def step(self, action_dict: Mapping[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
+    def step(self, action_dict: Mapping[Any, Any]) -> tuple[dict, dict, dict, dict, dict]:
         """Carry out a decision.
 
         Agents that end with it are among `agents` until the next step, as RLlib wants those whose

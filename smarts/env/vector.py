@@ -11,7 +11,7 @@ from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
 from smarts.env.adapters.protocol import MASK
-from smarts.env.arrays import Agents, ArrayWorlds, Group, Setting
+from smarts.env.arrays import Agents, ArrayWorlds, Group, Setting, box_of
 from smarts.env.batch import EpisodeKey, Transition
 from smarts.errors import SmartsError, TrafficError
 from smarts.sim.assembly import Options
@@ -298,10 +298,7 @@ def _mask(group: Group) -> Bools | None:
 
 def _block(group: Group) -> Block:
     fields = {field.name: field for field in group.adapter.fields if field.name != MASK}
-    spaces = {
-        name: Box(float(field.low), float(field.high), field.shape, field.dtype)
-        for name, field in fields.items()
-    }
+    spaces = {name: box_of(field) for name, field in fields.items()}
     if [*spaces] == ["observation"]:
         spaces = {"": spaces["observation"]}
     action = group.action

@@ -138,7 +138,7 @@ def _mark(served: Served, chosen: Bools, out: Actions) -> None:
 
 
 def _not_finite(values: NDArray) -> Bools:
-    return ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    return np.array([not np.isfinite(value).all() for value in values], np.bool_)
 
 
 def _refuse(

@@ -63,8 +63,8 @@ def _heading_errors(
     point, last = roads.point_start[lane], roads.point_start[lane + 1] - 2
     for i in range(WAYPOINTS):
         while s > roads.point_s[last + 1] and table.onward_start[row + 1] > table.onward_start[row]:
-            s -= roads.point_s[last + 1]
-            row = table.onward[table.onward_start[row]]
+            s -= float(roads.point_s[last + 1])
+            row = int(table.onward[table.onward_start[row]])
             lane = table.lane[row]
             point, last = roads.point_start[lane], roads.point_start[lane + 1] - 2
         if s <= roads.point_s[last + 1]:

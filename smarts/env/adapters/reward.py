@@ -163,7 +163,15 @@ class Memory(NamedTuple):
     def allocate(cls, worlds: int, agents: int) -> Memory:
         """Return memories of nobody."""
         shape = (worlds, agents)
-        return cls(*(np.zeros(shape) for _ in range(5)), np.zeros(shape, np.int32), np.zeros(shape, np.int32))
+        return cls(
+            initial=np.zeros(shape),
+            potential=np.zeros(shape),
+            remaining=np.zeros(shape),
+            goal_distance=np.zeros(shape),
+            centring=np.zeros(shape),
+            events=np.zeros(shape, np.int32),
+            steps=np.zeros(shape, np.int32),
+        )
 
 
 @kernel
