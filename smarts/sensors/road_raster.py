@@ -28,8 +28,8 @@ PATH = 8
 _CELL = 0.2
 """Side of a cell [m], about the size of the finest pixels."""
 _MOST_CELLS = 40_000_000
-_LINE = 0.15
-"""Half the width of a line [m], somewhat more than real ones so that no cell is skipped."""
+_LINE = 0.2
+"""Half the width of a line [m]: twice that of real ones, so that no line falls between cells or pixels."""
 _DASH = 3.0
 """[m]"""
 _PATHS = (LaneKind.BICYCLE, LaneKind.FOOT, LaneKind.SHOULDER)

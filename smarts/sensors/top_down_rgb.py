@@ -29,7 +29,7 @@ Pixels = NDArray[np.uint8]
 _AGENT = int(Owner.AGENT)
 _GROUND = (26, 32, 26)
 _WALK = (52, 52, 48)
-_FINE = 0.5
+_FINE = 0.4
 """Side of the largest pixels that show lines [m]."""
 
 
