@@ -1,5 +1,6 @@
 """Whole simulations: a row of a batch equals the same run alone, failures stay with their row."""
 
+import dataclasses
 import hashlib
 
 import numpy as np
@@ -12,6 +13,7 @@ from smarts.providers.sumo_library import SumoLibrary
 from smarts.sim.assembly import Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
+from smarts.types.episode import TakeOver
 from smarts.types.events import Outcome
 from smarts.types.seats import SeatState
 from smarts.types.vehicles import Owner
@@ -236,3 +238,51 @@ def lowest_free_copy():
         return library.index
     finally:
         library.close()
+
+
+def waiting_for_traffic(parts, world, **rule):
+    """Return an episode with traffic in which the first agent takes over a vehicle instead of a new one."""
+    starts = (parts.schedule.start(world, episode) for episode in range(20))
+    start = next(start for start in starts if start.traffic.warm_up)
+    first = dataclasses.replace(start.seats[0], take_over=TakeOver(**rule))
+    return dataclasses.replace(start, seats=(first, *start.seats[1:]))
+
+
+@pytest.mark.parametrize("model", ["kinematic", "bullet"])
+def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, model):
+    parts = assemble(scenarios[:1], [interface(model)] * EGOS)
+    world, everybody = parts.simulation.world, np.ones((1, EGOS), np.bool_)
+    try:
+        parts.simulation.reset({0: waiting_for_traffic(parts, 0, patience=50.0)})
+        assert world.seats.state[0].tolist() == [SeatState.WAITING, SeatState.ACTIVE]
+        slot, before, name = -1, None, ""
+        for step in range(60):
+            frame = parts.simulation.step(parts.actions, np.ones(1, np.bool_), everybody)
+            assert not frame.failures
+            vehicles, now = world.vehicles, int(world.seats.slot[0, 0])
+            if slot < 0 <= now:
+                slot, name = now, parts.ownership.rosters[0].name(now)
+                assert world.before.owner[0, slot] == Owner.TRAFFIC
+            if slot >= 0 and now == slot:
+                moved = np.hypot(*(vehicles.position[0, slot] - world.before.position[0, slot]))
+                speed = world.before.speed[0, slot]
+                assert moved == pytest.approx(speed * 0.1, abs=0.1)
+                assert abs(vehicles.speed[0, slot] - speed) < 0.9
+                turn = vehicles.heading[0, slot] - world.before.heading[0, slot]
+                assert abs((turn + np.pi) % (2 * np.pi) - np.pi) < np.radians(4)
+            if step == 20:
+                world.seats.state[0, 0], world.seats.outcome[0, 0] = SeatState.DONE, Outcome.TIME_OUT
+                frame.events.just_done[0, 0] = True
+                stages = parts.simulation._stages
+                transfers = stages.transfer_rules.propose(world, frame.events, np.ones(1, np.bool_))
+                stages.ownership.submit(transfers)
+            if step == 21:
+                assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
+                before = world.vehicles.position[0, slot].copy()
+        assert slot >= 0
+        assert world.seats.slot[0, 0] == -1
+        if world.vehicles.alive[0, slot]:
+            assert parts.ownership.rosters[0].name(slot) == name
+            assert np.hypot(*(world.vehicles.position[0, slot] - before)) > 5
+    finally:
+        parts.simulation.close()
