@@ -63,6 +63,9 @@ def steered_lane(
         return -1, 0.0, 0.0
     route, hint = state.route[b, a], state.route_done[b, a]
     row = row_of(table, world, route, first_lane + lane, first_lane, hint)
+    if lane == here and 0.0 < state.lane_position[b, slot] < lane_length(roads, table.lane[row]):
+        # Known from the locator.
+        return row, state.lane_position[b, slot], state.lane_offset[b, slot]
     s, t = place_on_lane(roads, table.lane[row], x, y)
     row, s, t = _onward(roads, table, world, row, s, t, x, y)
     phase = state.change_phase[b, a]

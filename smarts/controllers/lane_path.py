@@ -160,6 +160,8 @@ def write_reference(
     offset = math.copysign(max(abs(t) - TRACKED_OFFSET, 0.0), t)
     spacing = NEAR_SPACING
     is_over = False
+    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+    last = roads.point_start[lane + 1] - 2
     for i in range(count):
         while s > length and not is_over:
             following = next_row(roads, table, world, row, first_lane)
@@ -170,13 +172,17 @@ def write_reference(
                 s -= length
                 lane = table.lane[row]
                 length = lane_length(roads, lane)
-        point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+                point, last = int(roads.point_start[lane]), roads.point_start[lane + 1] - 2
+        while point < last and roads.point_s[point + 1] <= s:
+            point += 1
         x, y, heading = centre_at(roads, point, s)
-        slope = min(STEEPEST, min(LATERAL_SPEED, abs(offset) / LATERAL_TIME) / max(speed, 4.0))
-        slope = -math.copysign(slope, offset)
-        reference[i, 0] = x - offset * math.sin(heading)
-        reference[i, 1] = y + offset * math.cos(heading)
-        reference[i, 2] = wrapped(heading + math.atan(slope))
+        slope = 0.0
+        if offset != 0.0:
+            slope = min(STEEPEST, min(LATERAL_SPEED, abs(offset) / LATERAL_TIME) / max(speed, 4.0))
+            slope = -math.copysign(slope, offset)
+            x, y = x - offset * math.sin(heading), y + offset * math.cos(heading)
+            heading = wrapped(heading + math.atan(slope))
+        reference[i, 0], reference[i, 1], reference[i, 2] = x, y, heading
         reference[i, 3] = min(cap, roads.lane_speed[lane]) if obeys else cap
         offset += slope * spacing
         s += spacing

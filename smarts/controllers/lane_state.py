@@ -37,6 +37,8 @@ class LaneState(NamedTuple):
     length: Floats
     width: Floats
     lane: Ints
+    lane_position: Floats
+    lane_offset: Floats
     desired_speed: Floats
     left: Ints
     """Lane to the left in the same direction, numbered across all maps, -1 for none, shape (L,)."""
@@ -65,6 +67,8 @@ class LaneState(NamedTuple):
             length=vehicles.length,
             width=vehicles.width,
             lane=vehicles.lane,
+            lane_position=vehicles.lane_position,
+            lane_offset=vehicles.lane_offset,
             desired_speed=vehicles.desired_speed,
             left=left,
             right=right,

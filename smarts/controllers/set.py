@@ -12,7 +12,7 @@ from smarts.controllers.neutral import Neutral
 from smarts.controllers.protocol import Controller
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
-from smarts.types.seats import NEITHER, SeatState
+from smarts.types.seats import NEITHER, ChangePhase, SeatState
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
@@ -55,9 +55,20 @@ class ControllerSet:
             if chosen.any():
                 controller.command(self._scene, actions, chosen, out)
                 if controller.action not in LANE_TYPES:
-                    # Who steers by other means is bound for no lane.
-                    seats.target_lane[chosen] = NEITHER
+                    self._steer_freely(world, chosen)
         silent = active & ~actions.given
         if silent.any():
             self._neutral.command(self._scene, actions, silent, out)
         return out
+
+    def _steer_freely(self, world: World, chosen: Bools) -> None:
+        """Say of seats that steer by other means than lanes: bound for none, as fast as is allowed here."""
+        seats, vehicles = world.seats, world.vehicles
+        row, seat = np.nonzero(chosen)
+        slot = seats.slot[row, seat]
+        seats.target_lane[row, seat] = NEITHER
+        seats.change_phase[row, seat] = ChangePhase.NONE
+        lane = vehicles.lane[row, slot]
+        roads = self._scene.atlas.roads
+        limits = roads.lane_speed[roads.lane_base[world.map[row]] + np.maximum(lane, 0)]
+        vehicles.desired_speed[row, slot] = np.where(lane >= 0, limits, 0.0)
