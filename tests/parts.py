@@ -86,52 +86,6 @@ class Bicycles:
         pass
 
 
-class Followers(Bicycles):
-    """Bicycles that follow references to the letter, at the reference's speed, and take poses as told."""
-
-    def step(self, world, commands, rows):
-        driven = (world.seats.state == SeatState.ACTIVE) & rows[:, None]
-        for row, seat in zip(*map(np.ndarray.tolist, np.nonzero(driven)), strict=True):
-            mode = commands.mode[row, seat]
-            if mode == CommandMode.TRACK and commands.reference_length[row, seat] > 1:
-                self._follow(world, row, seat, commands)
-            elif mode == CommandMode.PLACE:
-                self._put(world, row, seat, commands.poses[row, seat])
-            else:
-                self._drive(world, row, seat, commands.actuators[row, seat].tolist())
-        return self._tracks
-
-    def _follow(self, world, row, seat, commands):
-        points = commands.reference[row, seat, : commands.reference_length[row, seat]]
-        slot, vehicles = int(world.seats.slot[row, seat]), world.vehicles
-        x, y = vehicles.position[row, slot]
-        gone = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points[:, :2], axis=0).T))))
-        behind = np.maximum.accumulate(gone)
-        ahead = (points[:, 0] - x) * np.cos(points[:, 2]) + (points[:, 1] - y) * np.sin(points[:, 2])
-        start = gone[int(np.argmax(ahead >= 0.0))] - max(0.0, ahead[int(np.argmax(ahead >= 0.0))])
-        speed = float(vehicles.speed[row, slot])
-        poses = np.zeros((SUBSTEPS, 4))
-        for substep in range(SUBSTEPS):
-            wanted = float(np.interp(start, behind, points[:, 3]))
-            change = np.clip(wanted - speed, -0.05, 0.025)
-            speed = max(0.0, speed + change)
-            start += speed * world.dt / SUBSTEPS
-            heading = np.interp(start, behind, np.unwrap(points[:, 2]))
-            pose = np.interp(start, behind, points[:, 0]), np.interp(start, behind, points[:, 1])
-            poses[substep] = *pose, math.remainder(heading, math.tau), speed
-        self._put(world, row, seat, poses)
-
-    def _put(self, world, row, seat, poses):
-        vehicles, slot = world.vehicles, int(world.seats.slot[row, seat])
-        self._tracks[row, seat] = poses[:, :3]
-        vehicles.position[row, slot] = poses[-1, :2]
-        turn = math.remainder(poses[-1, 2] - float(vehicles.heading[row, slot]), math.tau)
-        vehicles.yaw_rate[row, slot] = turn / world.dt
-        vehicles.heading[row, slot] = poses[-1, 2]
-        vehicles.acceleration[row, slot] = (poses[-1, 3] - vehicles.speed[row, slot]) / world.dt
-        vehicles.speed[row, slot] = poses[-1, 3]
-
-
 class NoContacts:
     def __init__(self, worlds: int, seats: int, capacity: int) -> None:
         self._contacts = Contacts.allocate(worlds, seats, capacity)

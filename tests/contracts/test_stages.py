@@ -6,10 +6,12 @@ import inspect
 import numpy as np
 import pytest
 
+from smarts.agents import AgentInterface
+from smarts.sim.assembly import assemble
 from smarts.sim.simulation import Simulation
 from smarts.sstudio.build import build_scenario
+from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import Owner
-from tests.parts import episode, simulation_of
 
 LOCATION = {"lane", "lane_position", "lane_offset"}
 IDENTITY = {"alive", "generation", "owner", "kind", "length", "width", "home"}
@@ -39,12 +41,13 @@ class Guard:
         if not callable(method):
             return method
         parameters = list(inspect.signature(method).parameters)
-        if name == "reset" or not {"world", "rows"} <= set(parameters):
+        if name == "reset" or "world" not in parameters or not {"rows", "wanted"} & set(parameters):
             return method
 
         def watched(*arguments):
             given = dict(zip(parameters, arguments, strict=True))
-            world, rows = given["world"], given["rows"]
+            world = given["world"]
+            rows = given["rows"] if "rows" in given else given["wanted"].any(axis=1)
             before = {table: array.copy() for table, array in tables(world).items()}
             result = method(*arguments)
             for table, array in tables(world).items():
@@ -104,22 +107,52 @@ ALLOWED = {
 }
 
 
+INTERFACES = [
+    AgentInterface(
+        waypoint_paths=True,
+        neighborhood_vehicle_states=True,
+        road_waypoints=True,
+        occupancy_grid_map=True,
+        action=action,
+        vehicle_model=model,
+        max_episode_steps=40,
+    )
+    for action, model in (
+        (ActionSpaceType.Lane, "bullet"),
+        (ActionSpaceType.Continuous, "kinematic"),
+        (ActionSpaceType.LaneWithContinuousSpeed, "dynamic"),
+    )
+]
+
+
 @pytest.fixture
 def watched():
-    scenarios = [build_scenario("intersection")]
-    simulation, actions = simulation_of(scenarios, worlds=2, egos=2)
-    stages = simulation._stages
+    parts = assemble([build_scenario("intersection")], INTERFACES, worlds=2)
+    stages = parts.simulation._stages
     guards = {name: Guard(getattr(stages, name), allowed) for name, allowed in ALLOWED.items()}
-    guarded = Simulation(simulation.world, dataclasses.replace(stages, **guards))
-    guarded.reset({row: episode(scenarios, 0, egos=2, world=row) for row in range(2)})
-    yield guarded, actions
+    guarded = Simulation(parts.simulation.world, dataclasses.replace(stages, **guards))
+    guarded.reset({row: parts.schedule.start(row, row) for row in range(2)})
+    yield guarded, parts
     guarded.close()
 
 
 def test_stages_write_what_is_theirs(watched):
-    simulation, actions = watched
-    actions.values[:, :, 0] = 0.3
-    for step in range(60):
+    simulation, parts = watched
+    actions, world, number = parts.actions, simulation.world, 0
+    steps = [0, 0]
+    for step in range(90):
         rows = np.array([True, step % 3 != 1])
-        simulation.step(actions, rows, np.ones((2, 2), np.bool_))
-    assert simulation.world.step.tolist() == [60, 40]
+        actions.given[:] = step > 2
+        actions.fresh[:] = step % 5 == 0
+        actions.legal[:] = world.seats.legal
+        actions.values[:, 0, 0] = step // 5 % 4
+        actions.values[:, 1, :3] = 0.4, 0.0, 0.1 * (step % 3 - 1)
+        actions.values[:, 2, :2] = 6.0, step // 5 % 3 - 1
+        frame = simulation.step(actions, rows, np.ones((2, 3), np.bool_))
+        steps = [count + int(here) for count, here in zip(steps, rows, strict=True)]
+        assert world.step.tolist() == steps
+        for row in np.flatnonzero(frame.events.finished).tolist():
+            number += 1
+            steps[row] = 0
+            simulation.reset({row: parts.schedule.start(row, number + 1)})
+    assert number >= 2
