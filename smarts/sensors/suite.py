@@ -41,7 +41,7 @@ class _Group:
     sensor: Sensor
     seats: Ints
     wanted: Bools
-    """Buffer, shape (B, G)."""
+    """Buffer that groups of the same seats share, shape (B, G)."""
     block: Mapping[str, NDArray]
 
 
@@ -59,6 +59,8 @@ class SensorSuite:
     def __init__(self, scene: Scene, interfaces: Sequence[AgentInterface | None]) -> None:
         self._scene = scene
         self._groups = _groups(interfaces, scene.world.worlds)
+        buffers = {id(group.wanted): (group.seats, group.wanted) for group in self._groups}
+        self._wanted = tuple(buffers.values())
         self._readings = Readings(
             {group.name: group.block for group in self._groups},
             {group.name: group.seats for group in self._groups},
@@ -71,9 +73,10 @@ class SensorSuite:
 
     def observe(self, world: World, wanted: Bools) -> Readings:
         """Return the readings of the wanted seats, shape (B, A)."""
-        for group in self._groups:
-            np.take(wanted, group.seats, axis=1, out=group.wanted)
-            if group.wanted.any():
+        for seats, buffer in self._wanted:
+            np.take(wanted, seats, axis=1, out=buffer)
+        if wanted.any():
+            for group in self._groups:
                 group.sensor.observe(self._scene, group.seats, group.wanted, group.block)
         return self._readings
 
@@ -88,12 +91,14 @@ def _groups(interfaces: Sequence[AgentInterface | None], worlds: int) -> list[_G
     for seat, interface in enumerate(interfaces):
         for name, sensor in (sensors_of(interface) if interface else {}).items():
             seats[name].setdefault(sensor, []).append(seat)
+    members_of = {tuple(members) for groups in seats.values() for members in groups.values()}
+    wanted = {members: np.zeros((worlds, len(members)), np.bool_) for members in members_of}
     return [
         _Group(
             name=name if number == 1 else f"{name}:{number}",
             sensor=sensor,
             seats=np.array(members, np.int32),
-            wanted=np.zeros((worlds, len(members)), np.bool_),
+            wanted=wanted[tuple(members)],
             block={field.name: field.allocate(worlds, len(members)) for field in sensor.fields()},
         )
         for name, groups in seats.items()
