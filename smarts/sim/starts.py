@@ -32,11 +32,13 @@ TRIES = 20
 GOAL_RADIUS = 2.0
 """[m]"""
 LEAST_ROUTE = 1.0
-"""A goal that is nearer than this to its start is a mistake of the scenario [m]."""
+"""How far ahead of its vehicle's centre a goal has to be [m]."""
 TRAP_LENGTH = 20.0
 """Of the area around a start where an agent takes a vehicle over, unless the scenario names one [m]."""
 TRAP_BEHIND = 5.0
 """How much of that area lies before the start [m]."""
+KNOWN_FACTS = t.ConditionRequires.time | t.ConditionRequires.actor_ids
+"""What conditions of entry may be about."""
 _ACCELERATION = 3.0
 """With which an undisturbed driver reaches the limit [m/s^2]."""
 
@@ -59,7 +61,7 @@ def draw_starts(
     shapes: Sequence[Shape],
     generator: Generator,
 ) -> tuple[SeatStart, ...]:
-    """Return how the egos of one episode begin, drawn anew while two of them overlap.
+    """Return how the egos of one episode begin, drawn anew while two overlap or one is past its goal.
 
     Args:
         built: The scenario.
@@ -69,11 +71,11 @@ def draw_starts(
         generator: Draws random routes and the variation of starts.
 
     Raises:
-        ScenarioError: A mission cannot be on the map, or egos overlap however they are drawn.
+        ScenarioError: A mission cannot be on the map, or no draw makes a start.
     """
     roads, variation = built.roads(), built.scenario.start_variation
     longest = max((shape.length for shape in shapes), default=Shape().length)
-    overlap = None
+    problem = ""
     for _ in range(TRIES):
         placed = place_missions(
             missions, roads, generator, variation, vehicle_length=longest, place=built.name
@@ -82,48 +84,53 @@ def draw_starts(
             seat_start(mission, roads, name, shape, f"{built.name}: mission {number}")
             for number, (mission, name, shape) in enumerate(zip(placed, names, shapes, strict=True))
         )
-        overlap = _overlapping([start for start in starts if start.entry_time <= 0 and not start.take_over])
-        if overlap is None:
+        problem = _problem(starts)
+        if not problem:
             return starts
     raise ScenarioError(
-        f"the starts of agents {overlap} overlap in {TRIES} draws out of {TRIES}",
+        f"{problem}, in {TRIES} draws out of {TRIES}",
         place=built.name,
-        remedy="move the missions' starts apart, or vary them less",
+        remedy="move the missions' starts and goals apart, or vary the starts less",
     )
 
 
-def _overlapping(starts: Sequence[SeatStart]) -> str | None:
-    """Return the names of two agents whose vehicles overlap, None if there are none."""
-    for first, second in itertools.combinations(starts, 2):
-        boxes = [
-            (np.array([start.pose[:2]]), np.array([start.pose[2]]), np.array([[start.length, start.width]]))
-            for start in (first, second)
-        ]
-        if boxes_overlap(*boxes[0], *boxes[1]).any():
-            return f"{first.name!r} and {second.name!r}"
-    return None
+def _problem(starts: Sequence[SeatStart]) -> str:
+    """Return why an episode cannot begin like this, "" if it can."""
+    for start in starts:
+        if start.mission.route and start.mission.route_length < LEAST_ROUTE:
+            return f"the goal of {start.name!r} is not ahead of its start"
+    here = [start for start in starts if start.entry_time <= 0 and not start.take_over]
+    for first, second in itertools.combinations(here, 2):
+        if boxes_overlap(*_box(first), *_box(second)).any():
+            return f"the starts of {first.name!r} and {second.name!r} overlap"
+    return ""
+
+
+def _box(start: SeatStart) -> tuple[NDArray, NDArray, NDArray]:
+    """Return centre, heading and size."""
+    return np.array(start.pose[:2]), np.array(start.pose[2]), np.array([start.length, start.width])
 
 
 def seat_start(placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape, place: str) -> SeatStart:
     """Return the start of one seat.
 
     Raises:
-        ScenarioError: The goal is at the start.
+        ScenarioError: A condition of entry is about what nobody knows then.
     """
     return SeatStart(
         name=name,
         pose=placed.start.pose(roads, behind=shape.length / 2),
         speed=placed.speed,
-        mission=_seat_mission(placed, roads, shape, place),
+        mission=_seat_mission(placed, roads, shape),
         kind=shape.kind,
         length=shape.length,
         width=shape.width,
         entry_time=placed.start_time,
-        take_over=_take_over(placed, roads),
+        take_over=_take_over(placed, roads, place),
     )
 
 
-def _seat_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape, place: str) -> SeatMission:
+def _seat_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape) -> SeatMission:
     vias = tuple(_via(via, roads) for via in placed.via)
     if placed.goal is None:
         return SeatMission(vias=vias)
@@ -137,12 +144,6 @@ def _seat_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape, place: 
         behind = placed.start.s - shape.length / 2
         begin = distance_along(corridor, roads, placed.start.lane, behind)
         length = distance_along(corridor, roads, placed.goal.lane, placed.goal.s, last=True) - begin
-        if not length >= LEAST_ROUTE:
-            raise ScenarioError(
-                f"the goal is {length:.1f} m ahead of the start",
-                place=place,
-                remedy=f"put it at least {LEAST_ROUTE:g} m ahead",
-            )
     return SeatMission(
         route=route,
         goal=GoalKind.LAPS if isinstance(mission, t.LapMission) else GoalKind.POSITION,
@@ -206,12 +207,19 @@ def _via(via: ViaPoint, roads: LaneGraph) -> Via:
     return Via((x, y), via.point.lane, via.hit_distance, via.required_speed)
 
 
-def _take_over(placed: PlacedMission, roads: LaneGraph) -> TakeOver | None:
+def _take_over(placed: PlacedMission, roads: LaneGraph, place: str) -> TakeOver | None:
     tactic = placed.mission.entry_tactic
+    if not isinstance(tactic, t.IdEntryTactic | t.TrapEntryTactic):
+        return None
+    unknown = tactic.condition.requires & ~KNOWN_FACTS
+    if unknown:
+        raise ScenarioError(
+            f"the condition is about {unknown.name}, which is not known when an agent enters",
+            place=f"{place}.entry_tactic.condition",
+            remedy="use conditions on time and on who is there",
+        )
     if isinstance(tactic, t.IdEntryTactic):
         return TakeOver(vehicle=tactic.actor_id, condition=tactic.condition)
-    if not isinstance(tactic, t.TrapEntryTactic):
-        return None
     return TakeOver(
         areas=_trap_areas(tactic, placed, roads),
         spared=tuple(tactic.exclusion_prefixes),
