@@ -67,16 +67,14 @@ def _derive(atlas: RoadAtlas) -> RoadLinks:
 
 def _reverse_edges(graph: LaneGraph) -> list[list[int]]:
     """Return for each edge the road edges that lead back along it: their ends are its, and side by side."""
-    road = np.flatnonzero(~graph.edge_is_internal)
     reverse: list[list[int]] = [[] for _ in graph.edge_ids]
-    for edge in road:
-        for other in road:
-            meet = (
-                graph.edge_from[edge] == graph.edge_to[other]
-                and graph.edge_to[edge] == graph.edge_from[other]
-            )
-            if edge != other and meet and _is_beside(graph, int(edge), int(other)):
-                reverse[edge].append(int(other))
+    leading: dict[tuple[int, int], list[int]] = {}
+    for edge in np.flatnonzero(~graph.edge_is_internal).tolist():
+        leading.setdefault((int(graph.edge_from[edge]), int(graph.edge_to[edge])), []).append(edge)
+    for (begin, end), edges in leading.items():
+        back = leading.get((end, begin), [])
+        for edge in edges:
+            reverse[edge] = [other for other in back if other != edge and _is_beside(graph, edge, other)]
     return reverse
 
 
