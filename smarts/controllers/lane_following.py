@@ -87,7 +87,8 @@ def follow_lanes(
             state.desired_speed[b, slot] = desired
             points = reference[b, a]
             speed = state.speed[b, slot]
-            write_reference(roads, table, state.map[b], row, s, t, speed, cap, manner != BY_SPEED, points)
+            obeys, agility = manner != BY_SPEED, state.agility[state.kind[b, slot]]
+            write_reference(roads, table, state.map[b], row, s, t, speed, cap, obeys, agility, points)
             if manner == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
             elif manner == NEUTRAL:

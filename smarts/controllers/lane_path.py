@@ -137,6 +137,7 @@ def write_reference(
     speed: float,
     cap: float,
     obeys: bool,
+    agility: float,
     reference: Floats,
 ) -> None:
     """Write the points that lead a vehicle along its lane from now on, shape (R, 4), see `Commands`.
@@ -151,6 +152,7 @@ def write_reference(
         speed: Of the vehicle [m/s].
         cap: The largest speed [m/s].
         obeys: Whether the lanes' limits hold too.
+        agility: How fast the vehicle can change its curvature [1/(m s)].
         reference: Written.
     """
     count = len(reference)
@@ -188,21 +190,36 @@ def write_reference(
         s += spacing
         if i >= NEAR_POINTS:
             spacing *= GROWTH
-    limit_speeds(reference, count)
+    limit_speeds(reference, count, agility)
 
 
 @kernel
-def limit_speeds(reference: Floats, count: int) -> None:
-    """Lower the speeds of the first points to what their curves allow, and to what braking there takes."""
+def limit_speeds(reference: Floats, count: int, agility: float) -> None:
+    """Lower the speeds of the first points to what their curves allow, and to what braking there takes.
+
+    Args:
+        reference: Shape (R, 4).
+        count: How many points count.
+        agility: How fast the vehicle can change its curvature [1/(m s)].
+    """
+    curvature = np.empty(count)
     for i in range(count):
         before, after = max(i - 2, 0), min(i + 2, count - 1)
-        a, b = reference[before], reference[after]
-        span = max(math.hypot(b[0] - a[0], b[1] - a[1]), 2.0)
-        curvature = abs(wrapped(b[2] - a[2])) / span
-        if curvature > 1e-4:
-            fastest = max(math.sqrt(CURVE_ACCELERATION / curvature), LEAST_CURVE_SPEED)
-            reference[i, 3] = min(reference[i, 3], fastest)
+        curvature[i] = wrapped(reference[after, 2] - reference[before, 2]) / _span(reference, before, after)
+    for i in range(count):
+        fastest = math.sqrt(CURVE_ACCELERATION / max(abs(curvature[i]), 1e-4))
+        before, after = max(i - 3, 0), min(i + 3, count - 1)
+        change = abs(curvature[after] - curvature[before]) / _span(reference, before, after)
+        fastest = min(fastest, agility / max(change, 1e-6))
+        reference[i, 3] = min(reference[i, 3], max(fastest, LEAST_CURVE_SPEED))
     for i in range(count - 2, -1, -1):
         a, b = reference[i], reference[i + 1]
         room = math.hypot(b[0] - a[0], b[1] - a[1])
         reference[i, 3] = min(a[3], math.sqrt(b[3] * b[3] + 2.0 * BRAKING * room))
+
+
+@kernel
+def _span(reference: Floats, before: int, after: int) -> float:
+    """Return the distance between two points of a reference, and never next to nothing [m]."""
+    a, b = reference[before], reference[after]
+    return max(math.hypot(b[0] - a[0], b[1] - a[1]), 2.0)

@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.dynamics import vehicle, vehicle_names
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
+from smarts.types.vehicles import VehicleKind
 
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.int8]
@@ -43,6 +45,8 @@ class LaneState(NamedTuple):
     left: Ints
     """Lane to the left in the same direction, numbered across all maps, -1 for none, shape (L,)."""
     right: Ints
+    agility: Floats
+    """How fast each `VehicleKind` can change its curvature, for its steering's rate [1/(m s)], shape (K,)."""
 
     @classmethod
     def of(cls, scene: Scene) -> LaneState:
@@ -72,6 +76,7 @@ class LaneState(NamedTuple):
             desired_speed=vehicles.desired_speed,
             left=left,
             right=right,
+            agility=agilities(),
         )
 
 
@@ -84,3 +89,14 @@ def neighbours(atlas: RoadAtlas) -> tuple[Ints, Ints]:
         raised = [np.where(lanes < 0, -1, lanes + base) for lanes, base in zip(beside, bases, strict=True)]
         found.append(np.concatenate(raised).astype(np.int32))
     return found[0], found[1]
+
+
+def agilities() -> Floats:
+    """Return `LaneState.agility`."""
+    known = vehicle_names()
+    found = np.full(len(VehicleKind), np.inf)
+    for kind in VehicleKind:
+        if kind.name.lower() in known:
+            parameters = vehicle(kind.name.lower())
+            found[kind] = parameters.steering.rate / parameters.wheelbase
+    return found
