@@ -24,7 +24,9 @@ from smarts.types.episode import EpisodeStart
 Floats = NDArray[np.float64]
 
 HORIZON = 5.0
-"""How far ahead others are followed [s]."""
+"""How far ahead those are followed who go first [s]."""
+SHORT_HORIZON = 2.5
+"""How far ahead those are followed who should give way [s]."""
 TIMES = np.arange(0.25, HORIZON + 0.01, 0.25)
 """[s]"""
 SPEEDING_UP = 2.5
@@ -34,17 +36,29 @@ BRAKING = 2.5
 MOST_SPEED = 13.0
 """[m/s]"""
 JUNCTION_SPEED = 6.0
-"""Near junctions [m/s]."""
-LENGTH, WIDTH = 5.0, 1.8
+"""Near junctions, and where a lane change is overdue [m/s]."""
+LENGTH = 5.0
 """Of every vehicle, for want of better knowledge [m]."""
+DISC = 1.1
+"""Radius of the discs that stand for a vehicle [m]."""
+DISC_PLACES = np.array([-1.7, 0.0, 1.7])
+"""Of their centres along it [m]."""
+SAFE = 0.6
+"""Distance to keep from others [m]."""
 LANE = 3.2
 """[m]"""
+OVERDUE = 60.0
+"""Distance to the goal within which one should be in its lane [m]."""
+PATIENCE = 16
+"""Decisions at rest after which one claims the right of way."""
 
 
 class Yielder:
     """Slows down when going on would bring it near the predicted place of another, and goes on otherwise.
 
-    It changes lanes when its goal lies to the side of a straight road and the lane there is free.
+    The right of way: oncoming traffic goes before who turns left, the right before the left; others still
+    have to be avoided if they come too near. It changes lanes when its goal lies to the side of a straight
+    road and the lane there is free.
     """
 
     def begin(self, episode: EpisodeStart, agent: int) -> None:
@@ -54,40 +68,43 @@ class Yielder:
     def act(self, observation: NDArray[np.float32], mask: NDArray[np.bool_]) -> int:
         """Return a legal action."""
         now = observation[(FRAMES - 1) * FEATURES : FRAMES * FEATURES].astype(np.float64)
-        speed = now[SPEED] * SPEED_SCALE
-        others = _others(now, speed)
-        path = _path(now[HEADINGS : HEADINGS + WAYPOINTS])
-        arrival = float(observation[-1])
-        change = self._lane_change(now, others, speed, mask)
-        if change is not None:
-            return change
-        going = _clearance(path, _driven(speed, SPEEDING_UP), others)
-        slowing = _clearance(path, _driven(speed, -BRAKING), others)
+        speed, arrival = now[SPEED] * SPEED_SCALE, float(observation[-1])
         self._waited = self._waited + 1 if speed < 0.5 else 0
-        needed = 0.6 + 0.15 * max(arrival, 0.0)
-        if self._waited > 30:
-            needed = 0.3
-        if arrival >= 0.0 and speed > JUNCTION_SPEED:
+        others = _others(now, speed)
+        wish = _wish(now)
+        if wish is not None and mask[wish] and _is_free(others, speed, wish):
+            return wish
+        is_overdue = wish is not None and now[GOAL] * GOAL_SCALE < OVERDUE
+        if speed > JUNCTION_SPEED and (arrival >= 0.0 or is_overdue):
             return LaneAction.slow_down
-        return LaneAction.slow_down if going < needed and slowing >= going else LaneAction.keep_lane
+        errors = now[HEADINGS : HEADINGS + WAYPOINTS]
+        path = _path(errors)
+        horizons = _horizons(others, turns_left=errors.max() > 0.3, claims=self._waited > PATIENCE)
+        going = _time_to_conflict(path, _driven(speed, SPEEDING_UP), others, horizons)
+        slowing = _time_to_conflict(path, _driven(speed, -BRAKING), others, horizons)
+        is_better = going == np.inf or going > slowing
+        return LaneAction.keep_lane if is_better else LaneAction.slow_down
 
-    def _lane_change(self, now: Floats, others: Floats, speed: float, mask: NDArray[np.bool_]) -> int | None:
-        """Return a lane change towards the goal if it is due, legal and safe."""
-        ahead, aside = now[GOAL : GOAL + 2] * GOAL_SCALE
-        headings = np.abs(now[HEADINGS : HEADINGS + WAYPOINTS])
-        if headings.max() > 0.08 or ahead < 0.0 or not 0.6 * LANE < abs(aside) < 5 * LANE:
-            return None
-        action = LaneAction.change_lane_left if aside > 0 else LaneAction.change_lane_right
-        if not mask[action]:
-            return None
-        side = 1.0 if aside > 0 else -1.0
-        for x, y, vx, _ in others:
-            if not 0.4 * LANE < side * y < 1.6 * LANE:
-                continue
-            closing = speed - vx if x > 0 else vx - speed
-            if abs(x) < LENGTH + 2.0 + max(0.0, closing) * 2.0:
-                return None
-        return action
+
+def _wish(now: Floats) -> int | None:
+    """Return the lane change that leads towards the goal on a straight road, if any does."""
+    ahead, aside = now[GOAL : GOAL + 2] * GOAL_SCALE
+    is_straight = np.abs(now[HEADINGS : HEADINGS + WAYPOINTS]).max() < 0.08
+    if not is_straight or ahead < 0.0 or not 0.6 * LANE < abs(aside) < 5 * LANE:
+        return None
+    return LaneAction.change_lane_left if aside > 0 else LaneAction.change_lane_right
+
+
+def _is_free(others: Floats, speed: float, change: int) -> bool:
+    """Return whether nobody is near, or soon will be, in the lane to the side."""
+    side = 1.0 if change == LaneAction.change_lane_left else -1.0
+    for x, y, vx, _ in others:
+        if not 0.4 * LANE < side * y < 2.4 * LANE:
+            continue
+        closing = speed - vx if x > 0 else vx - speed
+        if abs(x) < LENGTH + 2.0 + max(0.0, closing) * 2.0:
+            return False
+    return True
 
 
 def _others(now: Floats, speed: float) -> Floats:
@@ -113,29 +130,42 @@ def _driven(speed: float, acceleration: float) -> Floats:
         moving = np.minimum(TIMES, speed / -acceleration)
         return speed * moving + 0.5 * acceleration * moving**2
     faster = np.minimum(TIMES, max(0.0, MOST_SPEED - speed) / acceleration)
-    top = max(speed, MOST_SPEED) if speed > MOST_SPEED else speed + acceleration * faster
-    return speed * faster + 0.5 * acceleration * faster**2 + top * (TIMES - faster)
+    return speed * TIMES + acceleration * (0.5 * faster**2 + faster * (TIMES - faster))
 
 
-def _clearance(path: Floats, driven: Floats, others: Floats) -> float:
-    """Return the least distance to anybody on the way, between outlines [m]."""
-    if not len(others):
-        return np.inf
-    places = np.minimum(driven, len(path) - 2.0)
+def _horizons(others: Floats, *, turns_left: bool, claims: bool) -> Floats:
+    """Return how far ahead each of the others is followed [s]."""
+    vx, vy = others[:, 2], others[:, 3]
+    is_ahead = (np.abs(vy) < 0.5 * np.abs(vx)) & (vx > 0.0) | (np.hypot(vx, vy) < 0.5)
+    is_oncoming = (vx < 0.0) & (np.abs(vy) < -vx)
+    from_the_right = ~is_ahead & ~is_oncoming & (vy > 0.0)
+    goes_first = is_ahead | (is_oncoming & turns_left) | from_the_right
+    return np.where(goes_first & ~(claims & ~is_ahead), HORIZON, SHORT_HORIZON)
+
+
+def _time_to_conflict(path: Floats, driven: Floats, others: Floats, horizons: Floats) -> float:
+    """Return when somebody comes too near first, infinity if nobody does [s].
+
+    A vehicle is taken for three discs in a row along its way. How those who stand are turned is not known:
+    they are taken to stand as one drives oneself.
+    """
+    places = np.clip(driven, 0.0, len(path) - 2.0)
     first = places.astype(int)
-    share = (places - first)[:, None]
-    own = path[first] + share * (path[first + 1] - path[first])
     ways = path[first + 1] - path[first]
-    least = np.inf
-    for x, y, vx, vy in others:
+    own = _discs(path[first] + (places - first)[:, None] * ways, ways)
+    soonest = np.inf
+    for (x, y, vx, vy), horizon in zip(others, horizons, strict=True):
         there = np.column_stack([x + vx * TIMES, y + vy * TIMES])
-        gap = there - own
-        along = np.abs((gap * ways).sum(axis=1)) - LENGTH
-        across = np.abs(gap[:, 0] * ways[:, 1] - gap[:, 1] * ways[:, 0]) - WIDTH
-        moving = abs(vx) + abs(vy) > 0.5
-        if moving:
-            # Who crosses is long where we are wide.
-            turned = abs(ways[:, 0] * vy - ways[:, 1] * vx) / max(np.hypot(vx, vy), 0.1)
-            across -= turned * (LENGTH - WIDTH) / 2
-        least = min(least, float(np.min(np.maximum(along, across))))
-    return least
+        speed = np.hypot(vx, vy)
+        turned = np.broadcast_to([vx / speed, vy / speed], ways.shape) if speed > 0.5 else ways
+        gaps = own[:, :, None] - _discs(there, turned)[:, None]
+        near = np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=(1, 2)) < 2 * DISC + SAFE
+        near &= horizon >= TIMES
+        if near.any():
+            soonest = min(soonest, float(TIMES[np.argmax(near)]))
+    return soonest
+
+
+def _discs(centres: Floats, ways: Floats) -> Floats:
+    """Return the centres of a vehicle's discs at each time, shape (T, 3, 2)."""
+    return centres[:, None] + DISC_PLACES[:, None] * ways[:, None]
