@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from smarts.sim.events import AgentEvents
 from smarts.sim.interest import interest_of
 from smarts.sim.locator import MapLocator
 from smarts.sim.ownership import Ownership
-from smarts.sim.recorder import EpisodeRecorder
 from smarts.sim.schedule import Schedule
 from smarts.sim.simulation import Simulation, Stages
 from smarts.sim.starts import Shape
@@ -40,6 +40,9 @@ from smarts.types.frame import Frame
 from smarts.types.interface import SeatRules
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
+
+if TYPE_CHECKING:
+    from smarts.sim.recorder import EpisodeRecorder
 
 PATH_ACTIONS = (ActionSpaceType.Trajectory, ActionSpaceType.MPC, ActionSpaceType.TrajectoryWithTime)
 """Agents that act by one of these need room for paths."""
@@ -176,7 +179,7 @@ def _assemble(
     entries = Entries(ownership, scene.routes)
     alive = alive_rules(interfaces, schedule.agents, len(interfaces))
     interest = interest_of(interfaces, schedule, entries, ownership)
-    recorder = None if options.record is None else EpisodeRecorder(scene, ownership, options.record)
+    recorder = _recorder(scene, ownership, options)
     stages = Stages(
         ownership=ownership,
         entries=entries,
@@ -216,3 +219,12 @@ def _actions(rules: SeatRules, worlds: int, options: Options) -> Actions:
     actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
     actions.kind[:] = rules.action
     return actions
+
+
+def _recorder(scene: Scene, ownership: Ownership, options: Options) -> EpisodeRecorder | None:
+    if options.record is None:
+        return None
+    # Only who records has to wait for pyarrow.
+    from smarts.sim.recorder import EpisodeRecorder
+
+    return EpisodeRecorder(scene, ownership, options.record)

@@ -286,3 +286,21 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
             assert np.hypot(*(world.vehicles.position[0, slot] - before)) > 5
     finally:
         parts.simulation.close()
+
+
+def test_who_enters_later_is_made_known_to_traffic_and_gets_a_gap(three):
+    world, traffic = three.simulation.world, three.simulation._stages.traffic
+    start = three.schedule.start(1, 0)
+    late = dataclasses.replace(start.seats[1], entry_time=1.0)
+    three.simulation.reset({1: dataclasses.replace(start, seats=(start.seats[0], late))})
+    for _ in range(10):
+        stepped(three, [1])
+    assert world.seats.state[1].tolist() == [SeatState.ACTIVE, SeatState.WAITING]
+    for _ in range(3):
+        frame = stepped(three, [1])
+        assert not frame.events.just_done.any()
+    slot = int(world.seats.slot[1, 1])
+    assert world.seats.entry_step[1].tolist() == [0, 11]
+    assert three.ownership.rosters[1].name(slot) == "agent-1"
+    assert traffic._engines[1]._shadows._shadows[slot].route == late.mission.route
+    assert np.hypot(*(world.vehicles.position[1, slot] - late.pose[:2])) < 3.0
