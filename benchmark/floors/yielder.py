@@ -27,7 +27,7 @@ HORIZON = 5.0
 """How far ahead those are followed who go first [s]."""
 SHORT_HORIZON = 2.5
 """How far ahead those are followed who should give way [s]."""
-TIMES = np.arange(0.25, HORIZON + 0.01, 0.25)
+TIMES = np.arange(0.0, HORIZON + 0.01, 0.25)
 """[s]"""
 SPEEDING_UP = 2.5
 """[m/s^2]"""
@@ -36,7 +36,9 @@ BRAKING = 2.5
 MOST_SPEED = 13.0
 """[m/s]"""
 JUNCTION_SPEED = 6.0
-"""Near junctions, and where a lane change is overdue [m/s]."""
+"""Near junctions, and where a lane change is due [m/s]."""
+LOWEST_SPEED = 2.0
+"""While waiting for a gap in the lane to the side [m/s]."""
 LENGTH = 5.0
 """Of every vehicle, for want of better knowledge [m]."""
 DISC = 1.1
@@ -45,10 +47,12 @@ DISC_PLACES = np.array([-1.7, 0.0, 1.7])
 """Of their centres along it [m]."""
 SAFE = 0.6
 """Distance to keep from others [m]."""
+SLACK = 0.15
+"""By which somebody must come nearer than now to count, so that one can pass those beside one [m]."""
 LANE = 3.2
 """[m]"""
-OVERDUE = 60.0
-"""Distance to the goal within which one should be in its lane [m]."""
+OVERDUE = 80.0
+"""Distance to the goal within which a lane change is due [m]."""
 PATIENCE = 16
 """Decisions at rest after which one claims the right of way."""
 
@@ -74,9 +78,12 @@ class Yielder:
         wish = _wish(now)
         if wish is not None and mask[wish] and _is_free(others, speed, wish):
             return wish
-        is_overdue = wish is not None and now[GOAL] * GOAL_SCALE < OVERDUE
-        if speed > JUNCTION_SPEED and (arrival >= 0.0 or is_overdue):
+        if speed > JUNCTION_SPEED and arrival >= 0.0:
             return LaneAction.slow_down
+        if wish is not None and now[GOAL] * GOAL_SCALE < OVERDUE:
+            is_even = int(np.argmax(observation[FRAMES * FEATURES : -1])) % 2 == 0
+            if speed > _speed_to_let_by(others, wish, is_even):
+                return LaneAction.slow_down
         errors = now[HEADINGS : HEADINGS + WAYPOINTS]
         path = _path(errors)
         horizons = _horizons(others, turns_left=errors.max() > 0.3, claims=self._waited > PATIENCE)
@@ -93,6 +100,20 @@ def _wish(now: Floats) -> int | None:
     if not is_straight or ahead < 0.0 or not 0.6 * LANE < abs(aside) < 5 * LANE:
         return None
     return LaneAction.change_lane_left if aside > 0 else LaneAction.change_lane_right
+
+
+def _speed_to_let_by(others: Floats, change: int, is_even: bool) -> float:
+    """Return how fast to go, at most, so that a gap opens in the lane to the side [m/s].
+
+    Of two who want each other's lane, the one behind falls back; of two who are level, the odd one.
+    """
+    side = 1.0 if change == LaneAction.change_lane_left else -1.0
+    beside = others[(side * others[:, 1] > 0.4 * LANE) & (side * others[:, 1] < 2.4 * LANE)]
+    if not len(beside):
+        return JUNCTION_SPEED
+    x = beside[np.argmin(np.abs(beside[:, 0])), 0]
+    falls_back = x > 1.0 or (x > -1.0 and not is_even)
+    return LOWEST_SPEED if falls_back else JUNCTION_SPEED
 
 
 def _is_free(others: Floats, speed: float, change: int) -> bool:
@@ -159,8 +180,9 @@ def _time_to_conflict(path: Floats, driven: Floats, others: Floats, horizons: Fl
         speed = np.hypot(vx, vy)
         turned = np.broadcast_to([vx / speed, vy / speed], ways.shape) if speed > 0.5 else ways
         gaps = own[:, :, None] - _discs(there, turned)[:, None]
-        near = np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=(1, 2)) < 2 * DISC + SAFE
-        near &= horizon >= TIMES
+        distance = np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=(1, 2))
+        # Who is too near already must not come nearer; going past or away is allowed.
+        near = (distance < min(2 * DISC + SAFE, distance[0] - SLACK)) & (horizon >= TIMES)
         if near.any():
             soonest = min(soonest, float(TIMES[np.argmax(near)]))
     return soonest

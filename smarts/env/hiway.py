@@ -124,9 +124,9 @@ class HiWayEnv(gym.Env):
     def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
         """Carry out a decision; return observations, rewards, terminated, truncated and infos by agent.
 
-        Both done dicts have "__all__" too. Actions of agents that are not there (any more, or yet) are ignored,
-        so that a loop over the last observations may act for those that have just ended. An agent without an
-        action goes on as before.
+        Both done dicts have "__all__" too. Actions of agents that are not there (any more, or yet) are
+        ignored, so that a loop over the last observations may act for those that have just ended. An agent
+        without an action goes on as before.
 
         Raises:
             ActionError: An agent is unknown, or an action is not one of its type.
