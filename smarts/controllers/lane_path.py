@@ -33,6 +33,8 @@ CURVE_ACCELERATION = 3.0
 """Lateral, in curves [m/s^2]."""
 BRAKING = 2.0
 """Deceleration before what is slower ahead [m/s^2]."""
+AGILITY_SHARE = 0.95
+"""Of the steering's rate, what curves may take; the rest is for feedback."""
 LEAST_CURVE_SPEED = 2.0
 """[m/s]"""
 _REACH_ROWS = 48
@@ -210,7 +212,7 @@ def limit_speeds(reference: Floats, count: int, agility: float) -> None:
         fastest = math.sqrt(CURVE_ACCELERATION / max(abs(curvature[i]), 1e-4))
         before, after = max(i - 3, 0), min(i + 3, count - 1)
         change = abs(curvature[after] - curvature[before]) / _span(reference, before, after)
-        fastest = min(fastest, agility / max(change, 1e-6))
+        fastest = min(fastest, AGILITY_SHARE * agility / max(change, 1e-6))
         reference[i, 3] = min(reference[i, 3], max(fastest, LEAST_CURVE_SPEED))
     for i in range(count - 2, -1, -1):
         a, b = reference[i], reference[i + 1]

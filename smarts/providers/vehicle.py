@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from smarts.controllers import tracking
 from smarts.dynamics import MODELS, Box, Fleet, vehicle
 from smarts.errors import ActionError
-from smarts.providers.vehicle_kernels import find_near, place_vehicles, show_vehicles
+from smarts.providers.vehicle_kernels import (
+    NOWHERE,
+    find_changes,
+    find_near,
+    place_vehicles,
+    show_vehicles,
+)
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
 from smarts.types.actions import CommandMode, Commands
 from smarts.types.seats import SeatState
@@ -25,9 +31,6 @@ Floats = NDArray[np.float64]
 SUBSTEPS = 10
 TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
 """The type of `smarts.dynamics` that a kind of vehicle drives like; a trailer does not drive."""
-
-_NOWHERE = -1
-_BY_POSES = -2
 
 
 class FleetVehicles:
@@ -59,8 +62,9 @@ class FleetVehicles:
         self._world = world
         self._surfaces = surfaces
         self._tyres = tyres
-        self._slot = np.full((worlds, seats), _NOWHERE, np.int32)
+        self._slot = np.full((worlds, seats), NOWHERE, np.int32)
         self._generation = np.zeros((worlds, seats), np.int32)
+        self._wanted = np.zeros((worlds, seats), np.int32)
         self._in_bullet_model = np.array([model == MODELS[0] for model in self._models])
         self._slips = np.tile([model != "kinematic" for model in self._models], worlds)
         self._memory = np.zeros((worlds * seats, tracking.MEMORY))
@@ -84,7 +88,7 @@ class FleetVehicles:
         """Forget all vehicles of some simulations; those in their rows now are new."""
         for row in np.flatnonzero(rows).tolist():
             self.fleet.clear(row)
-            self._slot[row] = _NOWHERE
+            self._slot[row] = NOWHERE
             self._boxed[row] = False
             self._has_boxes[row] = False
             self._tracks[row] = 0.0
@@ -178,12 +182,11 @@ class FleetVehicles:
 
     def _follow_ownership(self, active: Bools, by_poses: Bools, rows: Bools) -> None:
         """Let vehicles into the fleet and out of it, as the seats say."""
-        seats = self._world.seats
-        wanted = np.where(active, np.where(by_poses, _BY_POSES, seats.slot), _NOWHERE)
-        changed = (wanted != self._slot) | (active & (seats.generation != self._generation))
-        changed &= rows[:, None]
-        if not changed.any():
+        seats, wanted = self._world.seats, self._wanted
+        held = self._slot, self._generation
+        if not find_changes(rows, active, by_poses, seats.slot, seats.generation, *held, wanted):
             return
+        changed = (wanted != self._slot) | (active & (seats.generation != self._generation))
         for row, seat in np.argwhere(changed).tolist():
             number = row * self._slot.shape[1] + seat
             if self._slot[row, seat] >= 0:

@@ -21,6 +21,51 @@ BOX_SLACK = 4.0
 """It is taken away again this much later [m]."""
 
 
+NOWHERE = -1
+BY_POSES = -2
+"""Of the slot that a seat's row of the fleet is for: it holds no vehicle, or one that goes by poses."""
+
+
+@kernel
+def find_changes(
+    rows: Bools,
+    active: Bools,
+    by_poses: Bools,
+    slot: Ints,
+    generation: Ints,
+    held_slot: Ints,
+    held_generation: Ints,
+    wanted: Ints,
+) -> bool:
+    """Write which slot each seat's row of the fleet is to be for; tell if any is for another vehicle now.
+
+    Args:
+        rows: Shape (B,).
+        active: Seats that drive, shape (B, A), as are the following.
+        by_poses: Those of them that are told their poses.
+        slot: Of the seats' vehicles.
+        generation: Of the seats' vehicles.
+        held_slot: What the fleet holds, a slot, `NOWHERE` or `BY_POSES`.
+        held_generation: Of that vehicle.
+        wanted: Written; what the fleet is to hold.
+    """
+    any_change = False
+    for b in range(active.shape[0]):
+        for a in range(active.shape[1]):
+            wanted[b, a] = held_slot[b, a]
+            if not rows[b]:
+                continue
+            if not active[b, a]:
+                wanted[b, a] = NOWHERE
+            elif by_poses[b, a]:
+                wanted[b, a] = BY_POSES
+            else:
+                wanted[b, a] = slot[b, a]
+                any_change = any_change or generation[b, a] != held_generation[b, a]
+            any_change = any_change or wanted[b, a] != held_slot[b, a]
+    return any_change
+
+
 @kernel
 def show_vehicles(
     driven: Bools,

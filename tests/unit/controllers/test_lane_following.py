@@ -127,6 +127,40 @@ def test_what_the_agent_was_told_to_be_illegal_is_not_carried_out(rig):
     assert abs(driven.position[1]) < 0.1
 
 
+@pytest.mark.parametrize("kind", [CAR, BUS])
+def test_slows_down_where_the_steering_cannot_follow(rig, kind):
+    """Two bends against each other: the bus has to turn its wheel from lock to lock, at 0.4 rad/s."""
+    radius, angles = 25.0, np.linspace(0.0, math.pi / 3, 60)
+    x, y = radius * np.sin(angles), radius * (1.0 - np.cos(angles))
+    first = np.stack([60.0 + x, y], 1)
+    second = first[-1] + (first[-1] - first[::-1])
+    end = second[-1] + [60.0, 0.0]
+    graph = maps.graph_of({"road": maps.Road([(0.0, 0.0), *first, *second[1:], end], speed=20.0)})
+    driven = rig([agent(10.0, 0.0, speed=8.0, kind=kind)], graph=graph)
+    driven.act(8.0, 0.0)
+    log = driven.log(180, "lane_offset", "speed")
+    assert np.abs(log[:, 0]).max() < 0.3
+    assert log[-1, 1] == pytest.approx(8.0, abs=0.4)
+
+
+def test_a_batch_equals_separate_runs(rig):
+    cars = [[agent(20.0, 0.0, speed=8.0), agent(60.0 + 5 * row, 3.2, speed=4.0 + row)] for row in range(3)]
+    graph = maps.straight(lanes=3, length=400.0)
+    together = rig(*cars, graph=graph)
+    alone = [rig(row, graph=graph) for row in cars]
+    for driven in (together, *alone):
+        for step in range(60):
+            if step % 20 == 5:
+                for seat in range(2):
+                    driven.act(9.0, 1.0 - seat, seat=seat)
+            driven.step()
+    for row in range(3):
+        for table in ("vehicles", "seats"):
+            for name, column in getattr(together.world, table).columns():
+                other = getattr(getattr(alone[row].world, table), name)
+                assert np.array_equal(column[row], other[0]), name
+
+
 class TestLegality:
     def test_at_the_edges_of_the_road(self, rig):
         cars = [agent(20.0, 3.2 * lane) for lane in range(3)]
