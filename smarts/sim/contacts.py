@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.geometry.boxes import Pose, box_gaps, contact_direction
+from smarts.geometry.boxes import box_gaps, contact_direction
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle
 from smarts.sim.columns import columns_of
@@ -22,6 +22,9 @@ Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
 FRONT, LEFT, REAR, RIGHT = range(4)
+
+HalfSize = tuple[float, float]
+"""Half the length and half the width of a footprint [m]."""
 
 _ACTIVE = int(SeatState.ACTIVE)
 _SHADOWING = int(SeatState.SHADOWING)
@@ -56,19 +59,6 @@ class ContactColumns(NamedTuple):
     touching: Bools
 
 
-class Boxes(NamedTuple):
-    """Where the boxes of all vehicles are during a step: all that a pose at a sub-step follows from."""
-
-    now: Footprints
-    before: Footprints
-    tracks: Floats
-    """Poses of the seats' vehicles after each sub-step, shape (B, A, S, 3); none at a reset."""
-    seat: Ints
-    """The seat whose track a slot's vehicle follows, -1 if it moves evenly, shape (V,); of one simulation."""
-    substeps: int
-    """S, or 1 where there are no tracks."""
-
-
 class FootprintContacts:
     """Finds contacts by the separating-axis theorem, at each sub-step, between oriented boxes.
 
@@ -84,7 +74,6 @@ class FootprintContacts:
         self._now = columns_of(world.vehicles, Footprints)
         self._before = columns_of(world.before, Footprints)
         self._seats = columns_of(world.seats, SeatSlots)
-        self._seat_of = np.full(world.vehicles.capacity, -1, np.int32)
         self._dt = world.dt
 
     def find(self, world: World, tracks: Floats, rows: Bools) -> Contacts:
@@ -96,145 +85,188 @@ class FootprintContacts:
                 present counts.
             rows: Which simulations made the step, shape (B,).
         """
-        substeps = max(1, tracks.shape[2])
-        boxes = Boxes(self._now, self._before, tracks, self._seat_of, substeps)
-        find_contacts(boxes, self._seats, rows, self._dt / substeps, self._columns)
+        find_contacts(self._now, self._before, tracks, self._seats, rows, self._dt, self._columns)
         return self._contacts
 
 
 @kernel
-def find_contacts(boxes: Boxes, seats: SeatSlots, rows: Bools, dt: float, out: ContactColumns) -> None:
+def find_contacts(
+    now: Footprints,
+    before: Footprints,
+    tracks: Floats,
+    seats: SeatSlots,
+    rows: Bools,
+    dt: float,
+    out: ContactColumns,
+) -> None:
     """Write the contacts of all seats; those of simulations that made no step have none.
 
     Args:
-        boxes: All vehicles.
+        now: All vehicles.
+        before: A step ago.
+        tracks: Poses of the seats' vehicles after each sub-step, shape (B, A, S, 3); S is 0 at a reset.
         seats: Who drives.
         rows: Which simulations made the step, shape (B,).
-        dt: Length of a sub-step [s].
+        dt: Length of the step [s].
         out: Written.
     """
-    worlds, count = seats.slot.shape
-    capacity = boxes.now.alive.shape[1]
+    # Arrays by themselves: to take one out of a tuple costs more than to read from it.
+    position, length, width = now.position, now.length, now.width
+    state, slots, touching, partner = seats.state, seats.slot, out.touching, out.partner
+    capacity, substeps = position.shape[1], max(1, tracks.shape[2])
     near, reach = np.empty(capacity, np.int32), np.empty(capacity)
-    out.partner[:] = -1
+    seat_of = np.empty(capacity, np.int32)
+    path, path2 = np.empty((substeps + 1, 3)), np.empty((substeps + 1, 3))
+    partner[:] = -1
     out.partner_generation[:] = 0
     out.substep[:] = 0
     out.closing_speed[:] = 0.0
     out.side[:] = 0
-    out.touching[:] = False
-    for row in range(worlds):
+    touching[:] = False
+    for row in range(len(rows)):
         if not rows[row]:
             continue
-        boxes.seat[:] = -1
-        for seat in range(count):
-            if seats.state[row, seat] == _ACTIVE and seats.slot[row, seat] >= 0:
-                boxes.seat[seats.slot[row, seat]] = seat
-        alive = 0
-        for slot in range(capacity):
-            if boxes.now.alive[row, slot]:
-                near[alive] = slot
-                reach[slot] = _reach(boxes, row, slot)
-                alive += 1
-        for seat in range(count):
-            if seats.state[row, seat] in (_ACTIVE, _SHADOWING) and seats.slot[row, seat] >= 0:
-                _meet(boxes, row, seat, seats.slot[row, seat], near[:alive], reach, dt, out)
+        alive = _survey(now, before, tracks, seats, row, near, reach, seat_of)
+        for seat in range(state.shape[1]):
+            slot = slots[row, seat]
+            if slot < 0 or state[row, seat] not in (_ACTIVE, _SHADOWING):
+                continue
+            _follow(now, before, tracks, row, slot, seat_of[slot], path)
+            first = np.inf
+            for number in range(alive):
+                other = near[number]
+                dx = position[row, other, 0] - position[row, slot, 0]
+                dy = position[row, other, 1] - position[row, slot, 1]
+                far = reach[slot] + reach[other]
+                if other == slot or dx * dx + dy * dy > far * far:
+                    continue
+                _follow(now, before, tracks, row, other, seat_of[other], path2)
+                size = 0.5 * length[row, slot], 0.5 * width[row, slot]
+                size2 = 0.5 * length[row, other], 0.5 * width[row, other]
+                substep = _first_overlap(path, size, path2, size2)
+                if substep < 0:
+                    continue
+                touching[row, seat, other] = True
+                when, closing_speed, side = _impact(path, size, path2, size2, substep, dt / substeps)
+                if substep + when < first:
+                    first = substep + when
+                    partner[row, seat] = other
+                    out.partner_generation[row, seat] = now.generation[row, other]
+                    out.substep[row, seat] = substep
+                    out.closing_speed[row, seat] = closing_speed
+                    out.side[row, seat] = side
 
 
 @kernel
-def _meet(
-    boxes: Boxes, row: int, seat: int, slot: int, near: Ints, reach: Floats, dt: float, out: ContactColumns
+def _survey(
+    now: Footprints,
+    before: Footprints,
+    tracks: Floats,
+    seats: SeatSlots,
+    row: int,
+    near: Ints,
+    reach: Floats,
+    seat_of: Ints,
+) -> int:
+    """List the vehicles of one simulation, and how far from its present centre each box was at most.
+
+    Args:
+        now: All vehicles.
+        before: A step ago.
+        tracks: Of the seats' vehicles.
+        seats: Who drives.
+        row: The simulation.
+        near: Written: the slots, in order.
+        reach: Written: by slot [m].
+        seat_of: Written: by slot, the seat whose track the vehicle follows, -1 if it moves evenly.
+
+    Returns:
+        How many vehicles there are.
+    """
+    alive, generation, position, length, width = (
+        now.alive,
+        now.generation,
+        now.position,
+        now.length,
+        now.width,
+    )
+    was_alive, old_generation, old_position = before.alive, before.generation, before.position
+    count = 0
+    for slot in range(alive.shape[1]):
+        if alive[row, slot]:
+            near[count] = slot
+            count += 1
+            seat_of[slot] = -1
+            reach[slot] = 0.5 * math.hypot(length[row, slot], width[row, slot])
+            if was_alive[row, slot] and old_generation[row, slot] == generation[row, slot]:
+                dx = position[row, slot, 0] - old_position[row, slot, 0]
+                reach[slot] += math.hypot(dx, position[row, slot, 1] - old_position[row, slot, 1])
+    for seat in range(tracks.shape[1]):
+        slot = seats.slot[row, seat]
+        if seats.state[row, seat] == _ACTIVE and slot >= 0 and tracks.shape[2] > 0:
+            seat_of[slot] = seat
+            farthest = 0.0
+            for substep in range(tracks.shape[2]):
+                dx = tracks[row, seat, substep, 0] - position[row, slot, 0]
+                farthest = max(
+                    farthest, math.hypot(dx, tracks[row, seat, substep, 1] - position[row, slot, 1])
+                )
+            reach[slot] = max(reach[slot], farthest + 0.5 * math.hypot(length[row, slot], width[row, slot]))
+    return count
+
+
+@kernel
+def _follow(
+    now: Footprints, before: Footprints, tracks: Floats, row: int, slot: int, seat: int, path: Floats
 ) -> None:
-    """Write whom one seat's vehicle touches."""
-    position = boxes.now.position
-    first = np.inf
-    for other in near:
-        dx = position[row, other, 0] - position[row, slot, 0]
-        dy = position[row, other, 1] - position[row, slot, 1]
-        far = reach[slot] + reach[other]
-        if other == slot or dx * dx + dy * dy > far * far:
-            continue
-        substep = _first_overlap(boxes, row, slot, other)
-        if substep < 0:
-            continue
-        out.touching[row, seat, other] = True
-        when, closing_speed, side = _impact(boxes, row, slot, other, substep, dt)
-        if substep + when < first:
-            first = substep + when
-            out.partner[row, seat] = other
-            out.partner_generation[row, seat] = boxes.now.generation[row, other]
-            out.substep[row, seat] = substep
-            out.closing_speed[row, seat] = closing_speed
-            out.side[row, seat] = side
-
-
-@kernel
-def _is_new(boxes: Boxes, row: int, slot: int) -> bool:
-    """Tell whether the slot held nobody, or somebody else, a step ago."""
-    was = boxes.before.alive[row, slot]
-    return not was or boxes.before.generation[row, slot] != boxes.now.generation[row, slot]
-
-
-@kernel
-def _pose_at(boxes: Boxes, row: int, slot: int, substep: int) -> Pose:
-    """Return the pose after a sub-step; sub-step -1 is the pose at the beginning of the step."""
-    now, before, seat = boxes.now, boxes.before, boxes.seat[slot]
-    if seat >= 0 and boxes.tracks.shape[2] > 0 and (substep >= 0 or _is_new(boxes, row, slot)):
-        track = boxes.tracks[row, seat, max(0, substep)]
-        return track[0], track[1], track[2]
+    """Write a vehicle's poses at the beginning of the step and after each sub-step, shape (S + 1, 3)."""
     x, y, heading = now.position[row, slot, 0], now.position[row, slot, 1], now.heading[row, slot]
-    if _is_new(boxes, row, slot) or substep == boxes.substeps - 1:
-        return x, y, heading
-    share = (substep + 1) / boxes.substeps
-    x0, y0 = before.position[row, slot, 0], before.position[row, slot, 1]
-    heading = interpolate_angle(before.heading[row, slot], heading, share)
-    return x0 + share * (x - x0), y0 + share * (y - y0), heading
+    is_new = not before.alive[row, slot] or before.generation[row, slot] != now.generation[row, slot]
+    last = len(path) - 1
+    if seat >= 0:
+        path[1:] = tracks[row, seat]
+        path[0] = path[1]
+        if not is_new:
+            path[0, 0], path[0, 1] = before.position[row, slot]
+            path[0, 2] = before.heading[row, slot]
+        return
+    x0, y0, heading0 = x, y, heading
+    if not is_new:
+        x0, y0 = before.position[row, slot]
+        heading0 = before.heading[row, slot]
+    for number in range(last):
+        share = number / last
+        path[number, 0], path[number, 1] = x0 + share * (x - x0), y0 + share * (y - y0)
+        path[number, 2] = interpolate_angle(heading0, heading, share)
+    path[last, 0], path[last, 1], path[last, 2] = x, y, heading
 
 
 @kernel
-def _reach(boxes: Boxes, row: int, slot: int) -> float:
-    """Return how far from the vehicle's present centre its box has been during the step, at most [m]."""
-    farthest = 0.0
-    last = _pose_at(boxes, row, slot, boxes.substeps - 1)
-    for substep in range(boxes.substeps - 1):
-        x, y, _ = _pose_at(boxes, row, slot, substep)
-        farthest = max(farthest, math.hypot(x - last[0], y - last[1]))
-        if boxes.seat[slot] < 0:
-            # It moves evenly: nowhere is it farther off than at first.
-            break
-    now = boxes.now
-    farthest += math.hypot(last[0] - now.position[row, slot, 0], last[1] - now.position[row, slot, 1])
-    return farthest + 0.5 * math.hypot(now.length[row, slot], now.width[row, slot])
-
-
-@kernel
-def _first_overlap(boxes: Boxes, row: int, slot: int, other: int) -> int:
+def _first_overlap(path: Floats, size: HalfSize, path2: Floats, size2: HalfSize) -> int:
     """Return the first sub-step at whose end two vehicles overlap, -1 if there is none."""
-    length, width = boxes.now.length, boxes.now.width
-    half_length, half_width = 0.5 * length[row, slot], 0.5 * width[row, slot]
-    half_length2, half_width2 = 0.5 * length[row, other], 0.5 * width[row, other]
-    reach = math.hypot(half_length, half_width) + math.hypot(half_length2, half_width2)
-    for substep in range(boxes.substeps):
-        pose, pose2 = _pose_at(boxes, row, slot, substep), _pose_at(boxes, row, other, substep)
-        dx, dy = pose2[0] - pose[0], pose2[1] - pose[1]
+    reach = math.hypot(size[0], size[1]) + math.hypot(size2[0], size2[1])
+    for number in range(1, len(path)):
+        dx, dy = path2[number, 0] - path[number, 0], path2[number, 1] - path[number, 1]
         if dx * dx + dy * dy >= reach * reach:
             continue
-        if max(box_gaps(pose, half_length, half_width, pose2, half_length2, half_width2)) < 0.0:
-            return substep
+        pose = path[number, 0], path[number, 1], path[number, 2]
+        pose2 = path2[number, 0], path2[number, 1], path2[number, 2]
+        if max(box_gaps(pose, size[0], size[1], pose2, size2[0], size2[1])) < 0.0:
+            return number - 1
     return -1
 
 
 @kernel
 def _impact(
-    boxes: Boxes, row: int, slot: int, other: int, substep: int, dt: float
+    path: Floats, size: HalfSize, path2: Floats, size2: HalfSize, substep: int, dt: float
 ) -> tuple[float, float, int]:
     """Return when during the sub-step two vehicles met (0 to 1), how fast [m/s], and at which side."""
-    length, width = boxes.now.length, boxes.now.width
-    half_length, half_width = 0.5 * length[row, slot], 0.5 * width[row, slot]
-    half_length2, half_width2 = 0.5 * length[row, other], 0.5 * width[row, other]
-    old, old2 = _pose_at(boxes, row, slot, substep - 1), _pose_at(boxes, row, other, substep - 1)
-    pose, pose2 = _pose_at(boxes, row, slot, substep), _pose_at(boxes, row, other, substep)
-    gaps_before = box_gaps(old, half_length, half_width, old2, half_length2, half_width2)
-    gaps = box_gaps(pose, half_length, half_width, pose2, half_length2, half_width2)
+    old = path[substep, 0], path[substep, 1], path[substep, 2]
+    old2 = path2[substep, 0], path2[substep, 1], path2[substep, 2]
+    pose = path[substep + 1, 0], path[substep + 1, 1], path[substep + 1, 2]
+    pose2 = path2[substep + 1, 0], path2[substep + 1, 1], path2[substep + 1, 2]
+    gaps_before = box_gaps(old, size[0], size[1], old2, size2[0], size2[1])
+    gaps = box_gaps(pose, size[0], size[1], pose2, size2[0], size2[1])
     x, y, when = contact_direction(pose, pose2, gaps_before, gaps)
     approach = (pose[0] - old[0] - pose2[0] + old2[0]) * x + (pose[1] - old[1] - pose2[1] + old2[1]) * y
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
