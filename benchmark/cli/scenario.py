@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="List, build, show and run scenarios.", no_args_is_help=True)
 
+FORMATS = (".png", ".jpg", ".pdf", ".svg")
+DAY = 86_400.0
+
 Names = Annotated[
     list[str] | None,
     typer.Argument(
@@ -88,7 +91,9 @@ def show(
     ),
     everything: Annotated[bool, typer.Option("--all", help="Draw the whole suite on one sheet.")] = False,
     traffic: Traffic = None,
-    seconds: Annotated[float, typer.Option(help="Moment of the traffic to draw [s].", min=0.0)] = 0.0,
+    seconds: Annotated[
+        float, typer.Option(help="Moment of the traffic to draw, in seconds.", min=0.0, max=DAY)
+    ] = 0.0,
     seed: Seed = 42,
 ) -> None:
     """Draw map, lanes, missions, flows, bubbles and a moment of traffic to a picture."""
@@ -113,7 +118,7 @@ def show(
 def run(
     scenario: Name,
     traffic: Traffic = None,
-    seconds: Annotated[float, typer.Option(help="Simulated time [s].", min=0.1)] = 60.0,
+    seconds: Annotated[float, typer.Option(help="Simulated time, in seconds.", min=0.1, max=DAY)] = 60.0,
     seed: Seed = 42,
     out: Annotated[
         Path | None, typer.Option(help="Picture of the last moment to write.", show_default=False)
@@ -182,12 +187,9 @@ def _moment(built: BuiltScenario, traffic: str | None, seconds: float, seed: int
 
 def _check_picture(out: Path) -> None:
     """Refuse a picture that cannot be written before the work is done, not after."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    known = sorted(FigureCanvasAgg.get_supported_filetypes())
-    if out.suffix.lstrip(".").lower() not in known:
+    if out.suffix.lower() not in FORMATS:
         raise SmartsError(
-            f"no picture format is called {out.suffix!r}", place=str(out), remedy=f"use {', '.join(known)}"
+            f"no picture format is called {out.suffix!r}", place=str(out), remedy=f"use {', '.join(FORMATS)}"
         )
     if out.is_dir() or any(parent.is_file() for parent in out.parents):
         raise SmartsError(

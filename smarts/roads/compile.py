@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
-import subprocess
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from importlib.util import find_spec
 from pathlib import Path
 
 from smarts.errors import MapError
+from smarts.roads.children import TIME_LIMIT_VARIABLE, run_child, time_limit
 from smarts.roads.dropped import dropped_parts
+from smarts.roads.foreign import check_sources
 from smarts.roads.sources import MapKind, MapSource
 from smarts.roads.validation import validate_net
 
@@ -85,12 +87,29 @@ def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
     if source.kind == "sumo_net":
         net = _read_bytes(source.files[0])
         return _publish(net, (), source, out)
-    with tempfile.TemporaryDirectory(prefix="smarts-map-") as folder:
-        product = Path(folder) / "map.net.xml"
+    check_sources(source)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        # Beside the map to be, where leftovers are cleared up; but SUMO mistakes commas in paths.
+        beside = None if "," in str(out.resolve()) else out.parent
+        folder = tempfile.TemporaryDirectory(prefix=".partial-map-", dir=beside, ignore_cleanup_errors=True)
+    except OSError as error:
+        raise _cannot_write(out, error) from error
+    with folder as name:
+        product = Path(name) / "map.net.xml"
         notes = _convert(source, product)
         net = _GENERATED_COMMENT.sub(b"", _read_bytes(product), count=1)
         notes += dropped_parts(source, net)
     return _publish(net, notes, source, out)
+
+
+def _cannot_write(out: Path, error: OSError) -> MapError:
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return MapError(
+        f"cannot write the compiled map: {error.strerror}",
+        place=str(out.parent if full else out),
+        remedy="make room on that disk" if full else "make its folder writable",
+    )
 
 
 def _publish(net: bytes, notes: tuple[str, ...], source: MapSource, out: Path) -> tuple[str, ...]:
@@ -102,7 +121,7 @@ def _publish(net: bytes, notes: tuple[str, ...], source: MapSource, out: Path) -
         temporary.write_bytes(net)
         os.replace(temporary, out)
     except OSError as error:
-        raise MapError(f"cannot write the compiled map: {error.strerror}", place=str(out)) from error
+        raise _cannot_write(out, error) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
@@ -118,33 +137,58 @@ def _read_bytes(path: Path) -> bytes:
 
 def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
     tool = "netgenerate" if source.kind == "netgenerate" else "netconvert"
-    command = [str(_sumo_folder() / "bin" / tool), *_arguments(source), "--output-file", str(product)]
-    try:
-        run = subprocess.run(
-            command,
-            # There, file names are enough: SUMO splits paths at commas, and its messages repeat them.
-            cwd=source.files[0].parent,
-            env=_environment(),
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-        )
-    except OSError as error:
-        raise MapError(
-            f"{tool} does not start: {error.strerror}",
-            place=command[0],
-            remedy="reinstall SUMO: pip install --force-reinstall eclipse-sumo",
-        ) from error
-    messages = _messages(run.stderr)
-    if run.returncode != 0 or not product.is_file():
+    command = [
+        str(_sumo_folder() / "bin" / tool),
+        *_arguments(source),
+        "--output-file",
+        str(product.resolve()),
+    ]
+    place = str(source.files[0])
+    code, said = _run(tool, command, source)
+    messages = _messages(said)
+    if code != 0 or not product.is_file():
         errors = [text.removeprefix("Error: ") for text in messages if not text.startswith("Warning: ")]
         raise MapError(
-            f"{tool} refused the map: {' '.join(errors) or f'exit code {run.returncode}'}",
-            place=str(source.files[0]),
+            f"{tool} refused the map: {' '.join(errors) or f'exit code {code}'}",
+            place=place,
             remedy=_remedy(source, tool),
         )
+    if not _ends_whole(product):
+        raise MapError(
+            f"{tool} could not write the whole network to {product.parent.parent}",
+            place=place,
+            remedy="make room on that disk",
+        )
     return tuple(text.removeprefix("Warning: ").removeprefix("Error: ") for text in messages)
+
+
+def _run(tool: str, command: list[str], source: MapSource) -> tuple[int, str]:
+    """Return the tool's exit code, and what it says about errors."""
+    with tempfile.TemporaryFile() as said:
+        try:
+            # In the map's folder file names are enough: SUMO splits paths at commas, and repeats them.
+            code = run_child(command, cwd=source.files[0].parent, env=_environment(), stderr=said)
+        except TimeoutError as error:
+            raise MapError(
+                f"{tool} was still at work after {time_limit():g} s",
+                place=str(source.files[0]),
+                remedy=f"give a smaller map, or set {TIME_LIMIT_VARIABLE} to more seconds",
+            ) from error
+        except OSError as error:
+            raise MapError(
+                f"{tool} does not start: {error.strerror}",
+                place=command[0],
+                remedy="reinstall SUMO: pip install --force-reinstall eclipse-sumo",
+            ) from error
+        said.seek(0)
+        return code, said.read().decode(errors="replace")
+
+
+def _ends_whole(product: Path) -> bool:
+    # On a full disk netconvert stops writing and says nothing.
+    with open(product, "rb") as file:
+        file.seek(max(product.stat().st_size - 64, 0))
+        return file.read().rstrip().endswith(b"</net>")
 
 
 def _remedy(source: MapSource, tool: str) -> str:

@@ -19,7 +19,7 @@ from smarts.geometry.segments import (
     project,
     segment_at,
 )
-from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -33,8 +33,6 @@ END_TOLERANCE = 1e-6
 """How far beyond its end a lane still holds a point [m]; against rounding where two lanes meet."""
 FARTHEST = 1e7
 """Coordinates beyond this are taken for nonsense, such as NaN [m]."""
-
-_MOST_CANDIDATES = 64
 
 
 @kernel
@@ -133,7 +131,7 @@ def _gather(
         if count and lanes[count - 1] == lane:
             if square < squares[count - 1]:
                 points[count - 1], squares[count - 1] = point, square
-        elif count < _MOST_CANDIDATES:
+        elif count < MOST_CANDIDATES:
             lanes[count], points[count], squares[count] = lane, point, square
             count += 1
     return count
@@ -222,9 +220,9 @@ def _nearest_anywhere(roads: Roads, world: int, x: float, y: float, mask: int) -
 def candidates() -> tuple[Ints, Ints, Floats]:
     """Return room for the lanes near a pose: lanes, segments, squared distances."""
     return (
-        np.empty(_MOST_CANDIDATES, np.int32),
-        np.empty(_MOST_CANDIDATES, np.int32),
-        np.empty(_MOST_CANDIDATES),
+        np.empty(MOST_CANDIDATES, np.int32),
+        np.empty(MOST_CANDIDATES, np.int32),
+        np.empty(MOST_CANDIDATES),
     )
 
 

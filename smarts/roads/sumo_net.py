@@ -32,22 +32,33 @@ class _Edge:
     lanes: list[ElementTree.Element]
 
 
-def read_net(net: Path) -> LaneGraph:
+def read_net(net: Path, place: str | None = None) -> LaneGraph:
     """Return the lane graph of a compiled network.
+
+    Args:
+        net: The file.
+        place: What it was compiled from, for errors; unless given, the file itself.
 
     Raises:
         MapError: The file is missing or not a SUMO network.
     """
+    place = place or str(net)
     try:
         root = ElementTree.parse(net).getroot()
         if root.tag != "net":
-            raise MapError(f"not a SUMO network: its outermost element is <{root.tag}>", place=str(net))
+            raise MapError(f"not a SUMO network: its outermost element is <{root.tag}>", place=place)
         return _NetReader(root).graph()
     except OSError as error:
-        raise MapError(f"cannot read the network: {error.strerror}", place=str(net)) from error
-    except (ElementTree.ParseError, KeyError, ValueError, IndexError) as error:
+        raise MapError(f"cannot read the network: {error.strerror}", place=place) from error
+    except (ElementTree.ParseError, ValueError, IndexError) as error:
         raise MapError(
-            f"not a sound SUMO network: {error}", place=str(net), remedy="compile it again with netconvert"
+            f"not a sound SUMO network: {error}", place=place, remedy="compile it again with netconvert"
+        ) from error
+    except KeyError as error:
+        raise MapError(
+            f"not a sound SUMO network: something needs {error}, which is missing",
+            place=place,
+            remedy="compile it again with netconvert",
         ) from error
 
 

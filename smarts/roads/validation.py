@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -45,7 +46,65 @@ def validate_net(net: bytes, source: MapSource) -> None:
             place=place,
             remedy="convert it without the option lefthand",
         )
+    _check_numbers(root, place)
+    _check_references(root, place)
     _check_lanes(root, place)
+
+
+def _check_numbers(root: ElementTree.Element, place: str) -> None:
+    """Require lanes with a shape of finite points, a positive length and width, and a speed limit."""
+    remedy = "mend the lane, or compile the map again with netconvert"
+    for edge in root.iter("edge"):
+        for lane in edge.iter("lane"):
+            where = f"{place}: lane '{lane.get('id')}'"
+            for name, default in (("length", ""), ("speed", ""), ("width", "3.2")):
+                text = lane.get(name, default)
+                # Nobody drives on footpaths and the like, whose speed limit may be anything.
+                if not 0 < _finite(text) < math.inf:
+                    raise MapError(f"{name}={text!r} is not a number above 0", place=where, remedy=remedy)
+            points = lane.get("shape", "").split()
+            if len(points) < 2 and edge.get("function", "normal") == "normal":
+                raise MapError(f"a shape of {len(points)} points", place=where, remedy=remedy)
+            for point in points:
+                if not all(math.isfinite(_finite(text)) for text in [*point.split(","), "x"][:2]):
+                    raise MapError(f"{point!r} in its shape is not a point", place=where, remedy=remedy)
+
+
+def _finite(text: str) -> float:
+    """Return a finite number, NaN for all else."""
+    try:
+        number = float(text)
+    except ValueError:
+        return math.nan
+    return number if math.isfinite(number) else math.nan
+
+
+def _check_references(root: ElementTree.Element, place: str) -> None:
+    """Require that nothing has the same name twice, and connections between lanes that exist."""
+    remedy = "mend the file, or compile the map again with netconvert"
+    lanes: set[str] = set()
+    counts: dict[str, int] = {}
+    for edge in root.iterfind("edge"):
+        name = edge.get("id", "")
+        if name in counts:
+            raise MapError(f"two edges are named '{name}'", place=place, remedy=remedy)
+        counts[name] = len(edge.findall("lane"))
+        for lane in edge.iterfind("lane"):
+            lane_name = lane.get("id", "")
+            if lane_name in lanes:
+                raise MapError(f"two lanes are named '{lane_name}'", place=place, remedy=remedy)
+            lanes.add(lane_name)
+    for link in root.iterfind("connection"):
+        where = f"{place}: connection from '{link.get('from')}' to '{link.get('to')}'"
+        for end in ("from", "to"):
+            name, number = link.get(end, ""), link.get(f"{end}Lane", "")
+            if name not in counts:
+                raise MapError(f"there is no edge '{name}'", place=where, remedy=remedy)
+            if not number.isdecimal() or int(number) >= counts[name]:
+                raise MapError(f"edge '{name}' has no lane {number!r}", place=where, remedy=remedy)
+        via = link.get("via")
+        if via is not None and via not in lanes:
+            raise MapError(f"there is no lane '{via}' inside the junction", place=where, remedy=remedy)
 
 
 def _check_lanes(root: ElementTree.Element, place: str) -> None:

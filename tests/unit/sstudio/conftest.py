@@ -55,3 +55,15 @@ def scenario_folder(tmp_path):
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@pytest.fixture(scope="session")
+def long_roads(tmp_path_factory):
+    """A straight road from (0, 0) over (100, 0) to (200, 0) whose first half SUMO takes for 200 m long."""
+    folder = tmp_path_factory.mktemp("long")
+    nodes = "".join(f'<node id="{name}" x="{x}" y="0"/>' for name, x in (("a", 0), ("b", 100), ("c", 200)))
+    edges = '<edge id="one" from="a" to="b" length="200"/><edge id="two" from="b" to="c"/>'
+    (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
+    (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")
+    compile_map(find_map_source(folder), folder / "compiled.net.xml")
+    return read_net(folder / "compiled.net.xml")

@@ -247,3 +247,11 @@ class TestEpisodes:
         assert shuffled == episode_plans(self.scenario, 1, generator(3))
         assert shuffled != plain
         assert sorted(map(repr, shuffled)) == sorted(map(repr, plain))
+
+
+def test_starts_and_goals_count_as_sumo_does(long_roads):
+    """The lane is drawn 100 m long and counts 200 m, so SUMO's 160 m are 80 m of it."""
+    mission = t.Mission(t.Route(("one", 0, 160), ("two", 0, 50)))
+    (placed,) = place_missions([mission], long_roads, generator(0))
+    assert placed.start.s == pytest.approx(160 * long_roads.length[placed.start.lane] / 200)
+    assert placed.goal.s == pytest.approx(50)

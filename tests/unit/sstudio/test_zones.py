@@ -81,3 +81,18 @@ def test_edges_inside_the_junction(roads):
     assert t.JunctionEdgeIDResolver("from_west", 1, "to_south", 0).to_edge(roads) == turn
     with pytest.raises(MapError, match="no junction joins edge 'from_west' to edge 'from_east'"):
         t.JunctionEdgeIDResolver("from_west", 0, "from_east", 0).to_edge(roads)
+
+
+def test_zones_along_lanes_that_sumo_measures_otherwise(long_roads):
+    """Offsets and lengths of zones are SUMO's: the lane is drawn 100 m long and counts 200 m."""
+    lane = long_roads.lane_number("one", 0)
+    assert long_roads.length[lane] == pytest.approx(100, abs=1)
+    assert long_roads.sumo_length[lane] == pytest.approx(200)
+    scale = float(long_roads.length[lane] / long_roads.sumo_length[lane])
+    area = t.MapZone(("one", 0, 120), 60, 1).to_geometry(long_roads)
+    west, _, east, _ = area.bounds
+    assert (west, east) == pytest.approx((120 * scale, 180 * scale))
+    whole = t.MapZone(("one", 0, "base"), "max", 1).to_geometry(long_roads).bounds
+    assert whole[2] - whole[0] == pytest.approx(float(long_roads.length[lane]))
+    last = t.MapZone(("one", 0, "max"), 50, 1).to_geometry(long_roads).bounds
+    assert (last[0], last[2]) == pytest.approx((150 * scale, 200 * scale))
