@@ -219,20 +219,3 @@ EXTRAS = Table(
 
 TABLES = (EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, SEATS, DECISIONS, SIGNALS, EXTRAS)
 TABLE = {table.name: table for table in TABLES}
-
-
-def describe() -> str:
-    """Return the format as text in Markdown, a table for each table."""
-    parts = []
-    for table in TABLES:
-        parts += [
-            f"### {table.name}\n\n{table.meaning[0].upper()}{table.meaning[1:]}.\n",
-            "| column | type | unit | meaning |",
-            "|---|---|---|---|",
-        ]
-        parts += [
-            f"| {column.name} | {column.kind} | {column.unit} | {column.meaning} |"
-            for column in table.columns
-        ]
-        parts.append("")
-    return "\n".join(parts)

@@ -15,12 +15,13 @@ import pytest
 from smarts.agents.interface import AgentInterface
 from smarts.errors import RecordError
 from smarts.sim.assembly import assemble
+from smarts.sim.episode_documentation import PAGE, episodes_page
 from smarts.sim.episode_files import PARTIAL, EpisodeStore, RecordedEpisode, arrow_schema, episodes_in
 from smarts.sim.recorder import EpisodeRecorder
 from smarts.sim.recorder_kernel import NEAR
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType, LaneAction
-from smarts.types.episode_schema import TABLE, TABLES, describe
+from smarts.types.episode_schema import TABLE, TABLES
 from smarts.types.events import Outcome
 from smarts.types.seats import SeatState
 
@@ -356,7 +357,8 @@ def test_another_format_is_refused(tmp_path):
 KILLED = """
     import os, signal, sys
     from pathlib import Path
-    from smarts.sim.episode_files import EpisodeStore
+    from smarts.sim.episode_documentation import PAGE, episodes_page
+from smarts.sim.episode_files import EpisodeStore
     from smarts.types.episode_schema import TABLE
     rows = {name: [] for name in TABLE["names"].names}
     store = EpisodeStore(Path(sys.argv[1]))
@@ -400,9 +402,10 @@ def test_a_store_that_goes_away_is_told_once_and_the_simulation_closes(tmp_path)
 
 
 def test_every_table_is_described():
-    text = describe()
+    text = episodes_page()
+    assert PAGE.read_text() == text
     for table in TABLES:
-        assert f"### {table.name}" in text
+        assert f"## {table.name}" in text
         assert len(set(table.names)) == len(table.names)
         assert all(column.meaning or column.unit for column in table.columns)
         assert arrow_schema(table).names == list(table.names)
