@@ -13,7 +13,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "episodes.md"
 
 _OPENING = f"""# Recorded episodes
 
-Written by `python -m smarts.sim.episode_documentation` from `smarts/types/episode_schema.py`; format {VERSION}.
+Written by `python -m smarts.sim.episode_documentation` from `smarts/types/episode_schema.py`. This is format
+{VERSION}.
 
 `assemble(..., options=Options(record=folder))` records every episode into a folder of its own below `folder`,
 one Parquet file for each table below; `smarts.sim.episode_files.RecordedEpisode(folder)` reads them, and
@@ -21,8 +22,8 @@ one Parquet file for each table below; `smarts.sim.episode_files.RecordedEpisode
 killed leaves a hidden folder, which the next one to record there takes away. The maps lie beside the episodes
 as `maps/<map>.npz` and are lane graphs.
 
-Row `step = k` of vehicles, seats and signals is the state after k steps; k = 0 is the reset. Row `step = k` of
-decisions and extras is what was decided on that state, or followed from it until the seat's next decision.
+Row `step = k` of vehicles, seats and signals is the state after k steps; k = 0 is the reset. Row `step = k`
+of decisions and extras is what was decided on that state, or followed from it until the seat's next decision.
 A vehicle is (slot, generation); lanes and edges are numbers in the lane graph.
 """
 

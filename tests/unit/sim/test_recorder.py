@@ -357,8 +357,7 @@ def test_another_format_is_refused(tmp_path):
 KILLED = """
     import os, signal, sys
     from pathlib import Path
-    from smarts.sim.episode_documentation import PAGE, episodes_page
-from smarts.sim.episode_files import EpisodeStore
+    from smarts.sim.episode_files import EpisodeStore
     from smarts.types.episode_schema import TABLE
     rows = {name: [] for name in TABLE["names"].names}
     store = EpisodeStore(Path(sys.argv[1]))
