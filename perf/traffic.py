@@ -68,7 +68,7 @@ class Ours:
     def __init__(self, files: TrafficFiles, roads: LaneGraph, egos: int = 0) -> None:
         self.files, self.roads, self.egos = files, roads, egos
         self.states = VehicleStates.allocate(1024)
-        self.roster = Roster(self.states, reserved=egos)
+        self.roster = Roster(self.states)
         self.traffic = SumoTraffic(dt=DT)
         self.moment = 0
         lane = int(np.argmax(np.where(roads.is_internal, 0.0, roads.length)))
@@ -79,7 +79,7 @@ class Ours:
         self.roster.reset()
         self.moment = 0
         for ego in range(self.egos):
-            self.roster.admit(f"ego-{ego}", Owner.AGENT, VehicleKind.PASSENGER, 4.5, 1.8, slot=ego)
+            self.roster.admit(f"ego-{ego}", Owner.AGENT, VehicleKind.PASSENGER, 4.5, 1.8)
             self._move(ego)
         self.traffic.reset(self.files, SEED, self.states, self.roster, self.roads)
 

@@ -62,6 +62,14 @@ class TrafficError(SmartsError):
     """The traffic engine failed to start or to go on."""
 
 
+class RecordError(SmartsError):
+    """Episodes cannot be written, or what is there is not an episode."""
+
+
+class ActionError(SmartsError):
+    """An action is of the wrong kind, not finite, or for an agent that does not exist."""
+
+
 class UnknownNameError(SmartsError):
     """A name that is not in a registry."""
 

@@ -8,7 +8,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 LAYERS = [
-    {"smarts", "smarts.errors", "smarts.registry", "smarts.config", "smarts.geometry"},
+    {"smarts", "smarts.errors"},
+    {"smarts.registry", "smarts.config", "smarts.geometry"},
     {"smarts.types"},
     {"smarts.roads"},
     {"smarts.sstudio", "smarts.agents"},

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
-from typing import NoReturn
+from typing import NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +106,30 @@ class Wheels:
     """Of the tyre along its heading [N]."""
     force_y: Floats
     """Of the tyre to its left [N]."""
+
+
+class Driver(Protocol):
+    """Who changes the controls within a step."""
+
+    def __call__(
+        self,
+        rows: NDArray[np.int64],
+        cars: NDArray[np.void],
+        states: NDArray[np.void],
+        bodies: Floats,
+        controls: Floats,
+        /,
+    ) -> None:
+        """Write the controls of `rows` for the next sub-step.
+
+        Args:
+            rows: The vehicles that move, shape (R,).
+            cars: Parameters, shape (E,), dtype `layout.PARAMETERS`.
+            states: Shape (E,), dtype `layout.STATE`.
+            bodies: Shape (E, 13), see `layout.BODY_SIZE`.
+            controls: Throttle, brake, steering within their bounds, shape (E, 3); to be written.
+        """
+        ...
 
 
 class Fleet:
@@ -335,12 +359,20 @@ class Fleet:
         self._require_simulation(simulation)
         self._worlds[simulation].place_boxes(boxes)
 
-    def step(self, controls: Floats) -> Motion:
+    def step(
+        self,
+        controls: Floats,
+        *,
+        simulations: NDArray[np.bool_] | None = None,
+        driver: Driver | None = None,
+    ) -> Motion:
         """Advance every vehicle by one step and return `motion`.
 
         Args:
             controls: Throttle in [-1, 1] (below 0 drives backwards), brake in [0, 1], steering in [-1, 1] of
                 the lock (positive to the left), shape (E, 3); clipped. Rows without a vehicle are ignored.
+            simulations: Which simulations make the step, shape (B,); all if not given. The others stay.
+            driver: Called before each sub-step, to change the controls in sight of where the vehicles are.
 
         Raises:
             ControlError: A control is NaN, or their shape is wrong. Nothing has moved.
@@ -351,7 +383,8 @@ class Fleet:
             raise ControlError(
                 f"controls have shape {controls.shape}", remedy=f"send shape {self._controls.shape}"
             )
-        bad = readout.take_controls(self._active, controls, self._controls)
+        moving, rows, worlds = self._chosen(simulations)
+        bad = readout.take_controls(moving, controls, self._controls)
         if bad >= 0:
             raise ControlError(
                 f"controls {controls[bad].tolist()} (throttle, brake, steering) are not numbers",
@@ -359,16 +392,19 @@ class Fleet:
                 remedy="send finite controls",
             )
         readout.remember_velocity(self._bodies, self._before)
-        in_bullet, dynamic, kinematic = self._rows
-        if in_bullet.size:
-            self._step_bullet(in_bullet)
-        shared = (self._cars, self._states, self._bodies, self._controls, self._road, self._poses, self._dt)
-        if dynamic.size:
-            single_track.advance_dynamic(dynamic, *shared)
-        if kinematic.size:
-            single_track.advance_kinematic(kinematic, *shared)
+        if driver is None:
+            for substep in range(self._poses.shape[1] if rows[0].size else 0):
+                self._substep_bullet(rows[0], worlds, substep)
+            self._advance_single_tracks(rows, 0, self._poses.shape[1])
+        else:
+            everyone = np.flatnonzero(moving)
+            for substep in range(self._poses.shape[1]):
+                driver(everyone, self._cars, self._states, self._bodies, self._controls)
+                if rows[0].size:
+                    self._substep_bullet(rows[0], worlds, substep)
+                self._advance_single_tracks(rows, substep, substep + 1)
         bad = readout.show_motion(
-            self._active,
+            moving,
             self._bodies,
             self._before,
             self._velocity,
@@ -381,19 +417,36 @@ class Fleet:
         readout.show_wheels(self._active, self._cars, self._poses, self._wheel_position)
         return self.motion
 
-    def _step_bullet(self, rows: NDArray[np.int64]) -> None:
-        """Advance the vehicles in Bullet: forces before each sub-step, all simulations in one call."""
+    def _chosen(
+        self, simulations: NDArray[np.bool_] | None
+    ) -> tuple[NDArray[np.bool_], list[NDArray[np.int64]], Sequence[BulletWorld]]:
+        """Return which rows are to move, shape (E,), the rows of each model, and Bullet's worlds."""
+        if simulations is None or simulations.all():
+            return self._active, self._rows, self._worlds
+        chosen = np.repeat(simulations, self._egos)
+        rows = [of_model[chosen[of_model]] for of_model in self._rows]
+        worlds = [self._worlds[number] for number in np.flatnonzero(simulations)]
+        return self._active & chosen, rows, worlds
+
+    def _substep_bullet(self, rows: NDArray[np.int64], worlds: Sequence[BulletWorld], substep: int) -> None:
+        """Advance the vehicles in Bullet by one sub-step, all simulations in one call."""
         cars, states, bodies, velocities = self._cars, self._states, self._bodies, self._velocities
-        for substep in range(self._poses.shape[1]):
-            bad = chassis.advance(
-                rows, cars, states, bodies, self._controls, self._road, velocities, self._dt
-            )
-            if bad >= 0:
-                self._refuse_motion(bad)
-            commands = velocities.tolist()
-            for world in self._worlds:
-                world.substep(commands)
-            readout.record_poses(rows, cars, bodies, self._poses, substep)
+        bad = chassis.advance(rows, cars, states, bodies, self._controls, self._road, velocities, self._dt)
+        if bad >= 0:
+            self._refuse_motion(bad)
+        commands = velocities.tolist()
+        for world in worlds:
+            world.substep(commands)
+        readout.record_poses(rows, cars, bodies, self._poses, substep)
+
+    def _advance_single_tracks(self, rows: Sequence[NDArray[np.int64]], begin: int, end: int) -> None:
+        """Advance the vehicles that are not in Bullet from one sub-step to before another."""
+        _, dynamic, kinematic = rows
+        shared = (self._cars, self._states, self._bodies, self._controls, self._road, self._poses, self._dt)
+        if dynamic.size:
+            single_track.advance_dynamic(dynamic, *shared, begin, end)
+        if kinematic.size:
+            single_track.advance_kinematic(kinematic, *shared, begin, end)
 
     def _refuse_motion(self, row: int) -> NoReturn:
         body, road = self._bodies[row].tolist(), self._road[row].tolist()

@@ -22,8 +22,8 @@ FRONT, REAR = 0, 2
 
 
 @kernel
-def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt):
-    """Advance kinematic vehicles by all sub-steps of one step.
+def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt, begin, end):
+    """Advance kinematic vehicles by some sub-steps of one step.
 
     Args:
         rows: Vehicles to advance, shape (R,).
@@ -34,6 +34,8 @@ def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt):
         road: Shape (E, 8); only the friction at the wheels counts.
         poses: Centre of the footprint and heading after each sub-step, shape (E, S, 3); written.
         dt: Sub-step [s].
+        begin: The first sub-step.
+        end: The sub-step before which to stop.
     """
     for row in rows:
         car, state, body = cars[row], states[row], bodies[row]
@@ -41,7 +43,7 @@ def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt):
         load_front, load_rear = _axle_loads(car, 0.0)
         grip_front = _axle_tyre(car, state, FRONT, load_front, road[row, 0:2])[0]
         grip_rear = _axle_tyre(car, state, REAR, load_rear, road[row, 2:4])[0]
-        for substep in range(poses.shape[1]):
+        for substep in range(begin, end):
             steer(car, state, controls[row, 2], dt)
             front = _axle_request(car, state, FRONT, load_front, grip_front, controls[row], speed)
             rear = _axle_request(car, state, REAR, load_rear, grip_rear, controls[row], speed)
@@ -56,10 +58,10 @@ def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt):
 
 
 @kernel
-def advance_dynamic(rows, cars, states, bodies, controls, road, poses, dt):
-    """Advance dynamic single-track vehicles by all sub-steps of one step; see `advance_kinematic`."""
+def advance_dynamic(rows, cars, states, bodies, controls, road, poses, dt, begin, end):
+    """Advance dynamic single-track vehicles by some sub-steps of one step; see `advance_kinematic`."""
     for row in rows:
-        for substep in range(poses.shape[1]):
+        for substep in range(begin, end):
             _advance_dynamic(cars[row], states[row], bodies[row], controls[row], road[row], dt)
             record_pose(cars[row], bodies[row], poses[row, substep])
 

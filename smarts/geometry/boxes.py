@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.geometry.compiling import kernel
+
+Pose = tuple[float, float, float]
+"""x, y of the centre [m], heading [rad]."""
+Gaps = tuple[float, float, float, float]
 Floats = NDArray[np.float64]
 
 
@@ -42,3 +49,63 @@ def _axes(heading: ArrayLike) -> Floats:
     """Return the directions of length and width, shape (..., 2, 2)."""
     cosine, sine = np.cos(heading), np.sin(heading)
     return np.stack([np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)], -2)
+
+
+@kernel
+def box_gaps(
+    pose: Pose, half_length: float, half_width: float, pose2: Pose, half_length2: float, half_width2: float
+) -> Gaps:
+    """Return how far two oriented boxes are apart along the four directions that can separate them [m].
+
+    The directions are those of length and width of the first box, then of the second. A gap below 0 is an
+    overlap along that direction; the boxes share area if all four are below 0.
+    """
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine2, sine2 = math.cos(pose2[2]), math.sin(pose2[2])
+    dx, dy = pose2[0] - pose[0], pose2[1] - pose[1]
+    # Between the two lengths (or the two widths), and between one's length and the other's width.
+    along, across = abs(cosine * cosine2 + sine * sine2), abs(cosine * sine2 - sine * cosine2)
+    return (
+        abs(dx * cosine + dy * sine) - half_length - along * half_length2 - across * half_width2,
+        abs(dy * cosine - dx * sine) - half_width - across * half_length2 - along * half_width2,
+        abs(dx * cosine2 + dy * sine2) - half_length2 - along * half_length - across * half_width,
+        abs(dy * cosine2 - dx * sine2) - half_width2 - across * half_length - along * half_width,
+    )
+
+
+@kernel
+def contact_direction(pose: Pose, pose2: Pose, gaps_before: Gaps, gaps: Gaps) -> tuple[float, float, float]:
+    """Return where two boxes that now overlap, and a moment ago did not, have met.
+
+    Of the directions in which they were apart it is the one in which they still were when they overlapped in
+    all others: they met across the sides that face each other there. Boxes that overlapped already met in the
+    direction in which they overlap least.
+
+    Args:
+        pose: Of the first box, now.
+        pose2: Of the second box, now.
+        gaps_before: `box_gaps` a moment ago.
+        gaps: `box_gaps` now, all below 0.
+
+    Returns:
+        The unit vector from the first box to the second, square to the sides that met, and when in between
+        they met: 0 a moment ago, 1 now.
+    """
+    axis, when = -1, -1.0
+    for number in range(4):
+        if gaps_before[number] >= 0.0:
+            closed = gaps_before[number] / (gaps_before[number] - gaps[number])
+            if closed > when:
+                axis, when = number, closed
+    if axis < 0:
+        axis, when = 0, 0.0
+        for number in range(1, 4):
+            if gaps[number] > gaps[axis]:
+                axis = number
+    heading = pose[2] if axis < 2 else pose2[2]
+    x, y = math.cos(heading), math.sin(heading)
+    if axis % 2:
+        x, y = -y, x
+    if x * (pose2[0] - pose[0]) + y * (pose2[1] - pose[1]) < 0.0:
+        x, y = -x, -y
+    return x, y, when

@@ -15,6 +15,7 @@ import importlib.metadata
 import importlib.util
 import os
 import shutil
+import stat
 import sys
 import tempfile
 import threading
@@ -78,6 +79,7 @@ class SumoLibrary:
         Raises:
             TrafficError: SUMO refuses; its own message is in the error.
         """
+        self.check_open()
         self._place = place
         # An anonymous file, one for each start: nothing stays behind when the process is killed, and a forked
         # child does not write into its parent's.
@@ -93,12 +95,24 @@ class SumoLibrary:
     @contextmanager
     def errors(self, what: str) -> Iterator[None]:
         """Turn SUMO's errors in the body into a `TrafficError`; the next `start` works."""
+        self.check_open()
         try:
             yield
         except Exception as error:
             if not _is_from_sumo(error):
                 raise
             raise self._named(what, error) from None
+
+    def check_open(self) -> None:
+        """Refuse to go on after `close`, when the copy may be another simulation's.
+
+        Raises:
+            TrafficError: The library is closed.
+        """
+        if not self._closer.alive:
+            raise TrafficError(
+                "the simulation is closed", place=self._place or "traffic", remedy="make a new one"
+            )
 
     def accepts(self, call: Callable[..., object], *arguments: object) -> bool:
         """Make a call and return whether SUMO complied."""
@@ -214,7 +228,20 @@ def _copy_of_extension(index: int, installed: Path) -> Path:
     copy = folder / _EXTENSION
     if _is_whole(copy, original):
         return folder
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        _copy_whole(original, family, copy)
+    except OSError as error:
+        raise TrafficError(
+            f"libsumo cannot be copied: {error.strerror or error}",
+            place=str(folder),
+            remedy="make room there, or set XDG_CACHE_HOME to another place",
+        ) from error
+    return folder
+
+
+def _copy_whole(original: Path, family: Path, copy: Path) -> None:
+    """Make one copy, unless another process has just made it."""
+    copy.parent.mkdir(parents=True, exist_ok=True)
     # The lock dies with its process, so a killed copy leaves at most a partial file that the next one
     # overwrites.
     with open(family / "lock", "w") as lock:
@@ -222,12 +249,14 @@ def _copy_of_extension(index: int, installed: Path) -> Path:
         # The extension looks for its libraries in ../libsumo.libs.
         libraries = family / "libsumo.libs"
         if not libraries.is_symlink():
-            libraries.symlink_to(installed.parent / "libsumo.libs")
+            libraries.symlink_to(original.parents[1] / "libsumo.libs")
         if not _is_whole(copy, original):
             partial = family / "partial"
-            shutil.copyfile(original, partial)
-            os.replace(partial, copy)
-    return folder
+            try:
+                shutil.copyfile(original, partial)
+                os.replace(partial, copy)
+            finally:
+                partial.unlink(missing_ok=True)
 
 
 def _is_whole(copy: Path, original: Path) -> bool:
@@ -247,7 +276,28 @@ def _cache_folder() -> Path:
     folder = Path(home) / "smarts-bench"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        writable = os.access(folder, os.W_OK)
+        if os.access(folder, os.W_OK):
+            return folder
     except OSError:
-        writable = False
-    return folder if writable else Path(tempfile.gettempdir()) / f"smarts-bench-{os.getuid()}"
+        pass
+    return _private_temporary_folder()
+
+
+def _private_temporary_folder() -> Path:
+    """Return a folder of this user's under the common one for temporary files.
+
+    Native code is loaded from it, so nobody else may have made it or be able to write to it.
+
+    Raises:
+        TrafficError: Somebody else may.
+    """
+    folder = Path(tempfile.gettempdir()) / f"smarts-bench-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    state = folder.lstat()
+    if not stat.S_ISDIR(state.st_mode) or state.st_uid != os.getuid() or state.st_mode & 0o022:
+        raise TrafficError(
+            "the folder for copies of libsumo belongs to somebody else, or others may write to it",
+            place=str(folder),
+            remedy="remove it, or set XDG_CACHE_HOME to a folder of your own",
+        )
+    return folder

@@ -25,8 +25,8 @@ def fill_rows(
     heading: Floats,
     motion: Floats,
     lane: Ints,
-    metres_per_sumo_metre: Floats,
-    columns: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Ints],
+    seen_lane: Ints,
+    columns: tuple[Floats, Floats, Floats, Floats, Floats],
 ) -> NDArray[np.bool_]:
     """Fill the rows of A vehicles and return which of them have changed lanes, shape (A,).
 
@@ -36,13 +36,13 @@ def fill_rows(
         rows: Where to write, shape (A,).
         front: Middle of the front bumper [m], shape (A, 2).
         heading: [rad], shape (A,).
-        motion: Speed, acceleration, SUMO's position of the front along the lane, shape (3, A).
+        motion: Speed and acceleration, shape (2, A).
         lane: -1 for none, shape (A,).
-        metres_per_sumo_metre: Of each lane, shape (L,).
-        columns: `length` to read and, to write, `position`, `heading`, `speed`, `acceleration`,
-            `lane_position` and `lane` of the world.
+        seen_lane: What `lane` was last time, by row of the world; written.
+        columns: `length` to read and, to write, `position`, `heading`, `speed` and `acceleration` of the
+            world.
     """
-    lengths, positions, headings, speeds, accelerations, lane_positions, lanes = columns
+    lengths, positions, headings, speeds, accelerations = columns
     has_changed = np.empty(len(rows), np.bool_)
     for index in range(len(rows)):
         row = rows[index]
@@ -52,8 +52,6 @@ def fill_rows(
         headings[row] = heading[index]
         speeds[row] = motion[0, index]
         accelerations[row] = motion[1, index]
-        number = lane[index]
-        lane_positions[row] = motion[2, index] * metres_per_sumo_metre[number] - half if number >= 0 else 0.0
-        has_changed[index] = lanes[row] != number
-        lanes[row] = number
+        has_changed[index] = seen_lane[row] != lane[index]
+        seen_lane[row] = lane[index]
     return has_changed

@@ -16,6 +16,7 @@ two. What SUMO needs help with, found by experiment (the tests in `test_sumo_sha
   straight on.
 - SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. It is told
   instead.
+- Oncoming drivers do not see a shadow that reaches over the centre line; `sumo_stand_ins` shows it to them.
 - A vehicle that moves against its lane would be taken for a leader that drives away; it is said to stand.
 - SUMO goes on with a change of lane that it has begun when a vehicle is taken over, and crashes if the
   vehicle is by then in a lane with none beside. Such a change is brought to its end, in SUMO's books, within
@@ -32,6 +33,7 @@ from dataclasses import dataclass
 
 from smarts.geometry.frames import compass_from_heading
 from smarts.providers.sumo_library import SumoLibrary
+from smarts.providers.sumo_stand_ins import SumoStandIns
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
@@ -102,6 +104,7 @@ class SumoShadows:
         self._returned: dict[int, _Shadow] = {}
         self._types: set[str] = set()
         self._ways_on: dict[str, list[str]] = {}
+        self.stand_ins = SumoStandIns(library)
 
     def __contains__(self, slot: int) -> bool:
         return slot in self._shadows
@@ -113,6 +116,7 @@ class SumoShadows:
         self._returned.clear()
         self._types.clear()
         self._ways_on.clear()
+        self.stand_ins.reset(roads)
 
     def create(self, slot: int, name: str, states: VehicleStates, route: Sequence[str]) -> None:
         """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""
@@ -142,6 +146,7 @@ class SumoShadows:
         said where it is bound for, it drives on to where its road ends. It must stand on a lane.
         """
         shadow = self._shadows.pop(slot)
+        self.stand_ins.remove(shadow.id)
         vehicle = self._library.vehicle
         if not vehicle.getLaneID(shadow.id):
             return False
@@ -152,7 +157,8 @@ class SumoShadows:
 
     def forget(self, slot: int) -> None:
         """Drop the shadow in a slot, if there is one."""
-        self._shadows.pop(slot, None)
+        if shadow := self._shadows.pop(slot, None):
+            self.stand_ins.remove(shadow.id)
         self._returned.pop(slot, None)
 
     def set_route(self, slot: int, edges: Sequence[str]) -> None:
@@ -172,7 +178,10 @@ class SumoShadows:
                 continue
             heading = float(states.heading[slot])
             x, y = states.position[slot].tolist()
-            to_front = float(states.length[slot]) / 2
+            length, speed = float(states.length[slot]), float(states.speed[slot])
+            kind = self._type_of(slot, states)
+            self.stand_ins.place(shadow.id, kind, (x, y), heading, speed, length)
+            to_front = length / 2
             x, y = x + to_front * math.cos(heading), y + to_front * math.sin(heading)
             move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET, _MATCH_WITHIN)
         for slot in [*self._returned]:
@@ -192,6 +201,7 @@ class SumoShadows:
                 self._settle_on_lane(shadow, lane, position, float(states.width[slot]))
             else:
                 shadow.lane, shadow.entry = "", None
+                self.stand_ins.remove(shadow.id)
             vehicle.setPreviousSpeed(shadow.id, max(speed, 0.0))
             if shadow.own_type:
                 vehicle.setType(shadow.id, shadow.own_type)
@@ -201,6 +211,7 @@ class SumoShadows:
     def _settle_on_lane(self, shadow: _Shadow, lane: str, position: float, width: float) -> None:
         shadow.offset = self._library.vehicle.getLateralLanePosition(shadow.id)
         shadow.side = self._straddled_side(lane, shadow.offset, width)
+        self.stand_ins.reach(shadow.id, self._roads.lane_of_id(lane), shadow.offset, width)
         # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
         # net.
         is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE

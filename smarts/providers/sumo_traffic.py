@@ -5,11 +5,13 @@ With nobody else in the world it is exactly what `sumo` computes for the same fi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, repeat
 
 import numpy as np
 
+from smarts.errors import TrafficError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
@@ -54,26 +56,30 @@ def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
 
 
 class SumoTraffic(TrafficProvider):
-    """A traffic provider: SUMO drives the vehicles of owner TRAFFIC and minds all others.
+    """A traffic provider: SUMO drives the vehicles that it owns and minds all others.
 
-    A vehicle keeps one SUMO id for life. When a row's owner becomes AGENT, its SUMO vehicle is led as a
-    shadow from the next step on; when it becomes TRAFFIC again, SUMO drives on from that pose and speed. A
-    row that others have admitted gets a SUMO vehicle, and a row that others have dismissed loses it. A
-    vehicle handed to SUMO while it stands on no lane leaves the world.
+    A vehicle keeps one SUMO id for life. When another becomes a row's owner, its SUMO vehicle is led as a
+    shadow from the next step on; when SUMO becomes it again, SUMO drives on from that pose and speed. A row
+    that others have admitted gets a SUMO vehicle, and a row that others have dismissed loses it. A vehicle
+    handed to SUMO while it stands on no lane leaves the world (`can_accept` tells beforehand).
 
-    When all slots are taken, SUMO holds departures back until one is free (`is_full`), so what an episode
-    looks like depends on the capacity only if the capacity is too small.
+    At the limit of vehicles SUMO holds departures back until one has left (`is_full`), so what an episode
+    looks like depends on the limit only if the limit is too small.
 
     Args:
         dt: Length of a step [s].
+        owner: Its number among the providers.
         library: Which copy of libsumo to use; by default any that is free.
 
     Raises:
         TrafficError: From every method, when SUMO fails; other simulations go on, and the next `reset` works.
     """
 
-    def __init__(self, *, dt: float = 0.1, library: int | None = None) -> None:
+    def __init__(self, *, dt: float = 0.1, owner: int = Owner.TRAFFIC, library: int | None = None) -> None:
+        if not (math.isfinite(dt) and 0.001 <= dt <= 10.0):
+            raise TrafficError(f"a step of {dt} s", place="dt", remedy="give 0.001 to 10 s")
         self.dt = dt
+        self.owner = int(owner)
         self.signals = np.zeros(0, np.int8)
         self.is_full = False
         self._library = SumoLibrary(library)
@@ -83,43 +89,58 @@ class SumoTraffic(TrafficProvider):
         self._routes_to_come: dict[int, tuple[str, ...]] = {}
         self._kept_clear: list[int] = []
         self._limit = 0
+        self._has_begun = False
 
     def reset(
-        self, files: TrafficFiles, seed: int, states: VehicleStates, roster: Roster, roads: LaneGraph
+        self,
+        files: TrafficFiles,
+        seed: int,
+        states: VehicleStates,
+        roster: Roster,
+        roads: LaneGraph,
+        limit: int | None = None,
+        bound_for: Mapping[int, Sequence[str]] | None = None,
     ) -> None:
         """Begin an episode: load, warm up, and let the traffic into the world.
 
         Args:
             files: The traffic.
             seed: SUMO's, in [0, 2^31).
-            states: The world. It may hold egos at their starts, owner AGENT; traffic keeps clear of them.
+            states: The world. It may hold egos at their starts; traffic keeps clear of them.
             roster: Issues the slots of `states`.
             roads: The lanes of the net in `files`.
+            limit: The most vehicles that SUMO knows at a time, those of others included; by default as many
+                as there are slots.
+            bound_for: Where those who are in the world are bound for, by slot.
         """
+        self._library.check_open()
+        self._has_begun = False
         self._roster = roster
         self._shadows.reset(roads)
         for memory in (self._ids, self._driven, self._routes_to_come):
             memory.clear()
-        self._limit = states.capacity - roster.reserved
+        self._limit = states.capacity if limit is None else limit
         self.is_full = False
         self._read_map(roads)
         self._start(files, seed)
+        self._sumo_lane = np.full(states.capacity, -1, np.int32)
         with self._library.errors("failed while the traffic warmed up"):
-            if files.warm_up > 0:
-                self._library.simulation.step(files.warm_up)
+            self._routes_to_come.update({slot: tuple(edges) for slot, edges in (bound_for or {}).items()})
             self._kept_clear = np.flatnonzero(states.alive).tolist()
-            self._admit(self._library.simulation.getDepartedIDList(), states)
+            self._admit(self._warm_up(files.warm_up, states), states)
             self._write(states)
             self._read_signals()
         self._seen_owner = np.zeros_like(states.owner)
         self._seen_generation = np.zeros_like(states.generation)
         self._remember(states)
         # Those who were here first are new to SUMO.
-        self._seen_owner[self._kept_clear] = Owner.NOBODY
+        self._seen_owner[[slot for slot in self._kept_clear if slot not in self._ids]] = Owner.NOBODY
+        self._has_begun = True
 
     def step(self, states: VehicleStates) -> None:
-        """Advance by `dt`; rows of owner AGENT hold their pose at the end of the step already."""
+        """Advance by `dt`; the rows of others hold their pose at the end of the step already."""
         library = self._library
+        self._check_begun()
         with library.errors("failed in mid-run"):
             entering = self._follow_owners(states) if self._has_changed(states) else []
             self._shadows.place(states)
@@ -135,7 +156,14 @@ class SumoTraffic(TrafficProvider):
             self._read_signals()
         self._remember(states)
         # They are shadows until SUMO takes the wheel in the next step.
-        self._seen_owner[entering] = Owner.AGENT
+        self._seen_owner[entering] = Owner.NOBODY
+
+    def can_accept(self, slot: int) -> bool:
+        """Return whether SUMO could drive on with a vehicle of another: it must stand on a lane."""
+        if slot not in self._shadows:
+            return True
+        with self._library.errors("failed to tell a place"):
+            return bool(self._library.vehicle.getLaneID(self._ids[slot]))
 
     def clear(self, states: VehicleStates, slots: Sequence[int]) -> None:
         """Remove traffic from the surroundings of these vehicles, and let none depart there in the next step.
@@ -151,6 +179,9 @@ class SumoTraffic(TrafficProvider):
 
     def route(self, slot: int) -> tuple[str, ...]:
         """Return the edges that a vehicle has yet to drive, its own first; for a shadow, as SUMO believes."""
+        self._check_begun()
+        if slot not in self._ids:
+            raise TrafficError(f"slot {slot} holds no vehicle that SUMO knows", place="traffic")
         with self._library.errors("failed to tell a route"):
             return self._library.route_ahead(self._ids[slot])
 
@@ -172,6 +203,33 @@ class SumoTraffic(TrafficProvider):
         """End the simulation and give the library back."""
         self._library.close()
 
+    def _check_begun(self) -> None:
+        self._library.check_open()
+        if not self._has_begun:
+            raise TrafficError("no episode has begun", place="traffic", remedy="call reset first")
+
+    def _warm_up(self, duration: float, states: VehicleStates) -> list[str]:
+        """Run traffic on its own for a while [s]; return who has departed.
+
+        In the last step those who are in the world already come in, so that drivers mind them from the first
+        step of the episode on.
+        """
+        library = self._library
+        entering = self._kept_clear if duration > self.dt else []
+        departed: list[str] = []
+        if duration > 0 and entering:
+            library.simulation.step(duration - self.dt)
+            departed += library.simulation.getDepartedIDList()
+            for slot in entering:
+                self._enter(slot, states)
+            self._shadows.place(states)
+        if duration > 0:
+            library.simulation.step(duration)
+            departed += library.simulation.getDepartedIDList()
+        if entering:
+            self._shadows.settle(states)
+        return departed
+
     def _start(self, files: TrafficFiles, seed: int) -> None:
         place = str((files.routes or (files.net,))[0])
         options = [*sumo_options(files, seed, self.dt), "--max-num-vehicles", str(self._limit)]
@@ -179,7 +237,6 @@ class SumoTraffic(TrafficProvider):
 
     def _read_map(self, roads: LaneGraph) -> None:
         self._lane_number = {lane: number for number, lane in enumerate(roads.lane_ids)}
-        self._metres_per_sumo_metre = roads.length / roads.sumo_length
         self.signals = np.full(len(roads.lane_ids), Signal.NONE, np.int8)
         self._lights = [
             (signal, lanes, roads.signal_link[lanes])
@@ -207,19 +264,23 @@ class SumoTraffic(TrafficProvider):
                 continue
             if slot not in self._ids:
                 self._enter(slot, states)
-                if owner == Owner.TRAFFIC:
+                if owner == self.owner:
                     entering.append(slot)
-            elif owner == Owner.AGENT:
+            elif owner == self.owner:
+                self._take_back(slot)
+            elif slot not in self._shadows:
                 del self._driven[self._ids[slot]]
                 self._shadows.take_over(slot, self._ids[slot])
-            elif self._shadows.hand_back(slot):
-                self._driven[self._ids[slot]] = slot
-                # The lane is another's finding: this makes `_write` look up the desired speed.
-                states.lane[slot] = -1
-            else:
-                self._remove(slot)
-                self._roster.dismiss(slot)
         return entering
+
+    def _take_back(self, slot: int) -> None:
+        if self._shadows.hand_back(slot):
+            self._driven[self._ids[slot]] = slot
+            # Another has written the desired speed meanwhile: this makes `_write` look it up.
+            self._sumo_lane[slot] = -1
+        else:
+            self._remove(slot)
+            self._roster.dismiss(slot)
 
     def _enter(self, slot: int, states: VehicleStates) -> None:
         name = f"slot-{slot}-{states.generation[slot]}"
@@ -246,7 +307,7 @@ class SumoTraffic(TrafficProvider):
         """Let vehicles into the world in the order of departure, except where the place is kept clear."""
         vehicle = self._library.vehicle
         present = set(vehicle.getIDList()).difference(self._ids.values())
-        names = [name for name in departed if name in present]
+        names = [name for name in departed if name in present and name not in self._shadows.stand_ins]
         blocking = self._in_the_way(names, states)
         for name in names:
             # SUMO counts those who enter by `moveToXY` one step late, so it can let one too many depart.
@@ -255,9 +316,10 @@ class SumoTraffic(TrafficProvider):
                 continue
             kind = _KINDS.get(vehicle.getVehicleClass(name), VehicleKind.PASSENGER)
             size = vehicle.getLength(name), vehicle.getWidth(name)
-            slot = self._roster.admit(name, Owner.TRAFFIC, kind, *size)
+            slot = self._roster.admit(name, self.owner, kind, *size)
             self._driven[name] = slot
             self._ids[slot] = name
+            self._sumo_lane[slot] = -1
         self.is_full |= len(self._ids) >= self._limit
 
     def _in_the_way(self, names: Sequence[str], states: VehicleStates) -> list[str]:
@@ -293,26 +355,20 @@ class SumoTraffic(TrafficProvider):
             return
         rows = np.fromiter(self._driven.values(), np.intp, count)
         vehicle = self._library.vehicle
-        ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration, vehicle.getLanePosition)
+        ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration)
         pairs = chain.from_iterable(map(vehicle.getPosition, names))
-        values = np.fromiter(chain(pairs, *(map(one, names) for one in ones)), np.float64, 6 * count)
+        values = np.fromiter(chain(pairs, *(map(one, names) for one in ones)), np.float64, 5 * count)
+        # Where a vehicle is on the map is for the simulation to say, of all vehicles alike; SUMO's lane only
+        # tells when the limit may have changed.
         lanes = map(self._lane_number.get, map(vehicle.getLaneID, names), repeat(-1))
         has_changed = fill_rows(
             rows,
             values[: 2 * count].reshape(count, 2),
             heading_from_compass(values[2 * count : 3 * count]),
-            values[3 * count :].reshape(3, count),
+            values[3 * count :].reshape(2, count),
             np.fromiter(lanes, np.int32, count),
-            self._metres_per_sumo_metre,
-            (
-                states.length,
-                states.position,
-                states.heading,
-                states.speed,
-                states.acceleration,
-                states.lane_position,
-                states.lane,
-            ),
+            self._sumo_lane,
+            (states.length, states.position, states.heading, states.speed, states.acceleration),
         )
         for index in np.flatnonzero(has_changed).tolist():
             states.desired_speed[rows[index]] = vehicle.getAllowedSpeed(names[index])

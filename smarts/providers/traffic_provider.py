@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -10,18 +10,13 @@ from numpy.typing import NDArray
 
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.traffic import TrafficFiles
-from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+from smarts.types.vehicles import VehicleKind, VehicleStates
 
 
 class Roster(Protocol):
     """Issues and withdraws the slots of one simulation; implemented in `smarts.sim.roster`."""
 
-    @property
-    def reserved(self) -> int:
-        """Number of slots that only vehicles with a slot of their own choosing take."""
-        ...
-
-    def admit(self, name: str, owner: Owner, kind: VehicleKind, length: float, width: float) -> int:
+    def admit(self, name: str, owner: int, kind: VehicleKind, length: float, width: float) -> int:
         """Give a vehicle the lowest free slot, write its identity there, and return the slot."""
         ...
 
@@ -31,21 +26,37 @@ class Roster(Protocol):
 
 
 class TrafficProvider(Protocol):
-    """Moves the vehicles whose owner is TRAFFIC and reacts to all others."""
+    """Moves the vehicles that carry its number as their owner, and reacts to all others."""
 
+    owner: int
+    """Its number among the providers."""
     signals: NDArray[np.int8]
     """What each lane's light shows, a `Signal`, shape (L,)."""
     is_full: bool
     """Whether arrivals had to wait for a free slot in this episode."""
 
     def reset(
-        self, files: TrafficFiles, seed: int, states: VehicleStates, roster: Roster, roads: LaneGraph
+        self,
+        files: TrafficFiles,
+        seed: int,
+        states: VehicleStates,
+        roster: Roster,
+        roads: LaneGraph,
+        limit: int | None = None,
+        bound_for: Mapping[int, Sequence[str]] | None = None,
     ) -> None:
-        """Begin an episode; rows of owner AGENT are the egos at their starts, traffic joins them."""
+        """Begin an episode: traffic joins those who are in the world, at most `limit` vehicles with them.
+
+        `bound_for` says where they are bound for, by slot, as `set_route` does.
+        """
         ...
 
     def step(self, states: VehicleStates) -> None:
-        """Advance by one step; rows of owner AGENT already hold the pose at its end."""
+        """Advance by one step; the rows of others already hold the pose at its end."""
+        ...
+
+    def can_accept(self, slot: int) -> bool:
+        """Return whether it could drive on with a vehicle of another from where that is now."""
         ...
 
     def clear(self, states: VehicleStates, slots: Sequence[int]) -> None:

@@ -217,6 +217,51 @@ def _nearest_anywhere(roads: Roads, world: int, x: float, y: float, mask: int) -
 
 
 @kernel
+def candidates() -> tuple[Ints, Ints, Floats]:
+    """Return room for the lanes near a pose: lanes, segments, squared distances."""
+    return (
+        np.empty(MOST_CANDIDATES, np.int32),
+        np.empty(MOST_CANDIDATES, np.int32),
+        np.empty(MOST_CANDIDATES),
+    )
+
+
+@kernel
+def place_on_map(
+    roads: Roads,
+    table: RouteTable,
+    world: int,
+    x: float,
+    y: float,
+    heading: float,
+    corridor: int,
+    mask: int,
+    room: tuple[Ints, Ints, Floats],
+) -> tuple[int, float, float, float]:
+    """Return the lane of one pose, s, t and the distance from the centreline [m]; see `locate`.
+
+    `corridor` is the row of `table` of its route, -1 without one; `room` is from `candidates`.
+    """
+    if not _is_somewhere(x, y):
+        return -1, np.nan, np.nan, np.nan
+    lanes, points, squares = room
+    cell = _cell_at(roads, world, x, y)
+    chosen = -1
+    if cell >= 0:
+        count = _gather(roads, cell, x, y, mask, lanes, points, squares)
+        chosen = _choose(roads, table, corridor, heading, x, y, count, lanes, points, squares)
+    if chosen >= 0:
+        found, point = int(lanes[chosen]), int(points[chosen])
+    else:
+        found, point = _nearest_anywhere(roads, world, x, y, mask)
+    if found < 0:
+        return -1, np.nan, np.nan, np.nan
+    s, t, overshoot = _place_on(roads, found, point, x, y)
+    distance = math.hypot(t, overshoot) if overshoot > 0.0 else abs(t)
+    return found - int(roads.lane_base[world]), s, t, distance
+
+
+@kernel
 def locate(
     roads: Roads,
     table: RouteTable,
@@ -249,29 +294,12 @@ def locate(
         t: Written: offset from the centreline, positive to the left [m], shape (E,).
         distance: Written: from the centreline [m]; larger than |t| behind a lane's end, shape (E,).
     """
-    lanes = np.empty(MOST_CANDIDATES, np.int32)
-    points = np.empty(MOST_CANDIDATES, np.int32)
-    squares = np.empty(MOST_CANDIDATES)
+    room = candidates()
     for i in range(len(maps)):
-        lane[i], s[i], t[i], distance[i] = -1, np.nan, np.nan, np.nan
-        x, y = position[i, 0], position[i, 1]
-        if not _is_somewhere(x, y):
-            continue
-        cell = _cell_at(roads, maps[i], x, y)
         corridor = table.free + route[i] if route[i] >= 0 else -1
-        chosen = -1
-        if cell >= 0:
-            count = _gather(roads, cell, x, y, mask, lanes, points, squares)
-            chosen = _choose(roads, table, corridor, heading[i], x, y, count, lanes, points, squares)
-        if chosen >= 0:
-            found, point = lanes[chosen], points[chosen]
-        else:
-            found, point = _nearest_anywhere(roads, maps[i], x, y, mask)
-        if found < 0:
-            continue
-        lane[i] = found - roads.lane_base[maps[i]]
-        s[i], t[i], overshoot = _place_on(roads, found, point, x, y)
-        distance[i] = math.hypot(t[i], overshoot) if overshoot > 0.0 else abs(t[i])
+        lane[i], s[i], t[i], distance[i] = place_on_map(
+            roads, table, maps[i], position[i, 0], position[i, 1], heading[i], corridor, mask, room
+        )
 
 
 @kernel
@@ -321,7 +349,8 @@ def centre_at(roads: Roads, point: int, s: float) -> tuple[float, float, float]:
 
 
 @kernel
-def _is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctions: bool) -> bool:
+def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctions: bool) -> bool:
+    """Tell whether a point lies on a lane of the masked kinds or, if wanted, in a junction."""
     cell = _cell_at(roads, world, x, y) if _is_somewhere(x, y) else -1
     if cell < 0:
         return False
@@ -345,7 +374,31 @@ def _is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctio
 def on_road(roads: Roads, maps: Ints, position: Floats, mask: int, junctions: bool, result: Bools) -> None:
     """Write whether points lie on a lane of the masked kinds or, if wanted, in a junction; shape (E,)."""
     for i in range(len(maps)):
-        result[i] = _is_on_road(roads, maps[i], position[i, 0], position[i, 1], mask, junctions)
+        result[i] = is_on_road(roads, maps[i], position[i, 0], position[i, 1], mask, junctions)
+
+
+@kernel
+def count_corners_on_road(
+    roads: Roads,
+    world: int,
+    x: float,
+    y: float,
+    heading: float,
+    length: float,
+    width: float,
+    mask: int,
+    junctions: bool,
+) -> int:
+    """Return how many of one footprint's four corners are on the road."""
+    forward_x, forward_y = math.cos(heading), math.sin(heading)
+    count = 0
+    for corner in range(4):
+        ahead = length * (0.5 if corner < 2 else -0.5)
+        aside = width * (0.5 if corner % 2 else -0.5)
+        corner_x = x + ahead * forward_x - aside * forward_y
+        corner_y = y + ahead * forward_y + aside * forward_x
+        count += is_on_road(roads, world, corner_x, corner_y, mask, junctions)
+    return count
 
 
 @kernel
@@ -362,14 +415,18 @@ def corners_on_road(
 ) -> None:
     """Write how many of each footprint's four corners are on the road, 0 to 4; shape (E,)."""
     for i in range(len(maps)):
-        forward_x, forward_y = math.cos(heading[i]), math.sin(heading[i])
-        result[i] = 0
-        for corner in range(4):
-            ahead = length[i] * (0.5 if corner < 2 else -0.5)
-            aside = width[i] * (0.5 if corner % 2 else -0.5)
-            x = position[i, 0] + ahead * forward_x - aside * forward_y
-            y = position[i, 1] + ahead * forward_y + aside * forward_x
-            result[i] += _is_on_road(roads, maps[i], x, y, mask, junctions)
+        x, y = position[i, 0], position[i, 1]
+        result[i] = count_corners_on_road(
+            roads, maps[i], x, y, heading[i], length[i], width[i], mask, junctions
+        )
+
+
+@kernel
+def distance_on_row(roads: Roads, table: RouteTable, row: int, s: float) -> float:
+    """Return the distance along a route of arc length s on the lane of one of its rows [m]."""
+    length = roads.point_s[roads.point_start[table.lane[row] + 1] - 1]
+    share = min(1.0, max(0.0, s / length))
+    return table.begin[row] + share * (table.end[row] - table.begin[row])
 
 
 @kernel
@@ -397,7 +454,5 @@ def route_distances(
         row = find_row(table, corridor, number, hint[i])
         if row < 0:
             continue
-        length = roads.point_s[roads.point_start[number + 1] - 1]
-        share = min(1.0, max(0.0, s[i] / length))
-        done[i] = table.begin[row] + share * (table.end[row] - table.begin[row])
+        done[i] = distance_on_row(roads, table, row, s[i])
         remaining[i] = table.end[table.start[corridor + 1] - 1] - done[i]

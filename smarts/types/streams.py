@@ -23,6 +23,8 @@ class Purpose(enum.IntEnum):
     """Scripted agents' own choices."""
     BUILD = 5
     """Draws made while a scenario is built."""
+    SCENARIOS = 6
+    """The order in which a run's scenarios, traffic and missions come."""
 
 
 def stream(seed: int, purpose: Purpose, *, world: int = 0, episode: int = 0) -> np.random.Generator:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +12,17 @@ from numpy.typing import NDArray
 
 
 class Owner(enum.IntEnum):
-    """Who decides how a vehicle moves."""
+    """Who decides how a vehicle moves: a number in the simulation's table of providers.
+
+    These are the numbers that every simulation has; further traffic providers get the numbers after them, so
+    a provider takes for its own only the rows that carry its own number.
+    """
 
     NOBODY = 0
     TRAFFIC = 1
+    """The traffic engine of the scenario, usually SUMO."""
     AGENT = 2
+    """The vehicle provider, which carries out the actions of agents."""
 
 
 class VehicleKind(enum.IntEnum):
@@ -34,8 +41,8 @@ class VehicleStates:
     """The vehicles of one simulation (or of B simulations) at one instant.
 
     Every array has the leading shape `(..., V)`, V the capacity in slots; a slot whose `alive` is false
-    holds no vehicle and its other values are zero. The arrays are written in place by the step and are
-    to be read only elsewhere.
+    holds no vehicle: its lane and route are -1, its other values but the generation are zero. The arrays are
+    written in place by the step and are to be read only elsewhere.
     """
 
     alive: NDArray[np.bool_]
@@ -43,7 +50,7 @@ class VehicleStates:
     generation: NDArray[np.int32]
     """How often the slot has been given out; (slot, generation) names a vehicle for good."""
     owner: NDArray[np.int8]
-    """An `Owner`."""
+    """An `Owner`, or the number of a further provider."""
     kind: NDArray[np.int8]
     """A `VehicleKind`."""
     position: NDArray[np.float64]
@@ -59,11 +66,25 @@ class VehicleStates:
     width: NDArray[np.float64]
     """Of the footprint [m]."""
     lane: NDArray[np.int32]
-    """Index into the map's lanes, -1 where the vehicle is on none."""
+    """Index into the map's lanes: the one that the vehicle is on, or the nearest; -1 where nobody looked."""
     lane_position: NDArray[np.float64]
     """Arc length of the vehicle's centre along its lane [m]; below 0 while it is on the lane before."""
     desired_speed: NDArray[np.float64]
     """What the driver would drive here if the road were free [m/s]."""
+    lane_offset: NDArray[np.float64]
+    """Of the vehicle's centre from its lane's centreline, positive to the left [m]."""
+    lateral_speed: NDArray[np.float64]
+    """Across the heading, positive to the left [m/s]; 0 for vehicles that do not slip."""
+    lateral_acceleration: NDArray[np.float64]
+    """Across the heading, positive to the left [m/s^2]."""
+    yaw_rate: NDArray[np.float64]
+    """Counter-clockwise [rad/s]."""
+    yaw_acceleration: NDArray[np.float64]
+    """Counter-clockwise [rad/s^2]."""
+    route: NDArray[np.int32]
+    """Number of the planned route among those of its simulation, -1 where none is known."""
+    home: NDArray[np.int8]
+    """The provider that the vehicle goes back to when an agent lets go of it; NOBODY: it leaves."""
 
     @classmethod
     def allocate(cls, *shape: int) -> VehicleStates:
@@ -86,6 +107,13 @@ class VehicleStates:
             lane=np.full(shape, -1, np.int32),
             lane_position=zeros(np.float64),
             desired_speed=zeros(np.float64),
+            lane_offset=zeros(np.float64),
+            lateral_speed=zeros(np.float64),
+            lateral_acceleration=zeros(np.float64),
+            yaw_rate=zeros(np.float64),
+            yaw_acceleration=zeros(np.float64),
+            route=np.full(shape, -1, np.int32),
+            home=zeros(np.int8),
         )
 
     @property
@@ -93,6 +121,17 @@ class VehicleStates:
         """V, the number of slots."""
         return self.alive.shape[-1]
 
+    def columns(self) -> Iterator[tuple[str, NDArray]]:
+        """Yield name and array of each column."""
+        for field in dataclasses.fields(self):
+            yield field.name, getattr(self, field.name)
+
+    def clear(self, slot: int | slice = slice(None)) -> None:
+        """Empty slots of one simulation; generations stay, so that they are never given out twice."""
+        for name, column in self.columns():
+            if name != "generation":
+                column[slot] = -1 if name in ("lane", "route") else 0
+
     def __getitem__(self, index: int) -> VehicleStates:
         """Return views of one simulation's slots out of a batch."""
-        return VehicleStates(*(getattr(self, field.name)[index] for field in dataclasses.fields(self)))
+        return VehicleStates(*(column[index] for _, column in self.columns()))

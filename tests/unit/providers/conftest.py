@@ -109,9 +109,9 @@ class World:
     roster: Roster
     traffic: SumoTraffic
 
-    def reset(self, files: TrafficFiles, seed: int = 3) -> None:
+    def reset(self, files: TrafficFiles, seed: int = 3, limit: int | None = None) -> None:
         self.roads = self.country.roads(files)
-        self.traffic.reset(files, seed, self.states, self.roster, self.roads)
+        self.traffic.reset(files, seed, self.states, self.roster, self.roads, limit)
 
     def step(self, count: int = 1) -> None:
         for _ in range(count):
@@ -130,6 +130,9 @@ class World:
     def slot(self, name: str) -> int:
         return next(s for s in range(self.states.capacity) if self.roster.name(s) == name)
 
+    def sumo_lane(self, slot: int) -> str:
+        return self.traffic._library.vehicle.getLaneID(self.traffic._ids[slot])
+
     def names(self) -> list[str]:
         return [self.roster.name(slot) for slot in range(self.states.capacity) if self.states.alive[slot]]
 
@@ -147,9 +150,9 @@ def new_world(country):
     """Make worlds, each with a library of its own, and close them in the end."""
     worlds = []
 
-    def make(capacity: int = 64, reserved: int = 0) -> World:
+    def make(capacity: int = 64) -> World:
         states = VehicleStates.allocate(capacity)
-        worlds.append(World(country, states, Roster(states, reserved), SumoTraffic()))
+        worlds.append(World(country, states, Roster(states), SumoTraffic()))
         return worlds[-1]
 
     yield make

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smarts.geometry.frames import wrap_angle
-from smarts.types.vehicles import Owner
+from smarts.types.vehicles import Owner, VehicleKind
 
 from .test_sumo_shadows import LEFT, RIGHT, begin, drive, drivers, from_arm, speed, x
 
@@ -67,6 +67,33 @@ def test_there_and_back_on_the_road(world, country):
     assert world.traffic._ids[slot] == "s0"
     world.step(1000)
     assert "s0" not in world.names()
+
+
+def test_only_sumo_changes_the_lanes_of_its_own(world, country):
+    """An agent's vehicle keeps its lane behind a slow one; handed back, SUMO overtakes with it again."""
+    slow = '<vType id="slow" vClass="truck" maxSpeed="3"/><vehicle id="slow" type="slow" depart="0" '
+    slow += 'departLane="0" departPos="180" departSpeed="max"><route edges="ab bc"/></vehicle>'
+    keen = drivers((0, 100, 10)).replace('lcSpeedGain="0" lcKeepRight="0"', 'lcSpeedGain="5"')
+    begin(world, country.road(keen + slow), 0.5)
+    slot = world.slot("s0")
+    world.states.owner[slot] = Owner.AGENT
+    world.states.speed[slot] = 3.0
+    coast(world, slot, 100)
+    assert world.sumo_lane(slot) == "ab_0"
+    world.states.owner[slot] = Owner.TRAFFIC
+    world.step(120)
+    assert world.sumo_lane(slot) == "ab_1"
+
+
+def test_a_shadow_is_of_its_vehicles_class(world, country):
+    begin(world, country.road(drivers((0, 100, 10))))
+    slot = world.roster.admit("bus", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5)
+    world.put(slot, 300.0, RIGHT, 0.0, 0.0)
+    world.step(2)
+    vehicle = world.traffic._library.vehicle
+    name = world.traffic._ids[slot]
+    assert vehicle.getVehicleClass(name) == "bus"
+    assert (vehicle.getLength(name), vehicle.getWidth(name)) == (12.0, 2.5)
 
 
 @pytest.mark.parametrize("offset", [0.6, -0.9, 1.5])
@@ -170,7 +197,7 @@ def test_return_on_its_route_after_a_detour(world, country):
 def test_return_inside_a_junction(world, country):
     begin(world, country.cross(from_arm("w", "e", 150)))
     slot = world.slot("s0")
-    while not world.roads.lane_ids[world.states.lane[slot]].startswith(":"):
+    while not world.sumo_lane(slot).startswith(":"):
         world.step()
     world.states.owner[slot] = Owner.AGENT
     coast(world, slot, 3)
@@ -178,7 +205,7 @@ def test_return_inside_a_junction(world, country):
     world.states.owner[slot] = Owner.TRAFFIC
     watch.step(50)
     assert watch.worst_step < 0.01
-    assert world.roads.lane_ids[world.states.lane[slot]] == "ce_0"
+    assert world.sumo_lane(slot) == "ce_0"
 
 
 def test_return_off_the_road_leaves_the_world(world, country):

@@ -177,3 +177,29 @@ def test_maps_with_a_projection_load_in_silence(country):
     command = [sys.executable, "-c", script, "-n", str(net), *OPTIONS]
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert (ran.stdout, ran.stderr) == ("", "")
+
+
+def test_a_closed_library_refuses_to_work(country):
+    files = country.road()
+    library = SumoLibrary()
+    options = ["-n", str(files.net), "-r", str(files.routes[0]), *OPTIONS]
+    library.start(options)
+    library.close()
+    with pytest.raises(TrafficError, match="closed"):
+        library.start(options)
+    with pytest.raises(TrafficError, match="closed"), library.errors("failed"):
+        library.simulation.step(0.0)
+
+
+def test_a_temporary_folder_that_others_may_write_to_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(sumo_library.tempfile, "gettempdir", lambda: str(tmp_path))
+    folder = sumo_library._private_temporary_folder()
+    assert folder.stat().st_mode & 0o077 == 0
+    folder.chmod(0o777)
+    with pytest.raises(TrafficError, match="others may write"):
+        sumo_library._private_temporary_folder()
+    folder.rmdir()
+    (tmp_path / "elsewhere").mkdir()
+    folder.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(TrafficError, match="somebody else"):
+        sumo_library._private_temporary_folder()

@@ -220,6 +220,40 @@ def test_head_on_in_the_oncoming_lane(world, country, speed_against, begin_at):
     assert hardest > -4.6
 
 
+@pytest.mark.parametrize("offset", [1.2, 1.6, 2.0, 2.4, 3.2])
+@pytest.mark.parametrize("arm", ["w", "e"])
+def test_straddling_the_centre_line_stops_both_directions(world, country, arm, offset):
+    """An eastbound ego stands on the west arm, off its lane to the left; drivers come from either side."""
+    routes = from_arm(arm, "e" if arm == "w" else "w", 20, 10)
+    begin(world, country.cross(routes))
+    ego = world.admit(-60.0, -1.6 + offset, 0.0, 0.0)
+    drive(world, ego, lambda t: (-60.0, -1.6 + offset, 0.0, 0.0), 400)
+    # Wholly on the other side it is no obstacle to those behind it in the lane that it has left.
+    has_left_the_lane = arm == "w" and offset > 3.0
+    assert ("s0" not in world.names()) if has_left_the_lane else speed(world, "s0") < 0.1
+
+
+def test_drifting_back_over_the_centre_line_frees_the_oncoming_lane(world, country):
+    begin(world, country.cross(from_arm("e", "w", 20, 10)))
+    ego = world.admit(-60.0, 0.0, 0.0, 0.0)
+    drive(world, ego, lambda t: (-60.0, 0.0, 0.0, 0.0), 300)
+    assert speed(world, "s0") < 0.1
+    drive(world, ego, lambda t: (-60.0, max(-1.6, -0.5 * t), 0.0, 0.0), 80)
+    assert "s0" not in world.names() or speed(world, "s0") > 5.0
+
+
+def test_a_stand_in_is_no_vehicle_of_the_world_and_goes_with_its_ego(world, country):
+    begin(world, country.cross(from_arm("n", "s", 20, 10)))
+    ego = world.admit(-60.0, 0.0, 0.0, 0.0)
+    drive(world, ego, lambda t: (-60.0, 0.0, 0.0, 0.0), 5)
+    known = world.traffic._library.vehicle.getIDList
+    assert len(known()) == 3
+    assert np.count_nonzero(world.states.alive) == 2
+    world.roster.dismiss(ego)
+    world.step()
+    assert len(known()) == 1
+
+
 def test_nobody_makes_room_for_a_lane_change_that_is_only_planned(world, country):
     """SUMO knows that this ego must change lanes for its route; its drivers must not."""
     nodes = "".join(

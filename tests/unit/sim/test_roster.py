@@ -14,30 +14,28 @@ from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
 CAR = (Owner.TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8)
 
 
-def new_roster(capacity=8, reserved=2):
-    return Roster(VehicleStates.allocate(capacity), reserved)
+def new_roster(capacity=8):
+    return Roster(VehicleStates.allocate(capacity))
 
 
-def test_arrivals_take_the_lowest_free_slot_behind_the_reserved():
+def test_arrivals_take_the_lowest_free_slot():
     roster = new_roster()
-    assert [roster.admit(name, *CAR) for name in "abc"] == [2, 3, 4]
-    roster.dismiss(3)
-    assert roster.admit("d", *CAR) == 3
-    assert [roster.name(slot) for slot in range(6)] == ["", "", "a", "d", "c", ""]
+    assert [roster.admit(name, *CAR) for name in "abc"] == [0, 1, 2]
+    roster.dismiss(1)
+    assert roster.admit("d", *CAR) == 1
+    assert [roster.name(slot) for slot in range(4)] == ["a", "d", "c", ""]
 
 
-def test_egos_take_the_slot_that_they_name():
+def test_what_a_row_says_of_an_arrival():
     roster = new_roster()
-    assert roster.admit("ego", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5, slot=1) == 1
+    assert roster.admit("a", *CAR) == 0
+    assert roster.admit("ego", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5) == 1
     states = roster.states
-    assert (states.owner[1], states.kind[1], states.length[1], states.width[1]) == (
-        Owner.AGENT,
-        VehicleKind.BUS,
-        12.0,
-        2.5,
-    )
-    with pytest.raises(ValueError, match="slot 1 is taken by 'ego'"):
-        roster.admit("other", *CAR, slot=1)
+    assert states.alive.tolist() == [True, True] + 6 * [False]
+    assert states.owner[:2].tolist() == [Owner.TRAFFIC, Owner.AGENT]
+    assert states.home[:2].tolist() == [Owner.TRAFFIC, Owner.NOBODY]
+    assert (states.kind[1], states.length[1], states.width[1]) == (VehicleKind.BUS, 12.0, 2.5)
+    assert states.route[:2].tolist() == [-1, -1]
 
 
 def test_a_slot_and_its_generation_name_one_vehicle():
@@ -47,7 +45,7 @@ def test_a_slot_and_its_generation_name_one_vehicle():
         slot = roster.admit("a", *CAR)
         slots.append((slot, int(roster.states.generation[slot])))
         roster.dismiss(slot)
-    assert slots == [(2, 1), (2, 2), (2, 3)]
+    assert slots == [(0, 1), (0, 2), (0, 3)]
 
 
 def test_names_are_unique_in_an_episode():
@@ -84,23 +82,17 @@ def test_reset_is_a_new_world():
 
 
 def test_a_full_world_is_a_named_error():
-    roster = new_roster(capacity=3, reserved=1)
+    roster = new_roster(capacity=2)
     for name in "ab":
         roster.admit(name, *CAR)
-    with pytest.raises(TrafficError, match="all 3 slots of the world are taken"):
+    with pytest.raises(TrafficError, match="all 2 slots of the world are taken"):
         roster.admit("c", *CAR)
-    roster.admit("ego", *CAR, slot=0)
-
-
-def test_more_reserved_than_there_are():
-    with pytest.raises(ValueError, match="9 slots"):
-        new_roster(reserved=9)
 
 
 @given(st.lists(st.integers(0, 7), max_size=40))
 def test_any_coming_and_going(moves):
     """A move names a slot: dismissed if it is taken, otherwise somebody arrives."""
-    roster = new_roster(reserved=0)
+    roster = new_roster()
     alive = set()
     for move in moves:
         if move in alive:

@@ -1,0 +1,75 @@
+"""`smarts-bench render`: recorded episodes as pictures and films."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from smarts.errors import SmartsError
+
+if TYPE_CHECKING:
+    from smarts.sim.episode_files import RecordedEpisode
+
+
+def render(
+    episode: Annotated[Path, typer.Argument(help="Folder of a recorded episode.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(help="File to write; its suffix chooses: .gif, .mp4 (needs ffmpeg), .png (one moment)."),
+    ] = Path("episode.gif"),
+    at: Annotated[
+        float | None, typer.Option(help="Moment of a .png [s]; by default the last.", show_default=False)
+    ] = None,
+    begin: Annotated[float, typer.Option(help="Begin of a film [s].")] = 0.0,
+    end: Annotated[
+        float | None, typer.Option(help="End of a film [s]; by default the last.", show_default=False)
+    ] = None,
+    every: Annotated[int, typer.Option(help="Steps from one picture to the next.", min=1)] = 2,
+    speed: Annotated[float, typer.Option(help="Times as fast as it was.", min=0.01)] = 1.0,
+    width: Annotated[int, typer.Option(help="Of the picture [pixels].", min=100, max=4000)] = 900,
+) -> None:
+    """Draw a recorded episode from above; no display is needed."""
+    from smarts.envision.animation import STILL, check_format, write_moving, write_still
+    from smarts.envision.episode_picture import EpisodePicture
+
+    check_format(out)
+    picture = EpisodePicture(_open(episode), pixels=width)
+    if out.suffix in STILL:
+        last = picture.steps if at is None else _step_at(at, picture.dt, picture.steps, "--at")
+        write_still(picture.image(last), out)
+        typer.echo(f"{out}: {last * picture.dt:.1f} s")
+        return
+    first = _step_at(begin, picture.dt, picture.steps, "--begin")
+    last = picture.steps if end is None else _step_at(end, picture.dt, picture.steps, "--end")
+    if last < first:
+        raise SmartsError(f"nothing lies between {begin:g} s and {end:g} s", place="--begin, --end")
+    # The last one always, since it shows how it ended.
+    steps = [*range(first, last, every), last]
+    write_moving(picture.images(steps), out, every * picture.dt / speed)
+    typer.echo(f"{out}: {len(steps)} pictures, {first * picture.dt:.1f} to {last * picture.dt:.1f} s")
+
+
+def _open(folder: Path) -> RecordedEpisode:
+    """Return an episode; of a folder of several, say which there are."""
+    from smarts.sim.episode_files import RecordedEpisode, episodes_in
+
+    inside = episodes_in(folder) if folder.is_dir() else []
+    if inside:
+        names = ", ".join(path.name for path in inside[:5])
+        raise SmartsError(
+            "this is a folder of episodes",
+            place=str(folder),
+            remedy=f"name one of them: {names}{', ...' if len(inside) > 5 else ''}",
+        )
+    return RecordedEpisode(folder)
+
+
+def _step_at(time: float, dt: float, steps: int, option: str) -> int:
+    step = round(time / dt)
+    if not 0 <= step <= steps:
+        raise SmartsError(
+            f"the episode has no {time:g} s", place=option, remedy=f"it goes from 0 to {steps * dt:g} s"
+        )
+    return step

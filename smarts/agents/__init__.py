@@ -1,0 +1,62 @@
+"""Agents: what they see and do (interfaces), who they are (policies), and both together (specs)."""
+
+from smarts.agents.criteria import (
+    AgentsAliveDoneCriteria,
+    AgentsListAlive,
+    DoneCriteria,
+    EventConfiguration,
+    InterestDoneCriteria,
+)
+from smarts.agents.interface import AgentInterface
+from smarts.agents.options import (
+    OGM,
+    RGB,
+    Accelerometer,
+    BasicLidar,
+    DrivableAreaGridMap,
+    InterfaceError,
+    LanePositions,
+    Lidar,
+    NeighborhoodVehicles,
+    OcclusionMap,
+    RoadWaypoints,
+    SensorParams,
+    Signals,
+    VelodyneHDL32E,
+    Vias,
+    Waypoints,
+)
+from smarts.agents.policy import Agent, AgentPolicy
+from smarts.agents.spec import AgentSpec
+from smarts.agents.types import AgentType
+from smarts.types.actions import ActionSpaceType
+
+__all__ = [
+    "OGM",
+    "RGB",
+    "Accelerometer",
+    "ActionSpaceType",
+    "Agent",
+    "AgentInterface",
+    "AgentPolicy",
+    "AgentSpec",
+    "AgentType",
+    "AgentsAliveDoneCriteria",
+    "AgentsListAlive",
+    "BasicLidar",
+    "DoneCriteria",
+    "DrivableAreaGridMap",
+    "EventConfiguration",
+    "InterestDoneCriteria",
+    "InterfaceError",
+    "LanePositions",
+    "Lidar",
+    "NeighborhoodVehicles",
+    "OcclusionMap",
+    "RoadWaypoints",
+    "SensorParams",
+    "Signals",
+    "VelodyneHDL32E",
+    "Vias",
+    "Waypoints",
+]

@@ -1,0 +1,92 @@
+"""What ends an agent's episode; names and defaults of the fields are the original's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smarts.types.events import Event
+
+
+@dataclass(frozen=True)
+class AgentsListAlive:
+    """Some agents, and how many of them must be left."""
+
+    agents_list: tuple[str, ...]
+    """Their names; any sequence will do."""
+    minimum_agents_alive_in_list: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "agents_list", tuple(self.agents_list))
+
+
+@dataclass(frozen=True)
+class AgentsAliveDoneCriteria:
+    """The agent ends when too few others are left; None: however few there are."""
+
+    minimum_ego_agents_alive: int | None = None
+    """Of the learning agents."""
+    minimum_total_agents_alive: int | None = None
+    """Of all agents."""
+    agent_lists_alive: tuple[AgentsListAlive, ...] | None = None
+    """One list with too few agents left is enough."""
+
+    def __post_init__(self) -> None:
+        if self.agent_lists_alive is not None:
+            object.__setattr__(self, "agent_lists_alive", tuple(self.agent_lists_alive))
+
+
+@dataclass(frozen=True)
+class InterestDoneCriteria:
+    """The agent ends when the vehicles of interest are gone."""
+
+    actors_filter: tuple[str, ...] = ()
+    """Patterns of the names of vehicles that are of interest to this agent."""
+    include_scenario_marked: bool = True
+    """Whether those that the scenario marks are of interest too."""
+    strict: bool = False
+    """Whether to end at once when none is there yet."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "actors_filter", tuple(self.actors_filter))
+
+
+@dataclass(frozen=True)
+class EventConfiguration:
+    """When events happen."""
+
+    not_moving_time: float = 60
+    """How long a vehicle has to stay within `not_moving_distance` to count as not moving [s]."""
+    not_moving_distance: float = 1
+    """[m]"""
+
+
+@dataclass(frozen=True)
+class DoneCriteria:
+    """Which events end the agent's episode. A goal reached or missed, and the limit of steps, always do."""
+
+    collision: bool = True
+    off_road: bool = True
+    off_route: bool = True
+    on_shoulder: bool = False
+    wrong_way: bool = False
+    not_moving: bool = False
+    agents_alive: AgentsAliveDoneCriteria | None = None
+    interest: InterestDoneCriteria | None = None
+
+    @property
+    def events(self) -> Event:
+        """The events as bits."""
+        switches = {
+            Event.COLLISION: self.collision,
+            Event.OFF_ROAD: self.off_road,
+            Event.OFF_ROUTE: self.off_route,
+            Event.ON_SHOULDER: self.on_shoulder,
+            Event.WRONG_WAY: self.wrong_way,
+            Event.NOT_MOVING: self.not_moving,
+            Event.AGENTS_ALIVE_DONE: self.agents_alive is not None,
+            Event.INTEREST_DONE: self.interest is not None,
+        }
+        chosen = Event.REACHED_GOAL | Event.MISSED_GOAL | Event.REACHED_MAX_EPISODE_STEPS
+        for event, is_on in switches.items():
+            chosen |= event if is_on else Event.NONE
+        return chosen

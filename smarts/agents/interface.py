@@ -1,0 +1,268 @@
+"""The interface of an agent: which sensors it has, how it acts, and what ends its episode."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeVar
+
+from smarts.agents.criteria import DoneCriteria, EventConfiguration
+from smarts.agents.options import (
+    OGM,
+    RGB,
+    Accelerometer,
+    DrivableAreaGridMap,
+    InterfaceError,
+    LanePositions,
+    Lidar,
+    NeighborhoodVehicles,
+    OcclusionMap,
+    RoadWaypoints,
+    Signals,
+    Waypoints,
+)
+from smarts.agents.types import AgentType
+from smarts.errors import nearest_names
+from smarts.types.actions import ActionSpaceType
+from smarts.types.vehicles import VehicleKind
+
+SENSOR_OPTIONS: Mapping[str, type] = {
+    "neighborhood_vehicle_states": NeighborhoodVehicles,
+    "waypoint_paths": Waypoints,
+    "road_waypoints": RoadWaypoints,
+    "drivable_area_grid_map": DrivableAreaGridMap,
+    "occupancy_grid_map": OGM,
+    "top_down_rgb": RGB,
+    "lidar_point_cloud": Lidar,
+    "accelerometer": Accelerometer,
+    "lane_positions": LanePositions,
+    "signals": Signals,
+    "occlusion_map": OcclusionMap,
+}
+"""The fields of `AgentInterface` that switch a sensor on, and what they hold then."""
+
+OLD_NAMES = {
+    "neighborhood_vehicles": "neighborhood_vehicle_states",
+    "waypoints": "waypoint_paths",
+    "ogm": "occupancy_grid_map",
+    "rgb": "top_down_rgb",
+    "lidar": "lidar_point_cloud",
+    "action_space": "action",
+}
+"""Names of fields when the paper was written -> in the original's last version; both are understood."""
+
+VEHICLE_CLASSES = {
+    "generic_sedan": VehicleKind.PASSENGER,
+    "sedan": VehicleKind.PASSENGER,
+    "passenger": VehicleKind.PASSENGER,
+    "bus": VehicleKind.BUS,
+    "coach": VehicleKind.COACH,
+    "truck": VehicleKind.TRUCK,
+    "motorcycle": VehicleKind.MOTORCYCLE,
+}
+"""What `AgentInterface.vehicle_class` may be."""
+
+Made = TypeVar("Made")
+
+
+def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[Made]]:
+    """Return a decorator that lets a dataclass take, and have, fields under their old names too."""
+
+    def decorate(cls: type[Made]) -> type[Made]:
+        construct = cls.__init__
+
+        @functools.wraps(construct)
+        def initialise(self: Made, *values: Any, **named: Any) -> None:
+            twice = [old for old, new in old_names.items() if old in named and new in named]
+            if twice:
+                raise InterfaceError(
+                    f"both {twice[0]!r} and {old_names[twice[0]]!r} are given",
+                    place=cls.__name__,
+                    remedy=f"{twice[0]!r} is the old name of the same field: leave it out",
+                )
+            construct(self, *values, **{old_names.get(name, name): value for name, value in named.items()})
+
+        cls.__init__ = initialise
+        for old, new in old_names.items():
+            setattr(cls, old, property(lambda self, new=new: getattr(self, new)))
+        return cls
+
+    return decorate
+
+
+@_understanding(OLD_NAMES)
+@dataclass(frozen=True)
+class AgentInterface:
+    """How an agent sees and acts. Names, order and defaults of the fields are the original's.
+
+    A sensor is switched on by True (its defaults) or by its option, such as `Waypoints(lookahead=50)`. What
+    every agent gets: the state of its vehicle, its mission, and the via points near it.
+
+    Raises:
+        InterfaceError: A field is not what it can be.
+    """
+
+    debug: bool = False
+    """Without effect. Kept so that the original's interfaces can be read."""
+    event_configuration: EventConfiguration = field(default_factory=EventConfiguration)
+    done_criteria: DoneCriteria = field(default_factory=DoneCriteria)
+    max_episode_steps: int | None = None
+    """Steps from entry to the time limit; None: as long as it takes."""
+    neighborhood_vehicle_states: NeighborhoodVehicles | bool = False
+    waypoint_paths: Waypoints | bool = False
+    road_waypoints: RoadWaypoints | bool = False
+    drivable_area_grid_map: DrivableAreaGridMap | bool = False
+    occupancy_grid_map: OGM | bool = False
+    top_down_rgb: RGB | bool = False
+    lidar_point_cloud: Lidar | bool = False
+    action: ActionSpaceType | None = None
+    """None: the agent does not act, as with `ActionSpaceType.Empty`."""
+    vehicle_type: str = ""
+    """Older name of `vehicle_class`."""
+    vehicle_class: str = "generic_sedan"
+    """One of `VEHICLE_CLASSES`."""
+    accelerometer: Accelerometer | bool = True
+    lane_positions: LanePositions | bool = True
+    signals: Signals | bool = False
+    occlusion_map: OcclusionMap | bool = False
+    """Needs an occupancy grid of the same size."""
+    custom_renders: tuple[Any, ...] = ()
+    """There are no shaders here: has to be empty."""
+    vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
+    """How the vehicle moves: as a rigid body on tyres, or as a cheaper single-track model (not in the
+    original)."""
+
+    def __post_init__(self) -> None:
+        for name, kind in SENSOR_OPTIONS.items():
+            object.__setattr__(self, name, _option(name, getattr(self, name), kind))
+        if self.vehicle_type:
+            object.__setattr__(self, "vehicle_class", self.vehicle_type)
+        self._check_vehicle()
+        if self.action is not None and not isinstance(self.action, ActionSpaceType):
+            raise InterfaceError(
+                f"action is an ActionSpaceType, not {self.action!r}",
+                place="AgentInterface.action",
+                remedy=nearest_names(str(self.action), ActionSpaceType.__members__),
+            )
+        if self.max_episode_steps is not None and self.max_episode_steps < 1:
+            raise InterfaceError(
+                f"max_episode_steps is {self.max_episode_steps}",
+                place="AgentInterface",
+                remedy="None is without limit; otherwise at least 1",
+            )
+        if self.custom_renders:
+            raise InterfaceError(
+                "custom_renders need OpenGL, which is not used here",
+                place="AgentInterface",
+                remedy="draw from drivable_area_grid_map, occupancy_grid_map and top_down_rgb instead",
+            )
+        self._check_occlusion()
+
+    def _check_vehicle(self) -> None:
+        if self.vehicle_class not in VEHICLE_CLASSES:
+            raise InterfaceError(
+                f"there is no vehicle class {self.vehicle_class!r}",
+                place="AgentInterface.vehicle_class",
+                remedy=nearest_names(self.vehicle_class, VEHICLE_CLASSES),
+            )
+        models = ("bullet", "dynamic", "kinematic")
+        if self.vehicle_model not in models:
+            raise InterfaceError(
+                f"there is no vehicle model {self.vehicle_model!r}",
+                place="AgentInterface.vehicle_model",
+                remedy=nearest_names(self.vehicle_model, models),
+            )
+
+    def _check_occlusion(self) -> None:
+        grid, hidden = self.occupancy_grid_map, self.occlusion_map
+        if not isinstance(hidden, OcclusionMap):
+            return
+        if not isinstance(grid, OGM) or (grid.width, grid.height) != (hidden.width, hidden.height):
+            raise InterfaceError(
+                "an occlusion map needs an occupancy grid of the same size",
+                place="AgentInterface.occlusion_map",
+                remedy=f"occupancy_grid_map=OGM(width={hidden.width}, height={hidden.height}, ...)",
+            )
+
+    @staticmethod
+    def from_type(requested_type: AgentType, **changes: Any) -> AgentInterface:
+        """Return the interface of an agent type, with some fields changed.
+
+        Raises:
+            InterfaceError: There is no such type, or a change is not possible.
+        """
+        if requested_type not in _PRESETS:
+            names = ", ".join(AgentType.__members__)
+            raise InterfaceError(f"there is no agent type {requested_type!r}", remedy=f"known: {names}")
+        return AgentInterface(**_PRESETS[requested_type]).replace(**changes)
+
+    def replace(self, **changes: Any) -> AgentInterface:
+        """Return a copy with some fields changed."""
+        return replace(self, **{OLD_NAMES.get(name, name): value for name, value in changes.items()})
+
+    @property
+    def requires_rendering(self) -> bool:
+        """Whether any picture is drawn."""
+        return bool(self.drivable_area_grid_map or self.occupancy_grid_map or self.top_down_rgb)
+
+    @property
+    def vehicle_kind(self) -> VehicleKind:
+        """What the agent drives."""
+        return VEHICLE_CLASSES[self.vehicle_class]
+
+    @property
+    def sensors(self) -> dict[str, Any]:
+        """The options of the sensors that are switched on, by field."""
+        options = {name: getattr(self, name) for name in SENSOR_OPTIONS}
+        return {name: option for name, option in options.items() if option is not False}
+
+
+def _option(name: str, value: object, kind: type) -> object:
+    """Return the option that a field stands for, False if the sensor is off."""
+    if value is True:
+        return kind()
+    if value is False or value is None:
+        return False
+    if isinstance(value, kind):
+        return value
+    raise InterfaceError(
+        f"{name} is {value!r}",
+        place=f"AgentInterface.{name}",
+        remedy=f"True, False or {kind.__name__}(...)",
+    )
+
+
+_WAYPOINTS: dict[str, Any] = {"waypoint_paths": True}
+_TRAFFIC: dict[str, Any] = {"waypoint_paths": True, "neighborhood_vehicle_states": True}
+
+_PRESETS: Mapping[AgentType, dict[str, Any]] = {
+    AgentType.Buddha: {"action": ActionSpaceType.Empty},
+    AgentType.Full: {
+        **_TRAFFIC,
+        "road_waypoints": True,
+        "drivable_area_grid_map": True,
+        "occupancy_grid_map": True,
+        "top_down_rgb": True,
+        "lidar_point_cloud": True,
+        "accelerometer": True,
+        "lane_positions": True,
+        "signals": True,
+        "action": ActionSpaceType.Continuous,
+    },
+    AgentType.Standard: {**_TRAFFIC, "action": ActionSpaceType.ActuatorDynamic},
+    AgentType.Laner: {**_WAYPOINTS, "action": ActionSpaceType.Lane},
+    AgentType.Loner: {**_WAYPOINTS, "action": ActionSpaceType.Continuous},
+    AgentType.Tagger: {**_TRAFFIC, "action": ActionSpaceType.Continuous},
+    AgentType.StandardWithAbsoluteSteering: {**_TRAFFIC, "action": ActionSpaceType.Continuous},
+    AgentType.LanerWithSpeed: {**_WAYPOINTS, "action": ActionSpaceType.LaneWithContinuousSpeed},
+    AgentType.Tracker: {**_WAYPOINTS, "action": ActionSpaceType.Trajectory},
+    AgentType.Boid: {**_TRAFFIC, "action": ActionSpaceType.MultiTargetPose},
+    AgentType.MPCTracker: {**_WAYPOINTS, "action": ActionSpaceType.MPC},
+    AgentType.TrajectoryInterpolator: {"action": ActionSpaceType.TrajectoryWithTime},
+    AgentType.Direct: {
+        "neighborhood_vehicle_states": True,
+        "signals": True,
+        "action": ActionSpaceType.Direct,
+    },
+}

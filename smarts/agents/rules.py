@@ -1,0 +1,87 @@
+"""What interfaces mean for the step: rules for each seat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.agents.interface import AgentInterface
+from smarts.agents.options import InterfaceError
+from smarts.errors import nearest_names
+from smarts.types.actions import ActionSpaceType
+from smarts.types.interface import SeatRules
+
+
+def seat_rules(interfaces: Sequence[AgentInterface | None], dt: float = 0.1) -> SeatRules:
+    """Return the rules for each seat; a seat without an interface has the default ones.
+
+    Args:
+        interfaces: Of each seat, shape (A,).
+        dt: Length of a step [s].
+    """
+    rules = SeatRules.allocate(len(interfaces))
+    for seat, interface in enumerate(interfaces):
+        if interface is None:
+            continue
+        moving = interface.event_configuration
+        rules.action[seat] = ActionSpaceType.Empty if interface.action is None else interface.action
+        rules.ending[seat] = interface.done_criteria.events
+        rules.max_steps[seat] = interface.max_episode_steps or 0
+        rules.not_moving_steps[seat] = max(1, round(moving.not_moving_time / dt))
+        rules.not_moving_distance[seat] = moving.not_moving_distance
+    return rules
+
+
+@dataclass(frozen=True)
+class AliveRule:
+    """A seat's agent ends when fewer than `minimum` of the agents in some seats are left."""
+
+    seat: int
+    counted: NDArray[np.bool_]
+    """Shape (A,)."""
+    minimum: int
+
+
+def alive_rules(
+    interfaces: Sequence[AgentInterface | None], names: Sequence[str], egos: int
+) -> tuple[AliveRule, ...]:
+    """Return what the interfaces demand of the number of agents that are left.
+
+    Args:
+        interfaces: Of each seat, shape (A,).
+        names: Of the agents in the seats, shape (A,).
+        egos: How many seats, the first ones, are the learning agents'.
+
+    Raises:
+        InterfaceError: A list names an agent that there is not.
+    """
+    everybody = np.ones(len(names), np.bool_)
+    rules: list[AliveRule] = []
+    for seat, interface in enumerate(interfaces):
+        criteria = interface and interface.done_criteria.agents_alive
+        if not criteria:
+            continue
+        groups = [
+            (np.arange(len(names)) < egos, criteria.minimum_ego_agents_alive),
+            (everybody, criteria.minimum_total_agents_alive),
+            *(
+                (_seats_of(alive.agents_list, names), alive.minimum_agents_alive_in_list)
+                for alive in criteria.agent_lists_alive or ()
+            ),
+        ]
+        rules += [AliveRule(seat, counted, least) for counted, least in groups if least is not None]
+    return tuple(rules)
+
+
+def _seats_of(wanted: Sequence[str], names: Sequence[str]) -> NDArray[np.bool_]:
+    for name in wanted:
+        if name not in names:
+            raise InterfaceError(
+                f"there is no agent {name!r}",
+                place="AgentsListAlive.agents_list",
+                remedy=nearest_names(name, names),
+            )
+    return np.isin(names, wanted)

@@ -1,0 +1,101 @@
+"""Agent specs: an interface, how to make the policy, and adapters between the two."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from smarts.agents.interface import AgentInterface
+from smarts.agents.options import InterfaceError
+from smarts.agents.policy import Agent
+
+
+def _same_observation(observation: Any) -> Any:
+    return observation
+
+
+def _same_action(action: Any) -> Any:
+    return action
+
+
+def _same_reward(observation: Any, reward: float) -> Any:
+    return reward
+
+
+def _same_info(observation: Any, reward: float, info: Any) -> Any:
+    return info
+
+
+# Named functions, not lambdas, so that specs can be pickled.
+
+
+@dataclass
+class AgentSpec:
+    """What an environment has to know of an agent; names and defaults of the fields are the original's.
+
+    `policy_builder` and `policy_params` are the paper's names of `agent_builder` and `agent_params`;
+    whichever is given, both hold it.
+
+    Raises:
+        InterfaceError: Old and new name of a field are given, and differ.
+    """
+
+    interface: AgentInterface | None = None
+    """May be filled in later, by `replace`."""
+    agent_builder: Callable[..., Agent] | None = None
+    """Makes the policy from `agent_params`."""
+    agent_params: Any = None
+    """A mapping is given as keywords, a list or tuple in its order, anything else as the one argument."""
+    policy_builder: Callable[..., Agent] | None = None
+    policy_params: Any = None
+    observation_adapter: Callable[[Any], Any] = _same_observation
+    """Observation -> what the policy sees."""
+    action_adapter: Callable[[Any], Any] = _same_action
+    """What the policy says -> action."""
+    reward_adapter: Callable[[Any, float], Any] = _same_reward
+    """Observation, reward -> reward."""
+    info_adapter: Callable[[Any, float, Any], Any] = _same_info
+    """Observation, reward, info -> info."""
+    perform_self_test: bool = False
+    """Without effect. Kept so that the original's specs can be read."""
+
+    def __post_init__(self) -> None:
+        for name in ("builder", "params"):
+            new, old = getattr(self, f"agent_{name}"), getattr(self, f"policy_{name}")
+            if new is not None and old is not None and new is not old:
+                raise InterfaceError(
+                    f"agent_{name} and policy_{name} are both given, and differ",
+                    place="AgentSpec",
+                    remedy=f"policy_{name} is the old name of agent_{name}: leave it out",
+                )
+            given = old if new is None else new
+            setattr(self, f"agent_{name}", given)
+            setattr(self, f"policy_{name}", given)
+
+    def replace(self, **changes: Any) -> AgentSpec:
+        """Return a copy with some fields changed, under their old names or their new ones."""
+        for name in ("builder", "params"):
+            new, old = f"agent_{name}", f"policy_{name}"
+            if (new in changes) != (old in changes):
+                changes[new] = changes[old] = changes.get(new, changes.get(old))
+        return replace(self, **changes)
+
+    def build_agent(self) -> Agent:
+        """Make the policy.
+
+        Raises:
+            InterfaceError: The spec does not say how, or not by something that can be called.
+        """
+        builder, given = self.agent_builder, self.agent_params
+        if not callable(builder):
+            raise InterfaceError(
+                f"the agent cannot be built by {builder!r}",
+                place="AgentSpec.agent_builder",
+                remedy="give a class or function, and what it takes as agent_params",
+            )
+        if given is None:
+            return builder()
+        if isinstance(given, Mapping):
+            return builder(**given)
+        return builder(*given) if isinstance(given, list | tuple) else builder(given)

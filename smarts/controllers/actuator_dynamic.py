@@ -1,0 +1,28 @@
+"""Direct control of throttle and brake, and of how fast the steering turns."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.continuous import LEAST, MOST
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+
+Bools = NDArray[np.bool_]
+
+
+class ActuatorDynamic:
+    """Passes on throttle and brake in [0, 1] and the rate of steering in locks a second, [-1, 1]."""
+
+    action: ClassVar[ActionSpaceType] = ActionSpaceType.ActuatorDynamic
+
+    def __init__(self, scene: Scene) -> None:
+        pass
+
+    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+        """Write the actuators of the chosen seats; see `Controller`."""
+        out.mode[chosen] = CommandMode.ACTUATORS_RATE
+        out.actuators[chosen] = np.clip(actions.values[chosen, :3], LEAST, MOST)

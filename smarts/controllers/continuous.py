@@ -1,0 +1,30 @@
+"""Direct control of throttle, brake and steering."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+
+Bools = NDArray[np.bool_]
+
+LEAST = (0.0, 0.0, -1.0)
+MOST = (1.0, 1.0, 1.0)
+
+
+class Continuous:
+    """Passes on throttle and brake in [0, 1] and steering in [-1, 1] of the lock, positive to the left."""
+
+    action: ClassVar[ActionSpaceType] = ActionSpaceType.Continuous
+
+    def __init__(self, scene: Scene) -> None:
+        pass
+
+    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+        """Write the actuators of the chosen seats; see `Controller`."""
+        out.mode[chosen] = CommandMode.ACTUATORS
+        out.actuators[chosen] = np.clip(actions.values[chosen, :3], LEAST, MOST)

@@ -1,0 +1,89 @@
+"""Control of the motion itself: speed, or acceleration and yaw rate."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.placing import wrapped_half_open
+from smarts.geometry.compiling import kernel
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+_PLACE = int(CommandMode.PLACE)
+
+
+class Direct:
+    """Moves a vehicle as a unicycle, whatever its dynamics; never backwards by braking.
+
+    Values: acceleration [m/s^2], yaw rate [rad/s], 0; or speed [m/s], 0, 1: the third value says which.
+
+    Args:
+        scene: What the controller works in.
+    """
+
+    action: ClassVar[ActionSpaceType] = ActionSpaceType.Direct
+
+    def __init__(self, scene: Scene) -> None:
+        pass
+
+    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+        """Write the poses of the chosen seats; see `Controller`."""
+        world = scene.world
+        vehicles = world.vehicles
+        move_directly(
+            chosen,
+            actions.values,
+            world.seats.slot,
+            world.dt,
+            vehicles.position,
+            vehicles.heading,
+            vehicles.speed,
+            out.mode,
+            out.poses,
+        )
+
+
+@kernel
+def move_directly(
+    chosen: Bools,
+    values: Floats,
+    slot: Ints,
+    dt: float,
+    position: Floats,
+    heading: Floats,
+    speed: Floats,
+    mode: NDArray[np.int8],
+    poses: Floats,
+) -> None:
+    """Write the poses of unicycles from where the vehicles are; shapes as in `Commands`."""
+    for b in range(chosen.shape[0]):
+        for a in range(chosen.shape[1]):
+            if not chosen[b, a]:
+                continue
+            mode[b, a] = _PLACE
+            v = slot[b, a]
+            x, y, angle, pace = position[b, v, 0], position[b, v, 1], heading[b, v], speed[b, v]
+            gain, turn = values[b, a, 0], values[b, a, 1]
+            if values[b, a, 2] > 0.5:
+                pace, gain, turn = values[b, a, 0], 0.0, 0.0
+            h = dt / poses.shape[2]
+            for k in range(poses.shape[2]):
+                after = pace + gain * h
+                if gain < 0.0 and pace >= 0.0:
+                    after = max(after, 0.0)
+                # The mean of both ends' speeds, along the heading in the middle.
+                way, middle = 0.5 * (pace + after) * h, angle + 0.5 * turn * h
+                x, y = x + way * math.cos(middle), y + way * math.sin(middle)
+                angle += turn * h
+                pace = after
+                poses[b, a, k, 0], poses[b, a, k, 1] = x, y
+                poses[b, a, k, 2] = wrapped_half_open(angle)
+                poses[b, a, k, 3] = pace

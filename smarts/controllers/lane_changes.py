@@ -1,0 +1,239 @@
+"""Compiled: which lane an agent steers for, the latch of its lane changes, and which are legal."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.lane_path import lane_length, next_row, place_on_lane, row_of, wrapped
+from smarts.controllers.lane_state import LaneState
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.kernels import centre_at
+from smarts.roads.lane_graph import LaneKind
+from smarts.types.actions import LaneAction
+from smarts.types.seats import ChangePhase
+from smarts.types.vehicles import VehicleKind
+
+LOST = 0.75
+"""A vehicle this far from the lane that it keeps, in lane widths, has been brought to another."""
+LOST_CHANGING = 2.0
+"""The same while it changes lanes."""
+SETTLED_OFFSET = 0.25
+"""A lane change is complete within this distance of the new centreline [m]."""
+SETTLED_TURN = math.radians(2.0)
+"""And within this angle of its direction [rad]."""
+LOOK_AHEAD = 20.0
+LOOK_AHEAD_TIME = 4.0
+"""A lane that leaves the route is legal up to 20 m and 4 s before its end."""
+
+_NONE, _REQUESTED = int(ChangePhase.NONE), int(ChangePhase.REQUESTED)
+_MOVING, _SETTLED, _ABORTED = int(ChangePhase.MOVING), int(ChangePhase.SETTLED), int(ChangePhase.ABORTED)
+_KEEP, _SLOW = int(LaneAction.keep_lane), int(LaneAction.slow_down)
+_LEFT, _RIGHT = int(LaneAction.change_lane_left), int(LaneAction.change_lane_right)
+_CAR_LANE, _BUS_LANE = int(LaneKind.CAR), int(LaneKind.BUS)
+_BUS, _COACH = int(VehicleKind.BUS), int(VehicleKind.COACH)
+
+
+@kernel
+def _is_changing(phase: int) -> bool:
+    """Tell whether a lane change is going on."""
+    return phase in (_REQUESTED, _MOVING)
+
+
+@kernel
+def steered_lane(
+    roads: Roads, table: RouteTable, state: LaneState, b: int, a: int
+) -> tuple[int, float, float]:
+    """Return the row of the lane that an agent steers for, and where its vehicle is on it: s, t [m].
+
+    The lane is followed across the ends of lanes; the row is -1 for a vehicle that is nowhere.
+    """
+    slot, world = state.slot[b, a], state.map[b]
+    first_lane = roads.lane_base[world]
+    x, y = state.position[b, slot, 0], state.position[b, slot, 1]
+    lane = int(state.target_lane[b, a])
+    here = int(state.lane[b, slot])
+    if lane < 0:
+        lane = here
+    if lane < 0:
+        return -1, 0.0, 0.0
+    route, hint = state.route[b, a], state.route_done[b, a]
+    row = row_of(table, world, route, first_lane + lane, first_lane, hint)
+    if lane == here and 0.0 < state.lane_position[b, slot] < lane_length(roads, table.lane[row]):
+        # Known from the locator.
+        return row, state.lane_position[b, slot], state.lane_offset[b, slot]
+    s, t = place_on_lane(roads, table.lane[row], x, y)
+    row, s, t = _onward(roads, table, world, row, s, t, x, y)
+    phase = state.change_phase[b, a]
+    is_changing = _is_changing(phase)
+    farthest = (LOST_CHANGING if is_changing else LOST) * roads.lane_width[table.lane[row]]
+    if abs(t) > farthest and here >= 0:
+        row = row_of(table, world, route, first_lane + here, first_lane, hint)
+        s, t = place_on_lane(roads, table.lane[row], x, y)
+    return row, s, t
+
+
+@kernel
+def _onward(
+    roads: Roads, table: RouteTable, world: int, row: int, s: float, t: float, x: float, y: float
+) -> tuple[int, float, float]:
+    """Return row, s and t of a point that may lie beyond the end of a row's lane."""
+    for _ in range(8):
+        if s <= lane_length(roads, table.lane[row]):
+            break
+        following = next_row(roads, table, world, row, roads.lane_base[world])
+        if following < 0:
+            break
+        row = following
+        s, t = place_on_lane(roads, table.lane[row], x, y)
+    return row, s, t
+
+
+@kernel
+def is_drivable(roads: Roads, lane: int, kind: int) -> bool:
+    """Tell whether a lane is open to a kind of vehicle."""
+    if roads.lane_kind[lane] == _BUS_LANE:
+        return kind in (_BUS, _COACH)
+    return roads.lane_kind[lane] == _CAR_LANE
+
+
+@kernel
+def beside(state: LaneState, lane: int, change: int) -> int:
+    """Return the lane to the left (1) or right (-1) of a lane, numbered across all maps, -1 for none."""
+    return int(state.left[lane] if change > 0 else state.right[lane])
+
+
+@kernel
+def latch(
+    roads: Roads,
+    table: RouteTable,
+    state: LaneState,
+    b: int,
+    a: int,
+    change: int,
+    fresh: bool,
+    legal: NDArray[np.bool_],
+) -> tuple[int, float, float]:
+    """Take a command to change lanes (1 left, -1 right, 0 none); return row, s, t as `steered_lane` does.
+
+    A command counts when fresh. It is carried out if the agent was told that it is legal: the vehicle steers
+    for the other lane until it is there, or until the opposite command comes before it is half-way. To keep
+    the lane meanwhile changes nothing.
+    """
+    if state.change_phase[b, a] == _SETTLED:
+        state.change_phase[b, a] = _NONE
+    row, s, t = steered_lane(roads, table, state, b, a)
+    if row < 0:
+        return row, s, t
+    slot, world = state.slot[b, a], state.map[b]
+    if state.change_phase[b, a] == _ABORTED:
+        state.change_phase[b, a] = _NONE
+    lane = int(table.lane[row])
+    width = roads.lane_width[lane]
+    phase = int(state.change_phase[b, a])
+    if fresh:
+        state.effective[b, a] = False
+        wanted = _command(state, lane, t, width, phase, change, legal)
+        if wanted >= 0 and is_drivable(roads, wanted, state.kind[b, slot]):
+            state.effective[b, a] = True
+            phase = _REQUESTED if phase == _NONE else _ABORTED
+            first_lane, route = roads.lane_base[world], state.route[b, a]
+            row = row_of(table, world, route, wanted, first_lane, state.route_done[b, a])
+            lane = wanted
+            s, t = place_on_lane(roads, lane, state.position[b, slot, 0], state.position[b, slot, 1])
+    if phase == _REQUESTED and abs(t) < 0.5 * (width + state.width[b, slot]):
+        phase = _MOVING
+    if _is_changing(phase) and abs(t) < SETTLED_OFFSET:
+        point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+        heading = centre_at(roads, point, s)[2]
+        if abs(wrapped(state.heading[b, slot] - heading)) < SETTLED_TURN:
+            phase = _SETTLED
+    state.change_phase[b, a] = phase
+    state.target_lane[b, a] = lane - roads.lane_base[world]
+    return row, s, t
+
+
+@kernel
+def _command(
+    state: LaneState, lane: int, t: float, width: float, phase: int, change: int, legal: NDArray[np.bool_]
+) -> int:
+    """Return the lane that a fresh command leads to, -1 if it is not to be carried out."""
+    if change == 0 or not legal[_LEFT if change > 0 else _RIGHT]:
+        return -1
+    if phase != _NONE and not _can_abort(phase, t, width, change):
+        return -1
+    return beside(state, lane, change)
+
+
+@kernel
+def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
+    """Tell whether a command takes back a lane change: the opposite one, before half of the way."""
+    return _is_changing(phase) and change * t > 0.5 * width
+
+
+@kernel
+def write_legal(
+    roads: Roads, table: RouteTable, state: LaneState, chosen: NDArray[np.bool_], legal: NDArray[np.bool_]
+) -> None:
+    """Write which of the four lane actions the agents of `chosen` seats may take next, shape (B, A, 4)."""
+    for b in range(chosen.shape[0]):
+        for a in range(chosen.shape[1]):
+            if not chosen[b, a] or state.slot[b, a] < 0:
+                continue
+            mask = legal[b, a]
+            mask[_KEEP], mask[_SLOW], mask[_LEFT], mask[_RIGHT] = True, True, False, False
+            row, s, t = steered_lane(roads, table, state, b, a)
+            if row >= 0:
+                mask[_LEFT] = _is_legal(roads, table, state, b, a, row, s, t, 1)
+                mask[_RIGHT] = _is_legal(roads, table, state, b, a, row, s, t, -1)
+
+
+@kernel
+def _is_legal(
+    roads: Roads,
+    table: RouteTable,
+    state: LaneState,
+    b: int,
+    a: int,
+    row: int,
+    s: float,
+    t: float,
+    change: int,
+) -> bool:
+    """Tell whether a vehicle may be told to change lanes, or to take a lane change back."""
+    lane, slot, world = int(table.lane[row]), state.slot[b, a], state.map[b]
+    phase = int(state.change_phase[b, a])
+    other = beside(state, lane, change)
+    if other < 0 or not is_drivable(roads, other, state.kind[b, slot]):
+        return False
+    if _is_changing(phase):
+        return _can_abort(phase, t, roads.lane_width[lane], change)
+    if roads.lane_inside[lane] or roads.lane_inside[other]:
+        return False
+    return _leads_on(roads, table, state, b, a, other, s, world)
+
+
+@kernel
+def _leads_on(
+    roads: Roads, table: RouteTable, state: LaneState, b: int, a: int, lane: int, s: float, world: int
+) -> bool:
+    """Tell whether a lane is on the route, and goes on along it or ends beyond the look-ahead."""
+    route = state.route[b, a]
+    if route < 0:
+        return True
+    first_lane = roads.lane_base[world]
+    row = row_of(table, world, route, lane, first_lane, state.route_done[b, a])
+    if row < table.start[table.free]:
+        return False
+    if table.onward_start[row + 1] > table.onward_start[row]:
+        return True
+    # The lanes of the last road lead nowhere and need not.
+    corridor = table.free + route
+    if table.group[row] == table.group[table.start[corridor + 1] - 1]:
+        return True
+    speed = state.speed[b, state.slot[b, a]]
+    return lane_length(roads, lane) - s > LOOK_AHEAD + LOOK_AHEAD_TIME * speed

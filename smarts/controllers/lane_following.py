@@ -1,0 +1,158 @@
+"""Lane following by a target speed and commands to change lanes."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.lane_changes import latch
+from smarts.controllers.lane_path import write_reference
+from smarts.controllers.lane_state import LaneState
+from smarts.controllers.leaders import heed_leaders
+from smarts.controllers.tracking import SPEED_GAIN
+from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands, LaneAction
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+CHANGE_SPEED = 12.5
+"""The most at which a discrete lane change is made [m/s]."""
+SLOWING = 2.5
+"""Deceleration of `slow_down` [m/s^2]."""
+
+BY_SPEED, BY_NAME, NEUTRAL = 0, 1, 2
+"""How `follow_lanes` is told what to do: by target speed and lane change, by a `LaneAction`, not at all."""
+
+_TRACK = int(CommandMode.TRACK)
+_SLOW = int(LaneAction.slow_down)
+_LEFT, _RIGHT = int(LaneAction.change_lane_left), int(LaneAction.change_lane_right)
+
+
+@kernel
+def follow_lanes(
+    roads: Roads,
+    table: RouteTable,
+    state: LaneState,
+    chosen: NDArray[np.bool_],
+    manner: int,
+    fresh: NDArray[np.bool_],
+    values: NDArray[np.float64],
+    legal: NDArray[np.bool_],
+    speeds: NDArray[np.float64],
+    mode: NDArray[np.int8],
+    reference: NDArray[np.float64],
+    length: NDArray[np.int32],
+) -> None:
+    """Write the references of chosen seats.
+
+    Args:
+        roads: The maps' lanes.
+        table: The routes.
+        state: Of the world; latch, effective and desired speed are written.
+        chosen: Shape (B, A).
+        manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
+        fresh: See `Actions`, shape (B, A).
+        values: See `Actions`, shape (B, A, 8).
+        legal: See `Actions`, shape (B, A, 4).
+        speeds: The largest speed of discrete actions on each map [m/s], shape (M,).
+        mode: Written, see `Commands`, shape (B, A).
+        reference: Written, shape (B, A, R, 4).
+        length: Written, shape (B, A).
+    """
+    for b in range(chosen.shape[0]):
+        for a in range(chosen.shape[1]):
+            if not chosen[b, a]:
+                continue
+            slot = state.slot[b, a]
+            if state.entry_step[b, a] == state.step[b]:
+                state.target_lane[b, a] = -1
+                state.change_phase[b, a] = 0
+            change = _change_of(manner, values[b, a])
+            row, s, t = latch(roads, table, state, b, a, change, fresh[b, a], legal[b, a])
+            mode[b, a], length[b, a] = _TRACK, 0
+            if row < 0:
+                continue
+            top = min(roads.lane_speed[table.lane[row]], speeds[state.map[b]])
+            cap, desired = speeds[state.map[b]], top
+            if manner == BY_SPEED:
+                cap = desired = max(values[b, a, 0], 0.0)
+            elif manner == BY_NAME and change != 0:
+                cap = min(cap, CHANGE_SPEED)
+            state.desired_speed[b, slot] = desired
+            points = reference[b, a]
+            speed = state.speed[b, slot]
+            obeys, agility = manner != BY_SPEED, state.agility[state.kind[b, slot]]
+            write_reference(roads, table, state.map[b], row, s, t, speed, cap, obeys, agility, points)
+            if manner == BY_NAME and int(values[b, a, 0]) == _SLOW:
+                _slow_down(points, speed)
+            elif manner == NEUTRAL:
+                heed_leaders(state, b, slot, points)
+            length[b, a] = len(points)
+
+
+@kernel
+def _change_of(manner: int, values: NDArray[np.float64]) -> int:
+    """Return the lane change that an action asks for: 1 left, -1 right, 0 none."""
+    if manner == BY_SPEED:
+        return 1 if values[1] > 0.5 else (-1 if values[1] < -0.5 else 0)
+    if manner == BY_NAME:
+        return 1 if int(values[0]) == _LEFT else (-1 if int(values[0]) == _RIGHT else 0)
+    return 0
+
+
+@kernel
+def _slow_down(points: NDArray[np.float64], speed: float) -> None:
+    """Lower a reference's speeds to those of a steady deceleration from here to standstill."""
+    gone = 0.0
+    for i in range(len(points)):
+        if i > 0:
+            gone += math.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
+        square = max(speed, 0.0) ** 2 - 2.0 * SLOWING * gone
+        wanted = math.sqrt(max(square, 0.0))
+        if speed < SLOWING:
+            # Too close to the stand for the spacing of the points: by the error of the speed alone.
+            wanted = max(speed - SLOWING / SPEED_GAIN, 0.0)
+        points[i, 3] = min(points[i, 3], wanted)
+
+
+class LaneFollowing:
+    """Keeps a lane at a target speed; a fresh command of -1 or 1 changes to the lane on the right or left.
+
+    Values: target speed [m/s], lane change. Before and in curves the speed is as low as lateral comfort
+    takes (`lane_path.CURVE_ACCELERATION`). Where the lane leaves the route, the vehicle keeps it.
+
+    Args:
+        scene: What the controller works in.
+    """
+
+    action: ClassVar[ActionSpaceType] = ActionSpaceType.LaneWithContinuousSpeed
+    manner: ClassVar[int] = BY_SPEED
+
+    def __init__(self, scene: Scene, speeds: Floats | None = None) -> None:
+        self._state = LaneState.of(scene)
+        self._speeds = np.full(len(scene.atlas.graphs), np.inf)
+        if speeds is not None:
+            self._speeds[:] = speeds
+
+    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+        """Write the reference along each chosen seat's lane; see `Controller`."""
+        follow_lanes(
+            scene.atlas.roads,
+            scene.routes.table,
+            self._state,
+            chosen,
+            self.manner,
+            actions.fresh,
+            actions.values,
+            actions.legal,
+            self._speeds,
+            out.mode,
+            out.reference,
+            out.reference_length,
+        )

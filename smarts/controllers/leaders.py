@@ -1,0 +1,76 @@
+"""Compiled: not to drive into the vehicle ahead, for vehicles whose agent has not said anything yet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.lane_state import LaneState
+from smarts.geometry.compiling import kernel
+
+STANDSTILL_GAP = 2.5
+"""[m]"""
+HEADWAY = 1.0
+"""[s]"""
+SIDE_GAP = 0.3
+"""Beside whose widths a vehicle does not count as ahead [m]."""
+BRAKING = 3.0
+"""[m/s^2]"""
+
+
+@kernel
+def heed_leaders(state: LaneState, b: int, slot: int, points: NDArray[np.float64]) -> None:
+    """Lower a reference's speeds so that a vehicle which follows it keeps its distance from those ahead."""
+    reach = 0.0
+    last = len(points) - 1
+    span = math.hypot(points[last, 0] - points[0, 0], points[last, 1] - points[0, 1])
+    reach = span + 10.0
+    for other in range(state.alive.shape[1]):
+        if other == slot or not state.alive[b, other]:
+            continue
+        x, y = state.position[b, other, 0], state.position[b, other, 1]
+        if abs(x - points[0, 0]) > reach or abs(y - points[0, 1]) > reach:
+            continue
+        station, distance, turn = _along(points, x, y, state.heading[b, other])
+        aside = abs(math.sin(turn)) * state.length[b, other] + abs(math.cos(turn)) * state.width[b, other]
+        if station <= 0.0 or distance > 0.5 * (aside + state.width[b, slot]) + SIDE_GAP:
+            continue
+        gap = station - 0.5 * (state.length[b, other] + state.length[b, slot])
+        speed = max(state.speed[b, other] * math.cos(turn), 0.0)
+        _follow(points, gap - STANDSTILL_GAP - HEADWAY * speed, speed)
+
+
+@kernel
+def _along(points: NDArray[np.float64], x: float, y: float, heading: float) -> tuple[float, float, float]:
+    """Return station [m], distance [m] and relative heading [rad] of a pose with respect to a reference.
+
+    The station is 0 for what is beside or behind its first point.
+    """
+    best, best_square, station, best_station = 0, np.inf, 0.0, 0.0
+    for i in range(len(points)):
+        if i > 0:
+            station += math.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
+        square = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
+        if square < best_square:
+            best, best_square, best_station = i, square, station
+    # To the direction there, which the coarse points far off need.
+    cos, sin = math.cos(points[best, 2]), math.sin(points[best, 2])
+    dx, dy = x - points[best, 0], y - points[best, 1]
+    best_station += dx * cos + dy * sin
+    return best_station, abs(dy * cos - dx * sin), heading - points[best, 2]
+
+
+@kernel
+def _follow(points: NDArray[np.float64], gap: float, speed: float) -> None:
+    """Lower speeds so that the vehicle brakes to `speed` [m/s] within a gap [m]."""
+    station = 0.0
+    for i in range(len(points)):
+        if i > 0:
+            station += math.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
+        room = gap - station
+        allowed = math.sqrt(speed * speed + 2.0 * BRAKING * room) if room > 0.0 else speed
+        if room < 0.0:
+            allowed = max(speed + 0.5 * room, 0.0)
+        points[i, 3] = min(points[i, 3], allowed)

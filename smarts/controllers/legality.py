@@ -1,0 +1,36 @@
+"""Which lane actions agents may take next."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.lane_changes import write_legal
+from smarts.controllers.lane_state import LaneState
+from smarts.roads.scene import Scene
+from smarts.types.seats import SeatState
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+
+
+class Legality:
+    """Writes `seats.legal`; a part of the locator stage, which has just said where everybody is.
+
+    To keep the lane and to slow down are always legal. A lane change is if there is a lane on that side in
+    the same direction that is open to the vehicle, outside junctions, and if that lane is on the route and
+    goes on along it or does not end soon. During a lane change only the opposite one is legal, up to
+    half-way: it takes the change back.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._state = LaneState.of(scene)
+
+    def write(self, world: World, rows: Bools) -> None:
+        """Say what is legal in all occupied seats of some simulations."""
+        state = world.seats.state
+        chosen = (state == SeatState.ACTIVE) | (state == SeatState.SHADOWING)
+        chosen &= rows[:, None]
+        scene = self._scene
+        write_legal(scene.atlas.roads, scene.routes.table, self._state, chosen, world.seats.legal)

@@ -1,0 +1,242 @@
+"""Model-predictive tracking of a path: what the vehicle can drive of it, planned anew in each step.
+
+Along the path, with e the offset to its left, psi the heading relative to it and kappa its curvature, a
+vehicle of curvature u moves as de/ds = psi, dpsi/ds = u - kappa. The plan minimises the sum of squares of e,
+psi and du/ds over the reference's points with |u| within the steering lock and the grip. The bound is handled
+by the alternating direction method of multipliers (Boyd et al., Foundations and Trends in Machine Learning
+3(1), 2011, section 5.2), each of whose steps is one Riccati recursion; their number is fixed. What is planned
+becomes the reference of the common tracking law.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.lane_path import wrapped
+from smarts.controllers.trajectory_tracking import write_paths
+from smarts.dynamics import layout, vehicle, vehicle_names
+from smarts.geometry.compiling import kernel
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType, Commands
+from smarts.types.vehicles import VehicleKind
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+OFFSET_WEIGHT = 1.0
+"""[1/m^2]"""
+HEADING_WEIGHT = 5.0
+"""[1/rad^2]"""
+RATE_WEIGHT = 4000.0
+"""Of the change of curvature along the way, squared [m^4]."""
+SPEED_WEIGHT = 40.0
+"""By how much the above grows with the square of the speed [m^2 s^2]."""
+LATERAL_ACCELERATION = 6.0
+"""The most that is planned [m/s^2]."""
+ROUNDS = 12
+"""Of the alternating direction method."""
+PENALTY = 50.0
+"""Of that method, over the curvature's difference squared [m^2]."""
+LOCK_SHARE = 0.95
+"""Of the lock; the rest is for tracking."""
+
+
+def sharpest_curvatures() -> Floats:
+    """Return the curvature at the lock of each `VehicleKind` [1/m], shape (K,)."""
+    known = vehicle_names()
+    found = np.full(len(VehicleKind), np.inf)
+    for kind in VehicleKind:
+        name = kind.name.lower()
+        if name in known:
+            lock = float(layout.pack(name, "linear")["max_steering"])
+            found[kind] = math.tan(LOCK_SHARE * lock) / vehicle(name).wheelbase
+    return found
+
+
+class ModelPredictive:
+    """Tracks a path of x, y, heading, speed with foresight: cuts what the steering cannot follow, early."""
+
+    action: ClassVar[ActionSpaceType] = ActionSpaceType.MPC
+
+    def __init__(self, scene: Scene) -> None:
+        self._sharpest = sharpest_curvatures()
+
+    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+        """Write a plan along each chosen seat's path; see `Controller`."""
+        world = scene.world
+        vehicles, seats = world.vehicles, world.seats
+        write_paths(
+            chosen,
+            seats.slot,
+            vehicles.position,
+            actions.path,
+            actions.path_length,
+            out.mode,
+            out.reference,
+            out.reference_length,
+        )
+        plan_references(
+            chosen,
+            seats.slot,
+            vehicles.kind,
+            vehicles.position,
+            vehicles.heading,
+            vehicles.speed,
+            vehicles.yaw_rate,
+            self._sharpest,
+            out.reference,
+            out.reference_length,
+        )
+
+
+@kernel
+def plan_references(
+    chosen: Bools,
+    slot: Ints,
+    kind: NDArray[np.int8],
+    position: Floats,
+    heading: Floats,
+    speed: Floats,
+    yaw_rate: Floats,
+    sharpest: Floats,
+    reference: Floats,
+    length: Ints,
+) -> None:
+    """Replace references by plans that lead from where the vehicles are; shapes as in `Commands`."""
+    most = reference.shape[2]
+    work = np.zeros((9, most))
+    plan = np.zeros((3, most))
+    for b in range(chosen.shape[0]):
+        for a in range(chosen.shape[1]):
+            if not chosen[b, a] or length[b, a] < 3:
+                continue
+            v = slot[b, a]
+            points = reference[b, a]
+            cos, sin = math.cos(points[0, 2]), math.sin(points[0, 2])
+            dx, dy = position[b, v, 0] - points[0, 0], position[b, v, 1] - points[0, 1]
+            # From the first point, a point's spacing behind, the vehicle is carried back along its heading.
+            turn = wrapped(heading[b, v] - points[0, 2])
+            along = dx * cos + dy * sin
+            offset = dy * cos - dx * sin - math.tan(min(max(turn, -1.0), 1.0)) * along
+            fast = max(abs(speed[b, v]), 1.0)
+            bound = min(sharpest[kind[b, v]], LATERAL_ACCELERATION / (fast * fast))
+            weight = RATE_WEIGHT * 0.01 + SPEED_WEIGHT * fast * fast
+            _solve(points, length[b, a], offset, turn, yaw_rate[b, v] / fast, bound, weight, work, plan)
+            _shift(points, length[b, a], plan)
+
+
+@kernel
+def _solve(
+    points: Floats,
+    count: int,
+    offset: float,
+    turn: float,
+    curvature: float,
+    bound: float,
+    rate_weight: float,
+    work: Floats,
+    plan: Floats,
+) -> None:
+    """Write the plan: offset [m], relative heading [rad] and curvature [1/m] at each point, shape (3, R).
+
+    Args:
+        points: The path, shape (R, 4).
+        count: How many points count.
+        offset: Of the vehicle at the first point [m].
+        turn: Its heading there relative to the path [rad].
+        curvature: Of its present course [1/m].
+        bound: The largest curvature [1/m].
+        rate_weight: Of the change of curvature.
+        work: Scratch.
+        plan: Written.
+    """
+    target, dual, path_curvature, spacing = work[0], work[1], work[2], work[3]
+    for k in range(count):
+        target[k], dual[k] = 0.0, 0.0
+        if k < count - 1:
+            step = math.hypot(points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1])
+            spacing[k] = max(step, 0.05)
+            path_curvature[k] = wrapped(points[k + 1, 2] - points[k, 2]) / spacing[k]
+            target[k] = min(max(path_curvature[k], -bound), bound)
+    for _ in range(ROUNDS):
+        _recurse(count, target, dual, path_curvature, spacing, rate_weight, work)
+        plan[0, 0], plan[1, 0], before = offset, turn, curvature
+        for k in range(count - 1):
+            step = spacing[k]
+            change = work[4, k] * plan[0, k] + work[5, k] * plan[1, k] + work[6, k] * before + work[7, k]
+            before += change
+            plan[2, k] = before
+            plan[0, k + 1] = plan[0, k] + step * plan[1, k]
+            plan[1, k + 1] = plan[1, k] + step * (before - path_curvature[k])
+            target[k] = min(max(before + dual[k], -bound), bound)
+            dual[k] += before - target[k]
+    plan[0, 0], plan[1, 0] = offset, turn
+    for k in range(count - 1):
+        plan[2, k] = target[k]
+        plan[0, k + 1] = plan[0, k] + spacing[k] * plan[1, k]
+        plan[1, k + 1] = plan[1, k] + spacing[k] * (target[k] - path_curvature[k])
+
+
+@kernel
+def _recurse(
+    count: int,
+    target: Floats,
+    dual: Floats,
+    path_curvature: Floats,
+    spacing: Floats,
+    rate_weight: float,
+    work: Floats,
+) -> None:
+    """Write the feedback of the change of curvature on (offset, heading, curvature before, 1): work[4:8].
+
+    The value of a state x is x'Px + 2p'x; the state after a change w of the curvature u is A x + B w + c.
+    """
+    value, linear = np.zeros((3, 3)), np.zeros(3)
+    value[0, 0], value[1, 1] = OFFSET_WEIGHT, HEADING_WEIGHT
+    system, entry = np.zeros((3, 3)), np.zeros(3)
+    drift, gain = np.zeros(3), np.zeros(3)
+    for k in range(count - 2, -1, -1):
+        step = spacing[k]
+        system[:] = 0.0
+        system[0, 0], system[0, 1] = 1.0, step
+        system[1, 1], system[1, 2] = 1.0, step
+        system[2, 2] = 1.0
+        entry[0], entry[1], entry[2] = 0.0, step, 1.0
+        drift[0], drift[1], drift[2] = 0.0, -step * path_curvature[k], 0.0
+        # The penalty PENALTY (u + w - wanted)^2 belongs to this stage.
+        wanted = target[k] - dual[k]
+        ahead = value @ drift + linear
+        curving = rate_weight / step + PENALTY + entry @ (value @ entry)
+        gain[:] = entry @ (value @ system)
+        gain[2] += PENALTY
+        constant = entry @ ahead - PENALTY * wanted
+        for i in range(3):
+            work[4 + i, k] = -gain[i] / curving
+        work[7, k] = -constant / curving
+        new_value = system.T @ (value @ system)
+        new_linear = system.T @ ahead
+        new_value[2, 2] += PENALTY
+        new_linear[2] -= PENALTY * wanted
+        for i in range(3):
+            new_linear[i] -= gain[i] * constant / curving
+            for j in range(3):
+                new_value[i, j] -= gain[i] * gain[j] / curving
+        new_value[0, 0] += OFFSET_WEIGHT * step
+        new_value[1, 1] += HEADING_WEIGHT * step
+        value[:] = new_value
+        linear[:] = new_linear
+
+
+@kernel
+def _shift(points: Floats, count: int, plan: Floats) -> None:
+    """Move a reference's points to where the plan leads."""
+    for k in range(count):
+        heading = points[k, 2]
+        points[k, 0] -= plan[0, k] * math.sin(heading)
+        points[k, 1] += plan[0, k] * math.cos(heading)
+        points[k, 2] = wrapped(heading + math.atan(min(max(plan[1, k], -1.5), 1.5)))

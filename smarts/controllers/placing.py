@@ -1,0 +1,157 @@
+"""Plans of controllers that say where a vehicle is to be and when: a cubic between two poses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import interpolate_angle
+from smarts.types.actions import CommandMode
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+BEGIN, TARGET, TIME, STEP, PLAN = 0, 4, 8, 9, 10
+"""Columns of a plan: begin and target (each x, y [m], heading [rad], speed [m/s]), time [s], first step."""
+
+_PLACE = int(CommandMode.PLACE)
+_SLOWEST = 0.05
+"""Below this speed a vehicle does not point where it moves [m/s]."""
+
+
+@kernel
+def wrapped_half_open(angle: float) -> float:
+    """Return the equal angle in (-pi, pi] [rad]."""
+    return math.pi - (math.pi - angle) % (2.0 * math.pi)
+
+
+@kernel
+def make_plan(
+    x: float, y: float, heading: float, speed: float, target: Floats, step: int, plan: Floats
+) -> None:
+    """Write the plan from a pose and speed to `target`: x, y, heading, time.
+
+    The speed at its end is the one with which the mean is what the way takes, but never backwards.
+    """
+    time = target[3]
+    plan[0], plan[1], plan[2], plan[3] = x, y, heading, speed
+    plan[4], plan[5], plan[6] = target[0], target[1], wrapped_half_open(target[2])
+    mean = math.hypot(target[0] - x, target[1] - y) / time
+    plan[7] = min(max(2.0 * mean - speed, 0.0), 2.0 * mean)
+    plan[8], plan[9] = time, step
+
+
+@kernel
+def follow_plan(plan: Floats, step: int, dt: float, poses: Floats) -> None:
+    """Write x, y, heading, speed at the end of each sub-step of a step, shape (S, 4).
+
+    After the plan's time the vehicle goes on straight.
+    """
+    substeps = len(poses)
+    for k in range(substeps):
+        now = (step - plan[STEP]) * dt + (k + 1) * dt / substeps
+        _pose_at(plan, now, poses[k])
+
+
+@kernel
+def _pose_at(plan: Floats, now: float, pose: Floats) -> None:
+    """Write the pose of a plan at a time [s] since its begin."""
+    time = plan[TIME]
+    if now >= time - 1e-9:
+        way = (now - time) * plan[TARGET + 3]
+        heading = plan[TARGET + 2]
+        pose[0] = plan[TARGET] + way * math.cos(heading)
+        pose[1] = plan[TARGET + 1] + way * math.sin(heading)
+        pose[2], pose[3] = heading, plan[TARGET + 3]
+        return
+    u = now / time
+    rate_x, rate_y = 0.0, 0.0
+    for axis in range(2):
+        begin, end = plan[BEGIN + axis], plan[TARGET + axis]
+        out = _component(plan[BEGIN + 2], axis) * plan[BEGIN + 3] * time
+        into = _component(plan[TARGET + 2], axis) * plan[TARGET + 3] * time
+        pose[axis] = (
+            (2.0 * u**3 - 3.0 * u**2 + 1.0) * begin
+            + (u**3 - 2.0 * u**2 + u) * out
+            + (3.0 * u**2 - 2.0 * u**3) * end
+            + (u**3 - u**2) * into
+        )
+        rate = (
+            (6.0 * u**2 - 6.0 * u) * (begin - end)
+            + (3.0 * u**2 - 4.0 * u + 1.0) * out
+            + (3.0 * u**2 - 2.0 * u) * into
+        ) / time
+        if axis == 0:
+            rate_x = rate
+        else:
+            rate_y = rate
+    speed = math.hypot(rate_x, rate_y)
+    between = interpolate_angle(plan[BEGIN + 2], plan[TARGET + 2], u)
+    heading = wrapped_half_open(math.atan2(rate_y, rate_x)) if speed > _SLOWEST else between
+    if math.cos(heading - between) < 0.0:
+        # Backwards, not turned round.
+        heading, speed = wrapped_half_open(heading + math.pi), -speed
+    pose[2], pose[3] = heading, speed
+
+
+@kernel
+def _component(heading: float, axis: int) -> float:
+    return math.cos(heading) if axis == 0 else math.sin(heading)
+
+
+@kernel
+def place_by_targets(
+    chosen: Bools,
+    fresh: Bools,
+    relative: bool,
+    values: Floats,
+    slot: Ints,
+    step: Ints,
+    dt: float,
+    position: Floats,
+    heading: Floats,
+    speed: Floats,
+    plans: Floats,
+    mode: NDArray[np.int8],
+    poses: Floats,
+) -> None:
+    """Write the poses that lead the vehicles of chosen seats to their targets.
+
+    Args:
+        chosen: Shape (B, A).
+        fresh: Whether the target is new, shape (B, A).
+        relative: Whether targets are changes of the present pose, to be reached within this step.
+        values: See `Actions`, shape (B, A, 8).
+        slot: Shape (B, A).
+        step: Of each episode, shape (B,).
+        dt: [s]
+        position: [m], shape (B, V, 2).
+        heading: [rad], shape (B, V).
+        speed: [m/s], shape (B, V).
+        plans: Written, shape (B, A, PLAN).
+        mode: Written, see `Commands`.
+        poses: Written, shape (B, A, S, 4).
+    """
+    target = np.empty(4)
+    for b in range(chosen.shape[0]):
+        for a in range(chosen.shape[1]):
+            if not chosen[b, a]:
+                continue
+            mode[b, a] = _PLACE
+            if fresh[b, a]:
+                v = slot[b, a]
+                for i in range(4):
+                    target[i] = values[b, a, i]
+                if relative:
+                    target[0] += position[b, v, 0]
+                    target[1] += position[b, v, 1]
+                    target[2] += heading[b, v]
+                    target[3] = dt
+                target[3] = max(target[3], dt)
+                x, y = position[b, v, 0], position[b, v, 1]
+                make_plan(x, y, heading[b, v], speed[b, v], target, step[b], plans[b, a])
+            follow_plan(plans[b, a], step[b], dt, poses[b, a])

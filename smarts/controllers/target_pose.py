@@ -1,0 +1,52 @@
+"""Driving to a pose by a time."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.placing import PLAN, place_by_targets
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType, Commands
+
+Bools = NDArray[np.bool_]
+
+
+class TargetPose:
+    """Takes a vehicle along a cubic to x, y [m], heading [rad] in a time [s], whatever its dynamics.
+
+    A target counts once, from the step in which it is fresh; a time of less than a step is a step. After it
+    the vehicle goes on straight at the speed with which it arrived.
+
+    Args:
+        scene: What the controller works in.
+    """
+
+    action: ClassVar[ActionSpaceType] = ActionSpaceType.TargetPose
+    relative: ClassVar[bool] = False
+
+    def __init__(self, scene: Scene) -> None:
+        # A seat's plan is made by its first action, which is fresh, so nothing is to be reset.
+        self._plans = np.zeros((*scene.world.seats.slot.shape, PLAN))
+
+    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+        """Write the poses of the chosen seats; see `Controller`."""
+        world = scene.world
+        vehicles = world.vehicles
+        place_by_targets(
+            chosen,
+            actions.fresh,
+            self.relative,
+            actions.values,
+            world.seats.slot,
+            world.step,
+            world.dt,
+            vehicles.position,
+            vehicles.heading,
+            vehicles.speed,
+            self._plans,
+            out.mode,
+            out.poses,
+        )

@@ -1,0 +1,100 @@
+"""Following a path of poses at given times exactly."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.placing import wrapped_half_open
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import interpolate_angle
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+_PLACE, _NONE = int(CommandMode.PLACE), int(CommandMode.NONE)
+
+
+class TrajectoryInterpolation:
+    """Puts a vehicle where its path of time, x, y, heading, speed says, whatever its dynamics.
+
+    Times [s] count from the step in which the path is fresh. Between its points the path is straight; before
+    the first it is at the first, and behind the last it goes on straight at the last speed.
+
+    Args:
+        scene: What the controller works in.
+    """
+
+    action: ClassVar[ActionSpaceType] = ActionSpaceType.TrajectoryWithTime
+
+    def __init__(self, scene: Scene) -> None:
+        self._begin = np.zeros(scene.world.seats.slot.shape, np.int32)
+
+    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+        """Write the poses of the chosen seats; see `Controller`."""
+        world = scene.world
+        follow_times(
+            chosen,
+            actions.fresh,
+            actions.path,
+            actions.path_length,
+            world.step,
+            world.dt,
+            self._begin,
+            out.mode,
+            out.poses,
+        )
+
+
+@kernel
+def follow_times(
+    chosen: Bools,
+    fresh: Bools,
+    path: Floats,
+    path_length: Ints,
+    step: Ints,
+    dt: float,
+    begin: Ints,
+    mode: NDArray[np.int8],
+    poses: Floats,
+) -> None:
+    """Write poses interpolated in time; `begin` is the step from which a seat's times count, shape (B, A)."""
+    for b in range(chosen.shape[0]):
+        for a in range(chosen.shape[1]):
+            if not chosen[b, a]:
+                continue
+            if fresh[b, a]:
+                begin[b, a] = step[b]
+            if path_length[b, a] == 0:
+                mode[b, a] = _NONE
+                continue
+            mode[b, a] = _PLACE
+            substeps = poses.shape[2]
+            for k in range(substeps):
+                now = (step[b] - begin[b, a]) * dt + (k + 1) * dt / substeps
+                _pose_at(path[b, a], path_length[b, a], now, poses[b, a, k])
+
+
+@kernel
+def _pose_at(path: Floats, count: int, now: float, pose: Floats) -> None:
+    """Write x, y, heading, speed of a path at a time."""
+    last = path[count - 1]
+    if now >= last[0]:
+        way = (now - last[0]) * last[4]
+        pose[0], pose[1] = last[1] + way * math.cos(last[3]), last[2] + way * math.sin(last[3])
+        pose[2], pose[3] = wrapped_half_open(last[3]), last[4]
+        return
+    i = 0
+    while i < count - 2 and path[i + 1, 0] <= now:
+        i += 1
+    a, b = path[i], path[i + 1]
+    share = min(max((now - a[0]) / max(b[0] - a[0], 1e-9), 0.0), 1.0)
+    pose[0], pose[1] = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+    pose[2] = interpolate_angle(wrapped_half_open(a[3]), wrapped_half_open(b[3]), share)
+    pose[3] = a[4] + share * (b[4] - a[4])

@@ -1,0 +1,102 @@
+"""Tracking of a path that the agent gives."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+BRAKING = 3.0
+"""Deceleration behind the end of a path [m/s^2]."""
+BEYOND = 2.0
+"""Between the points that a path goes on by behind its end [m]."""
+
+_TRACK = int(CommandMode.TRACK)
+
+
+class TrajectoryTracking:
+    """Steers along a path of x, y, heading, speed at its speeds, from wherever the vehicle is near it.
+
+    The path lies on the map: it is tracked until another is given, and its times do not count. Behind its end
+    the vehicle goes on straight and brakes to a stand.
+    """
+
+    action: ClassVar[ActionSpaceType] = ActionSpaceType.Trajectory
+
+    def __init__(self, scene: Scene) -> None:
+        pass
+
+    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+        """Write the piece of each chosen seat's path that is ahead; see `Controller`."""
+        write_paths(
+            chosen,
+            scene.world.seats.slot,
+            scene.world.vehicles.position,
+            actions.path,
+            actions.path_length,
+            out.mode,
+            out.reference,
+            out.reference_length,
+        )
+
+
+@kernel
+def write_paths(
+    chosen: Bools,
+    slot: Ints,
+    position: Floats,
+    path: Floats,
+    path_length: Ints,
+    mode: NDArray[np.int8],
+    reference: Floats,
+    length: Ints,
+) -> None:
+    """Write references along paths, shape (B, A, P, 5), beginning with the point before the nearest one."""
+    for b in range(chosen.shape[0]):
+        for a in range(chosen.shape[1]):
+            if not chosen[b, a]:
+                continue
+            mode[b, a], length[b, a] = _TRACK, 0
+            given, points = path[b, a], reference[b, a]
+            count = path_length[b, a]
+            if count == 0:
+                continue
+            first = _nearest(given, count, position[b, slot[b, a], 0], position[b, slot[b, a], 1])
+            first = max(first - 1, 0)
+            kept = min(count - first, len(points))
+            for i in range(kept):
+                for column in range(4):
+                    points[i, column] = given[first + i, column + 1]
+            go_on(points, kept)
+            length[b, a] = len(points)
+
+
+@kernel
+def _nearest(path: Floats, count: int, x: float, y: float) -> int:
+    best, best_square = 0, np.inf
+    for i in range(count):
+        square = (path[i, 1] - x) ** 2 + (path[i, 2] - y) ** 2
+        if square < best_square:
+            best, best_square = i, square
+    return best
+
+
+@kernel
+def go_on(points: Floats, count: int) -> None:
+    """Fill a reference behind its first `count` points: straight on, braking to a stand."""
+    for i in range(count, len(points)):
+        x, y, heading, speed = points[i - 1]
+        points[i, 0] = x + BEYOND * math.cos(heading)
+        points[i, 1] = y + BEYOND * math.sin(heading)
+        points[i, 2] = heading
+        points[i, 3] = math.sqrt(max(speed * speed - 2.0 * BRAKING * BEYOND, 0.0))

@@ -1,0 +1,40 @@
+"""Environments: the simulation as Gymnasium, PettingZoo, RLlib and arrays."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+
+if TYPE_CHECKING:
+    from smarts.env.hiway import HiWayEnv
+    from smarts.env.parallel import hiway_parallel_env
+    from smarts.env.rllib import RLlibHiWayEnv
+    from smarts.env.single import SingleHiWayEnv
+    from smarts.env.vector import VectorHiWayEnv
+
+__all__ = ["HiWayEnv", "RLlibHiWayEnv", "SingleHiWayEnv", "VectorHiWayEnv", "hiway_parallel_env"]
+
+# Imported when asked for: not everybody has Ray.
+_PLACES = {
+    "HiWayEnv": "smarts.env.hiway",
+    "RLlibHiWayEnv": "smarts.env.rllib",
+    "SingleHiWayEnv": "smarts.env.single",
+    "VectorHiWayEnv": "smarts.env.vector",
+    "hiway_parallel_env": "smarts.env.parallel",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_PLACES[name]), name)
+
+
+# `gymnasium.make("smarts.env:hiway-v0")` imports this module for the names to be there. Gymnasium's checks
+# are off, since they take agents that come and go for a mistake.
+gymnasium.register(
+    "hiway-v0", entry_point="smarts.env.hiway:HiWayEnv", disable_env_checker=True, order_enforce=False
+)
+gymnasium.register("hiway-single-v0", entry_point="smarts.env.single:SingleHiWayEnv")

@@ -1,0 +1,293 @@
+"""The numbers that an agent of the benchmark sees of one instant, for many agents at once.
+
+Axis letters: B simulations, G agents of the adapter, A seats, V vehicle slots.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.kernels import centre_at, find_row
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Ints = NDArray[np.int32]
+Bytes = NDArray[np.int8]
+Bools = NDArray[np.bool_]
+
+WAYPOINTS = 20
+NEIGHBOURS = 8
+NEIGHBOUR_VALUES = 5
+GOAL, LANE_OFFSET, SPEED, STEERING, HEADINGS = 0, 2, 3, 4, 5
+NEIGHBOURHOOD = HEADINGS + WAYPOINTS
+FEATURES = NEIGHBOURHOOD + NEIGHBOURS * NEIGHBOUR_VALUES
+"""F, the numbers of one instant; the constants above say where each kind of them begins."""
+
+GOAL_SCALE = 200.0
+"""[m]"""
+SPEED_SCALE = 30.0
+"""[m/s]"""
+STEERING_SCALE = 0.6
+"""[rad]"""
+RADIUS = 50.0
+"""Within which neighbours are seen [m]."""
+SPACING = 1.0
+"""Between waypoints [m]."""
+
+_DRIVING = 3
+_DONE = 4
+
+
+@kernel
+def _clipped(value: float) -> float:
+    return min(1.0, max(-1.0, value))
+
+
+@kernel
+def _heading_errors(
+    roads: Roads, table: RouteTable, row: int, s: float, heading: float, out: Singles
+) -> None:
+    """Write the sine of how far each waypoint's direction is to the left of the heading.
+
+    Waypoint i is i + 1 spacings ahead of arc length `s` of the lane of `row`, along the route. Behind the end
+    of the route the last direction goes on.
+    """
+    error = 0.0
+    s += SPACING
+    lane = table.lane[row]
+    point, last = roads.point_start[lane], roads.point_start[lane + 1] - 2
+    for i in range(WAYPOINTS):
+        while s > roads.point_s[last + 1] and table.onward_start[row + 1] > table.onward_start[row]:
+            s -= float(roads.point_s[last + 1])
+            row = int(table.onward[table.onward_start[row]])
+            lane = table.lane[row]
+            point, last = roads.point_start[lane], roads.point_start[lane + 1] - 2
+        if s <= roads.point_s[last + 1]:
+            while point < last and roads.point_s[point + 1] <= s:
+                point += 1
+            error = math.sin(centre_at(roads, point, s)[2] - heading)
+        out[i] = error
+        s += SPACING
+
+
+@kernel
+def _path_ahead(
+    roads: Roads, table: RouteTable, base: int, free: int, route: int, lane: int, done: float
+) -> int:
+    """Return the table's row of a lane on the route, or, off the route, in the corridor without one."""
+    row = -1
+    if route >= 0:
+        row = find_row(table, table.free + route, base + lane, done)
+    return row if row >= 0 else table.start[free] + lane
+
+
+@kernel
+def _neighbours(
+    alive: Bools,
+    position: Floats,
+    heading: Floats,
+    speed: Floats,
+    lateral_speed: Floats,
+    own: int,
+    order: Ints,
+    squares: Floats,
+    out: Singles,
+) -> None:
+    """Write the nearest vehicles within the radius, nearest first, as seen from the vehicle in slot `own`.
+
+    Of each: 1 - distance / radius, position ahead and to the left, velocity relative to one's own ahead and
+    to the left. Of equally near ones the lower slot comes first.
+    """
+    x, y = position[own, 0], position[own, 1]
+    count = 0
+    for slot in range(len(alive)):
+        if not alive[slot] or slot == own:
+            continue
+        square = (position[slot, 0] - x) ** 2 + (position[slot, 1] - y) ** 2
+        if square >= RADIUS * RADIUS or (count == NEIGHBOURS and square >= squares[count - 1]):
+            continue
+        place = count if count < NEIGHBOURS else count - 1
+        while place > 0 and squares[place - 1] > square:
+            order[place], squares[place] = order[place - 1], squares[place - 1]
+            place -= 1
+        order[place], squares[place] = slot, square
+        count = min(count + 1, NEIGHBOURS)
+    cos, sin = math.cos(heading[own]), math.sin(heading[own])
+    own_vx = speed[own] * cos - lateral_speed[own] * sin
+    own_vy = speed[own] * sin + lateral_speed[own] * cos
+    out[:] = 0.0
+    for place in range(count):
+        slot, first = order[place], place * NEIGHBOUR_VALUES
+        dx, dy = position[slot, 0] - x, position[slot, 1] - y
+        c, s = math.cos(heading[slot]), math.sin(heading[slot])
+        vx = speed[slot] * c - lateral_speed[slot] * s - own_vx
+        vy = speed[slot] * s + lateral_speed[slot] * c - own_vy
+        out[first] = 1.0 - math.sqrt(squares[place]) / RADIUS
+        out[first + 1] = (dx * cos + dy * sin) / RADIUS
+        out[first + 2] = (dy * cos - dx * sin) / RADIUS
+        out[first + 3] = _clipped((vx * cos + vy * sin) / SPEED_SCALE)
+        out[first + 4] = _clipped((vy * cos - vx * sin) / SPEED_SCALE)
+
+
+@kernel
+def write_features(
+    roads: Roads,
+    table: RouteTable,
+    maps: Ints,
+    routes: Ints,
+    seats: Ints,
+    chosen: Bools,
+    slot: Ints,
+    target_lane: Ints,
+    route_done: Floats,
+    steering: Floats,
+    goal: Bytes,
+    goal_position: Floats,
+    alive: Bools,
+    position: Floats,
+    heading: Floats,
+    speed: Floats,
+    lateral_speed: Floats,
+    lane: Ints,
+    lane_position: Floats,
+    lane_offset: Floats,
+    out: Singles,
+) -> None:
+    """Write the features of the chosen agents, each in [-1, 1].
+
+    Args:
+        roads: The maps' lanes.
+        table: The routes.
+        maps: Map of each simulation, shape (B,).
+        routes: Number of each seat's route in the table, shape (B, A).
+        seats: The adapter's agents, shape (G,).
+        chosen: Whom to write, shape (B, G); each holds a vehicle that is alive.
+        slot: Of each seat's vehicle, shape (B, A), as the columns of `Seats` and `Missions` that follow.
+        target_lane: Lane that the vehicle steers for, -1 for its own.
+        route_done: [m]
+        steering: [rad]
+        goal: A `GoalKind`, 0 without a goal.
+        goal_position: [m], shape (B, A, 2).
+        alive: Shape (B, V), as the columns of `VehicleStates` that follow.
+        position: [m], shape (B, V, 2).
+        heading: [rad]
+        speed: [m/s]
+        lateral_speed: [m/s]
+        lane: Of each vehicle within its map.
+        lane_position: [m]
+        lane_offset: [m]
+        out: Written, shape (B, G, F).
+    """
+    order, squares = np.empty(NEIGHBOURS, np.int32), np.empty(NEIGHBOURS)
+    for b in range(len(maps)):
+        base = roads.lane_base[maps[b]]
+        for g in range(len(seats)):
+            if not chosen[b, g]:
+                continue
+            seat = seats[g]
+            own, features = slot[b, seat], out[b, g]
+            angle = heading[b, own]
+            cos, sin = math.cos(angle), math.sin(angle)
+            features[GOAL : GOAL + 2] = 0.0
+            if goal[b, seat] != 0:
+                dx = goal_position[b, seat, 0] - position[b, own, 0]
+                dy = goal_position[b, seat, 1] - position[b, own, 1]
+                features[GOAL] = _clipped((dx * cos + dy * sin) / GOAL_SCALE)
+                features[GOAL + 1] = _clipped((dy * cos - dx * sin) / GOAL_SCALE)
+            features[SPEED] = _clipped(speed[b, own] / SPEED_SCALE)
+            features[STEERING] = _clipped(steering[b, seat] / STEERING_SCALE)
+            own_lane = lane[b, own]
+            features[LANE_OFFSET] = 0.0
+            headings = features[HEADINGS:NEIGHBOURHOOD]
+            headings[:] = 0.0
+            if own_lane >= 0:
+                features[LANE_OFFSET] = _clipped(lane_offset[b, own] / roads.lane_width[base + own_lane])
+                s = lane_position[b, own]
+                row = _path_ahead(roads, table, base, maps[b], routes[b, seat], own_lane, route_done[b, seat])
+                target = target_lane[b, seat]
+                if target >= 0 and target != own_lane:
+                    other = _path_ahead(
+                        roads, table, base, maps[b], routes[b, seat], target, route_done[b, seat]
+                    )
+                    # Only beside one's own: a target on another road is one that was passed.
+                    if table.group[other] == table.group[row]:
+                        own_end = roads.point_s[roads.point_start[base + own_lane + 1] - 1]
+                        target_end = roads.point_s[roads.point_start[base + target + 1] - 1]
+                        row, s = other, s * target_end / own_end
+                _heading_errors(roads, table, row, s, angle, headings)
+            _neighbours(
+                alive[b],
+                position[b],
+                heading[b],
+                speed[b],
+                lateral_speed[b],
+                own,
+                order,
+                squares,
+                features[NEIGHBOURHOOD:FEATURES],
+            )
+
+
+@kernel
+def write_stack(features: Singles, chosen: Bools, is_new: Bools, frames: int, vectors: Singles) -> None:
+    """Append the chosen agents' features to the frames they hold, the oldest of which goes.
+
+    Args:
+        features: Shape (B, G, F).
+        chosen: Whom to write, shape (B, G).
+        is_new: Who holds no frames yet and gets as many of this one; cleared for the chosen, shape (B, G).
+        frames: How many a vector holds, the oldest first.
+        vectors: Written, from their beginning, shape (B, G, at least frames * F).
+    """
+    size = features.shape[2]
+    for b in range(features.shape[0]):
+        for g in range(features.shape[1]):
+            if not chosen[b, g]:
+                continue
+            vector = vectors[b, g]
+            for frame in range(frames - 1):
+                begin = frame * size
+                for i in range(size):
+                    kept = features[b, g, i] if is_new[b, g] else vector[begin + size + i]
+                    vector[begin + i] = kept
+            vector[(frames - 1) * size : frames * size] = features[b, g]
+            is_new[b, g] = False
+
+
+@kernel
+def write_arrival_order(
+    seats: Ints, chosen: Bools, state: Bytes, ticket: Ints, junction: Ints, vectors: Singles
+) -> None:
+    """Write, as the last number of each vector, how many agents came to the agent's next junction before it.
+
+    It is the share of the other agents; -1 for who has not come to a junction.
+
+    Args:
+        seats: The adapter's agents, shape (G,).
+        chosen: Whom to write, shape (B, G).
+        state: Of all seats, shape (B, A), as the columns of `Seats` that follow.
+        ticket: Place in the order of arrival, -1 without one.
+        junction: That the ticket is for.
+        vectors: Written, shape (B, G, at least 1).
+    """
+    others = max(len(seats) - 1, 1)
+    last = vectors.shape[2] - 1
+    for b in range(chosen.shape[0]):
+        for g in range(len(seats)):
+            if not chosen[b, g]:
+                continue
+            own = seats[g]
+            if ticket[b, own] < 0:
+                vectors[b, g, last] = -1.0
+                continue
+            earlier = 0
+            for other in seats:
+                is_here = state[b, other] == _DRIVING and ticket[b, other] >= 0
+                if is_here and junction[b, other] == junction[b, own]:
+                    earlier += ticket[b, other] < ticket[b, own]
+            vectors[b, g, last] = earlier / others

@@ -1,0 +1,94 @@
+"""What an adapter for arrays is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+from gymnasium.spaces import Space
+from numpy.typing import NDArray
+
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.frame import Frame
+from smarts.types.interface import Field
+from smarts.types.seats import SeatState
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+MASK = "action_mask"
+"""Name of the field that says which discrete actions are legal."""
+
+
+@dataclass(frozen=True)
+class Served:
+    """The agents that an adapter serves: some egos that act in the same way."""
+
+    scene: Scene
+    agents: tuple[str, ...]
+    """Their names."""
+    seats: Ints
+    """Their seats, shape (G,)."""
+    action: ActionSpaceType
+    period: int
+    """Steps from one decision to the next."""
+    max_steps: int
+    """Steps up to the time limit, 0 without one."""
+
+    def ended(self, frame: Frame) -> Bools:
+        """Return whose episode ended in a step, shape (B, G)."""
+        return frame.events.just_done[:, self.seats]
+
+    def present(self, frame: Frame) -> Bools:
+        """Return who was there in a step, or at a reset, shape (B, G)."""
+        is_active = frame.world.seats.state[:, self.seats] == SeatState.ACTIVE
+        return (is_active & frame.rows[:, None]) | self.ended(frame)
+
+
+class ArrayAdapter(Protocol):
+    """Serves some egos of all simulations at once, by kernels: there is no Python per agent.
+
+    A decision lasts several steps. In each, the adapter is shown the frame; at the end of the decision it
+    hands out what has come together. Sums over agents or time are taken in a fixed order (kernels, not numpy
+    reductions, whose order depends on B). Made by a call with `Served` and the adapter's own options.
+    """
+
+    action: ClassVar[ActionSpaceType | None]
+    """How the agents must act, None if any way will do."""
+    fields: tuple[Field, ...]
+    """The observation of one agent. A field `action_mask` says which discrete actions are legal."""
+    action_space: Space
+
+    def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
+        """Take the chosen agents' actions in: checked, clipped, marked fresh. A decision begins.
+
+        Args:
+            given: Actions in the environment's action space, shape (B, G, ...).
+            chosen: Whose actions are new, shape (B, G); the others' last ones go on.
+            out: To write into, shape (B, A).
+
+        Raises:
+            ActionError: An action is not finite or not in the space; names agent and value.
+        """
+        ...
+
+    def collect(self, frame: Frame, is_last: bool) -> None:
+        """See one step of a decision, or a reset; `is_last` if the decision ends with it."""
+        ...
+
+    def reset(self, egos: Bools) -> None:
+        """Forget what is remembered of these egos, shape (B, N); their observations become zero."""
+        ...
+
+    @property
+    def observations(self) -> Mapping[str, NDArray]:
+        """Array of each field, shape (B, G, *shape); an agent that ended keeps its last until the reset."""
+        ...
+
+    @property
+    def rewards(self) -> NDArray[np.float32]:
+        """Of the decision, shape (B, G)."""
+        ...

@@ -1,0 +1,104 @@
+"""The readings of an agent's sensors as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from gymnasium.spaces import Discrete, Space
+from numpy.typing import NDArray
+
+from smarts.agents.interface import AgentInterface
+from smarts.env.adapters.actions import action_space, encode_array
+from smarts.env.adapters.protocol import MASK, Served
+from smarts.env.adapters.reward import Rewards, RewardWeights
+from smarts.sensors.suite import sensors_of
+from smarts.types.actions import Actions, ActionSpaceType, LaneAction
+from smarts.types.frame import Frame, Readings
+from smarts.types.interface import Field
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+
+class RawAdapter:
+    """Every sensor's fields are observations, named "sensor/field"; the reward is metres of the route.
+
+    Args:
+        served: The agents.
+        interface: Theirs; they have the same sensors with the same options.
+        reward: Name of the weights in `rewards.yaml`, or the weights themselves.
+    """
+
+    action: ClassVar[ActionSpaceType | None] = None
+
+    def __init__(
+        self, served: Served, interface: AgentInterface, *, reward: str | RewardWeights = "route_metres"
+    ) -> None:
+        self._served = served
+        self._rewards = Rewards(served, reward)
+        fields = {
+            (sensor, field.name): replace(field, name=f"{sensor}/{field.name}")
+            for sensor, made in sensors_of(interface).items()
+            for field in made.fields()
+        }
+        self.action_space: Space = action_space(served.action)
+        worlds, agents = served.scene.world.worlds, len(served.agents)
+        self._arrays = {place: field.allocate(worlds, agents) for place, field in fields.items()}
+        self._observations = {fields[place].name: array for place, array in self._arrays.items()}
+        self.fields = tuple(fields.values())
+        if isinstance(self.action_space, Discrete):
+            mask = Field(MASK, (len(LaneAction),), np.int8, 0, 1, "", "which lane actions are legal")
+            self.fields = (*self.fields, mask)
+            self._observations[MASK] = mask.allocate(worlds, agents)
+        self._blocks: dict[str, tuple[str, Ints]] = {}
+
+    @property
+    def observations(self) -> Mapping[str, NDArray]:
+        """Array of each field, shape (B, G, *shape)."""
+        return self._observations
+
+    @property
+    def rewards(self) -> NDArray[np.float32]:
+        """Of the decision, shape (B, G)."""
+        return self._rewards.values
+
+    def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
+        """Take in actions of the agents' type, shape (B, G, ...)."""
+        encode_array(self._served, given, chosen, out)
+        self._rewards.values[:] = 0.0
+
+    def collect(self, frame: Frame, is_last: bool) -> None:
+        """Count a step towards the reward, and copy the readings if a decision ends with it."""
+        here = self._served.present(frame)
+        settle = here if is_last else self._served.ended(frame)
+        self._rewards.add(frame, here, settle)
+        if settle.any():
+            self._copy(frame, settle)
+
+    def reset(self, egos: Bools) -> None:
+        """Forget what is remembered of these egos, shape (B, N)."""
+        agents = egos[:, self._served.seats]
+        self._rewards.reset(agents)
+        for array in self._observations.values():
+            array[agents] = 0
+
+    def _copy(self, frame: Frame, chosen: Bools) -> None:
+        rows, agents = np.nonzero(chosen)
+        for (sensor, field), array in self._arrays.items():
+            name, columns = self._block(frame.readings, sensor)
+            array[rows, agents] = frame.readings.blocks[name][field][rows, columns[agents]]
+        if MASK in self._observations:
+            legal = frame.world.seats.legal
+            self._observations[MASK][rows, agents] = legal[rows, self._served.seats[agents]]
+
+    def _block(self, readings: Readings, sensor: str) -> tuple[str, Ints]:
+        """Return the readings' block of a sensor of these agents, and their columns in it."""
+        if sensor not in self._blocks:
+            for name, seats in readings.seats.items():
+                if name.partition(":")[0] == sensor and self._served.seats[0] in seats:
+                    columns = [seats.tolist().index(seat) for seat in self._served.seats.tolist()]
+                    self._blocks[sensor] = (name, np.array(columns, np.int32))
+        return self._blocks[sensor]

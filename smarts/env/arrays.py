@@ -1,0 +1,212 @@
+"""Agents as arrays: those with equal spaces form a group, which one adapter serves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box, Dict, Space
+from numpy.typing import NDArray
+
+from smarts.agents.interface import AgentInterface
+from smarts.agents.options import InterfaceError
+from smarts.agents.spec import AgentSpec
+from smarts.env.adapters import ADAPTERS
+from smarts.env.adapters.benchmark import benchmark_interface
+from smarts.env.adapters.protocol import ArrayAdapter, Served
+from smarts.env.batch import Batch, EpisodeKey, Transition
+from smarts.sim.assembly import Assembly, Options, assemble
+from smarts.sstudio.build import build_scenario
+from smarts.types.actions import ActionSpaceType
+from smarts.types.interface import Field
+
+Agents = int | Mapping[str, AgentSpec | AgentInterface]
+"""The learning agents: how many of the benchmark's, or what each is like by its name."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all environments are made from."""
+
+    scenarios: Sequence[str | Path]
+    """Folders, or names of the suite, each perhaps with "@variation"."""
+    agents: Agents = 4
+    worlds: int = 1
+    seed: int = 42
+    decision_interval: int = 5
+    """Steps of 0.1 s from one decision to the next."""
+    adapter: str = "benchmark"
+    """A name of `ADAPTERS`."""
+    adapter_options: Mapping[str, Any] = field(default_factory=dict)
+    simulation: Options = field(default_factory=Options)
+
+    def interfaces(self) -> dict[str, AgentInterface]:
+        """Return the agents' interfaces by name.
+
+        Raises:
+            InterfaceError: There are no agents, or one has no interface.
+        """
+        if isinstance(self.agents, int):
+            return {f"agent-{number}": benchmark_interface() for number in range(self.agents)}
+        interfaces = {}
+        for name, given in self.agents.items():
+            interface = given.interface if isinstance(given, AgentSpec) else given
+            if not isinstance(interface, AgentInterface):
+                raise InterfaceError(
+                    f"the interface of agent {name!r} is {interface!r}",
+                    place="agent_specs",
+                    remedy="give AgentSpec(interface=AgentInterface(...))",
+                )
+            interfaces[name] = interface
+        return interfaces
+
+    def assemble(self, interfaces: Mapping[str, AgentInterface]) -> Assembly:
+        """Return the simulations, with the egos in the order of their interfaces.
+
+        Raises:
+            SmartsError: A scenario cannot be built or played.
+        """
+        if not interfaces:
+            raise InterfaceError("there are no agents", remedy="name at least one")
+        if self.decision_interval < 1:
+            raise InterfaceError(
+                f"decision_interval is {self.decision_interval}", remedy="give a number of steps, 1 or more"
+            )
+        return assemble(
+            [build_scenario(scenario) for scenario in self.scenarios],
+            list(interfaces.values()),
+            agents=list(interfaces),
+            worlds=self.worlds,
+            seed=self.seed,
+            options=self.simulation,
+        )
+
+
+@dataclass(frozen=True)
+class Group:
+    """Agents with equal spaces, in consecutive seats."""
+
+    agents: tuple[str, ...]
+    columns: slice
+    """Of the egos."""
+    adapter: ArrayAdapter
+    observation: Space
+    action: Space
+
+
+class ArrayWorlds:
+    """B simulations whose egos are seen and driven by arrays, those of a group side by side.
+
+    Egos are in the order of their groups, and those in the order of their first members.
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        grouped = _grouped(setting.interfaces(), setting.adapter)
+        flat = {name: interface for members in grouped for name, interface in members.items()}
+        parts = setting.assemble(flat)
+        self.agents = tuple(flat)
+        """Names in the order of the columns."""
+        self.seed = setting.seed
+        self.groups = tuple(_groups(grouped, parts, setting))
+        """In the order of the columns."""
+        self.batch = Batch(parts, [group.adapter for group in self.groups], period=setting.decision_interval)
+        self.rewards = np.zeros((setting.worlds, len(flat)), np.float32)
+        """Of the last decision, 0 for who did not act, shape (B, N)."""
+
+    def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
+        """Begin episodes; see `Batch.reset`."""
+        self.batch.reset(episodes)
+
+    def step(self, actions: Sequence[NDArray], chosen: NDArray[np.bool_]) -> Transition:
+        """Carry out a decision.
+
+        Args:
+            actions: Of each group, shape (B, G, ...).
+            chosen: Whose actions are to be taken, shape (B, N); only of those who are alive they are.
+
+        Raises:
+            ActionError: An action is not one.
+        """
+        chosen = chosen & self.batch.alive
+        with self.batch.all_or_none():
+            for group, given in zip(self.groups, actions, strict=True):
+                group.adapter.encode(given, chosen[:, group.columns], self.batch.actions)
+        transition = self.batch.step()
+        for group in self.groups:
+            self.rewards[:, group.columns] = group.adapter.rewards
+        self.rewards *= transition.acted
+        return transition
+
+
+def box_of(field: Field) -> Box:
+    """Return the space of a field."""
+    # Plain numbers: Box takes neither enumerations nor numpy's.
+    dtype: Any = field.dtype
+    return Box(float(field.low), float(field.high), field.shape, dtype)
+
+
+def space_of(fields: Sequence[Field]) -> Dict:
+    """Return the space of an agent's observation; fields named "a/b" are in a space of their own, "a"."""
+    spaces: dict[str, Any] = {}
+    for each in fields:
+        *path, name = each.name.split("/")
+        inner = spaces
+        for part in path:
+            inner = inner.setdefault(part, {})
+        inner[name] = box_of(each)
+    return _dict_space(spaces)
+
+
+def nested(arrays: Mapping[str, NDArray], row: int, agent: int) -> dict[str, Any]:
+    """Return a copy of one agent's observation as an element of `space_of` its fields."""
+    observation: dict[str, Any] = {}
+    for full_name, array in arrays.items():
+        *path, name = full_name.split("/")
+        inner = observation
+        for part in path:
+            inner = inner.setdefault(part, {})
+        # Without the ellipsis a field of a single number would not be an array.
+        inner[name] = array[row, agent, ...].copy()
+    return observation
+
+
+def _dict_space(spaces: Mapping[str, Any]) -> Dict:
+    return Dict(
+        {name: _dict_space(space) if isinstance(space, dict) else space for name, space in spaces.items()}
+    )
+
+
+def _grouped(interfaces: Mapping[str, AgentInterface], adapter: str) -> list[dict[str, AgentInterface]]:
+    """Return the agents that one adapter can serve together."""
+    groups: dict[Any, dict[str, AgentInterface]] = {}
+    for name, interface in interfaces.items():
+        sensors = tuple(interface.sensors.items()) if adapter == "raw" else ()
+        key = (interface.action, interface.max_episode_steps, sensors)
+        groups.setdefault(key, {})[name] = interface
+    return list(groups.values())
+
+
+def _groups(
+    grouped: Sequence[Mapping[str, AgentInterface]], parts: Assembly, setting: Setting
+) -> list[Group]:
+    groups, first = [], 0
+    make = ADAPTERS[setting.adapter]
+    for members in grouped:
+        interface = next(iter(members.values()))
+        columns = slice(first, first + len(members))
+        served = Served(
+            scene=parts.scene,
+            agents=tuple(members),
+            seats=np.arange(columns.start, columns.stop, dtype=np.int32),
+            action=ActionSpaceType.Empty if interface.action is None else interface.action,
+            period=setting.decision_interval,
+            max_steps=interface.max_episode_steps or 0,
+        )
+        adapter = make(served, interface, **setting.adapter_options)
+        # One object for all agents of a group: PettingZoo asks for it, and learners compare by identity.
+        groups.append(Group(tuple(members), columns, adapter, space_of(adapter.fields), adapter.action_space))
+        first = columns.stop
+    return groups

@@ -1,0 +1,331 @@
+"""The loop around the step: decisions, agents that act by themselves, and episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.agents.acting import Acting, Question
+from smarts.env.adapters.actions import encode_one
+from smarts.errors import ActionError, ScenarioError, SmartsError
+from smarts.roads.scene import Scene
+from smarts.sim.simulation import Simulation
+from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.episode import EpisodeStart
+from smarts.types.frame import Frame
+from smarts.types.seats import SeatState
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+PATIENCE = 6000
+"""Steps after which agents that have not entered are given up."""
+
+
+class Schedule(Protocol):
+    """What `smarts.sim.schedule` gives: which episode comes when."""
+
+    def start(self, world: int, episode: int, seed: int | None = None) -> EpisodeStart:
+        """Return an episode, a function of the arguments alone."""
+        ...
+
+
+class Parts(Protocol):
+    """What `smarts.sim.assembly.Assembly` holds."""
+
+    @property
+    def simulation(self) -> Simulation: ...  # noqa: D102
+
+    @property
+    def schedule(self) -> Schedule: ...  # noqa: D102
+
+    @property
+    def scene(self) -> Scene: ...  # noqa: D102
+
+    @property
+    def actions(self) -> Actions: ...  # noqa: D102
+
+
+class Watcher(Protocol):
+    """What an environment lets see every step: an `ArrayAdapter`, or what makes objects for users."""
+
+    def collect(self, frame: Frame, is_last: bool) -> None:
+        """See one step of a decision, or a reset; `is_last` if the decision ends with it."""
+        ...
+
+    def reset(self, egos: Bools) -> None:
+        """Forget what is remembered of these egos, shape (B, N)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Others:
+    """The agents that are not the user's, in the seats behind the egos'."""
+
+    acting: Acting
+    observe: Callable[[Frame, int, int], Any]
+    """Makes what the agent of (row, seat) sees out of a frame; valid after the frame."""
+    names: Sequence[str]
+    """Of the agents by seat, the egos' included."""
+    deadline: float = 0.5
+    """How long to wait for answers [s]."""
+
+
+class EpisodeKey(NamedTuple):
+    """Names an episode for good; the schedule makes it out of this."""
+
+    world: int
+    episode: int
+    seed: int | None = None
+
+
+@dataclass(frozen=True)
+class Transition:
+    """What one decision of the egos led to; arrays are valid until the next one, shape (B, N)."""
+
+    acted: Bools
+    """Who was there to decide when it began. Only of these there are rewards and endings: who entered later
+    and was gone before its first decision is in the record, but was never there for the user."""
+    events: Ints
+    """`Event` bits of all its steps."""
+    outcome: NDArray[np.int8]
+    """An `Outcome`."""
+    terminated: Bools
+    """Ended for good, among those who acted."""
+    truncated: Bools
+    """Ended although it could have gone on, among those who acted."""
+    finished: Bools
+    """Whose episode is over, shape (B,)."""
+    failures: Mapping[int, SmartsError]
+    """Simulations whose traffic failed: their decision is void, and they are to be reset."""
+
+
+class Batch:
+    """B simulations that advance together, a decision of their egos at a time.
+
+    All egos decide every `period` steps, counted from the beginning of the episode; who enters in between
+    decides from the next time on, and drives on in its lane until then. A simulation whose last agent has
+    ended stands still until it is reset. One in which all are still to enter is stepped on until somebody is
+    there, so that there is always somebody to observe.
+
+    Args:
+        parts: The simulation, and what belongs to it.
+        watchers: Are shown every step.
+        period: Steps from one decision of the egos to the next.
+        others: The agents that act by themselves.
+    """
+
+    def __init__(
+        self, parts: Parts, watchers: Sequence[Watcher], *, period: int = 1, others: Others | None = None
+    ) -> None:
+        self.simulation, self.actions, self.scene = parts.simulation, parts.actions, parts.scene
+        self.world = self.simulation.world
+        self.period = period
+        self.starts: list[EpisodeStart | None] = [None] * self.world.worlds
+        """The present episode of each simulation."""
+        self.late = 0
+        """Answers of other agents that did not come in time."""
+        self._schedule = parts.schedule
+        self._watchers = tuple(watchers)
+        self._others = others
+        worlds, egos = self.world.worlds, self.world.egos
+        shape = (worlds, egos)
+        self.running = np.zeros(worlds, np.bool_)
+        """Whose episode is going on, shape (B,)."""
+        self.alive = np.zeros(shape, np.bool_)
+        """Which egos decide now, shape (B, N)."""
+        self._wanted = np.zeros(self.world.seats.state.shape, np.bool_)
+        self._open: dict[tuple[int, int], Question] = {}
+        self._ended = np.zeros(shape, np.bool_)
+        self._acted = np.zeros(shape, np.bool_)
+        self._events = np.zeros(shape, np.int32)
+        self._terminated = np.zeros(shape, np.bool_)
+        self._truncated = np.zeros(shape, np.bool_)
+        self._failures: dict[int, SmartsError] = {}
+        self._seen = np.zeros_like(self._wanted)  # whose readings are of now
+        self._frame: Frame | None = None
+
+    def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
+        """Begin episodes in some simulations, by row.
+
+        Raises:
+            TrafficError: The traffic engine refused.
+            ScenarioError: Nobody ever enters.
+        """
+        starts = {
+            row: self._schedule.start(key.world, key.episode, key.seed) for row, key in episodes.items()
+        }
+        for row, start in starts.items():
+            self.starts[row] = start
+        rows = np.zeros(self.world.worlds, np.bool_)
+        rows[list(episodes)] = True
+        self.running[rows] = False
+        self.alive[rows] = False
+        self._ended[rows] = False
+        self._close_questions(rows)
+        for watcher in self._watchers:
+            watcher.reset(rows[:, None] & np.ones(self.world.egos, np.bool_))
+        for field in (self.actions.given, self.actions.fresh):
+            field[rows] = False
+        frame = self._look(self.simulation.reset(starts))
+        self.running[rows] = True
+        self.world.seats.period[rows, : self.world.egos] = self.period
+        for watcher in self._watchers:
+            watcher.collect(frame, True)
+        self._wait_for_entries(rows)
+        self._find_alive()
+
+    def step(self) -> Transition:
+        """Carry out a decision of the egos, which is in `actions`.
+
+        Raises:
+            ScenarioError: Nobody ever enters.
+        """
+        self._begin()
+        self._advance(self.running)
+        self._wait_for_entries(self.running)
+        self._find_alive()
+        self._ended = self._terminated | self._truncated
+        seats = self.world.seats
+        return Transition(
+            self._acted,
+            self._events,
+            seats.outcome[:, : self.world.egos],
+            self._terminated & self._acted,
+            self._truncated & self._acted,
+            ~self.running,
+            dict(self._failures),
+        )
+
+    @contextmanager
+    def all_or_none(self) -> Iterator[None]:
+        """Take nobody's action in if one is refused, so that the user may try again."""
+        try:
+            yield
+        except ActionError:
+            self.actions.fresh[:] = False
+            raise
+
+    def dispatch(self) -> None:
+        """Ask those of the other agents who are to decide now; the last thing before the user's turn."""
+        if self._others is None or self._frame is None:
+            return
+        world, seats = self.world, self.world.seats
+        due = (seats.state == SeatState.ACTIVE) | (seats.state == SeatState.SHADOWING)
+        due &= self._seen & (seats.next_due <= world.step[:, None]) & self.running[:, None]
+        due[:, : world.egos] = False
+        asked = {}
+        for row, seat in np.argwhere(due).tolist():
+            step = int(world.step[row])
+            generation = int(seats.generation[row, seat])
+            question = Question(row, int(world.episode[row]), seat, generation, step)
+            asked[question] = self._others.observe(self._frame, row, seat)
+            seats.next_due[row, seat] = step + seats.period[row, seat]
+            self._open[row, seat] = question
+        if asked:
+            self._others.acting.dispatch(asked)
+
+    def close(self) -> None:
+        """Give back what the simulation and the other agents hold; may be called again."""
+        self.running[:] = False
+        if self._others is not None:
+            self._others.acting.close()
+        self.simulation.close()
+
+    def _begin(self) -> None:
+        """Begin a decision: forget the last one, and who has ended with it."""
+        if self._ended.any():
+            for watcher in self._watchers:
+                watcher.reset(self._ended)
+        self._acted[:] = self.alive
+        self._events[:] = 0
+        self._terminated[:] = self._truncated[:] = False
+        self._failures.clear()
+        next_due = self.world.seats.next_due[:, : self.world.egos]
+        due_then = np.broadcast_to((self.world.step + self.period)[:, None], next_due.shape)
+        np.copyto(next_due, due_then, where=self.alive)
+
+    def _advance(self, rows: Bools) -> None:
+        """Step some simulations by a decision; none beyond the end of its last agent."""
+        pending = rows & self.running
+        for number in range(self.period):
+            if not pending.any():
+                return
+            is_last = number == self.period - 1
+            self._gather()
+            self._choose_wanted(is_last)
+            frame = self._look(self.simulation.step(self.actions, pending, self._wanted))
+            self.actions.fresh[:] = False
+            for watcher in self._watchers:
+                watcher.collect(frame, is_last)
+            self._join(frame)
+            pending &= ~frame.events.finished
+            if not is_last:
+                self.dispatch()
+
+    def _look(self, frame: Frame) -> Frame:
+        # What was seen of simulations that are not in this frame is still there.
+        self._frame = frame
+        np.copyto(self._seen, frame.wanted, where=frame.rows[:, None])
+        return frame
+
+    def _join(self, frame: Frame) -> None:
+        """Add one step's events to those of the decision."""
+        egos, events = self.world.egos, frame.events
+        self._events |= events.bits[:, :egos]
+        self._terminated |= events.terminated[:, :egos]
+        self._truncated |= events.truncated[:, :egos]
+        self._failures.update(frame.failures)
+        self.running &= ~events.finished
+
+    def _choose_wanted(self, is_last: bool) -> None:
+        world = self.world
+        np.less_equal(world.seats.next_due, world.step[:, None] + 1, out=self._wanted)
+        self._wanted[:, : world.egos] = is_last
+
+    def _gather(self) -> None:
+        """Put the answers of other agents into the actions; who has not answered goes on as before."""
+        if self._others is None or not self._open:
+            return
+        for question, action in self._others.acting.gather(self._others.deadline).items():
+            row, seat = question.row, question.seat
+            if self._open.get((row, seat)) != question:
+                continue
+            del self._open[row, seat]
+            kind = ActionSpaceType(int(self.actions.kind[row, seat]))
+            legal = self.world.seats.legal[row, seat]
+            encode_one(self._others.names[seat], kind, action, row, seat, legal, self.actions)
+        self.late += len(self._open)
+        self._open.clear()
+
+    def _close_questions(self, rows: Bools) -> None:
+        for place in [place for place in self._open if rows[place[0]]]:
+            del self._open[place]
+
+    def _wait_for_entries(self, rows: Bools) -> None:
+        """Step on where agents are still to enter and none is there, by whole decisions."""
+        seats, waited = self.world.seats, 0
+        while True:
+            state = seats.state[:, : self.world.egos]
+            idle = rows & self.running & ~(state == SeatState.ACTIVE).any(axis=1)
+            if not idle.any():
+                return
+            if waited >= PATIENCE:
+                row = int(np.argmax(idle))
+                waiting = np.flatnonzero(state[row] == SeatState.WAITING).tolist()
+                raise ScenarioError(
+                    f"no agent has entered simulation {row} within {PATIENCE * self.world.dt:g} s",
+                    place=f"episode {self.world.episode[row]}, seats {waiting}",
+                    remedy="give their missions earlier start times, or traps with a time limit",
+                )
+            self._advance(idle)
+            waited += self.period
+
+    def _find_alive(self) -> None:
+        state = self.world.seats.state[:, : self.world.egos]
+        np.logical_and(state == SeatState.ACTIVE, self.running[:, None], out=self.alive)

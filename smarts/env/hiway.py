@@ -1,0 +1,175 @@
+"""The Gymnasium face of the paper: dicts of agents, observation objects, adapters of the agents' specs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.agents.spec import AgentSpec
+from smarts.env.adapters.actions import encode_one
+from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.reward import Rewards
+from smarts.env.arrays import Setting
+from smarts.env.batch import Batch, Transition
+from smarts.env.observation import Observation, ObservationMaker
+from smarts.env.solo import Episodes, check_names, info_of
+from smarts.sim.assembly import Assembly, Options
+from smarts.types.actions import ActionSpaceType
+from smarts.types.frame import Frame
+
+Bools = NDArray[np.bool_]
+
+
+class _Onlooker:
+    """Keeps what each agent saw last, and the metres of its route that it drove in the decision."""
+
+    def __init__(self, parts: Assembly, names: Sequence[str], period: int) -> None:
+        self.seen: dict[int, Observation] = {}
+        """By seat."""
+        self._observe = ObservationMaker(parts)
+        self._served = Served(
+            parts.scene,
+            tuple(names),
+            np.arange(len(names), dtype=np.int32),
+            ActionSpaceType.Empty,
+            period,
+            max_steps=0,
+        )
+        self.rewards = Rewards(self._served, "route_metres")
+        self._events = np.zeros(len(names), np.int32)  # since each agent last looked
+
+    def collect(self, frame: Frame, is_last: bool) -> None:
+        """Count a step, and look if a decision ends with it."""
+        here = self._served.present(frame)
+        settle = here if is_last else self._served.ended(frame)
+        self.rewards.add(frame, here, settle)
+        self._events |= frame.events.bits[0, self._served.seats]
+        for seat in np.flatnonzero(settle[0]).tolist():
+            self.seen[seat] = self._observe(frame, 0, seat, events=int(self._events[seat]))
+            self._events[seat] = 0
+
+    def reset(self, egos: Bools) -> None:
+        """Forget some agents."""
+        self.rewards.reset(egos)
+        self._events[egos[0]] = 0
+        for seat in np.flatnonzero(egos[0]).tolist():
+            self.seen.pop(seat, None)
+
+
+class HiWayEnv(gym.Env):
+    """A simulation whose agents are driven by their specs: `gymnasium.make("smarts.env:hiway-v0", ...)`.
+
+    Observations are `Observation` objects with the original's field names, rewards the metres gone along the
+    route; both go through the adapters of the agent's spec. An agent whose time has come is among the
+    observations; one that ends is in them, and in the done dicts, once more.
+
+    Args:
+        scenarios: Folders, or names of the suite; they are played in a seeded order.
+        agent_specs: The agents by name.
+        seed: Of the run, until `reset` gives another.
+        headless: Without effect: episodes are watched through their records.
+        decision_interval: Steps of 0.1 s from one decision to the next.
+        simulation: Options of the simulation.
+        sim_name: Without effect. Kept so that the original's calls work.
+
+    Raises:
+        SmartsError: A scenario or an agent is not what it has to be.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012
+
+    def __init__(
+        self,
+        scenarios: Sequence[str | Path],
+        agent_specs: Mapping[str, AgentSpec],
+        *,
+        seed: int = 42,
+        headless: bool = True,
+        decision_interval: int = 1,
+        simulation: Options | None = None,
+        sim_name: str | None = None,
+    ) -> None:
+        setting = Setting(
+            scenarios=scenarios,
+            agents=agent_specs,
+            seed=seed,
+            decision_interval=decision_interval,
+            simulation=simulation or Options(),
+        )
+        self.agent_specs = dict(agent_specs)
+        self.agent_ids = list(agent_specs)
+        """All agents that there may be."""
+        parts = setting.assemble(setting.interfaces())
+        self._kinds = [ActionSpaceType(int(kind)) for kind in parts.rules.action]
+        self._onlooker = _Onlooker(parts, self.agent_ids, decision_interval)
+        self._batch = Batch(parts, [self._onlooker], period=decision_interval)
+        self._episodes = Episodes(seed)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Begin the next episode, or with a seed the first one of that seed."""
+        super().reset(seed=seed, options=options)
+        self._batch.reset({0: self._episodes.next(seed)})
+        self._batch.dispatch()
+        present = np.flatnonzero(self._batch.alive[0]).tolist()
+        infos = {self.agent_ids[seat]: {"env_obs": self._onlooker.seen[seat]} for seat in present}
+        return {self.agent_ids[seat]: self._adapted(seat) for seat in present}, infos
+
+    def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
+        """Carry out a decision; return observations, rewards, terminated, truncated and infos by agent.
+
+        Both done dicts have "__all__" too. Actions of agents that are not there (any more, or yet) are
+        ignored, so that a loop over the last observations may act for those that have just ended. An agent
+        without an action goes on as before.
+
+        Raises:
+            ActionError: An agent is unknown, or an action is not one of its type.
+            TrafficError: The traffic engine failed; the next reset works.
+        """
+        check_names(action, self.agent_ids)
+        with self._batch.all_or_none():
+            for name, chosen in action.items():
+                self._put(name, chosen)
+        transition = self._batch.step()
+        for error in transition.failures.values():
+            raise error
+        self._batch.dispatch()
+        return self._told(transition)
+
+    def close(self) -> None:
+        """Give back what the simulation holds; may be called again."""
+        self._batch.close()
+
+    def _put(self, name: str, action: Any) -> None:
+        seat = self.agent_ids.index(name)
+        if self._batch.alive[0, seat]:
+            adapted = self.agent_specs[name].action_adapter(action)
+            legal = self._batch.world.seats.legal[0, seat]
+            encode_one(name, self._kinds[seat], adapted, 0, seat, legal, self._batch.actions)
+
+    def _told(self, transition: Transition) -> tuple[dict, dict, dict, dict, dict]:
+        observations, rewards, infos = {}, {}, {}
+        terminated: dict[str, bool] = {}
+        truncated: dict[str, bool] = {}
+        acted = transition.acted[0]
+        for seat in np.flatnonzero(acted | self._batch.alive[0]).tolist():
+            name, seen = self.agent_ids[seat], self._onlooker.seen[seat]
+            reward = float(self._onlooker.rewards.values[0, seat]) if acted[seat] else 0.0
+            observations[name] = self._adapted(seat)
+            rewards[name] = self.agent_specs[name].reward_adapter(seen, reward)
+            score = float(self._batch.world.seats.travelled[0, seat])
+            info = {**info_of(transition, seat), "score": score, "env_obs": seen}
+            infos[name] = self.agent_specs[name].info_adapter(seen, reward, info)
+            terminated[name] = bool(transition.terminated[0, seat])
+            truncated[name] = bool(transition.truncated[0, seat])
+        terminated["__all__"], truncated["__all__"] = bool(transition.finished[0]), False
+        return observations, rewards, terminated, truncated, infos
+
+    def _adapted(self, seat: int) -> Any:
+        return self.agent_specs[self.agent_ids[seat]].observation_adapter(self._onlooker.seen[seat])

@@ -1,0 +1,84 @@
+"""The RLlib face."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from ray.rllib.env.multi_agent_env import MultiAgentEnv
+from ray.rllib.utils.typing import AgentID
+
+from smarts.env.arrays import Setting
+from smarts.env.solo import SoloWorld
+from smarts.errors import SmartsError, nearest_names
+
+_OLD_NAMES = {"agent_specs": "agents"}
+_WITHOUT_EFFECT = ("headless", "sim_name")
+
+
+def setting_of(config: Mapping[str, Any]) -> Setting:
+    """Return the setting that an `env_config` describes.
+
+    Raises:
+        SmartsError: It has an unknown key; the remedy names the nearest.
+    """
+    known = [field.name for field in fields(Setting) if field.name != "worlds"]
+    given = {_OLD_NAMES.get(key, key): value for key, value in config.items() if key not in _WITHOUT_EFFECT}
+    for key in given:
+        if key not in known:
+            raise SmartsError(
+                f"there is no setting {key!r}",
+                place="env_config",
+                remedy=nearest_names(key, [*known, *_OLD_NAMES, *_WITHOUT_EFFECT]),
+            )
+    return Setting(**given)
+
+
+class RLlibHiWayEnv(MultiAgentEnv):
+    """A simulation as RLlib's `MultiAgentEnv`.
+
+    Args:
+        config: `scenarios`, `agent_specs` (specs or interfaces by name, or how many agents of the benchmark),
+            `seed`, and whatever else `smarts.env.arrays.Setting` has. `headless` is without effect.
+
+    Raises:
+        SmartsError: The configuration is not what it has to be.
+    """
+
+    def __init__(self, config: Mapping[str, Any]) -> None:
+        super().__init__()
+        self._world = SoloWorld(setting_of(config))
+        self.possible_agents: list[AgentID] = [*self._world.possible_agents]
+        self.agents: list[AgentID] = []
+        self.observation_spaces = {**self._world.observation_spaces}
+        self.action_spaces = {**self._world.action_spaces}
+
+    def reset(
+        self, *, seed: int | None = None, options: dict | None = None
+    ) -> tuple[dict[AgentID, Any], dict[AgentID, Any]]:
+        """Begin the next episode, or with a seed the first one of that seed."""
+        super().reset(seed=seed, options=options)
+        observations, infos = self._world.reset(seed)
+        self.agents = list(observations)
+        return {**observations}, {**infos}
+
+    def step(self, action_dict: Mapping[Any, Any]) -> tuple[dict, dict, dict, dict, dict]:
+        """Carry out a decision.
+
+        Agents that end with it are among `agents` until the next step, as RLlib wants those whose
+        observations it is given to be.
+
+        Raises:
+            ActionError: An agent is unknown, or an action is not in its space.
+            TrafficError: The traffic engine failed; the next reset works.
+        """
+        told = self._world.step(action_dict)
+        self.agents = list(told.observations)
+        terminated = {**told.terminated, "__all__": told.finished}
+        truncated = {**told.truncated, "__all__": False}
+        return told.observations, told.rewards, terminated, truncated, told.infos
+
+    def close(self) -> None:
+        """Give back what the simulation holds; may be called again."""
+        self._world.close()

@@ -1,0 +1,307 @@
+"""Many simulations side by side, arrays in and out: the fast face, for learners."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+from numpy.typing import NDArray
+
+from smarts.env.adapters.protocol import MASK
+from smarts.env.arrays import Agents, ArrayWorlds, Group, Setting, box_of
+from smarts.env.batch import EpisodeKey, Transition
+from smarts.errors import SmartsError, TrafficError
+from smarts.sim.assembly import Options
+from smarts.types.episode import EpisodeStart
+from smarts.types.events import Outcome
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.integer]
+Leaves = Mapping[str, NDArray]
+
+MOST_TRIES = 10
+"""Episodes in a row that a simulation may fail to begin."""
+
+
+class Block(NamedTuple):
+    """Agents with equal spaces; they occupy contiguous columns."""
+
+    agents: tuple[str, ...]
+    """Names, in column order."""
+    observation: Mapping[str, Box]
+    """Space of each array of the observation: its path, such as "ego_vehicle_state/speed"; "" if there is
+    only one."""
+    action: Box | Discrete
+    masked: bool
+    """Whether it is said which actions are legal."""
+
+
+class Spaces(NamedTuple):
+    """What the environment gives and takes."""
+
+    blocks: tuple[Block, ...]
+    """In column order."""
+    state: int = 0
+    """Size of a state for all agents: there is none."""
+    has_graph: bool = False
+
+
+class Final(NamedTuple):
+    """The last observations of simulations that were reset in a step."""
+
+    rows: Ints
+    """Their numbers, shape (K,)."""
+    observations: tuple[Leaves, ...]
+    """Per block, shape (K, n, ...)."""
+    masks: tuple[Bools | None, ...]
+    """Per block, shape (K, n, actions)."""
+    state: None = None
+    graph: None = None
+
+
+class VectorStep(NamedTuple):
+    """What happened in one decision of all simulations, and where they stand; valid until the next."""
+
+    observations: tuple[Leaves, ...]
+    """Per block, shape (B, n, ...), after resets. An agent that ended while its simulation goes on has its
+    last observation here, and zeros from the next step on."""
+    rewards: NDArray[np.float32]
+    """0 for who did not act, shape (B, N)."""
+    terminated: Bools
+    """Ended for good, shape (B, N)."""
+    truncated: Bools
+    """Cut short, shape (B, N)."""
+    alive: Bools
+    """Who acts in the next step, shape (B, N)."""
+    reset: Bools
+    """Which simulations were reset in this step, shape (B,)."""
+    final: Final | None = None
+    """Of those."""
+    masks: tuple[Bools | None, ...] = ()
+    """Per block, which actions are legal, shape (B, n, actions)."""
+    state: None = None
+    graph: None = None
+    failed: Mapping[int, BaseException] = {}
+    """Simulations whose traffic failed and that were begun anew: what is said of their step is void."""
+    metrics: Mapping[int, Mapping[str, float]] = {}
+    """Of the simulations that were reset: shares of the agents by outcome, and steps."""
+
+
+class VectorHiWayEnv:
+    """B simulations with the same agents, stepped together; each is reset as soon as its episode ends.
+
+    An episode is a function of (seed, world, episode), whatever else runs beside it.
+
+    Args:
+        num_envs: B.
+        scenarios: Folders, or names of the suite; they are played in a seeded order.
+        agents: How many agents of the benchmark, or specs or interfaces by name.
+        seed: Of the run, until `reset` gives another.
+        decision_interval: Steps of 0.1 s from one decision to the next.
+        adapter: What agents see and are paid for: a name of `smarts.env.adapters.ADAPTERS`.
+        adapter_options: Its options, such as `{"reward": "paper"}`.
+        simulation: Options of the simulation.
+
+    Raises:
+        SmartsError: A scenario or an agent is not what it has to be.
+    """
+
+    def __init__(
+        self,
+        num_envs: int,
+        scenarios: Sequence[str | Path],
+        agents: Agents = 4,
+        *,
+        seed: int = 42,
+        decision_interval: int = 5,
+        adapter: str = "benchmark",
+        adapter_options: Mapping[str, Any] | None = None,
+        simulation: Options | None = None,
+    ) -> None:
+        setting = Setting(
+            scenarios=scenarios,
+            agents=agents,
+            worlds=num_envs,
+            seed=seed,
+            decision_interval=decision_interval,
+            adapter=adapter,
+            adapter_options=adapter_options or {},
+            simulation=simulation or Options(),
+        )
+        self.num_envs = num_envs
+        self._worlds = ArrayWorlds(setting)
+        self.agents = self._worlds.agents
+        self.spaces = Spaces(tuple(_block(group) for group in self._worlds.groups))
+        self._seed = seed
+        self._world_numbers = np.arange(num_envs)
+        self._episodes = np.zeros(num_envs, int)
+        self._stride = 0
+        self._nothing = np.zeros((num_envs, len(self.agents)), np.bool_)
+        self._everybody = ~self._nothing
+
+    @property
+    def episodes(self) -> tuple[EpisodeStart, ...]:
+        """What is being played in each simulation; nothing before the first reset."""
+        return tuple(start for start in self._worlds.batch.starts if start is not None)
+
+    def reset(
+        self, seed: int | None = None, worlds: Ints | None = None, *, episode: int = 0, stride: int = 0
+    ) -> VectorStep:
+        """Begin an episode in all simulations.
+
+        Args:
+            seed: Of the run from now on.
+            worlds: Number of the world that each simulation is, shape (B,); by default 0 to B - 1.
+            episode: Number of the episode that each begins with.
+            stride: 0: the episodes of a world follow each other. Else the simulation goes on with the same
+                episode of the world that lies `stride` further: a list of worlds is dealt out.
+
+        Raises:
+            TrafficError: A simulation does not begin.
+        """
+        self._seed = self._seed if seed is None else seed
+        self._world_numbers = np.arange(self.num_envs) if worlds is None else np.array(worlds, int)
+        self._episodes[:] = episode
+        self._stride = stride
+        self._begin(np.arange(self.num_envs))
+        return self._so_far()
+
+    def step(self, actions: Sequence[NDArray]) -> VectorStep:
+        """Carry out a decision in all simulations, and reset those whose episode ends with it.
+
+        Args:
+            actions: Per block, whole numbers of shape (B, n), or numbers of shape (B, n, k). Those of agents
+                that are not alive do not matter.
+
+        Raises:
+            ActionError: An action is not in the space.
+            TrafficError: A simulation does not begin again.
+        """
+        transition = self._worlds.step(actions, self._everybody)
+        rewards = self._worlds.rewards
+        terminated, truncated = transition.terminated, transition.truncated
+        failed = dict(transition.failures)
+        over = transition.finished
+        ended = over.copy()
+        for row in failed:
+            rewards[row], terminated[row], truncated[row], ended[row] = 0.0, False, False, False
+        rows = np.flatnonzero(ended)
+        final = self._final(rows) if len(rows) else None
+        metrics = {row: self._metrics(row, transition) for row in rows.tolist()}
+        if over.any():
+            self._next_episodes(np.flatnonzero(over))
+        self._worlds.batch.dispatch()
+        return VectorStep(
+            self._observations(),
+            rewards,
+            terminated,
+            truncated,
+            self._worlds.batch.alive,
+            ended,
+            final,
+            self._masks(),
+            failed=failed,
+            metrics=metrics,
+        )
+
+    def recreate(self, failures: Mapping[int, BaseException]) -> VectorStep:
+        """Begin the next episode in some simulations, whatever happened in them."""
+        self._next_episodes(np.array(sorted(failures)))
+        return self._so_far()._replace(failed=dict(failures))
+
+    def close(self) -> None:
+        """Give back what the simulations hold; may be called again."""
+        self._worlds.batch.close()
+
+    def _so_far(self) -> VectorStep:
+        self._worlds.batch.dispatch()
+        return VectorStep(
+            self._observations(),
+            np.zeros(self._nothing.shape, np.float32),
+            self._nothing,
+            self._nothing,
+            self._worlds.batch.alive,
+            np.zeros(self.num_envs, np.bool_),
+            masks=self._masks(),
+        )
+
+    def _next_episodes(self, rows: Ints) -> None:
+        self._advance(rows)
+        self._begin(rows)
+
+    def _advance(self, rows: Ints) -> None:
+        if self._stride:
+            self._world_numbers[rows] += self._stride
+        else:
+            self._episodes[rows] += 1
+
+    def _begin(self, rows: Ints) -> None:
+        """Begin episodes; where that fails, those after them."""
+        try:
+            self._worlds.reset({int(row): self._key(row) for row in rows})
+        except TrafficError:
+            for row in rows:
+                self._begin_one(int(row))
+
+    def _begin_one(self, row: int) -> None:
+        problems: list[SmartsError] = []
+        while len(problems) < MOST_TRIES:
+            try:
+                self._worlds.reset({row: self._key(row)})
+                return
+            except TrafficError as error:
+                problems.append(error)
+                self._advance(np.array([row]))
+        raise TrafficError(
+            f"simulation {row} failed to begin {MOST_TRIES} episodes in a row", place="VectorHiWayEnv"
+        ) from problems[-1]
+
+    def _key(self, row: Any) -> EpisodeKey:
+        return EpisodeKey(int(self._world_numbers[row]), int(self._episodes[row]), self._seed)
+
+    def _observations(self) -> tuple[Leaves, ...]:
+        return tuple(_leaves(group) for group in self._worlds.groups)
+
+    def _masks(self) -> tuple[Bools | None, ...]:
+        return tuple(_mask(group) for group in self._worlds.groups)
+
+    def _final(self, rows: Ints) -> Final:
+        """Return copies: the reset overwrites the observations."""
+        observations = tuple(
+            {name: array[rows] for name, array in leaves.items()} for leaves in self._observations()
+        )
+        masks = tuple(None if mask is None else mask[rows] for mask in self._masks())
+        return Final(rows, observations, masks)
+
+    def _metrics(self, row: int, transition: Transition) -> dict[str, float]:
+        outcomes = transition.outcome[row]
+        shares = {
+            outcome.name.lower(): float(np.count_nonzero(outcomes == outcome)) / len(outcomes)
+            for outcome in Outcome
+            if outcome != Outcome.NONE
+        }
+        return {**shares, "steps": float(self._worlds.batch.world.step[row])}
+
+
+def _leaves(group: Group) -> dict[str, NDArray]:
+    arrays = {name: array for name, array in group.adapter.observations.items() if name != MASK}
+    return {"": arrays["observation"]} if [*arrays] == ["observation"] else arrays
+
+
+def _mask(group: Group) -> Bools | None:
+    mask = group.adapter.observations.get(MASK)
+    return None if mask is None else mask.astype(np.bool_)
+
+
+def _block(group: Group) -> Block:
+    fields = {field.name: field for field in group.adapter.fields if field.name != MASK}
+    spaces = {name: box_of(field) for name, field in fields.items()}
+    if [*spaces] == ["observation"]:
+        spaces = {"": spaces["observation"]}
+    action = group.action
+    if not isinstance(action, Box | Discrete):
+        raise SmartsError(f"the action space {action} is not of arrays", place=", ".join(group.agents))
+    return Block(group.agents, spaces, action, _mask(group) is not None)

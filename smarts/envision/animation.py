@@ -1,0 +1,99 @@
+"""Writes pictures as files that move, and single ones."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO, cast
+
+import numpy as np
+import PIL.Image
+from numpy.typing import NDArray
+
+from smarts.errors import SmartsError
+
+Image = NDArray[np.uint8]
+
+MOVING = (".gif", ".mp4")
+STILL = (".png",)
+
+
+def check_format(out: Path) -> None:
+    """See that a file of this name can be written.
+
+    Raises:
+        SmartsError: The suffix is unknown, or a program is missing.
+    """
+    if out.suffix not in MOVING + STILL:
+        raise SmartsError(
+            f"there is no picture format '{out.suffix}'",
+            place=str(out),
+            remedy=f"end the name with one of {', '.join(MOVING + STILL)}",
+        )
+    if out.suffix == ".mp4" and shutil.which("ffmpeg") is None:
+        raise SmartsError(
+            "the program ffmpeg, which writes .mp4, was not found",
+            place=str(out),
+            remedy="install ffmpeg, or write a .gif",
+        )
+
+
+def write_still(image: Image, out: Path) -> None:
+    """Write one picture."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    PIL.Image.fromarray(image).save(out)
+
+
+def write_moving(images: Iterable[Image], out: Path, seconds: float) -> None:
+    """Write pictures as a film; they are asked for one after the other.
+
+    Args:
+        images: All of one size, width and height even.
+        out: Ends with one of `MOVING`.
+        seconds: How long each is shown.
+
+    Raises:
+        SmartsError: ffmpeg failed; its own message is in it.
+    """
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if out.suffix == ".gif":
+        _write_gif(iter(images), out, seconds)
+    else:
+        _write_mp4(iter(images), out, seconds)
+
+
+def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> None:
+    first = PIL.Image.fromarray(next(images)).quantize(255, dither=PIL.Image.Dither.NONE)
+
+    def others() -> Iterator[PIL.Image.Image]:
+        for image in images:
+            # One palette for all, since flat colours would flicker from one to the next.
+            yield PIL.Image.fromarray(image).quantize(palette=first, dither=PIL.Image.Dither.NONE)
+
+    # The format counts in hundredths of a second, and players slow down what is shorter than two.
+    duration = max(20, 10 * round(100 * seconds))
+    first.save(out, save_all=True, append_images=others(), duration=duration, loop=0, optimize=False)
+
+
+def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> None:
+    first = next(images)
+    size = f"{first.shape[1]}x{first.shape[0]}"
+    command = ["ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size]
+    command += ["-r", f"{1 / seconds:g}", "-i", "-", "-pix_fmt", "yuv420p", str(out)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        feed = cast("IO[bytes]", process.stdin)
+        # What ffmpeg has to say, if it goes away, is read below.
+        with contextlib.suppress(BrokenPipeError):
+            feed.write(first.tobytes())
+            for image in images:
+                feed.write(image.tobytes())
+        _, message = process.communicate()
+    if process.returncode:
+        raise SmartsError(
+            f"ffmpeg failed: {message.decode(errors='replace').strip()}",
+            place=str(out),
+            remedy="write a .gif instead",
+        )

@@ -1,0 +1,253 @@
+"""Recorded episodes as pictures from above, drawn without a display."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from smarts.envision.scenario_picture import CAR, EGOS, LARGE_VEHICLES, draw_roads
+from smarts.sim.episode_files import RecordedEpisode
+from smarts.types.events import Outcome
+from smarts.types.mission import GoalKind
+from smarts.types.seats import SeatState
+from smarts.types.traffic import Signal
+from smarts.types.vehicles import VehicleKind
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Image = NDArray[np.uint8]
+"""Red, green, blue, shape (height, width, 3)."""
+
+MARGIN = 20.0
+"""Shown around all that the agents drive through [m]."""
+NARROWEST = 60.0
+"""Width and height that are shown at least [m]."""
+TRAIL = 3.0
+"""How much of an agent's way is drawn behind it [s]."""
+REMEMBERED = 4.0
+"""How long the ending of an agent stays in the picture [s]."""
+
+LIGHTS = {Signal.STOP: "#d62728", Signal.CAUTION: "#ffbf00", Signal.GO: "#2ca02c"}
+DOTS_PER_INCH = 100
+PIXELS = 900
+
+
+class EpisodePicture:
+    """Draws any step of one episode; roads are drawn once.
+
+    Agents have colours of their own, a trail, and a ring at their goal; where one has ended, its outcome is
+    written for a while. Lights are bars at the ends of their lanes.
+
+    Args:
+        episode: What was recorded.
+        pixels: Width of the picture, its height follows.
+    """
+
+    def __init__(self, episode: RecordedEpisode, *, pixels: int = PIXELS) -> None:
+        self.episode = episode
+        self.dt = float(episode.facts["dt"])
+        self.steps = int(episode.facts["steps"])
+        self._agents = _rows(episode.table("agents"))
+        self._vehicles = episode.table("vehicles")
+        self._seats = episode.table("seats")
+        self._first = np.searchsorted(self._vehicles["step"], np.arange(self.steps + 2))
+        self._roads = episode.roads()
+        self._figure, self._axes = self._stage(pixels)
+        self._canvas = FigureCanvasAgg(self._figure)
+        self._canvas.draw()
+        self._background = self._canvas.copy_from_bbox(self._figure.bbox)
+        self._artists: list[Any] = []
+
+    def images(self, steps: Sequence[int]) -> Iterator[Image]:
+        """Yield the pictures of some steps; each is a copy."""
+        for step in steps:
+            yield self.image(step)
+
+    def image(self, step: int) -> Image:
+        """Return the picture of one step, counted from the reset."""
+        self._canvas.restore_region(self._background)
+        self._artists = []
+        self._draw_lights(step)
+        self._draw_trails(step)
+        self._draw_vehicles(step)
+        self._draw_agents(step)
+        self._write_title(step)
+        for artist in sorted(self._artists, key=lambda artist: artist.get_zorder()):
+            self._figure.draw_artist(artist)
+            artist.remove()
+        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+
+    def _stage(self, pixels: int) -> tuple[Figure, Any]:
+        """Return a figure with the roads that the agents see, and its axes."""
+        low, high = self._window()
+        width, height = high - low
+        # A strip above the map for the title, even numbers of pixels for video.
+        size = 2 * np.round(np.array([pixels, pixels * height / width + 44]) / 2)
+        figure = Figure(figsize=tuple(size / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor="white")
+        axes = figure.add_axes((0.0, 0.0, 1.0, float(1.0 - 44 / size[1])))
+        draw_roads(axes, self._roads)
+        for agent in self._agents:
+            if agent["goal"] in (GoalKind.POSITION, GoalKind.LANE_LINE):
+                goal = self._goal_of(agent)
+                axes.plot(*goal, marker="o", ms=10, mfc="none", mec=_colour(agent), mew=2, zorder=9)
+        axes.set_xlim(low[0], high[0])
+        axes.set_ylim(low[1], high[1])
+        axes.set_axis_off()
+        return figure, axes
+
+    def _goal_of(self, agent: dict[str, Any]) -> tuple[float, float]:
+        if agent["goal"] == GoalKind.LANE_LINE:
+            return self._roads.pose_at(int(agent["goal_lane"]), float(agent["goal_s"]))[:2]
+        return float(agent["goal_x"]), float(agent["goal_y"])
+
+    def _window(self) -> tuple[Floats, Floats]:
+        """Return the corners of what the agents' ways, starts and goals span."""
+        points = [np.array([[agent["start_x"], agent["start_y"]]]) for agent in self._agents]
+        points += [np.stack(self._way(agent, 0, self.steps), -1) for agent in self._agents]
+        points += [
+            np.array([self._goal_of(agent)])
+            for agent in self._agents
+            if agent["goal"] in (GoalKind.POSITION, GoalKind.LANE_LINE)
+        ]
+        there = np.concatenate(points) if points else self._roads.point_xy
+        low, high = there.min(0) - MARGIN, there.max(0) + MARGIN
+        missing = np.maximum(0.0, NARROWEST - (high - low)) / 2
+        return low - missing, high + missing
+
+    def _way(self, agent: dict[str, Any], first: int, last: int) -> tuple[Floats, Floats]:
+        """Return where an agent's vehicle was during some steps, while it was the agent's."""
+        vehicles = self._vehicles
+        last = min(last, int(agent["end_step"]))
+        rows = slice(self._first[min(first, self.steps + 1)], self._first[max(0, last + 1)])
+        own = (vehicles["slot"][rows] == agent["slot"]) & (
+            vehicles["generation"][rows] == agent["generation"]
+        )
+        return vehicles["x"][rows][own], vehicles["y"][rows][own]
+
+    def _draw_lights(self, step: int) -> None:
+        signals = self.episode.table("signals")
+        shown = {
+            int(lane): Signal(int(light))
+            for when, lane, light in zip(signals["step"], signals["lane"], signals["signal"], strict=True)
+            if when <= step
+        }
+        bars, colours = [], []
+        for lane, light in shown.items():
+            if light in LIGHTS:
+                half, end = self._roads.width[lane] / 2, float(self._roads.length[lane])
+                bars.append([self._roads.pose_at(lane, end, t)[:2] for t in (-half, half)])
+                colours.append(LIGHTS[light])
+        self._add(LineCollection(bars, colors=colours, linewidths=3, zorder=3))
+
+    def _draw_trails(self, step: int) -> None:
+        first = step - round(TRAIL / self.dt)
+        for agent in self._agents:
+            if agent["entry_step"] <= step <= agent["end_step"]:
+                way = np.stack(self._way(agent, max(first, 0), step), -1)
+                self._add(LineCollection([way], colors=_colour(agent), linewidths=2.5, alpha=0.5, zorder=5))
+
+    def _draw_vehicles(self, step: int) -> None:
+        rows = slice(self._first[step], self._first[step + 1])
+        columns = ("x", "y", "heading", "length", "width", "kind", "slot", "generation")
+        x, y, heading, length, width, kind, slot, generation = (
+            self._vehicles[name][rows] for name in columns
+        )
+        seats = {
+            (agent["slot"], agent["generation"]): agent
+            for agent in self._agents
+            if agent["entry_step"] <= step <= agent["end_step"]
+        }
+        colours = []
+        for vehicle in zip(kind.tolist(), slot.tolist(), generation.tolist(), strict=True):
+            agent = seats.get(vehicle[1:])
+            colours.append(_colour(agent) if agent else LARGE_VEHICLES.get(VehicleKind(vehicle[0]), CAR))
+        boxes = _boxes(x, y, heading, length, width)
+        nose = 0.3 * length
+        noses = _boxes(
+            x + nose * np.cos(heading), y + nose * np.sin(heading), heading, 0.16 * length, 0.8 * width
+        )
+        self._add(PolyCollection(list(boxes), facecolors=colours, edgecolors="k", linewidths=0.6, zorder=6))
+        self._add(PolyCollection(list(noses), facecolors="#e8eef5", edgecolors="none", zorder=7))
+
+    def _draw_agents(self, step: int) -> None:
+        """Write each agent's number on its vehicle, and its outcome where it has ended."""
+        for agent in self._agents:
+            since = step - int(agent["end_step"])
+            if agent["entry_step"] < 0 or step < agent["entry_step"] or since * self.dt > REMEMBERED:
+                continue
+            x, y = (float(column[-1]) for column in self._way(agent, 0, step))
+            has_ended = since >= 0 and agent["outcome"] != Outcome.NONE
+            text = _outcome_name(agent) if has_ended else str(agent["seat"])
+            style = {"boxstyle": "round,pad=0.25", "fc": "white", "ec": _colour(agent), "alpha": 0.9}
+            # Beside the vehicle, so that it can be seen.
+            place = self._axes.annotate(
+                text,
+                (x, y),
+                xytext=(9, 9),
+                textcoords="offset points",
+                fontsize=8,
+                color=_colour(agent),
+                bbox=style,
+                zorder=10,
+            )
+            self._artists.append(place)
+            if has_ended and since > 0:
+                cross = self._axes.plot(x, y, marker="x", ms=11, mew=2.5, color=_colour(agent), zorder=9)
+                self._artists += cross
+
+    def _write_title(self, step: int) -> None:
+        facts = self.episode.facts
+        title = f"{facts['scenario']}, {facts['traffic'] or 'no traffic'}   {step * self.dt:.1f} s"
+        height = self._figure.bbox.height
+        self._artists.append(self._figure.text(0.01, 1 - 13 / height, title, fontsize=10, va="center"))
+        x = 0.01
+        for agent in self._agents:
+            line = f"{agent['seat']} {agent['name']}: {self._status(agent, step)}"
+            text = self._figure.text(
+                x, 1 - 33 / height, line, fontsize=8, va="center", color=_colour(agent), weight="bold"
+            )
+            self._artists.append(text)
+            x += 1.0 / max(4, len(self._agents))
+
+    def _status(self, agent: dict[str, Any], step: int) -> str:
+        """Return what an agent is doing, in a word or two."""
+        if agent["entry_step"] < 0 or step < agent["entry_step"]:
+            return "waits"
+        if step >= agent["end_step"] and agent["outcome"] != Outcome.NONE:
+            return f"{_outcome_name(agent)} at {agent['end_step'] * self.dt:.1f} s"
+        rows = slice(self._first[step], self._first[step + 1])
+        own = self._vehicles["slot"][rows] == agent["slot"]
+        speed = self._vehicles["speed"][rows][own]
+        state = self._seats["state"][(self._seats["step"] == step) & (self._seats["seat"] == agent["seat"])]
+        watches = len(state) and state[0] == SeatState.SHADOWING
+        return ("watches, " if watches else "") + (f"{speed[0]:.1f} m/s" if len(speed) else "")
+
+    def _add(self, collection: Any) -> None:
+        self._axes.add_collection(collection, autolim=False)
+        self._artists.append(collection)
+
+
+def _rows(table: Any) -> list[dict[str, Any]]:
+    return [dict(zip(table, values, strict=True)) for values in zip(*table.values(), strict=True)]
+
+
+def _colour(agent: dict[str, Any]) -> str:
+    return EGOS[int(agent["seat"]) % len(EGOS)]
+
+
+def _outcome_name(agent: dict[str, Any]) -> str:
+    return Outcome(int(agent["outcome"])).name.lower().replace("_", " ")
+
+
+def _boxes(x: Floats, y: Floats, heading: Floats, length: Floats, width: Floats) -> Floats:
+    """Return the corners of footprints, shape (V, 4, 2)."""
+    ahead = np.stack([np.cos(heading), np.sin(heading)], -1) * (length / 2)[:, None]
+    aside = np.stack([-np.sin(heading), np.cos(heading)], -1) * (width / 2)[:, None]
+    centre = np.stack([x, y], -1)
+    return centre[:, None] + np.stack([ahead + aside, aside - ahead, -ahead - aside, ahead - aside], 1)

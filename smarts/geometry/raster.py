@@ -1,0 +1,211 @@
+"""Pictures from above as arrays: painting outlines, bands along lines and boxes, and cutting out views.
+
+A view has the viewer in its middle, looking towards the upper edge: row 0 is the farthest ahead, column 0
+the farthest to the left. A place belongs to the pixel that it lies in; a pixel shows what is at its centre.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import cell_number, inside_outline, project
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Pixels = NDArray[np.uint8]
+
+
+@kernel
+def paint_band(
+    cells: Pixels,
+    origin_x: float,
+    origin_y: float,
+    size: float,
+    points: Floats,
+    first: int,
+    last: int,
+    right: float,
+    left: float,
+    dash: float,
+    bits: int,
+) -> None:
+    """Set bits in the cells whose centres lie beside a polyline, between two distances from it.
+
+    Args:
+        cells: Rows from the south, columns from the west, shape (rows, columns).
+        origin_x: Lower left corner of cell (0, 0) [m].
+        origin_y: Of the same.
+        size: Side of a cell [m].
+        points: [m], shape (P, 2).
+        first: The polyline's first point.
+        last: The point after its last.
+        right: Where the band begins, positive to the left of the line [m].
+        left: Where it ends [m].
+        dash: Length of dashes and of the gaps between them [m]; 0 for a whole band.
+        bits: To be set.
+    """
+    reach = max(abs(right), abs(left))
+    gone = 0.0
+    for point in range(first, last - 1):
+        ax, ay, bx, by = points[point, 0], points[point, 1], points[point + 1, 0], points[point + 1, 1]
+        length = math.hypot(bx - ax, by - ay)
+        low_row = max(0, cell_number(min(ay, by) - reach, origin_y, size))
+        high_row = min(cells.shape[0] - 1, cell_number(max(ay, by) + reach, origin_y, size))
+        low_column = max(0, cell_number(min(ax, bx) - reach, origin_x, size))
+        high_column = min(cells.shape[1] - 1, cell_number(max(ax, bx) + reach, origin_x, size))
+        for row in range(low_row, high_row + 1):
+            for column in range(low_column, high_column + 1):
+                x, y = origin_x + (column + 0.5) * size, origin_y + (row + 0.5) * size
+                share, square, cross = project(x, y, ax, ay, bx, by)
+                if share > 1.0 or (share < 0.0 and not _is_in_wedge(points, first, point, x, y)):
+                    continue
+                offset = math.copysign(math.sqrt(square), cross)
+                is_dash = dash == 0.0 or (gone + share * length) % (2.0 * dash) < dash
+                if right <= offset <= left and is_dash:
+                    cells[row, column] |= bits
+        gone += length
+
+
+@kernel
+def _is_in_wedge(points: Floats, first: int, point: int, x: float, y: float) -> bool:
+    """Tell whether a place before the segment at `point` lies behind the one before it, round the bend."""
+    if point == first:
+        return False
+    a, b = points[point - 1], points[point]
+    return project(x, y, a[0], a[1], b[0], b[1])[0] > 1.0
+
+
+@kernel
+def paint_outline(
+    cells: Pixels,
+    origin_x: float,
+    origin_y: float,
+    size: float,
+    vertices: Floats,
+    first: int,
+    last: int,
+    bits: int,
+) -> None:
+    """Set bits in the cells whose centres lie in the polygon of `vertices[first:last]`; see `paint_band`."""
+    if first == last:
+        return
+    low_x, high_x = vertices[first:last, 0].min(), vertices[first:last, 0].max()
+    low_y, high_y = vertices[first:last, 1].min(), vertices[first:last, 1].max()
+    low_row, low_column = cell_number(low_y, origin_y, size), cell_number(low_x, origin_x, size)
+    high_row, high_column = cell_number(high_y, origin_y, size), cell_number(high_x, origin_x, size)
+    for row in range(max(0, low_row), min(cells.shape[0] - 1, high_row) + 1):
+        for column in range(max(0, low_column), min(cells.shape[1] - 1, high_column) + 1):
+            x, y = origin_x + (column + 0.5) * size, origin_y + (row + 0.5) * size
+            if inside_outline(x, y, vertices, first, last):
+                cells[row, column] |= bits
+
+
+@kernel
+def place_in_view(
+    x: float, y: float, viewer_x: float, viewer_y: float, viewer_heading: float
+) -> tuple[float, float]:
+    """Return how far a place is ahead of a viewer and to its left [m]."""
+    cosine, sine = math.cos(viewer_heading), math.sin(viewer_heading)
+    dx, dy = x - viewer_x, y - viewer_y
+    return dx * cosine + dy * sine, dy * cosine - dx * sine
+
+
+@kernel
+def paint_box(
+    view: Pixels,
+    resolution: float,
+    ahead: float,
+    aside: float,
+    turn: float,
+    length: float,
+    width: float,
+    colour: Pixels,
+) -> None:
+    """Paint an oriented box into a view, at least a pixel long and wide.
+
+    Args:
+        view: Shape (rows, columns, channels).
+        resolution: Side of a pixel [m].
+        ahead: Of the viewer [m].
+        aside: To the viewer's left [m].
+        turn: Of the box's length against the viewer's heading [rad].
+        length: Of the box [m].
+        width: Of the box [m].
+        colour: Shape (channels,).
+    """
+    rows, columns, channels = view.shape
+    half_length, half_width = 0.5 * max(length, resolution), 0.5 * max(width, resolution)
+    cosine, sine = math.cos(turn), math.sin(turn)
+    reach_ahead = abs(cosine) * half_length + abs(sine) * half_width
+    reach_aside = abs(sine) * half_length + abs(cosine) * half_width
+    # Written so that boxes which are nowhere (NaN) are left out, and no number is too large for an index.
+    in_view = (
+        abs(ahead) <= 0.5 * rows * resolution + reach_ahead
+        and abs(aside) <= 0.5 * columns * resolution + reach_aside
+    )
+    if not in_view:
+        return
+    top = max(0, math.floor(0.5 * rows - (ahead + reach_ahead) / resolution))
+    bottom = min(rows - 1, math.floor(0.5 * rows - (ahead - reach_ahead) / resolution))
+    leftmost = max(0, math.floor(0.5 * columns - (aside + reach_aside) / resolution))
+    rightmost = min(columns - 1, math.floor(0.5 * columns - (aside - reach_aside) / resolution))
+    for row in range(top, bottom + 1):
+        forward = (0.5 * rows - row - 0.5) * resolution - ahead
+        for column in range(leftmost, rightmost + 1):
+            left = (0.5 * columns - column - 0.5) * resolution - aside
+            if (
+                abs(forward * cosine + left * sine) <= half_length
+                and abs(left * cosine - forward * sine) <= half_width
+            ):
+                for channel in range(channels):
+                    view[row, column, channel] = colour[channel]
+
+
+@kernel
+def cut_view(
+    cells: Pixels,
+    first: int,
+    rows: int,
+    columns: int,
+    origin_x: float,
+    origin_y: float,
+    size: float,
+    x: float,
+    y: float,
+    heading: float,
+    resolution: float,
+    mask: int,
+    view: Pixels,
+) -> None:
+    """Write for each pixel of a view the masked bits of the cell at its centre, 0 outside.
+
+    Args:
+        cells: Of several rasters in a row, shape (.,).
+        first: The raster's cell (0, 0).
+        rows: Of the raster, from the south.
+        columns: From the west.
+        origin_x: Lower left corner of cell (0, 0) [m].
+        origin_y: Of the same.
+        size: Side of a cell [m].
+        x: The viewer's [m].
+        y: The viewer's [m].
+        heading: The viewer's [rad].
+        resolution: Side of a pixel [m].
+        mask: The bits that are wanted.
+        view: Written, shape (height, width).
+    """
+    height, width = view.shape
+    cosine, sine = math.cos(heading) * resolution / size, math.sin(heading) * resolution / size
+    middle_column, middle_row = (x - origin_x) / size, (y - origin_y) / size
+    for r in range(height):
+        ahead, left = 0.5 * height - r - 0.5, 0.5 * width - 0.5
+        across, along = middle_column + ahead * cosine, middle_row + ahead * sine
+        for c in range(width):
+            column = math.floor(across - (left - c) * sine)
+            row = math.floor(along + (left - c) * cosine)
+            inside = 0 <= row < rows and 0 <= column < columns
+            view[r, c] = cells[first + row * columns + column] & mask if inside else 0

@@ -1,0 +1,286 @@
+"""The vehicle provider: moves the vehicles of agents as their commands say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers import tracking
+from smarts.dynamics import MODELS, Box, Fleet, vehicle
+from smarts.errors import ActionError
+from smarts.providers.vehicle_kernels import (
+    NOWHERE,
+    find_changes,
+    find_near,
+    place_vehicles,
+    show_vehicles,
+)
+from smarts.providers.vehicle_surface import DRY, RoadSurfaces
+from smarts.types.actions import CommandMode, Commands
+from smarts.types.seats import SeatState
+from smarts.types.vehicles import VehicleKind
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+SUBSTEPS = 10
+TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
+"""The type of `smarts.dynamics` that a kind of vehicle drives like; a trailer does not drive."""
+
+
+class FleetVehicles:
+    """All agents' vehicles of all simulations, in one `Fleet`: the stage that moves them.
+
+    The world says which vehicle a seat drives. A vehicle that is new in a seat goes on from its row: pose,
+    velocity, yaw rate, steering on the circle that it drives. Vehicles that are commanded by poses are not in
+    the fleet; they stand where they are told, and the others collide with them as with traffic.
+
+    Args:
+        world: What is to be read and written.
+        models: How each seat's vehicle moves, one of `smarts.dynamics.MODELS`, shape (A,) or one for all.
+        surfaces: Friction patches by map.
+        tyres: The tyre model.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        models: str | Sequence[str] = "bullet",
+        *,
+        surfaces: RoadSurfaces | None = None,
+        tyres: str = "pacejka",
+    ) -> None:
+        worlds, seats = world.seats.slot.shape
+        self._models = [models] * seats if isinstance(models, str) else list(models)
+        self.fleet = Fleet(worlds, seats, step=world.dt, substeps=SUBSTEPS)
+        """For read-outs and faults; row b * A + a is the vehicle of seat a of simulation b."""
+        self._world = world
+        self._surfaces = surfaces
+        self._tyres = tyres
+        self._slot = np.full((worlds, seats), NOWHERE, np.int32)
+        self._generation = np.zeros((worlds, seats), np.int32)
+        self._wanted = np.zeros((worlds, seats), np.int32)
+        self._in_bullet_model = np.array([model == MODELS[0] for model in self._models])
+        self._slips = np.tile([model != "kinematic" for model in self._models], worlds)
+        self._memory = np.zeros((worlds * seats, tracking.MEMORY))
+        self._tracks = np.zeros((worlds, seats, SUBSTEPS, 3))
+        self._no_controls = np.zeros((worlds * seats, 3))
+        self._shown = np.zeros((worlds * seats, 3))
+        self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)
+        self._has_boxes = np.zeros(worlds, np.bool_)
+        self._columns = tuple(
+            getattr(world.vehicles, name)
+            for name in (
+                *("position", "heading", "speed", "lateral_speed"),
+                *("acceleration", "lateral_acceleration", "yaw_rate", "yaw_acceleration"),
+            )
+        )
+        self._actuators = tuple(
+            getattr(world.seats, name) for name in ("throttle", "brake", "steering", "travelled")
+        )
+
+    def reset(self, world: World, rows: Bools) -> None:
+        """Forget all vehicles of some simulations; those in their rows now are new."""
+        for row in np.flatnonzero(rows).tolist():
+            self.fleet.clear(row)
+            self._slot[row] = NOWHERE
+            self._boxed[row] = False
+            self._has_boxes[row] = False
+            self._tracks[row] = 0.0
+
+    def step(self, world: World, commands: Commands, rows: Bools) -> Floats:
+        """Move the vehicles of active seats by one step; return x, y, heading after each sub-step.
+
+        Args:
+            world: The state at the beginning of the step.
+            commands: From the controllers.
+            rows: Which simulations make the step, shape (B,).
+
+        Returns:
+            [m], [m], [rad], shape (B, A, S, 3); refilled by the next step.
+
+        Raises:
+            ActionError: A command holds a number that is not finite; nothing has moved.
+            MotionError: A vehicle's motion is no longer finite.
+        """
+        seats = world.seats
+        active = (seats.state == SeatState.ACTIVE) & rows[:, None]
+        self._refuse_bad_commands(commands, active)
+        by_poses = active & (commands.mode == CommandMode.PLACE)
+        self._follow_ownership(active, by_poses, rows)
+        driven = active & ~by_poses
+        if by_poses.any():
+            place_vehicles(
+                by_poses, seats.slot, commands.poses, world.dt, self._tracks, self._columns, self._actuators
+            )
+        if driven.any():
+            self._drive(world, commands, driven, rows)
+        return self._tracks
+
+    def can_accept(self, row: int, slot: int) -> bool:
+        """Return whether an agent could drive on with this vehicle."""
+        return VehicleKind(int(self._world.vehicles.kind[row, slot])) in TYPES
+
+    def close(self) -> None:
+        """Give back Bullet's worlds."""
+        self.fleet.close()
+
+    def _drive(self, world: World, commands: Commands, driven: Bools, rows: Bools) -> None:
+        """Advance the fleet, and write its motion into the world."""
+        seats, fleet = world.seats, self.fleet
+        self._place_boxes(world, driven & self._in_bullet_model, rows)
+        count = len(self._no_controls)
+        if self._surfaces is not None:
+            self._surfaces.look_up(world, driven, fleet)
+        mode, actuators = commands.mode.reshape(count), commands.actuators.reshape(count, 3)
+        reference = commands.reference.reshape(count, *commands.reference.shape[2:])
+        length, dt = commands.reference_length.reshape(count), world.dt / SUBSTEPS
+
+        def driver(
+            driven_rows: NDArray[np.int64],
+            cars: NDArray[np.void],
+            states: NDArray[np.void],
+            bodies: Floats,
+            controls: Floats,
+        ) -> None:
+            tracking.drive(
+                driven_rows,
+                cars,
+                states,
+                bodies,
+                controls,
+                mode,
+                actuators,
+                reference,
+                length,
+                self._slips,
+                self._memory,
+                self._shown,
+                dt,
+            )
+
+        motion = fleet.step(self._no_controls, simulations=rows, driver=driver)
+        show_vehicles(
+            driven,
+            seats.slot,
+            motion.substeps,
+            motion.velocity,
+            motion.yaw_rate,
+            motion.acceleration,
+            motion.steering,
+            self._shown,
+            world.dt,
+            self._tracks,
+            self._columns,
+            self._actuators,
+        )
+
+    def _follow_ownership(self, active: Bools, by_poses: Bools, rows: Bools) -> None:
+        """Let vehicles into the fleet and out of it, as the seats say."""
+        seats, wanted = self._world.seats, self._wanted
+        held = self._slot, self._generation
+        if not find_changes(rows, active, by_poses, seats.slot, seats.generation, *held, wanted):
+            return
+        changed = (wanted != self._slot) | (active & (seats.generation != self._generation))
+        for row, seat in np.argwhere(changed).tolist():
+            number = row * self._slot.shape[1] + seat
+            if self._slot[row, seat] >= 0:
+                self.fleet.despawn(number)
+            self._slot[row, seat] = wanted[row, seat]
+            self._generation[row, seat] = seats.generation[row, seat]
+            if wanted[row, seat] >= 0:
+                self._spawn(row, seat, number)
+
+    def _spawn(self, row: int, seat: int, number: int) -> None:
+        """Put a seat's vehicle on the road, going on as its row of the world says."""
+        vehicles = self._world.vehicles
+        slot = int(self._slot[row, seat])
+        name = TYPES[VehicleKind(int(vehicles.kind[row, slot]))]
+        x, y = vehicles.position[row, slot].tolist()
+        speed, heading = float(vehicles.speed[row, slot]), float(vehicles.heading[row, slot])
+        wheelbase = vehicle(name).wheelbase
+        yaw_rate = float(vehicles.yaw_rate[row, slot])
+        steering = math.atan(wheelbase * yaw_rate / speed) if speed > 1.0 else 0.0
+        self.fleet.spawn(
+            number,
+            name,
+            (x, y),
+            heading,
+            speed,
+            steering=steering,
+            model=self._models[seat],
+            tyres=self._tyres,
+        )
+        self._memory[number] = 0.0
+        self._memory[number, tracking.CURVATURE] = math.tan(steering) / wheelbase
+        self.fleet.road.friction[number] = DRY
+
+    def _place_boxes(self, world: World, in_bullet: Bools, rows: Bools) -> None:
+        """Put the road users near vehicles in Bullet there as boxes."""
+        vehicles = world.vehicles
+        any_near = find_near(
+            rows,
+            in_bullet,
+            world.seats.slot,
+            vehicles.alive,
+            vehicles.position,
+            vehicles.speed,
+            vehicles.length,
+            vehicles.width,
+            self._boxed,
+        )
+        if not any_near and not (self._has_boxes & rows).any():
+            return
+        for row in np.flatnonzero(rows).tolist():
+            slots = np.flatnonzero(self._boxed[row]).tolist()
+            if slots or self._has_boxes[row]:
+                self.fleet.place_boxes(row, {self._key(row, slot): self._box(row, slot) for slot in slots})
+                self._has_boxes[row] = bool(slots)
+
+    def _key(self, row: int, slot: int) -> int:
+        generation = int(self._world.vehicles.generation[row, slot])
+        return generation * self._world.vehicles.capacity + slot
+
+    def _box(self, row: int, slot: int) -> Box:
+        vehicles = self._world.vehicles
+        kind = VehicleKind(int(vehicles.kind[row, slot]))
+        height = vehicle(TYPES.get(kind, "truck")).height
+        x, y = vehicles.position[row, slot].tolist()
+        return Box(
+            (x, y, 0.5 * height),
+            float(vehicles.heading[row, slot]),
+            float(vehicles.speed[row, slot]),
+            float(vehicles.length[row, slot]),
+            float(vehicles.width[row, slot]),
+            height,
+        )
+
+    def _refuse_bad_commands(self, commands: Commands, active: Bools) -> None:
+        """Refuse numbers that are not finite before they come near Bullet."""
+        bad = tracking.first_bad_command(
+            active,
+            commands.mode,
+            commands.actuators,
+            commands.reference,
+            commands.reference_length,
+            commands.poses,
+        )
+        if bad < 0:
+            return
+        row, seat = divmod(int(bad), active.shape[1])
+        mode = CommandMode(int(commands.mode[row, seat]))
+        shown: Any = {
+            CommandMode.TRACK: commands.reference[row, seat],
+            CommandMode.PLACE: commands.poses[row, seat],
+        }.get(mode, commands.actuators[row, seat])
+        wrong = shown[~np.isfinite(shown).reshape(len(shown), -1).all(axis=1)]
+        raise ActionError(
+            f"a command by {mode.name} is not finite: {wrong[:1].tolist()}",
+            place=f"seat {seat} of simulation {row}",
+            remedy="send finite actions",
+        )

@@ -1,0 +1,279 @@
+"""Compiled: between the rows of the world and the rows of the fleet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import inside_outline
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Bools = NDArray[np.bool_]
+
+BOX_MARGIN = 2.0
+BOX_TIME = 0.3
+"""A road user is put before an ego in Bullet when their circles come within 2 m, or will within 0.3 s."""
+BOX_SLACK = 4.0
+"""It is taken away again this much later [m]."""
+
+
+NOWHERE = -1
+BY_POSES = -2
+"""Of the slot that a seat's row of the fleet is for: it holds no vehicle, or one that goes by poses."""
+
+
+@kernel
+def find_changes(
+    rows: Bools,
+    active: Bools,
+    by_poses: Bools,
+    slot: Ints,
+    generation: Ints,
+    held_slot: Ints,
+    held_generation: Ints,
+    wanted: Ints,
+) -> bool:
+    """Write which slot each seat's row of the fleet is to be for; tell if any is for another vehicle now.
+
+    Args:
+        rows: Shape (B,).
+        active: Seats that drive, shape (B, A), as are the following.
+        by_poses: Those of them that are told their poses.
+        slot: Of the seats' vehicles.
+        generation: Of the seats' vehicles.
+        held_slot: What the fleet holds, a slot, `NOWHERE` or `BY_POSES`.
+        held_generation: Of that vehicle.
+        wanted: Written; what the fleet is to hold.
+    """
+    any_change = False
+    for b in range(active.shape[0]):
+        for a in range(active.shape[1]):
+            wanted[b, a] = held_slot[b, a]
+            if not rows[b]:
+                continue
+            if not active[b, a]:
+                wanted[b, a] = NOWHERE
+            elif by_poses[b, a]:
+                wanted[b, a] = BY_POSES
+            else:
+                wanted[b, a] = slot[b, a]
+                any_change = any_change or generation[b, a] != held_generation[b, a]
+            any_change = any_change or wanted[b, a] != held_slot[b, a]
+    return any_change
+
+
+@kernel
+def show_vehicles(
+    driven: Bools,
+    slot: Ints,
+    poses: Floats,
+    velocity: Floats,
+    yaw_rate: Floats,
+    acceleration: Floats,
+    steering: Floats,
+    controls: Floats,
+    dt: float,
+    tracks: Floats,
+    columns: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats],
+    seats: tuple[Floats, Floats, Floats, Floats],
+) -> None:
+    """Write the motion of the driven seats' vehicles into their rows of the world.
+
+    Args:
+        driven: Seats whose vehicle the fleet moves, shape (B, A).
+        slot: Shape (B, A).
+        poses: Of the fleet, shape (E, S, 3).
+        velocity: Forward and left [m/s], shape (E, 2).
+        yaw_rate: [rad/s], shape (E,).
+        acceleration: Forward and left [m/s^2], shape (E, 2).
+        steering: [rad], shape (E,).
+        controls: Throttle, brake, steering of the last sub-step, shape (E, 3).
+        dt: Step [s].
+        tracks: Written, shape (B, A, S, 3).
+        columns: Written: position, heading, speed, lateral_speed, acceleration, lateral_acceleration,
+            yaw_rate, yaw_acceleration of the world, shape (B, V).
+        seats: Written: throttle, brake, steering, travelled, shape (B, A).
+    """
+    position, heading, speed, lateral_speed, forward_acc, lateral_acc, yaw_rates, yaw_acc = columns
+    throttle, brake, angle, travelled = seats
+    egos, last = driven.shape[1], poses.shape[1] - 1
+    for b in range(driven.shape[0]):
+        for a in range(egos):
+            if not driven[b, a]:
+                continue
+            e, v = b * egos + a, slot[b, a]
+            way = 0.0
+            x, y = position[b, v, 0], position[b, v, 1]
+            for substep in range(last + 1):
+                way += math.hypot(poses[e, substep, 0] - x, poses[e, substep, 1] - y)
+                x, y = poses[e, substep, 0], poses[e, substep, 1]
+                for column in range(3):
+                    tracks[b, a, substep, column] = poses[e, substep, column]
+            position[b, v, 0], position[b, v, 1] = x, y
+            heading[b, v] = poses[e, last, 2]
+            speed[b, v], lateral_speed[b, v] = velocity[e, 0], velocity[e, 1]
+            forward_acc[b, v], lateral_acc[b, v] = acceleration[e, 0], acceleration[e, 1]
+            yaw_acc[b, v] = (yaw_rate[e] - yaw_rates[b, v]) / dt
+            yaw_rates[b, v] = yaw_rate[e]
+            throttle[b, a], brake[b, a] = max(controls[e, 0], 0.0), controls[e, 1]
+            angle[b, a] = steering[e]
+            travelled[b, a] += way
+
+
+@kernel
+def place_vehicles(
+    placed: Bools,
+    slot: Ints,
+    poses: Floats,
+    dt: float,
+    tracks: Floats,
+    columns: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats],
+    seats: tuple[Floats, Floats, Floats, Floats],
+) -> None:
+    """Put vehicles where their commands say.
+
+    Args:
+        placed: Shape (B, A).
+        slot: Shape (B, A).
+        poses: x, y [m], heading [rad], speed [m/s] after each sub-step, shape (B, A, S, 4).
+        dt: Step [s].
+        tracks: See `show_vehicles`, as are the others.
+        columns: Written.
+        seats: Written.
+    """
+    position, heading, speed, lateral_speed, forward_acc, lateral_acc, yaw_rates, yaw_acc = columns
+    throttle, brake, angle, travelled = seats
+    seats_each, last = placed.shape[1], poses.shape[2] - 1
+    for b in range(placed.shape[0]):
+        for a in range(seats_each):
+            if not placed[b, a]:
+                continue
+            v = slot[b, a]
+            way = 0.0
+            x, y = position[b, v, 0], position[b, v, 1]
+            turn = poses[b, a, last, 2] - heading[b, v]
+            turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+            for substep in range(last + 1):
+                pose = poses[b, a, substep]
+                way += math.hypot(pose[0] - x, pose[1] - y)
+                x, y = pose[0], pose[1]
+                for column in range(3):
+                    tracks[b, a, substep, column] = pose[column]
+            position[b, v, 0], position[b, v, 1] = x, y
+            heading[b, v] = poses[b, a, last, 2]
+            forward_acc[b, v] = (poses[b, a, last, 3] - speed[b, v]) / dt
+            speed[b, v], lateral_speed[b, v] = poses[b, a, last, 3], 0.0
+            lateral_acc[b, v] = speed[b, v] * turn / dt
+            yaw_acc[b, v] = (turn / dt - yaw_rates[b, v]) / dt
+            yaw_rates[b, v] = turn / dt
+            throttle[b, a], brake[b, a], angle[b, a] = 0.0, 0.0, 0.0
+            travelled[b, a] += way
+
+
+@kernel
+def find_near(
+    rows: Bools,
+    in_bullet: Bools,
+    slot: Ints,
+    alive: Bools,
+    position: Floats,
+    speed: Floats,
+    length: Floats,
+    width: Floats,
+    boxed: Bools,
+) -> bool:
+    """Write which road users stand near a vehicle in Bullet that is not itself in there; tell if any does.
+
+    Args:
+        rows: Shape (B,).
+        in_bullet: Seats whose vehicle is in Bullet, shape (B, A).
+        slot: Shape (B, A).
+        alive: Shape (B, V), as are the following.
+        position: [m], shape (B, V, 2).
+        speed: [m/s]
+        length: [m]
+        width: [m]
+        boxed: Whether it was near in the step before; written.
+    """
+    any_near = False
+    for b in range(rows.shape[0]):
+        if not rows[b]:
+            continue
+        for v in range(alive.shape[1]):
+            slack = BOX_SLACK if boxed[b, v] else 0.0
+            is_near = False
+            own = False
+            for a in range(slot.shape[1]):
+                if in_bullet[b, a] and slot[b, a] == v:
+                    own = True
+            if alive[b, v] and not own:
+                half = 0.5 * math.hypot(length[b, v], width[b, v])
+                for a in range(slot.shape[1]):
+                    if not in_bullet[b, a]:
+                        continue
+                    e = slot[b, a]
+                    reach = half + 0.5 * math.hypot(length[b, e], width[b, e]) + BOX_MARGIN + slack
+                    reach += BOX_TIME * (abs(speed[b, v]) + abs(speed[b, e]))
+                    dx, dy = position[b, v, 0] - position[b, e, 0], position[b, v, 1] - position[b, e, 1]
+                    if dx * dx + dy * dy < reach * reach:
+                        is_near = True
+                        break
+            boxed[b, v] = is_near
+            any_near = any_near or is_near
+    return any_near
+
+
+@kernel
+def look_up_friction(
+    driven: Bools,
+    maps: Ints,
+    step: Ints,
+    dt: float,
+    wheels: Floats,
+    usual: float,
+    patch_start: Ints,
+    patch: Floats,
+    ring_start: Ints,
+    vertex_start: Ints,
+    vertex: Floats,
+    friction: Floats,
+) -> None:
+    """Write the friction under each wheel of the driven vehicles, shape (E, 4).
+
+    Args:
+        driven: Shape (B, A).
+        maps: Map of each simulation, shape (B,).
+        step: Of each episode, shape (B,).
+        dt: [s]
+        wheels: Where the wheels stand [m], shape (E, 4, 2).
+        usual: Where there is no patch.
+        patch_start: CSR of the patches of each map, shape (M + 1,).
+        patch: Rows (begin [s], end [s], friction).
+        ring_start: CSR of each patch's rings; a point in an odd number of them is in the patch.
+        vertex_start: CSR of the rings' vertices.
+        vertex: [m]
+        friction: Written.
+    """
+    egos = driven.shape[1]
+    for b in range(driven.shape[0]):
+        time = step[b] * dt
+        for a in range(egos):
+            if not driven[b, a]:
+                continue
+            for wheel in range(4):
+                x, y = wheels[b * egos + a, wheel, 0], wheels[b * egos + a, wheel, 1]
+                found = usual
+                for p in range(patch_start[maps[b]], patch_start[maps[b] + 1]):
+                    if not patch[p, 0] <= time < patch[p, 1]:
+                        continue
+                    inside = False
+                    for ring in range(ring_start[p], ring_start[p + 1]):
+                        if inside_outline(x, y, vertex, vertex_start[ring], vertex_start[ring + 1]):
+                            inside = not inside
+                    if inside:
+                        found = patch[p, 2]
+                friction[b * egos + a, wheel] = found

@@ -1,0 +1,77 @@
+"""Road friction patches: where and when the road is slippery."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from smarts.dynamics import Fleet
+from smarts.dynamics.fleet import DRY_ASPHALT as DRY
+from smarts.providers.vehicle_kernels import look_up_friction
+from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio.sstypes.zone import RoadSurfacePatch
+from smarts.types.world import World
+
+__all__ = ["DRY", "RoadSurfaces"]
+
+
+class RoadSurfaces:
+    """The patches of each map.
+
+    Where patches overlap, the later in the list counts; where there is none, the road is dry.
+
+    Args:
+        patches: Of each map, in the atlas's order.
+        maps: The maps.
+    """
+
+    def __init__(self, patches: Sequence[Sequence[RoadSurfacePatch]], maps: Sequence[LaneGraph]) -> None:
+        rows: list[tuple[float, float, float]] = []
+        counts, ring_counts, rings = [], [], []
+        for of_map, graph in zip(patches, maps, strict=True):
+            counts.append(len(of_map))
+            for patch in of_map:
+                rows.append((patch.begin_time, patch.end_time, patch.friction_coefficient))
+                outlines = _rings(patch.zone.to_geometry(graph))
+                ring_counts.append(len(outlines))
+                rings += outlines
+        self._patch_start = _starts(counts)
+        self._patch = np.array(rows, np.float64).reshape(-1, 3)
+        self._ring_start = _starts(ring_counts)
+        self._vertex_start = _starts([len(ring) for ring in rings])
+        self._vertex = np.concatenate([np.zeros((0, 2)), *rings])
+
+    def look_up(self, world: World, driven: NDArray[np.bool_], fleet: Fleet) -> None:
+        """Write the friction under the wheels of driven vehicles, shape (B, A), into the fleet's road."""
+        look_up_friction(
+            driven,
+            world.map,
+            world.step,
+            world.dt,
+            fleet.wheels.position,
+            DRY,
+            self._patch_start,
+            self._patch,
+            self._ring_start,
+            self._vertex_start,
+            self._vertex,
+            fleet.road.friction,
+        )
+
+
+def _rings(area: BaseGeometry) -> list[NDArray[np.float64]]:
+    """Return the outlines of an area and of its holes."""
+    parts = getattr(area, "geoms", [area])
+    return [
+        np.array(ring.coords)[:-1]
+        for part in parts
+        for ring in (part.exterior, *part.interiors)
+        if not part.is_empty
+    ]
+
+
+def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
+    return np.cumsum([0, *counts]).astype(np.int32)

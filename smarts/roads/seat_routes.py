@@ -1,0 +1,65 @@
+"""The routes of all agents in one table, so that one call serves the agents of many simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.roads.atlas import RoadAtlas
+from smarts.roads.kernels import RouteTable
+
+Ints = NDArray[np.int32]
+
+
+class SeatRoutes:
+    """Which route of `table` each seat's agent follows.
+
+    Args:
+        atlas: The maps.
+        worlds: B, the number of simulations.
+        seats: A, the seats of each.
+    """
+
+    def __init__(self, atlas: RoadAtlas, worlds: int, seats: int) -> None:
+        self.number: Ints = np.full((worlds, seats), -1, np.int32)
+        """Route number in `table`, -1 without a route, shape (B, A); written in place."""
+        self.table: RouteTable = atlas.no_routes
+        """Replaced at every assignment; pass it on as it is, do not keep it."""
+        self.atlas = atlas
+        self._maps = [0] * worlds
+        self._routes: list[list[tuple[str, ...]]] = [[()] * seats for _ in range(worlds)]
+
+    def assign(self, row: int, map_number: int, routes: Sequence[tuple[str, ...]]) -> None:
+        """Give the first seats of one simulation their routes, ids of road edges, and the others none.
+
+        Raises:
+            MapError: A route has an unknown edge or a gap.
+        """
+        seats = self.number.shape[1]
+        self._maps[row] = map_number
+        self._routes[row] = [*map(tuple, routes), *[()] * (seats - len(routes))]
+        self._tabulate()
+
+    def assign_seat(self, row: int, seat: int, route: Sequence[str]) -> None:
+        """Give one seat of a simulation another route, or an empty one.
+
+        Raises:
+            MapError: The route has an unknown edge or a gap.
+        """
+        self._routes[row][seat] = tuple(route)
+        self._tabulate()
+
+    def route(self, row: int, seat: int) -> tuple[str, ...]:
+        """Return the ids of the road edges of a seat's route."""
+        return self._routes[row][seat]
+
+    def _tabulate(self) -> None:
+        """Write the table anew; equal routes on one map share their rows."""
+        places: dict[tuple[int, tuple[str, ...]], int] = {}
+        for row, routes in enumerate(self._routes):
+            for seat, route in enumerate(routes):
+                key = (self._maps[row], route)
+                self.number[row, seat] = places.setdefault(key, len(places)) if route else -1
+        self.table = self.atlas.route_table(places)

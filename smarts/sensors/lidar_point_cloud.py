@@ -1,0 +1,176 @@
+"""Points on vehicles and on the ground, as a lidar above the roof of the agent's vehicle finds them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.agents.options import Lidar
+from smarts.geometry.compiling import kernel
+from smarts.roads.scene import Scene
+from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
+from smarts.sensors.heights import vehicle_height
+from smarts.types.interface import Field
+
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+ABOVE_ROOF = 0.3
+"""Where rays begin [m]."""
+
+
+@dataclass(frozen=True)
+class LidarPoints:
+    """Where each ray first meets the ground or the box of another vehicle.
+
+    Rays are ordered by laser, and for each laser counter-clockwise from its start angle. There is no noise.
+    """
+
+    option: Lidar = field(default_factory=Lidar)
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return what is reported."""
+        reach = self.option.sensor_params.max_distance
+        rays = len(self.option.sensor_params.laser_angles) * self.option.sensor_params.rays_around
+        return (
+            Field("point", (rays, 3), np.float64, -FARTHEST, FARTHEST, "m", "in the map; 0 without a hit"),
+            Field("hit", (rays,), np.int8, 0, 1, "", "1 if the ray met something"),
+            Field("ray", (rays, 3), np.float32, -reach, reach, "m", "from where rays begin to their ends"),
+        )
+
+    def directions(self) -> Floats:
+        """Return the rays' unit vectors in the frame of the vehicle (ahead, left, up), shape (R, 3)."""
+        params = self.option.sensor_params
+        up = np.repeat(np.array(params.laser_angles), params.rays_around)
+        around = params.start_angle + params.angle_resolution * np.arange(params.rays_around)
+        around = np.tile(around, len(params.laser_angles))
+        level = np.cos(up)
+        return np.stack((level * np.cos(around), level * np.sin(around), np.sin(up)), axis=-1)
+
+    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted seats."""
+        vehicles = scene.world.vehicles
+        _observe(
+            seats,
+            wanted,
+            scene.world.seats.slot,
+            vehicles.alive,
+            vehicles.kind,
+            vehicles.position,
+            vehicles.heading,
+            vehicles.length,
+            vehicles.width,
+            self.directions(),
+            float(self.option.sensor_params.max_distance),
+            out["point"],
+            out["hit"],
+            out["ray"],
+        )
+
+
+@kernel
+def _slab(begin: float, direction: float, low: float, high: float) -> tuple[float, float]:
+    """Return between which distances a ray is between two walls; the first is larger if never."""
+    if direction == 0.0:
+        return (-np.inf, np.inf) if low <= begin <= high else (np.inf, -np.inf)
+    one, other = (low - begin) / direction, (high - begin) / direction
+    return min(one, other), max(one, other)
+
+
+@kernel
+def _distance_to_box(x: float, y: float, z: float, dx: float, dy: float, dz: float, box: Floats) -> float:
+    """Return how far along a ray a box is met, infinite if it is not.
+
+    The box is x, y of its centre, cosine and sine of its heading, length, width and height.
+    """
+    px, py = x - box[0], y - box[1]
+    near_along, far_along = _slab(
+        px * box[2] + py * box[3], dx * box[2] + dy * box[3], -0.5 * box[4], 0.5 * box[4]
+    )
+    near_across, far_across = _slab(
+        py * box[2] - px * box[3], dy * box[2] - dx * box[3], -0.5 * box[5], 0.5 * box[5]
+    )
+    near_up, far_up = _slab(z, dz, 0.0, box[6])
+    near, far = max(near_along, near_across, near_up), min(far_along, far_across, far_up)
+    return near if 0.0 <= near <= far else np.inf
+
+
+@kernel
+def _boxes_within(
+    reach: float,
+    own: int,
+    alive: Bools,
+    kind: Bytes,
+    position: Floats,
+    heading: Floats,
+    length: Floats,
+    width: Floats,
+    boxes: Floats,
+) -> int:
+    """List the boxes of the other vehicles of one simulation within reach; return how many."""
+    count = 0
+    for v in range(len(alive)):
+        if not alive[v] or v == own:
+            continue
+        long, wide = clipped_above(length[v], LARGEST_BOX), clipped_above(width[v], LARGEST_BOX)
+        apart = math.hypot(position[v, 0] - position[own, 0], position[v, 1] - position[own, 1])
+        if apart <= reach + 0.5 * math.hypot(long, wide):
+            direction = clipped(heading[v], math.pi)
+            boxes[count, 0], boxes[count, 1] = position[v, 0], position[v, 1]
+            boxes[count, 2], boxes[count, 3] = math.cos(direction), math.sin(direction)
+            boxes[count, 4], boxes[count, 5], boxes[count, 6] = long, wide, vehicle_height(kind[v])
+            count += 1
+    return count
+
+
+@kernel
+def _observe(
+    seats: Ints,
+    wanted: Bools,
+    slots: Ints,
+    alive: Bools,
+    kind: Bytes,
+    position: Floats,
+    heading: Floats,
+    length: Floats,
+    width: Floats,
+    directions: Floats,
+    reach: float,
+    point_out: Floats,
+    hit_out: Bytes,
+    ray_out: Singles,
+) -> None:
+    boxes = np.empty((alive.shape[1], 7))
+    for b in range(wanted.shape[0]):
+        for g in range(wanted.shape[1]):
+            if not wanted[b, g]:
+                continue
+            own = slots[b, seats[g]]
+            count = _boxes_within(
+                *(reach, own, alive[b], kind[b], position[b], heading[b], length[b], width[b], boxes)
+            )
+            x, y = clipped(position[b, own, 0], FARTHEST), clipped(position[b, own, 1], FARTHEST)
+            z = vehicle_height(kind[b, own]) + ABOVE_ROOF
+            direction = clipped(heading[b, own], math.pi)
+            cosine, sine = math.cos(direction), math.sin(direction)
+            for ray in range(len(directions)):
+                ahead, left, up = directions[ray]
+                dx, dy = ahead * cosine - left * sine, ahead * sine + left * cosine
+                nearest = -z / up if up < 0.0 else np.inf
+                for box in range(count):
+                    nearest = min(nearest, _distance_to_box(x, y, z, dx, dy, up, boxes[box]))
+                ray_out[b, g, ray, 0] = clipped(reach * dx, reach)
+                ray_out[b, g, ray, 1] = clipped(reach * dy, reach)
+                ray_out[b, g, ray, 2] = clipped(reach * up, reach)
+                hit = nearest <= reach
+                hit_out[b, g, ray] = hit
+                point_out[b, g, ray, 0] = clipped(x + nearest * dx, FARTHEST) if hit else 0.0
+                point_out[b, g, ray, 1] = clipped(y + nearest * dy, FARTHEST) if hit else 0.0
+                point_out[b, g, ray, 2] = z + nearest * up if hit else 0.0

@@ -1,0 +1,97 @@
+"""Which lanes lie beside each other on a road, and which way goes straight on, for all maps of an atlas."""
+
+from __future__ import annotations
+
+import weakref
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.roads.atlas import ROAD_LANES, RoadAtlas
+from smarts.roads.lane_graph import LaneGraph
+
+Ints = NDArray[np.int32]
+
+
+class RoadLinks(NamedTuple):
+    """Lanes are numbered across all maps of the atlas, L in all."""
+
+    beside_start: Ints
+    """CSR of the lanes of the same road, shape (L + 1,)."""
+    beside: Ints
+    """Those of the lane's own direction from the right to the left, then the oncoming ones."""
+    own_count: Ints
+    """How many of them are of the lane's own direction, shape (L,)."""
+    ahead: Ints
+    """Of the lanes that a lane leads into the one that turns least, -1 at a dead end, shape (L,)."""
+    behind: Ints
+    """Of the lanes that lead into a lane the one that turns least, -1 if there is none, shape (L,)."""
+
+
+_known: weakref.WeakKeyDictionary[RoadAtlas, RoadLinks] = weakref.WeakKeyDictionary()
+
+
+def road_links(atlas: RoadAtlas) -> RoadLinks:
+    """Return the links of an atlas; they are derived once."""
+    if atlas not in _known:
+        _known[atlas] = _derive(atlas)
+    return _known[atlas]
+
+
+def _derive(atlas: RoadAtlas) -> RoadLinks:
+    beside: list[list[int]] = []
+    own_count, ahead, behind = [], [], []
+    for graph, base in zip(atlas.graphs, atlas.roads.lane_base, strict=False):
+        usable = np.isin(graph.kind, list(ROAD_LANES))
+        reverse = _reverse_edges(graph)
+        for lane in range(len(graph.lane_ids)):
+            edge = int(graph.lane_edge[lane])
+            own = [number for number in graph.edge_lanes(edge) if usable[number]]
+            oncoming = [
+                number for other in reverse[edge] for number in graph.edge_lanes(other) if usable[number]
+            ]
+            beside.append([number + int(base) for number in (*own, *oncoming)])
+            own_count.append(len(own))
+            for found, places in ((ahead, graph.successors(lane)), (behind, graph.predecessors(lane))):
+                least = _straightest(graph, lane, [int(place) for place in places if usable[place]])
+                found.append(-1 if least < 0 else least + int(base))
+    return RoadLinks(
+        beside_start=np.cumsum([0, *(len(lanes) for lanes in beside)]).astype(np.int32),
+        beside=np.array([number for lanes in beside for number in lanes], np.int32),
+        own_count=np.array(own_count, np.int32),
+        ahead=np.array(ahead, np.int32),
+        behind=np.array(behind, np.int32),
+    )
+
+
+def _reverse_edges(graph: LaneGraph) -> list[list[int]]:
+    """Return for each edge the road edges that lead back along it: their ends are its, and side by side."""
+    reverse: list[list[int]] = [[] for _ in graph.edge_ids]
+    leading: dict[tuple[int, int], list[int]] = {}
+    for edge in np.flatnonzero(~graph.edge_is_internal).tolist():
+        leading.setdefault((int(graph.edge_from[edge]), int(graph.edge_to[edge])), []).append(edge)
+    for (begin, end), edges in leading.items():
+        back = leading.get((end, begin), [])
+        for edge in edges:
+            reverse[edge] = [other for other in back if other != edge and _is_beside(graph, edge, other)]
+    return reverse
+
+
+def _is_beside(graph: LaneGraph, edge: int, other: int) -> bool:
+    """Tell whether the leftmost lanes of two edges come as near as neighbours would at their middles."""
+    lane, facing = graph.edge_lanes(edge)[-1], graph.edge_lanes(other)[-1]
+    middle = np.array(graph.pose_at(lane, float(graph.length[lane]) / 2)[:2])
+    gap = np.hypot(*(graph.centreline(facing) - middle).T).min()
+    return bool(gap < 2 * (graph.width[lane] + graph.width[facing]))
+
+
+def _straightest(graph: LaneGraph, lane: int, linked: list[int]) -> int:
+    """Return the linked lane whose far end points most nearly where this lane does, -1 if there is none."""
+    if not linked:
+        return -1
+    first, last = graph.point_start[:-1], graph.point_start[1:] - 1
+    ahead = set(linked) <= set(graph.successors(lane).tolist())
+    own = graph.point_heading[last[lane] if ahead else first[lane]]
+    turns = [np.cos(graph.point_heading[last[n] if ahead else first[n]] - own) for n in linked]
+    return linked[int(np.argmax(turns))]

@@ -1,0 +1,99 @@
+"""Maps as pictures: baked once for each atlas, so that drawing a view is looking up its pixels."""
+
+from __future__ import annotations
+
+import weakref
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.raster import paint_band, paint_outline
+from smarts.roads.atlas import ROAD_LANES, RoadAtlas
+from smarts.roads.lane_graph import LaneGraph, LaneKind
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+Pixels = NDArray[np.uint8]
+
+ROAD = 1
+"""Bit of cells on a lane for motor vehicles, or inside a junction."""
+DIVIDER = 2
+"""Bit of cells on the (dashed) line between lanes of one direction."""
+CENTRE_LINE = 4
+"""Bit of cells on the line at the left edge of a road's leftmost lane."""
+PATH = 8
+"""Bit of cells on sidewalks, bicycle lanes and shoulders."""
+
+_CELL = 0.2
+"""Side of a cell [m], about the size of the finest pixels."""
+_MOST_CELLS = 40_000_000
+_LINE = 0.2
+"""Half the width of a line [m]: twice that of real ones, so that no line falls between cells or pixels."""
+_DASH = 3.0
+"""[m]"""
+_PATHS = (LaneKind.BICYCLE, LaneKind.FOOT, LaneKind.SHOULDER)
+
+
+class RoadRaster(NamedTuple):
+    """The pictures of M maps in a row."""
+
+    cells: Pixels
+    """Bits of all cells; those of a map by rows from the south, each from the west."""
+    first: Longs
+    """First cell of each map, shape (M,)."""
+    shape: Longs
+    """Rows and columns of each map, shape (M, 2)."""
+    origin: Floats
+    """South-western corner of each map [m], shape (M, 2)."""
+    size: Floats
+    """Side of each map's cells [m], shape (M,)."""
+
+
+_known: weakref.WeakKeyDictionary[RoadAtlas, RoadRaster] = weakref.WeakKeyDictionary()
+
+
+def road_raster(atlas: RoadAtlas) -> RoadRaster:
+    """Return the pictures of an atlas's maps; they are drawn once."""
+    if atlas not in _known:
+        _known[atlas] = _pack([_draw(graph) for graph in atlas.graphs])
+    return _known[atlas]
+
+
+def _pack(pictures: list[tuple[Pixels, Floats, float]]) -> RoadRaster:
+    sizes = [picture.size for picture, _, _ in pictures]
+    return RoadRaster(
+        cells=np.concatenate([picture.ravel() for picture, _, _ in pictures]),
+        first=np.cumsum([0, *sizes])[:-1].astype(np.int64),
+        shape=np.array([picture.shape for picture, _, _ in pictures], np.int64),
+        origin=np.array([origin for _, origin, _ in pictures]),
+        size=np.array([size for _, _, size in pictures]),
+    )
+
+
+def _draw(graph: LaneGraph) -> tuple[Pixels, Floats, float]:
+    """Return a map's cells, shape (rows, columns), their south-western corner and their size [m]."""
+    margin = float(graph.width.max())
+    corners = np.concatenate((graph.point_xy, graph.junction_xy))
+    origin, extent = corners.min(axis=0) - margin, np.ptp(corners, axis=0) + 2 * margin
+    size = max(_CELL, float(np.sqrt(extent.prod() / _MOST_CELLS)))
+    columns, rows = (int(count) for count in np.ceil(extent / size))
+    cells = np.zeros((rows, columns), np.uint8)
+    frame = (cells, float(origin[0]), float(origin[1]), size)
+    # The graph's own arrays are read-only, which would be another signature to compile.
+    points, vertices = graph.point_xy.copy(), graph.junction_xy.copy()
+    for junction in range(len(graph.junction_ids)):
+        first, last = (int(n) for n in graph.junction_start[junction : junction + 2])
+        paint_outline(*frame, vertices, first, last, ROAD)
+    for lane, kind in enumerate(graph.kind):
+        bits = ROAD if kind in ROAD_LANES else PATH if kind in _PATHS else 0
+        if not bits:
+            continue
+        half = float(graph.width[lane]) / 2
+        line = (points, *(int(n) for n in graph.point_start[lane : lane + 2]))
+        paint_band(*frame, *line, -half, half, 0.0, bits)
+        if bits == ROAD and not graph.is_internal[lane]:
+            is_leftmost = graph.left[lane] < 0 or graph.kind[graph.left[lane]] not in ROAD_LANES
+            dash, marking = (0.0, CENTRE_LINE) if is_leftmost else (_DASH, DIVIDER)
+            paint_band(*frame, *line, half - _LINE, half + _LINE, dash, marking)
+    return cells, origin, size

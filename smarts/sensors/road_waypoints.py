@@ -1,0 +1,213 @@
+"""Waypoints in all lanes of the road that the agent's vehicle is on, wherever it is bound for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.agents.options import RoadWaypoints
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at
+from smarts.roads.arrays import Roads
+from smarts.roads.kernels import centre_at, project_on_lanes
+from smarts.roads.scene import Scene
+from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
+from smarts.sensors.road_links import RoadLinks, road_links
+from smarts.types.interface import Field
+
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+
+class _Entries(NamedTuple):
+    """The arrays to be filled, shape (B, G, ...), K lanes of W waypoints each."""
+
+    lane_count: Ints
+    oncoming: Bytes
+    waypoint_count: Ints
+    beside: Ints
+    position: Floats
+    heading: Singles
+    lane_width: Singles
+    speed_limit: Singles
+    lane: Ints
+    lane_index: Ints
+    lane_offset: Singles
+
+
+@dataclass(frozen=True)
+class RoadWaypointsAround:
+    """Waypoints a metre apart behind and ahead of the vehicle in every lane of its road.
+
+    Lanes of its own direction come first, from the right to the left, then the oncoming ones, from their
+    right to their left; each lane's waypoints are in the lane's own direction. Beyond the road's ends the
+    waypoints follow the way that turns least.
+    """
+
+    option: RoadWaypoints = field(default_factory=RoadWaypoints)
+
+    def fields(self) -> tuple[Field, ...]:
+        """Return what is reported."""
+        k, w = self.option.lanes, 2 * self.option.horizon + 1
+        return (
+            Field("lane_count", (), np.int32, 0, k, "", "how many lanes there are; the others are 0"),
+            Field("oncoming", (k,), np.int8, 0, 1, "", "1 if the lane leads the other way"),
+            Field("waypoint_count", (k,), np.int32, 0, w, "", "waypoints of each lane; those after are 0"),
+            Field("beside", (k,), np.int32, 0, w, "", "which of them is beside the vehicle"),
+            Field("position", (k, w, 2), np.float64, -FARTHEST, FARTHEST, "m", "on the lane's centreline"),
+            Field("heading", (k, w), np.float32, -np.pi, np.pi, "rad", "of the centreline"),
+            Field("lane_width", (k, w), np.float32, 0, LARGEST_BOX, "m", ""),
+            Field("speed_limit", (k, w), np.float32, 0, FASTEST, "m/s", ""),
+            Field("lane", (k, w), np.int32, 0, MOST, "", "number in the map"),
+            Field("lane_index", (k, w), np.int32, 0, MOST, "", "place across the road, 0 is the rightmost"),
+            Field("lane_offset", (k, w), np.float32, 0, FARTHEST, "m", "along the lane from its begin"),
+        )
+
+    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted seats."""
+        world = scene.world
+        _observe(
+            seats,
+            wanted,
+            world.seats.slot,
+            scene.atlas.roads,
+            road_links(scene.atlas),
+            world.map,
+            world.vehicles.position,
+            world.vehicles.lane,
+            self.option.horizon,
+            _Entries(**{name: out[name] for name in _Entries._fields}),
+        )
+
+
+@kernel
+def _length(roads: Roads, lane: int) -> float:
+    return float(roads.point_s[roads.point_start[lane + 1] - 1])
+
+
+@kernel
+def _one_back(roads: Roads, links: RoadLinks, lane: int, s: float) -> tuple[int, float]:
+    """Return the place a metre behind another, lane -1 if there is none."""
+    s -= 1.0
+    while s < 0.0 and lane >= 0:
+        lane = links.behind[lane]
+        if lane >= 0:
+            s += _length(roads, lane)
+    return lane, s
+
+
+@kernel
+def _one_on(roads: Roads, links: RoadLinks, lane: int, s: float) -> tuple[int, float]:
+    """Return the place a metre ahead of another, lane -1 if there is none."""
+    s += 1.0
+    while lane >= 0 and s > _length(roads, lane):
+        s -= _length(roads, lane)
+        lane = links.ahead[lane]
+    return lane, s
+
+
+@kernel
+def _write(
+    roads: Roads, base: int, lane: int, s: float, b: int, g: int, k: int, w: int, entries: _Entries
+) -> None:
+    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+    x, y, heading = centre_at(roads, point, s)
+    entries.position[b, g, k, w, 0] = clipped(x, FARTHEST)
+    entries.position[b, g, k, w, 1] = clipped(y, FARTHEST)
+    entries.heading[b, g, k, w] = clipped(heading, math.pi)
+    entries.lane_width[b, g, k, w] = clipped_above(roads.lane_width[lane], LARGEST_BOX)
+    entries.speed_limit[b, g, k, w] = clipped_above(roads.lane_speed[lane], FASTEST)
+    entries.lane[b, g, k, w] = lane - base
+    entries.lane_index[b, g, k, w] = roads.lane_index[lane]
+    entries.lane_offset[b, g, k, w] = clipped_above(s, FARTHEST)
+
+
+@kernel
+def _write_lane(
+    roads: Roads,
+    links: RoadLinks,
+    base: int,
+    lane: int,
+    foot: float,
+    horizon: int,
+    b: int,
+    g: int,
+    k: int,
+    entries: _Entries,
+) -> None:
+    """Write the waypoints of one lane and of those before and after it."""
+    behind = 0
+    at, s = _one_back(roads, links, lane, foot)
+    while behind < horizon and at >= 0:
+        behind += 1
+        at, s = _one_back(roads, links, at, s)
+    at, s = lane, foot
+    for step in range(behind):
+        at, s = _one_back(roads, links, at, s)
+        _write(roads, base, at, s, b, g, k, behind - 1 - step, entries)
+    count = behind
+    at, s = lane, foot
+    while at >= 0 and count <= behind + horizon:
+        _write(roads, base, at, s, b, g, k, count, entries)
+        count += 1
+        at, s = _one_on(roads, links, at, s)
+    entries.beside[b, g, k], entries.waypoint_count[b, g, k] = behind, count
+
+
+@kernel
+def _clear(entries: _Entries, b: int, g: int, k: int, first: int) -> None:
+    entries.position[b, g, k, first:] = 0.0
+    entries.heading[b, g, k, first:] = 0.0
+    entries.lane_width[b, g, k, first:] = 0.0
+    entries.speed_limit[b, g, k, first:] = 0.0
+    entries.lane[b, g, k, first:] = 0
+    entries.lane_index[b, g, k, first:] = 0
+    entries.lane_offset[b, g, k, first:] = 0.0
+
+
+@kernel
+def _observe(
+    seats: Ints,
+    wanted: Bools,
+    slots: Ints,
+    roads: Roads,
+    links: RoadLinks,
+    maps: Ints,
+    position: Floats,
+    lane: Ints,
+    horizon: int,
+    entries: _Entries,
+) -> None:
+    number, foot, offset = np.empty(1, np.int32), np.empty(1), np.empty(1)
+    most = entries.beside.shape[2]
+    for b in range(wanted.shape[0]):
+        base = roads.lane_base[maps[b]]
+        for g in range(wanted.shape[1]):
+            if not wanted[b, g]:
+                continue
+            v, count = slots[b, seats[g]], 0
+            if lane[b, v] >= 0:
+                own = base + lane[b, v]
+                first, last = links.beside_start[own], links.beside_start[own + 1]
+                for entry in range(first, min(last, first + most)):
+                    number[0] = links.beside[entry] - base
+                    project_on_lanes(roads, maps[b : b + 1], number, position[b, v : v + 1], foot, offset)
+                    entries.oncoming[b, g, count] = entry - first >= links.own_count[own]
+                    _write_lane(
+                        roads, links, base, links.beside[entry], foot[0], horizon, b, g, count, entries
+                    )
+                    _clear(entries, b, g, count, entries.waypoint_count[b, g, count])
+                    count += 1
+            entries.lane_count[b, g] = count
+            for k in range(count, most):
+                entries.oncoming[b, g, k] = 0
+                entries.beside[b, g, k], entries.waypoint_count[b, g, k] = 0, 0
+                _clear(entries, b, g, k, 0)

@@ -1,0 +1,106 @@
+"""All sensors of all seats: one call of each sensor serves every agent that has it with the same options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.agents.interface import AgentInterface
+from smarts.roads.scene import Scene
+from smarts.sensors import SENSORS
+from smarts.sensors.protocol import Sensor
+from smarts.types.frame import Readings
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+EVERYBODY_HAS = ("ego_vehicle_state", "mission", "via_data")
+"""The sensors that are always on."""
+
+
+def sensors_of(interface: AgentInterface) -> dict[str, Sensor]:
+    """Return the sensors of an agent by name, made from the options of its interface."""
+    options = interface.sensors
+    return {
+        name: SENSORS[name](options[name]) if name in options else SENSORS[name]()
+        for name in SENSORS
+        if name in options or name in EVERYBODY_HAS
+    }
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Seats whose sensors are equal, with the arrays that they share."""
+
+    name: str
+    """In `Readings`."""
+    sensor: Sensor
+    seats: Ints
+    wanted: Bools
+    """Buffer that groups of the same seats share, shape (B, G)."""
+    block: Mapping[str, NDArray]
+
+
+class SensorSuite:
+    """Observes the seats that are wanted; an implementation of `smarts.sim.stages.Sensors`.
+
+    In the readings, the block of a sensor has its name; where agents have the same sensor with other options,
+    the second group of seats has its name and ":2", and so on. Groups are in the order of their first seats.
+
+    Args:
+        scene: What is to be observed.
+        interfaces: Of the agent in each seat, None for a seat without sensors, shape (A,).
+    """
+
+    def __init__(self, scene: Scene, interfaces: Sequence[AgentInterface | None]) -> None:
+        self._scene = scene
+        self._groups = _groups(interfaces, scene.world.worlds)
+        buffers = {id(group.wanted): (group.seats, group.wanted) for group in self._groups}
+        self._wanted = tuple(buffers.values())
+        self._readings = Readings(
+            {group.name: group.block for group in self._groups},
+            {group.name: group.seats for group in self._groups},
+        )
+        self._places = {
+            (group.name.partition(":")[0], int(seat)): (group.name, column)
+            for group in self._groups
+            for column, seat in enumerate(group.seats)
+        }
+
+    def observe(self, world: World, wanted: Bools) -> Readings:
+        """Return the readings of the wanted seats, shape (B, A)."""
+        for seats, buffer in self._wanted:
+            np.take(wanted, seats, axis=1, out=buffer)
+        if wanted.any():
+            for group in self._groups:
+                group.sensor.observe(self._scene, group.seats, group.wanted, group.block)
+        return self._readings
+
+    def place(self, sensor: str, seat: int) -> tuple[str, int] | None:
+        """Return the block and the column in it of a seat's sensor, None if the seat does not have it."""
+        return self._places.get((sensor, seat))
+
+
+def _groups(interfaces: Sequence[AgentInterface | None], worlds: int) -> list[_Group]:
+    """Return the groups, those of one sensor after each other, in the order of the registry."""
+    seats: dict[str, dict[Sensor, list[int]]] = {name: {} for name in SENSORS}
+    for seat, interface in enumerate(interfaces):
+        for name, sensor in (sensors_of(interface) if interface else {}).items():
+            seats[name].setdefault(sensor, []).append(seat)
+    members_of = {tuple(members) for groups in seats.values() for members in groups.values()}
+    wanted = {members: np.zeros((worlds, len(members)), np.bool_) for members in members_of}
+    return [
+        _Group(
+            name=name if number == 1 else f"{name}:{number}",
+            sensor=sensor,
+            seats=np.array(members, np.int32),
+            wanted=wanted[tuple(members)],
+            block={field.name: field.allocate(worlds, len(members)) for field in sensor.fields()},
+        )
+        for name, groups in seats.items()
+        for number, (sensor, members) in enumerate(groups.items(), start=1)
+    ]

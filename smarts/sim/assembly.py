@@ -1,0 +1,230 @@
+"""Assembly: scenarios and interfaces in, a simulation that is ready to run out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from smarts.agents.interface import AgentInterface
+from smarts.agents.options import InterfaceError
+from smarts.agents.rules import alive_rules, seat_rules
+from smarts.controllers.legality import Legality
+from smarts.controllers.set import ControllerSet
+from smarts.dynamics import vehicle
+from smarts.providers.sumo_traffic import SumoTraffic
+from smarts.providers.traffic_set import TrafficSet
+from smarts.providers.vehicle import FleetVehicles
+from smarts.providers.vehicle_surface import RoadSurfaces
+from smarts.roads.atlas import RoadAtlas
+from smarts.roads.scene import Scene
+from smarts.roads.seat_routes import SeatRoutes
+from smarts.sensors.suite import SensorSuite
+from smarts.sim.contacts import FootprintContacts
+from smarts.sim.entries import Entries
+from smarts.sim.events import AgentEvents
+from smarts.sim.interest import interest_of
+from smarts.sim.locator import MapLocator
+from smarts.sim.ownership import Ownership
+from smarts.sim.schedule import Schedule
+from smarts.sim.simulation import Simulation, Stages
+from smarts.sim.starts import Shape
+from smarts.sim.transfer_rules import TakeOverRules
+from smarts.sstudio.built import BuiltScenario
+from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.frame import Frame
+from smarts.types.interface import SeatRules
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+
+if TYPE_CHECKING:
+    from smarts.sim.recorder import EpisodeRecorder
+
+PATH_ACTIONS = (ActionSpaceType.Trajectory, ActionSpaceType.MPC, ActionSpaceType.TrajectoryWithTime)
+"""Agents that act by one of these need room for paths."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a simulation is run."""
+
+    dt: float = 0.1
+    """Length of a step [s]."""
+    path: int = 64
+    """The most points of a path that an agent gives as its action."""
+    record: Path | None = None
+    """Where episodes are written to; None: nowhere."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A simulation and what its users need beside it."""
+
+    simulation: Simulation
+    schedule: Schedule
+    """Which episode comes when; `simulation.reset({row: schedule.start(world, episode)})`."""
+    scene: Scene
+    """What sensors, controllers and adapters look at."""
+    rules: SeatRules
+    """Of all seats."""
+    actions: Actions
+    """Buffers with the kinds of all seats."""
+    ownership: Ownership
+    """Knows the public names of vehicles (`rosters`) and their routes (`routes`)."""
+    recorder: EpisodeRecorder | None
+    """Takes notes on what is recorded (`annotate`); None if nothing is."""
+
+
+class NoRecorder:
+    """Keeps nothing."""
+
+    def record(self, frame: Frame) -> None:
+        """Let the frame pass."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class LocatorStage:
+    """Says where everybody is, and then what may be done there."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._locator = MapLocator(scene.atlas, scene.routes)
+        self._legality = Legality(scene)
+
+    def locate(self, world: World, rows: np.ndarray) -> None:
+        """Write all vehicles' places, the seats' progress and their legal actions."""
+        self._locator.locate(world, rows)
+        self._legality.write(world, rows)
+
+
+def assemble(
+    scenarios: Sequence[BuiltScenario],
+    interfaces: Sequence[AgentInterface],
+    *,
+    agents: Sequence[str] = (),
+    worlds: int = 1,
+    seed: int = 42,
+    options: Options | None = None,
+) -> Assembly:
+    """Return B simulations of some scenarios, to be reset before the first step.
+
+    Args:
+        scenarios: What is played, in turns.
+        interfaces: Of the egos, in the order of their seats.
+        agents: The egos' names; by default "agent-0" and so on.
+        worlds: B.
+        seed: Of the run.
+        options: How it is run.
+
+    Raises:
+        ScenarioError: A scenario cannot be played with so many egos.
+        InterfaceError: The names do not fit the interfaces, or each other.
+    """
+    options = options or Options()
+    names = _names(agents, len(interfaces))
+    schedule = Schedule(scenarios, names, shapes=[_shape(interface) for interface in interfaces], seed=seed)
+    scene = _scene(schedule, worlds, len(interfaces), options)
+    with ExitStack() as on_failure:
+        vehicles, traffic = _vehicles(scene, interfaces, schedule), _traffic(schedule, worlds, options)
+        on_failure.callback(vehicles.close)
+        on_failure.callback(traffic.close)
+        parts = _assemble(scene, interfaces, schedule, vehicles, traffic, options)
+        on_failure.pop_all()
+    return parts
+
+
+def _scene(schedule: Schedule, worlds: int, seats: int, options: Options) -> Scene:
+    atlas = RoadAtlas(schedule.maps)
+    world = World(
+        worlds=worlds,
+        capacity=schedule.limit + seats,
+        seats=seats,
+        lanes=max(len(graph.lane_ids) for graph in schedule.maps),
+        vias=schedule.vias,
+        dt=options.dt,
+    )
+    return Scene(world, atlas, SeatRoutes(atlas, worlds, seats))
+
+
+def _vehicles(scene: Scene, interfaces: Sequence[AgentInterface], schedule: Schedule) -> FleetVehicles:
+    return FleetVehicles(
+        scene.world,
+        [interface.vehicle_model for interface in interfaces],
+        surfaces=RoadSurfaces(schedule.surfaces, schedule.maps) if any(schedule.surfaces) else None,
+    )
+
+
+def _traffic(schedule: Schedule, worlds: int, options: Options) -> TrafficSet:
+    def engine() -> SumoTraffic:
+        return SumoTraffic(dt=options.dt)
+
+    return TrafficSet([engine() for _ in range(worlds)], schedule.maps, engine)
+
+
+def _assemble(
+    scene: Scene,
+    interfaces: Sequence[AgentInterface],
+    schedule: Schedule,
+    vehicles: FleetVehicles,
+    traffic: TrafficSet,
+    options: Options,
+) -> Assembly:
+    world, rules = scene.world, seat_rules(interfaces, options.dt)
+    ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
+    entries = Entries(ownership, scene.routes)
+    alive = alive_rules(interfaces, schedule.agents, len(interfaces))
+    interest = interest_of(interfaces, schedule, entries, ownership)
+    recorder = _recorder(scene, ownership, options)
+    stages = Stages(
+        ownership=ownership,
+        entries=entries,
+        controllers=ControllerSet(scene, rules.action.tolist(), schedule.speeds),
+        vehicles=vehicles,
+        traffic=traffic,
+        locator=LocatorStage(scene),
+        contacts=FootprintContacts(world),
+        events=AgentEvents(scene, rules, alive, interest),
+        transfer_rules=TakeOverRules(ownership, entries, vehicles.can_accept),
+        sensors=SensorSuite(scene, interfaces),
+        recorder=recorder or NoRecorder(),
+    )
+    actions = _actions(rules, world.worlds, options)
+    return Assembly(Simulation(world, stages), schedule, scene, rules, actions, ownership, recorder)
+
+
+def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
+    if not agents:
+        return tuple(f"agent-{number}" for number in range(egos))
+    if len(agents) != egos or len(set(agents)) != egos:
+        raise InterfaceError(
+            f"{egos} interfaces, and the names {', '.join(map(repr, agents))}",
+            remedy="give every interface a name of its own",
+        )
+    return tuple(agents)
+
+
+def _shape(interface: AgentInterface) -> Shape:
+    kind = interface.vehicle_kind
+    parameters = vehicle(VehicleKind(kind).name.lower())
+    return Shape(kind, parameters.length, parameters.width)
+
+
+def _actions(rules: SeatRules, worlds: int, options: Options) -> Actions:
+    has_paths = bool(np.isin(rules.action, PATH_ACTIONS).any())
+    actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
+    actions.kind[:] = rules.action
+    return actions
+
+
+def _recorder(scene: Scene, ownership: Ownership, options: Options) -> EpisodeRecorder | None:
+    if options.record is None:
+        return None
+    # Only who records has to wait for pyarrow.
+    from smarts.sim.recorder import EpisodeRecorder
+
+    return EpisodeRecorder(scene, ownership, options.record)

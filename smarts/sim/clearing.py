@@ -1,0 +1,102 @@
+"""Room for a vehicle that is put into traffic: who would have to crash into it, or is in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.boxes import boxes_overlap
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.vehicles import Owner, VehicleStates
+
+BRAKING = 3.0
+"""What a driver behind is to get by with [m/s^2]."""
+REACTION = 1.0
+"""Time that a driver gets on top of that [s]."""
+MARGIN = (10.0, 1.0)
+"""Kept free before and behind, and on either side, whatever the speeds [m]."""
+
+
+def vehicles_in_the_way(
+    roads: LaneGraph,
+    states: VehicleStates,
+    slot: int,
+    leads_here: Callable[[int], bool] = lambda other: True,
+) -> list[int]:
+    """Return the slots of traffic that a vehicle has too little room from.
+
+    That is who is within `MARGIN`, and who would have to brake harder than `BRAKING` because of the
+    difference in speed, or the vehicle for them.
+
+    Args:
+        roads: The map.
+        states: The vehicles of one simulation, located.
+        slot: The vehicle's.
+        leads_here: Whether another, on a lane that may lead to the vehicle's, is going to come there.
+    """
+    others = np.flatnonzero(states.alive & (states.owner != Owner.AGENT))
+    others = others[others != slot]
+    if not len(others):
+        return []
+    size = np.array([[states.length[slot], states.width[slot]]]) + 2 * np.array(MARGIN)
+    blocked = boxes_overlap(
+        states.position[[slot]],
+        states.heading[[slot]],
+        size,
+        states.position[others],
+        states.heading[others],
+        np.stack([states.length[others], states.width[others]], -1),
+    )
+    found = set(others[blocked].tolist())
+    speed, half = float(states.speed[slot]), float(states.length[slot]) / 2
+    fastest = float(states.speed[others].max(initial=0.0))
+    for other, distance in _along(roads, states, slot, others, needed_gap(speed, 0.0), ahead=True):
+        gap = distance - half - float(states.length[other]) / 2
+        if gap < needed_gap(speed, float(states.speed[other])):
+            found.add(other)
+    for other, distance in _along(roads, states, slot, others, needed_gap(fastest, speed), ahead=False):
+        gap = distance - half - float(states.length[other]) / 2
+        if gap < needed_gap(float(states.speed[other]), speed) and leads_here(other):
+            found.add(other)
+    return sorted(found)
+
+
+def needed_gap(behind: float, ahead: float) -> float:
+    """Return the gap [m] in which a driver comes down to the speed of the vehicle ahead [m/s]."""
+    return REACTION * behind + max(0.0, behind**2 - ahead**2) / (2 * BRAKING)
+
+
+def _along(
+    roads: LaneGraph,
+    states: VehicleStates,
+    slot: int,
+    others: NDArray[np.intp],
+    horizon: float,
+    *,
+    ahead: bool,
+) -> list[tuple[int, float]]:
+    """Return the others on the lanes that lead on (or hither), with the distance of the centres [m]."""
+    home, s = int(states.lane[slot]), float(states.lane_position[slot])
+    if home < 0:
+        return []
+    found = []
+    reach = horizon + float(states.length.max())
+    # Distance from the vehicle to where each lane begins, counted in the direction of the search.
+    open_lanes, seen = [(home, -s if ahead else s - float(roads.length[home]))], {home}
+    while open_lanes:
+        lane, begin = open_lanes.pop()
+        whole = float(roads.length[lane])
+        for other in others[states.lane[others] == lane].tolist():
+            place = float(states.lane_position[other])
+            distance = begin + (place if ahead else whole - place)
+            if 0.0 < distance <= reach:
+                found.append((other, distance))
+        if begin + whole <= reach:
+            onward = roads.successors(lane) if ahead else roads.predecessors(lane)
+            for following in onward.tolist():
+                if following not in seen:
+                    seen.add(following)
+                    open_lanes.append((following, begin + whole))
+    return found

@@ -1,0 +1,276 @@
+"""Contacts: which vehicles touched, by their footprints at every sub-step of the step."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.boxes import box_gaps, contact_direction
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import interpolate_angle
+from smarts.sim.columns import columns_of
+from smarts.types.events import Contacts
+from smarts.types.seats import SeatState
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+FRONT, LEFT, REAR, RIGHT = range(4)
+
+HalfSize = tuple[float, float]
+"""Half the length and half the width of a footprint [m]."""
+
+_ACTIVE = int(SeatState.ACTIVE)
+_SHADOWING = int(SeatState.SHADOWING)
+
+
+class Footprints(NamedTuple):
+    """The columns of `VehicleStates` that say where a vehicle's box is, shape (B, V)."""
+
+    alive: Bools
+    generation: Ints
+    position: Floats
+    heading: Floats
+    length: Floats
+    width: Floats
+
+
+class SeatSlots(NamedTuple):
+    """The columns of `Seats` that say which vehicle an agent has, shape (B, A)."""
+
+    state: Bytes
+    slot: Ints
+
+
+class ContactColumns(NamedTuple):
+    """`Contacts`."""
+
+    partner: Ints
+    partner_generation: Ints
+    substep: Bytes
+    closing_speed: Floats
+    side: Bytes
+    touching: Bools
+
+
+class FootprintContacts:
+    """Finds contacts by the separating-axis theorem, at each sub-step, between oriented boxes.
+
+    Vehicles that agents drive are where their tracks say. All others move evenly from their pose a step ago
+    to their pose now, and turn the shorter way; those that have just come stand where they are. So vehicles
+    that pass through each other within a step are found, too.
+    """
+
+    def __init__(self, world: World) -> None:
+        worlds, seats = world.seats.slot.shape
+        self._contacts = Contacts.allocate(worlds, seats, world.vehicles.capacity)
+        self._columns = columns_of(self._contacts, ContactColumns)
+        self._now = columns_of(world.vehicles, Footprints)
+        self._before = columns_of(world.before, Footprints)
+        self._seats = columns_of(world.seats, SeatSlots)
+        self._dt = world.dt
+
+    def find(self, world: World, tracks: Floats, rows: Bools) -> Contacts:
+        """Return the first contact of each seat's vehicle during the step.
+
+        Args:
+            world: The one that this was made for.
+            tracks: x, y [m], heading [rad] after each sub-step, shape (B, A, S, 3). With S = 0 only the
+                present counts.
+            rows: Which simulations made the step, shape (B,).
+        """
+        find_contacts(self._now, self._before, tracks, self._seats, rows, self._dt, self._columns)
+        return self._contacts
+
+
+@kernel
+def find_contacts(
+    now: Footprints,
+    before: Footprints,
+    tracks: Floats,
+    seats: SeatSlots,
+    rows: Bools,
+    dt: float,
+    out: ContactColumns,
+) -> None:
+    """Write the contacts of all seats; those of simulations that made no step have none.
+
+    Args:
+        now: All vehicles.
+        before: A step ago.
+        tracks: Poses of the seats' vehicles after each sub-step, shape (B, A, S, 3); S is 0 at a reset.
+        seats: Who drives.
+        rows: Which simulations made the step, shape (B,).
+        dt: Length of the step [s].
+        out: Written.
+    """
+    # Arrays by themselves: to take one out of a tuple costs more than to read from it.
+    position, length, width = now.position, now.length, now.width
+    state, slots, touching, partner = seats.state, seats.slot, out.touching, out.partner
+    capacity, substeps = position.shape[1], max(1, tracks.shape[2])
+    near, reach = np.empty(capacity, np.int32), np.empty(capacity)
+    seat_of = np.empty(capacity, np.int32)
+    path, path2 = np.empty((substeps + 1, 3)), np.empty((substeps + 1, 3))
+    partner[:] = -1
+    out.partner_generation[:] = 0
+    out.substep[:] = 0
+    out.closing_speed[:] = 0.0
+    out.side[:] = 0
+    touching[:] = False
+    for row in range(len(rows)):
+        if not rows[row]:
+            continue
+        alive = _survey(now, before, tracks, seats, row, near, reach, seat_of)
+        for seat in range(state.shape[1]):
+            slot = slots[row, seat]
+            if slot < 0 or state[row, seat] not in (_ACTIVE, _SHADOWING):
+                continue
+            _follow(now, before, tracks, row, slot, seat_of[slot], path)
+            first = np.inf
+            for number in range(alive):
+                other = near[number]
+                dx = position[row, other, 0] - position[row, slot, 0]
+                dy = position[row, other, 1] - position[row, slot, 1]
+                far = reach[slot] + reach[other]
+                if other == slot or dx * dx + dy * dy > far * far:
+                    continue
+                _follow(now, before, tracks, row, other, seat_of[other], path2)
+                size = 0.5 * length[row, slot], 0.5 * width[row, slot]
+                size2 = 0.5 * length[row, other], 0.5 * width[row, other]
+                substep = _first_overlap(path, size, path2, size2)
+                if substep < 0:
+                    continue
+                touching[row, seat, other] = True
+                when, closing_speed, side = _impact(path, size, path2, size2, substep, dt / substeps)
+                if substep + when < first:
+                    first = substep + when
+                    partner[row, seat] = other
+                    out.partner_generation[row, seat] = now.generation[row, other]
+                    out.substep[row, seat] = substep
+                    out.closing_speed[row, seat] = closing_speed
+                    out.side[row, seat] = side
+
+
+@kernel
+def _survey(
+    now: Footprints,
+    before: Footprints,
+    tracks: Floats,
+    seats: SeatSlots,
+    row: int,
+    near: Ints,
+    reach: Floats,
+    seat_of: Ints,
+) -> int:
+    """List the vehicles of one simulation, and how far from its present centre each box was at most.
+
+    Args:
+        now: All vehicles.
+        before: A step ago.
+        tracks: Of the seats' vehicles.
+        seats: Who drives.
+        row: The simulation.
+        near: Written: the slots, in order.
+        reach: Written: by slot [m].
+        seat_of: Written: by slot, the seat whose track the vehicle follows, -1 if it moves evenly.
+
+    Returns:
+        How many vehicles there are.
+    """
+    alive, generation, position, length, width = (
+        now.alive,
+        now.generation,
+        now.position,
+        now.length,
+        now.width,
+    )
+    was_alive, old_generation, old_position = before.alive, before.generation, before.position
+    count = 0
+    for slot in range(alive.shape[1]):
+        if alive[row, slot]:
+            near[count] = slot
+            count += 1
+            seat_of[slot] = -1
+            reach[slot] = 0.5 * math.hypot(length[row, slot], width[row, slot])
+            if was_alive[row, slot] and old_generation[row, slot] == generation[row, slot]:
+                dx = position[row, slot, 0] - old_position[row, slot, 0]
+                reach[slot] += math.hypot(dx, position[row, slot, 1] - old_position[row, slot, 1])
+    for seat in range(tracks.shape[1]):
+        slot = seats.slot[row, seat]
+        if seats.state[row, seat] == _ACTIVE and slot >= 0 and tracks.shape[2] > 0:
+            seat_of[slot] = seat
+            farthest = 0.0
+            for substep in range(tracks.shape[2]):
+                dx = tracks[row, seat, substep, 0] - position[row, slot, 0]
+                farthest = max(
+                    farthest, math.hypot(dx, tracks[row, seat, substep, 1] - position[row, slot, 1])
+                )
+            reach[slot] = max(reach[slot], farthest + 0.5 * math.hypot(length[row, slot], width[row, slot]))
+    return count
+
+
+@kernel
+def _follow(
+    now: Footprints, before: Footprints, tracks: Floats, row: int, slot: int, seat: int, path: Floats
+) -> None:
+    """Write a vehicle's poses at the beginning of the step and after each sub-step, shape (S + 1, 3)."""
+    x, y, heading = now.position[row, slot, 0], now.position[row, slot, 1], now.heading[row, slot]
+    is_new = not before.alive[row, slot] or before.generation[row, slot] != now.generation[row, slot]
+    last = len(path) - 1
+    if seat >= 0:
+        path[1:] = tracks[row, seat]
+        path[0] = path[1]
+        if not is_new:
+            path[0, 0], path[0, 1] = before.position[row, slot]
+            path[0, 2] = before.heading[row, slot]
+        return
+    x0, y0, heading0 = x, y, heading
+    if not is_new:
+        x0, y0 = before.position[row, slot]
+        heading0 = before.heading[row, slot]
+    for number in range(last):
+        share = number / last
+        path[number, 0], path[number, 1] = x0 + share * (x - x0), y0 + share * (y - y0)
+        path[number, 2] = interpolate_angle(heading0, heading, share)
+    path[last, 0], path[last, 1], path[last, 2] = x, y, heading
+
+
+@kernel
+def _first_overlap(path: Floats, size: HalfSize, path2: Floats, size2: HalfSize) -> int:
+    """Return the first sub-step at whose end two vehicles overlap, -1 if there is none."""
+    reach = math.hypot(size[0], size[1]) + math.hypot(size2[0], size2[1])
+    for number in range(1, len(path)):
+        dx, dy = path2[number, 0] - path[number, 0], path2[number, 1] - path[number, 1]
+        if dx * dx + dy * dy >= reach * reach:
+            continue
+        pose = path[number, 0], path[number, 1], path[number, 2]
+        pose2 = path2[number, 0], path2[number, 1], path2[number, 2]
+        if max(box_gaps(pose, size[0], size[1], pose2, size2[0], size2[1])) < 0.0:
+            return number - 1
+    return -1
+
+
+@kernel
+def _impact(
+    path: Floats, size: HalfSize, path2: Floats, size2: HalfSize, substep: int, dt: float
+) -> tuple[float, float, int]:
+    """Return when during the sub-step two vehicles met (0 to 1), how fast [m/s], and at which side."""
+    old = path[substep, 0], path[substep, 1], path[substep, 2]
+    old2 = path2[substep, 0], path2[substep, 1], path2[substep, 2]
+    pose = path[substep + 1, 0], path[substep + 1, 1], path[substep + 1, 2]
+    pose2 = path2[substep + 1, 0], path2[substep + 1, 1], path2[substep + 1, 2]
+    gaps_before = box_gaps(old, size[0], size[1], old2, size2[0], size2[1])
+    gaps = box_gaps(pose, size[0], size[1], pose2, size2[0], size2[1])
+    x, y, when = contact_direction(pose, pose2, gaps_before, gaps)
+    approach = (pose[0] - old[0] - pose2[0] + old2[0]) * x + (pose[1] - old[1] - pose2[1] + old2[1]) * y
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    ahead, aside = x * cosine + y * sine, y * cosine - x * sine
+    if abs(ahead) < abs(aside):
+        return when, max(0.0, approach / dt), LEFT if aside > 0.0 else RIGHT
+    return when, max(0.0, approach / dt), FRONT if ahead > 0.0 else REAR

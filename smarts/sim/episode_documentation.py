@@ -1,0 +1,43 @@
+"""The page that says what is in a recorded episode, made from the schema that writer and reader use.
+
+`python -m smarts.sim.episode_documentation` writes it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from smarts.types.episode_schema import TABLES, VERSION
+
+PAGE = Path(__file__).parents[2] / "docs" / "episodes.md"
+
+_OPENING = f"""# Recorded episodes
+
+Written by `python -m smarts.sim.episode_documentation` from `smarts/types/episode_schema.py`. This is format
+{VERSION}.
+
+`assemble(..., options=Options(record=folder))` records every episode into a folder of its own below `folder`,
+one Parquet file for each table below; `smarts.sim.episode_files.RecordedEpisode(folder)` reads them, and
+`smarts-bench render EPISODE --out film.gif` draws them. A folder appears when all is in it: a process that is
+killed leaves a hidden folder, which the next one to record there takes away. The maps lie beside the episodes
+as `maps/<map>.npz` and are lane graphs.
+
+Row `step = k` of vehicles, seats and signals is the state after k steps; k = 0 is the reset. Row `step = k`
+of decisions and extras is what was decided on that state, or followed from it until the seat's next decision.
+A vehicle is (slot, generation); lanes and edges are numbers in the lane graph.
+"""
+
+
+def episodes_page() -> str:
+    """Return the page as Markdown."""
+    parts = [_OPENING]
+    for table in TABLES:
+        parts += [f"## {table.name}\n", f"{table.meaning[0].upper()}{table.meaning[1:]}.\n"]
+        parts += ["| column | type | unit | meaning |", "|---|---|---|---|"]
+        parts += [f"| {c.name} | {c.kind} | {c.unit} | {c.meaning} |" for c in table.columns]
+        parts.append("")
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(episodes_page())

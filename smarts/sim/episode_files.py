@@ -1,0 +1,250 @@
+"""Recorded episodes on disk: a folder of Parquet files each, whole or not there at all.
+
+An episode is written into a hidden folder beside its place, which gets its name when all is in it. What a
+killed process leaves is such a folder; whoever opens the store for writing next takes it away.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import socket
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from smarts.errors import RecordError
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.episode_schema import EPISODE, INTEGERS, NUMBERS, TABLE, TEXT, VERSION, Table
+
+MAPS = "maps"
+PARTIAL = ".partial"
+
+Rows = Mapping[str, Sequence[Any] | NDArray]
+"""Columns by name, all of one length."""
+
+
+class EpisodeStore:
+    """A folder of recorded episodes, open for writing.
+
+    Several processes may write into one store.
+
+    Args:
+        root: The folder; made if it is not there.
+
+    Raises:
+        RecordError: It cannot be written to.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._maps: dict[int, tuple[LaneGraph, str]] = {}
+        try:
+            (root / MAPS).mkdir(parents=True, exist_ok=True)
+            for partial in root.glob(f"{PARTIAL}-*"):
+                if _is_abandoned(partial.name):
+                    _remove(partial)
+        except OSError as error:
+            raise _unwritable(root, error) from error
+
+    def begin(self, name: str) -> EpisodeWriter:
+        """Return a writer of a new episode; whole, it gets the name, with a number if that is taken."""
+        return EpisodeWriter(self.root, name)
+
+    def map(self, graph: LaneGraph) -> str:
+        """Return the digest of a map, which is in the store from now on."""
+        known = self._maps.get(id(graph))
+        if known is not None:
+            return known[1]
+        partial = self.root / _partial_name(graph, "map")
+        graph.save(partial)
+        digest = hashlib.blake2b(partial.read_bytes(), digest_size=10).hexdigest()
+        partial.replace(self.root / MAPS / f"{digest}.npz")
+        # The graph itself is kept, so that its id stays its own.
+        self._maps[id(graph)] = graph, digest
+        return digest
+
+
+class EpisodeWriter:
+    """One episode in the making. Methods may be called from one other thread than the one that made it."""
+
+    def __init__(self, root: Path, name: str) -> None:
+        self._root = root
+        self._name = name
+        self._folder = root / _partial_name(self, name)
+        self._open: dict[str, pq.ParquetWriter] = {}
+
+    def append(self, table: str, rows: Rows) -> None:
+        """Write rows of a table; they come after those that were written before."""
+        if table not in self._open:
+            self._folder.mkdir(exist_ok=True)
+            schema = arrow_schema(TABLE[table])
+            others = [column.name for column in TABLE[table].columns if not column.kind.startswith("float")]
+            floats = [column.name for column in TABLE[table].columns if column.kind.startswith("float")]
+            # Neighbouring floats share their leading bytes; a dictionary of them would be as large again.
+            options: dict[str, Any] = {
+                "compression": "zstd",
+                "use_dictionary": others,
+                "column_encoding": dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+            }
+            self._open[table] = pq.ParquetWriter(self._folder / f"{table}.parquet", schema, **options)
+        self._open[table].write_table(_arrow_table(TABLE[table], rows))
+
+    def finish(self) -> Path:
+        """Make the episode appear under its name; return its folder."""
+        for name, table in TABLE.items():
+            if name not in self._open:
+                self.append(name, {column: [] for column in table.names})
+        for writer in self._open.values():
+            writer.close()
+        folder, number = self._root / self._name, 1
+        while not self._becomes(folder):
+            number += 1
+            folder = self._root / f"{self._name}~{number}"
+        return folder
+
+    def _becomes(self, folder: Path) -> bool:
+        """Give the episode its name; return False if another has it: a folder with files is not replaced."""
+        try:
+            self._folder.rename(folder)
+        except OSError:
+            if folder.exists():
+                return False
+            raise
+        return True
+
+    def abandon(self) -> None:
+        """Take away what was written."""
+        for writer in self._open.values():
+            writer.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+class RecordedEpisode:
+    """One episode on disk; its tables are read when they are asked for.
+
+    Args:
+        folder: Of the episode.
+
+    Raises:
+        RecordError: It is not one, or of another version of this program.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._tables: dict[str, dict[str, NDArray]] = {}
+        found = int(self.facts["version"])
+        if found != VERSION:
+            raise RecordError(
+                f"written in format {found}, this program reads format {VERSION}",
+                place=str(folder),
+                remedy="record the episode anew",
+            )
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """The row of the table `episode`."""
+        return {name: column[0] for name, column in self.table(EPISODE.name).items()}
+
+    def table(self, name: str) -> Mapping[str, NDArray]:
+        """Return the columns of a table; texts and lists of numbers are in arrays of objects."""
+        if name not in self._tables:
+            path = self.folder / f"{name}.parquet"
+            try:
+                read = pq.read_table(path)
+            except (OSError, pa.ArrowException) as error:
+                raise RecordError(
+                    f"there is no table '{name}' of a recorded episode: {error}",
+                    place=str(self.folder),
+                    remedy="name the folder of one episode",
+                ) from error
+            self._tables[name] = {column: _plain(read[column]) for column in read.column_names}
+        return self._tables[name]
+
+    def roads(self) -> LaneGraph:
+        """Return the map.
+
+        Raises:
+            MapError: It is not beside the episodes.
+        """
+        return LaneGraph.load(self.folder.parent / MAPS / f"{self.facts['map']}.npz")
+
+
+def episodes_in(root: Path) -> list[Path]:
+    """Return the folders of all whole episodes of a store, in the order of their names."""
+    return sorted(
+        folder
+        for folder in root.iterdir()
+        if not folder.name.startswith(".") and (folder / f"{EPISODE.name}.parquet").exists()
+    )
+
+
+def arrow_schema(table: Table) -> pa.Schema:
+    """Return a table's columns as arrow calls them."""
+    kinds = {TEXT: pa.string(), NUMBERS: pa.list_(pa.float32()), INTEGERS: pa.list_(pa.int32())}
+
+    def kind_of(kind: str) -> pa.DataType:
+        return kinds[kind] if kind in kinds else pa.from_numpy_dtype(np.dtype(kind))
+
+    return pa.schema([(column.name, kind_of(column.kind)) for column in table.columns])
+
+
+def _arrow_table(table: Table, rows: Rows) -> pa.Table:
+    schema = arrow_schema(table)
+    columns = []
+    for column, field in zip(table.columns, schema, strict=True):
+        values = rows[column.name]
+        if column.kind not in (TEXT, NUMBERS, INTEGERS):
+            values = np.asarray(values).astype(column.kind)
+        columns.append(pa.array(values, field.type))
+    return pa.Table.from_arrays(columns, schema=schema)
+
+
+def _plain(column: pa.ChunkedArray) -> NDArray:
+    if pa.types.is_list(column.type):
+        lists = column.combine_chunks()
+        numbers = lists.values.to_numpy(zero_copy_only=False)
+        plain = np.empty(len(lists), object)
+        plain[:] = np.split(numbers, lists.offsets.to_numpy()[1:-1]) if len(lists) else []
+        return plain
+    return column.to_numpy()
+
+
+def _partial_name(owner: object, name: str) -> str:
+    """Return a name that no other object of any process has at the moment."""
+    return f"{PARTIAL}-{socket.gethostname()}-{os.getpid()}-{id(owner):x}-{name}"
+
+
+def _remove(partial: Path) -> None:
+    if partial.is_dir():
+        shutil.rmtree(partial, ignore_errors=True)
+    else:
+        partial.unlink(missing_ok=True)
+
+
+def _is_abandoned(partial: str) -> bool:
+    """Tell whether the process that began to write it on this machine is gone."""
+    here = f"{PARTIAL}-{socket.gethostname()}-"
+    process = partial.removeprefix(here).partition("-")[0]
+    if not partial.startswith(here) or not process.isdigit():
+        return False
+    try:
+        os.kill(int(process), 0)
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return False
+
+
+def _unwritable(root: Path, error: OSError) -> RecordError:
+    return RecordError(
+        f"cannot write episodes: {error}", place=str(root), remedy="name a folder that can be written to"
+    )

@@ -1,0 +1,258 @@
+"""The rules of events: what one agent's vehicle has done in a step. Compiled, for one seat at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import project, segment_at
+from smarts.roads.arrays import RouteTable
+from smarts.roads.kernels import centre_at
+from smarts.sim.judging import State, corridor_row, lane_of, length_of
+from smarts.types.events import Event
+from smarts.types.mission import GoalKind
+from smarts.types.traffic import Signal
+
+MISSED_BY = 5.0
+"""How far behind the goal line, still on its road, the goal counts as missed [m]."""
+OFF_ROUTE_TIME = 0.5
+"""How long a vehicle may be off its route [s]; some corners are cut."""
+
+_STOP = int(Signal.STOP)
+_ENDLESS, _POSITION, _LANE_LINE, _LAPS, _OFF_MAP = (
+    int(kind)
+    for kind in (
+        GoalKind.ENDLESS,
+        GoalKind.POSITION,
+        GoalKind.LANE_LINE,
+        GoalKind.LAPS,
+        GoalKind.OFF_MAP,
+    )
+)
+_OFF_ROAD, _OFF_ROUTE, _ON_SHOULDER = int(Event.OFF_ROAD), int(Event.OFF_ROUTE), int(Event.ON_SHOULDER)
+_WRONG_WAY, _NOT_MOVING = int(Event.WRONG_WAY), int(Event.NOT_MOVING)
+_REACHED, _MISSED = int(Event.REACHED_GOAL), int(Event.MISSED_GOAL)
+_TIME_OUT = int(Event.REACHED_MAX_EPISODE_STEPS)
+_VIA_HIT, _LAP_COMPLETED = int(Event.VIA_HIT), int(Event.LAP_COMPLETED)
+
+_AT_END = 0.01
+"""Located within this of a lane's end, a vehicle has left it there [m]; places are clipped to the lane."""
+
+
+class Rules(NamedTuple):
+    """Columns of `SeatRules`, shape (A,)."""
+
+    ending: NDArray[np.int32]
+    max_steps: NDArray[np.int32]
+    not_moving_steps: NDArray[np.int32]
+    not_moving_distance: NDArray[np.float64]
+
+
+@kernel
+def judge(state: State, table: RouteTable, rules: Rules, patience: int, row: int, seat: int) -> int:
+    """Return the events of one agent in this step, but for those that others cause; write what it remembers.
+
+    Args:
+        state: The world.
+        table: The routes.
+        rules: Of the seats.
+        patience: Steps off its route after which a vehicle counts as off-route.
+        row: The simulation.
+        seat: A seat with a vehicle.
+    """
+    has_left = _has_left_map(state, row, seat)
+    bits = 0 if has_left else _road_events(state, table, patience, row, seat)
+    bits |= _goal_events(state, table, has_left, row, seat) | _via_events(state, row, seat)
+    if _rests(state, rules, row, seat):
+        bits |= _NOT_MOVING
+    limit = rules.max_steps[seat]
+    if limit > 0 and state.step[row] - state.seats.entry_step[row, seat] >= limit:
+        bits |= _TIME_OUT
+    return bits
+
+
+@kernel
+def _was_there(state: State, row: int, slot: int) -> bool:
+    """Tell whether the vehicle was in the world a step ago."""
+    was = state.before.alive[row, slot]
+    return was and state.before.generation[row, slot] == state.now.generation[row, slot]
+
+
+@kernel
+def _way(state: State, row: int, slot: int) -> tuple[float, float, float, float]:
+    """Return where a vehicle's centre was and is: x, y, x, y [m]."""
+    now = state.now.position[row, slot]
+    before = state.before.position[row, slot] if _was_there(state, row, slot) else now
+    return before[0], before[1], now[0], now[1]
+
+
+@kernel
+def _passes(state: State, row: int, slot: int, x: float, y: float, radius: float) -> bool:
+    """Tell whether a vehicle's centre has come within a radius of a point on its way since a step ago."""
+    begin_x, begin_y, end_x, end_y = _way(state, row, slot)
+    return project(x, y, begin_x, begin_y, end_x, end_y)[1] <= radius * radius
+
+
+@kernel
+def _has_left_map(state: State, row: int, seat: int) -> bool:
+    """Tell whether an agent without a goal on the map has driven off it, over the end of a road."""
+    goal, slot = state.goals.goal[row, seat], state.seats.slot[row, seat]
+    lane = lane_of(state, state.now, row, slot)
+    if goal not in (_ENDLESS, _OFF_MAP) or state.seats.on_road[row, seat] or lane < 0:
+        return False
+    is_at_end = state.now.lane_position[row, slot] >= length_of(state.roads, lane) - _AT_END
+    is_ahead = abs(state.now.lane_offset[row, slot]) <= state.roads.lane_width[lane]
+    return bool(state.lanes.is_dead_end[lane]) and is_at_end and is_ahead
+
+
+@kernel
+def _road_events(state: State, table: RouteTable, patience: int, row: int, seat: int) -> int:
+    """Return how the vehicle stands to the road and to its route."""
+    seats, slot = state.seats, state.seats.slot[row, seat]
+    bits = 0
+    if not seats.on_road[row, seat]:
+        bits |= _OFF_ROAD
+    if seats.corners_on_road[row, seat] < 4:
+        bits |= _ON_SHOULDER
+    if seats.on_road[row, seat] and _is_against_lane(state, row, slot):
+        bits |= _WRONG_WAY
+    if not _is_off_route(state, table, row, seat):
+        seats.off_route_since[row, seat] = -1
+    elif seats.off_route_since[row, seat] < 0:
+        seats.off_route_since[row, seat] = state.step[row]
+    elif state.step[row] - seats.off_route_since[row, seat] >= patience:
+        bits |= _OFF_ROUTE
+    return bits
+
+
+@kernel
+def _is_against_lane(state: State, row: int, slot: int) -> bool:
+    """Tell whether a vehicle points against the direction of its lane; inside junctions none does."""
+    lane, roads = lane_of(state, state.now, row, slot), state.roads
+    if lane < 0 or roads.lane_inside[lane]:
+        return False
+    s = state.now.lane_position[row, slot]
+    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+    return math.cos(state.now.heading[row, slot] - centre_at(roads, point, s)[2]) < 0.0
+
+
+@kernel
+def _is_off_route(state: State, table: RouteTable, row: int, seat: int) -> bool:
+    """Tell whether an agent that has a route is beside it; on the other side of its road it is not."""
+    if state.seats.on_route[row, seat] or state.route[row, seat] < 0:
+        return False
+    if state.goals.goal[row, seat] in (_ENDLESS, _OFF_MAP):
+        return False
+    lane = lane_of(state, state.now, row, state.seats.slot[row, seat])
+    twin = state.lanes.twin[lane] if lane >= 0 else -1
+    return corridor_row(state, table, row, seat, twin) < 0
+
+
+@kernel
+def _via_events(state: State, row: int, seat: int) -> int:
+    """Mark the via points that were passed, each once."""
+    goals, slot = state.goals, state.seats.slot[row, seat]
+    bits = 0
+    for via in range(goals.via_count[row, seat]):
+        x, y = goals.via_position[row, seat, via]
+        is_new = not state.seats.via_hit[row, seat, via]
+        if is_new and _passes(state, row, slot, x, y, goals.via_radius[row, seat, via]):
+            state.seats.via_hit[row, seat, via] = True
+            bits = _VIA_HIT
+    return bits
+
+
+@kernel
+def _rests(state: State, rules: Rules, row: int, seat: int) -> bool:
+    """Tell whether the vehicle has stayed near one place for too long; time at a red light does not count."""
+    seats, slot = state.seats, state.seats.slot[row, seat]
+    x, y = state.now.position[row, slot]
+    rest = seats.rest_position[row, seat]
+    lane = state.now.lane[row, slot]
+    if math.hypot(x - rest[0], y - rest[1]) >= rules.not_moving_distance[seat]:
+        rest[0], rest[1] = x, y
+        seats.rest_step[row, seat] = state.step[row]
+    elif lane >= 0 and state.signals[row, lane] == _STOP:
+        seats.rest_step[row, seat] += 1
+    return state.step[row] - seats.rest_step[row, seat] >= rules.not_moving_steps[seat]
+
+
+@kernel
+def _goal_events(state: State, table: RouteTable, has_left: bool, row: int, seat: int) -> int:
+    """Return whether the goal was reached or missed, or a lap completed."""
+    goal = state.goals.goal[row, seat]
+    if goal in (_ENDLESS, _OFF_MAP):
+        return _REACHED if has_left else 0
+    if goal == _LAPS:
+        lap = state.seats.lap[row, seat]
+        bits = _LAP_COMPLETED if lap > state.laps_before[row, seat] else 0
+        return bits | (_REACHED if lap >= state.goals.laps[row, seat] else 0)
+    behind, crossed, is_last = _at_line(state, table, row, seat)
+    if crossed and crossed - 1 == state.goals.goal_lane[row, seat] and is_last:
+        return _REACHED
+    if goal == _POSITION and _is_at_goal(state, table, row, seat):
+        return _REACHED
+    return _MISSED if is_last and behind > MISSED_BY else 0
+
+
+@kernel
+def _is_at_goal(state: State, table: RouteTable, row: int, seat: int) -> bool:
+    """Tell whether the centre has come within the goal's radius; where a route passes twice, at last."""
+    goals, slot = state.goals, state.seats.slot[row, seat]
+    x, y = goals.goal_position[row, seat]
+    if not _passes(state, row, slot, x, y, goals.goal_radius[row, seat]):
+        return False
+    lane = lane_of(state, state.now, row, slot)
+    is_on_route = corridor_row(state, table, row, seat, lane) >= 0
+    return not is_on_route or _is_last_time(state, table, row, seat, lane)
+
+
+@kernel
+def _is_last_time(state: State, table: RouteTable, row: int, seat: int, lane: int) -> bool:
+    """Tell whether the route does not come by this lane again; so it is without a route."""
+    here = corridor_row(state, table, row, seat, lane)
+    if here < 0:
+        return bool(state.route[row, seat] < 0)
+    corridor = table.free + state.route[row, seat]
+    again = 0
+    for later in range(here + 1, table.start[corridor + 1]):
+        again += table.lane[later] == lane
+    return again == 0
+
+
+@kernel
+def _at_line(state: State, table: RouteTable, row: int, seat: int) -> tuple[float, int, bool]:
+    """Return how the vehicle stands to the goal's line, which runs across the whole road of the goal's lane.
+
+    Returns:
+        How far it is behind the line [m]: infinite for one that has left the road behind the line, and
+        -infinity where it has nothing to do with the line; the lane, within its map, on which it crossed the
+        line in this step, plus one, 0 if it did not; whether the route leads there for the last time.
+    """
+    slot, lanes = state.seats.slot[row, seat], state.lanes
+    if state.goals.goal_lane[row, seat] < 0:
+        return -np.inf, 0, False
+    base = state.roads.lane_base[state.map[row]]
+    goal_s = state.goals.goal_s[row, seat]
+    edge = lanes.edge[base + state.goals.goal_lane[row, seat]]
+    lane = lane_of(state, state.now, row, slot)
+    old = lane_of(state, state.before, row, slot) if _was_there(state, row, slot) else -1
+    is_there, was_there = lane >= 0 and lanes.edge[lane] == edge, old >= 0 and lanes.edge[old] == edge
+    begin_x, begin_y, end_x, end_y = _way(state, row, slot)
+    moved = math.hypot(end_x - begin_x, end_y - begin_y)
+    behind = state.now.lane_position[row, slot] - goal_s
+    before = state.before.lane_position[row, slot] - goal_s
+    if is_there:
+        if not was_there:
+            before = behind - moved
+        crossed = int(lane - base + 1 if old >= 0 and before < 0.0 <= behind else 0)
+        return behind, crossed, _is_last_time(state, table, row, seat, lane)
+    if was_there:
+        crossed = int(old - base + 1 if before < 0.0 <= before + moved else 0)
+        has_gone_on = before + goal_s + moved >= length_of(state.roads, old) and before + moved >= 0.0
+        return np.inf if has_gone_on else -np.inf, crossed, _is_last_time(state, table, row, seat, old)
+    return -np.inf, 0, False

@@ -1,0 +1,84 @@
+"""Vehicles of interest: agents may end when those that matter are gone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.agents.criteria import InterestDoneCriteria
+from smarts.agents.interface import AgentInterface
+from smarts.sim.entries import Entries
+from smarts.sim.ownership import Ownership
+from smarts.sim.schedule import Schedule
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+
+
+class NamedInterest:
+    """Knows by their names the vehicles that matter to each seat's agent.
+
+    Args:
+        criteria: Of each seat, None for agents that end without regard to others.
+        marked: The pattern of the names that each scenario marks, by the scenario's name; "" for none.
+        entries: Knows which scenarios are played.
+        ownership: Knows the vehicles' names.
+    """
+
+    def __init__(
+        self,
+        criteria: Sequence[InterestDoneCriteria | None],
+        marked: Mapping[str, str],
+        entries: Entries,
+        ownership: Ownership,
+    ) -> None:
+        shape = len(ownership.rosters), len(criteria)
+        self._criteria = {seat: each for seat, each in enumerate(criteria) if each is not None}
+        self._marked = marked
+        self._entries = entries
+        self._ownership = ownership
+        self._seen = np.zeros(shape, np.bool_)
+        self._gone = np.zeros(shape, np.bool_)
+
+    def is_gone(self, world: World, rows: Bools) -> Bools:
+        """Return for which seats no vehicle of interest is left, shape (B, A)."""
+        self._gone[:] = False
+        self._seen[rows & (world.step <= 1)] = False
+        for row in np.flatnonzero(rows).tolist():
+            name = self._ownership.rosters[row].name
+            names = {slot: name(slot) for slot in np.flatnonzero(world.vehicles.alive[row]).tolist()}
+            for seat, criteria in self._criteria.items():
+                own = int(world.seats.slot[row, seat])
+                patterns = self._patterns(row, criteria)
+                is_there = any(
+                    slot != own and any(re.match(pattern, name) for pattern in patterns)
+                    for slot, name in names.items()
+                )
+                self._seen[row, seat] |= is_there
+                self._gone[row, seat] = not is_there and (bool(self._seen[row, seat]) or criteria.strict)
+        return self._gone
+
+    def _patterns(self, row: int, criteria: InterestDoneCriteria) -> tuple[str, ...]:
+        episode = self._entries.episodes[row]
+        marked = self._marked.get(episode.scenario, "") if episode else ""
+        return (
+            (*criteria.actors_filter, marked)
+            if criteria.include_scenario_marked and marked
+            else (criteria.actors_filter)
+        )
+
+
+def interest_of(
+    interfaces: Sequence[AgentInterface],
+    schedule: Schedule,
+    entries: Entries,
+    ownership: Ownership,
+) -> NamedInterest | None:
+    """Return what the interfaces demand of vehicles of interest, None if nothing."""
+    criteria = [interface.done_criteria.interest for interface in interfaces]
+    if not any(criteria):
+        return None
+    return NamedInterest(criteria, schedule.interests, entries, ownership)

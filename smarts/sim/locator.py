@@ -1,0 +1,179 @@
+"""Where on the map everybody is."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.atlas import ROAD_LANES, RoadAtlas
+from smarts.roads.kernels import (
+    candidates,
+    count_corners_on_road,
+    distance_on_row,
+    find_row,
+    is_on_road,
+    place_on_map,
+)
+from smarts.roads.seat_routes import SeatRoutes
+from smarts.sim.columns import columns_of
+from smarts.types.mission import GoalKind
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+_ROAD = sum(1 << kind for kind in ROAD_LANES)
+_LAPS = int(GoalKind.LAPS)
+_LATEST = 1e12
+"""Beyond the end of every route [m]: picks the last time that a route uses a lane."""
+
+
+class _Vehicles(NamedTuple):
+    """Columns of `World.vehicles`, shape (B, V)."""
+
+    alive: Bools
+    position: Floats
+    heading: Floats
+    length: Floats
+    width: Floats
+    lane: Ints
+    lane_position: Floats
+    lane_offset: Floats
+
+
+class _Seats(NamedTuple):
+    """Columns of `World.seats` and `World.missions`, shape (B, A)."""
+
+    goal: Bytes
+    goal_lane: Ints
+    goal_s: Floats
+    slot: Ints
+    entry_step: Ints
+    route_done: Floats
+    remaining: Floats
+    lap: NDArray[np.int16]
+    on_road: Bools
+    corners_on_road: Bytes
+    on_route: Bools
+
+
+class MapLocator:
+    """Finds all vehicles' lanes, and the seats' progress along their routes."""
+
+    def __init__(self, atlas: RoadAtlas, routes: SeatRoutes) -> None:
+        self._roads = atlas.roads
+        self._routes = routes
+        self._columns: tuple[World, _Vehicles, _Seats] | None = None
+
+    def locate(self, world: World, rows: Bools) -> None:
+        """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes.
+
+        On its route, a seat's `remaining` is the distance to the goal, on the last lap if there are several,
+        and 0 behind it; off the route it stays as it was. Without a route a seat counts as on its route.
+        """
+        if self._columns is None or self._columns[0] is not world:
+            self._columns = world, *_columns_of(world)
+        table, number = self._routes.table, self._routes.number
+        _locate(self._roads, table, number, rows, world.map, world.step, *self._columns[1:])
+
+
+def _columns_of(world: World) -> tuple[_Vehicles, _Seats]:
+    missions = [getattr(world.missions, name) for name in _Seats._fields if name.startswith("goal")]
+    seats = [getattr(world.seats, name) for name in _Seats._fields if not name.startswith("goal")]
+    return columns_of(world.vehicles, _Vehicles), _Seats(*missions, *seats)
+
+
+@kernel
+def _locate(
+    roads: Roads,
+    table: RouteTable,
+    route: Ints,
+    rows: Bools,
+    maps: Ints,
+    step: Ints,
+    vehicles: _Vehicles,
+    seats: _Seats,
+) -> None:
+    """Write the places of all vehicles and the progress of all seats; one call, since each has its price."""
+    worlds, capacity = vehicles.alive.shape
+    room = candidates()
+    corridor = np.empty(capacity, np.int32)
+    for b in range(worlds):
+        if not rows[b]:
+            continue
+        corridor[:] = -1
+        for a in range(seats.slot.shape[1]):
+            if seats.slot[b, a] >= 0 and route[b, a] >= 0:
+                corridor[seats.slot[b, a]] = table.free + route[b, a]
+        for v in range(capacity):
+            if vehicles.alive[b, v]:
+                x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
+                place = place_on_map(
+                    roads, table, maps[b], x, y, vehicles.heading[b, v], corridor[v], _ROAD, room
+                )
+                vehicles.lane[b, v] = place[0]
+                vehicles.lane_position[b, v] = place[1]
+                vehicles.lane_offset[b, v] = place[2]
+        for a in range(seats.slot.shape[1]):
+            v = seats.slot[b, a]
+            if v < 0:
+                continue
+            x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
+            seats.on_road[b, a] = is_on_road(roads, maps[b], x, y, _ROAD, True)
+            seats.corners_on_road[b, a] = count_corners_on_road(
+                roads,
+                maps[b],
+                x,
+                y,
+                vehicles.heading[b, v],
+                vehicles.length[b, v],
+                vehicles.width[b, v],
+                _ROAD,
+                True,
+            )
+            seats.on_route[b, a] = corridor[v] < 0
+            if corridor[v] >= 0:
+                is_new = seats.entry_step[b, a] == step[b]
+                _measure(roads, table, corridor[v], roads.lane_base[maps[b]], vehicles, seats, b, a, is_new)
+
+
+@kernel
+def _measure(
+    roads: Roads,
+    table: RouteTable,
+    corridor: int,
+    base: int,
+    vehicles: _Vehicles,
+    seats: _Seats,
+    b: int,
+    a: int,
+    is_new: bool,
+) -> None:
+    """Write how far a seat has come on its route."""
+    v = seats.slot[b, a]
+    before = seats.route_done[b, a]
+    row = -1
+    if vehicles.lane[b, v] >= 0:
+        row = find_row(table, corridor, base + vehicles.lane[b, v], before)
+    seats.on_route[b, a] = row >= 0
+    if row < 0:
+        return
+    done = distance_on_row(roads, table, row, vehicles.lane_position[b, v])
+    goal = table.end[table.start[corridor + 1] - 1]
+    if seats.goal_lane[b, a] >= 0:
+        lane = base + seats.goal_lane[b, a]
+        last = find_row(table, corridor, lane, _LATEST)
+        if last >= 0:
+            goal = distance_on_row(roads, table, last, seats.goal_s[b, a])
+        if seats.goal[b, a] == _LAPS and last >= 0 and not is_new:
+            line = distance_on_row(roads, table, find_row(table, corridor, lane, done), seats.goal_s[b, a])
+            if before < line <= done:
+                seats.lap[b, a] += 1
+    seats.route_done[b, a] = done
+    seats.remaining[b, a] = max(0.0, goal - done)

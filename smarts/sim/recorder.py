@@ -1,0 +1,299 @@
+"""The recorder: takes what is wanted out of every frame, and writes an episode when it has ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.scene import Scene
+from smarts.sim.columns import columns_of
+from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
+from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table
+from smarts.sim.ownership import Ownership
+from smarts.sim.recorder_kernel import (
+    DECISION_ROWS,
+    FOR_A_WHILE,
+    NEWCOMERS,
+    SEAT_ROWS,
+    SIGNAL_ROWS,
+    VEHICLE_ROWS,
+    ActionColumns,
+    Buffers,
+    SeatColumns,
+    StepColumns,
+    VehicleColumns,
+    take_frame,
+)
+from smarts.sim.recorder_thread import WriterThread
+from smarts.types.actions import Actions
+from smarts.types.episode import EpisodeStart
+from smarts.types.episode_schema import DECISIONS, SEATS, SIGNALS, TABLE, VEHICLES, VERSION
+from smarts.types.events import Outcome
+from smarts.types.frame import Frame
+from smarts.types.seats import NEITHER
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+_CUT_SHORT = "reset or closed before its end"
+_OVERLAP = "vehicles overlapped at the start"
+
+_TABLES = (
+    (VEHICLES.name, VEHICLE_ROWS),
+    (SEATS.name, SEAT_ROWS),
+    (DECISIONS.name, DECISION_ROWS),
+    (SIGNALS.name, SIGNAL_ROWS),
+)
+
+
+@dataclass
+class _Episode:
+    """What is known of an episode that goes on."""
+
+    start: EpisodeStart
+    graph: LaneGraph
+    writer: EpisodeWriter
+    steps: int = 0
+    is_complete: bool = False
+    void: str = ""
+    """Why it does not count."""
+    routes: list[tuple[str, ...]] = field(default_factory=list)
+    names: list[tuple[int, int, str, int]] = field(default_factory=list)
+    endings: dict[int, Ending] = field(default_factory=dict)
+    extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
+    """Name, step, seats (S,), values (S, ...)."""
+    small: dict[str, list[Floats]] = field(
+        default_factory=lambda: {SEATS.name: [], DECISIONS.name: [], SIGNALS.name: []}
+    )
+    """Rows of the tables that are written in one piece."""
+
+
+class EpisodeRecorder:
+    """Records all simulations into a folder; `smarts.types.episode_schema` says what.
+
+    An episode is written when the next one of its simulation begins, or at `close`; until then `annotate` can
+    add to it. Copying is done in one compiled call, writing in a thread. A store never holds half an episode.
+
+    Args:
+        scene: The world and its maps.
+        ownership: Knows names and routes.
+        folder: Of the store; several recorders may share one.
+
+    Raises:
+        RecordError: The folder cannot be written to.
+    """
+
+    def __init__(self, scene: Scene, ownership: Ownership, folder: Path) -> None:
+        world = scene.world
+        worlds, seats = world.seats.slot.shape
+        self._scene = scene
+        self._ownership = ownership
+        self._store = EpisodeStore(folder)
+        self._thread = WriterThread(str(folder))
+        self._episodes: list[_Episode | None] = [None] * worlds
+        self._vehicles = columns_of(world.vehicles, VehicleColumns)
+        self._seats = columns_of(world.seats, SeatColumns)
+        self._no_actions = Actions.allocate(worlds, seats)
+        self._keep = round(FOR_A_WHILE / world.dt)
+        capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
+        self._buffers = Buffers.allocate(worlds, seats, capacity, lanes)
+        self._program = version("smarts-bench")
+
+    def record(self, frame: Frame) -> None:
+        """Take what is wanted out of a frame, before the next step overwrites it.
+
+        Raises:
+            RecordError: An earlier episode could not be written.
+        """
+        for row, start in frame.starts.items():
+            self._finish(row)
+            self._begin(row, start)
+        world = frame.world
+        events, contacts = frame.events, frame.contacts
+        actions = self._no_actions if frame.actions is None else frame.actions
+        is_busy = take_frame(
+            world.step,
+            frame.rows,
+            world.signals,
+            self._vehicles,
+            self._seats,
+            StepColumns(events.bits, contacts.partner, contacts.partner_generation),
+            columns_of(actions, ActionColumns),
+            self._keep,
+            self._buffers,
+        )
+        rows = np.flatnonzero(frame.rows).tolist()
+        for row in rows:
+            episode = self._episodes[row]
+            if episode is not None:
+                episode.steps = int(world.step[row])
+                self._take_routes(row, episode)
+                if is_busy:
+                    self._take_names(row, episode)
+                    self._flush(row, episode)
+        if events.just_done.any() or events.finished.any():
+            self._take_endings(frame)
+        for row, failure in frame.failures.items():
+            episode = self._episodes[row]
+            if episode is not None:
+                episode.void = f"traffic failed: {failure.problem}"
+
+    def annotate(self, name: str, values: ArrayLike, seats: Bools, step: Ints | None = None) -> None:
+        """Add to the record what an algorithm says about its decisions, or what came of them.
+
+        Args:
+            name: What it is, such as "probabilities" or "reward".
+            values: Numbers of each seat, shape (B, N, ...), N at most A.
+            seats: Whose count, shape (B, N).
+            step: Step of the state on which each simulation's decision was made, shape (B,); by default now,
+                which is right for what is said before the step.
+        """
+        table = np.asarray(values, np.float64)
+        steps = self._scene.world.step if step is None else step
+        for row in np.flatnonzero(seats.any(axis=1)).tolist():
+            episode = self._episodes[row]
+            if episode is not None:
+                who = np.flatnonzero(seats[row]).astype(np.int32)
+                # Fancy indexing copies: the caller may go on with its array.
+                episode.extras.append((name, int(steps[row]), who, table[row, who]))
+
+    def close(self) -> None:
+        """Write what is left, and end; may be called again.
+
+        Raises:
+            RecordError: An episode could not be written, and nobody has been told.
+        """
+        try:
+            for row in range(len(self._episodes)):
+                self._finish(row)
+        finally:
+            self._thread.close()
+
+    def _begin(self, row: int, start: EpisodeStart) -> None:
+        name = f"seed{start.seed}_world{start.world}_episode{start.episode:05d}"
+        graph = self._scene.atlas.graphs[start.map]
+        self._episodes[row] = _Episode(start, graph, self._store.begin(name))
+        self._buffers.clear(row)
+
+    def _take_routes(self, row: int, episode: _Episode) -> None:
+        """Copy the routes that are new: the book is emptied before the episode is written."""
+        book = self._ownership.routes[row]
+        for number in range(len(episode.routes), len(book)):
+            episode.routes.append(book[number])
+
+    def _take_names(self, row: int, episode: _Episode) -> None:
+        buffers, step = self._buffers, int(self._scene.world.step[row])
+        for slot in buffers.newcomers[row, : buffers.used[row, NEWCOMERS]].tolist():
+            name = self._ownership.rosters[row].name(slot)
+            episode.names.append((slot, int(buffers.known[row, slot]), name, step))
+
+    def _take_endings(self, frame: Frame) -> None:
+        """Note how agents have ended, as long as their vehicles are there."""
+        seats, events = frame.world.seats, frame.events
+        for row in np.flatnonzero(events.just_done.any(axis=1) | events.finished).tolist():
+            episode = self._episodes[row]
+            if episode is None:
+                continue
+            episode.is_complete |= bool(events.finished[row])
+            for seat in np.flatnonzero(seats.outcome[row] != Outcome.NONE).tolist():
+                if seat not in episode.endings:
+                    episode.endings[seat] = self._ending(frame, row, seat)
+            if (seats.outcome[row] == Outcome.VOID).any():
+                episode.void = episode.void or _OVERLAP
+
+    def _ending(self, frame: Frame, row: int, seat: int) -> Ending:
+        world, contacts, events = frame.world, frame.contacts, frame.events
+        ending = Ending(
+            outcome=int(world.seats.outcome[row, seat]),
+            terminated=bool(events.terminated[row, seat]),
+            truncated=bool(events.truncated[row, seat]),
+        )
+        slot = int(contacts.partner[row, seat])
+        if ending.outcome != Outcome.COLLISION or slot == NEITHER:
+            return ending
+        holders = np.flatnonzero(world.seats.slot[row] == slot)
+        ending.partner_slot = slot
+        ending.partner_generation = int(contacts.partner_generation[row, seat])
+        ending.partner = self._ownership.rosters[row].name(slot)
+        ending.partner_owner = int(world.vehicles.owner[row, slot])
+        ending.partner_seat = int(holders[0]) if len(holders) else NEITHER
+        ending.side = int(contacts.side[row, seat])
+        ending.closing_speed = float(contacts.closing_speed[row, seat])
+        ending.substep = int(contacts.substep[row, seat])
+        return ending
+
+    def _flush(self, row: int, episode: _Episode) -> None:
+        """Move the rows of full buffers on; vehicles to the thread, since they are the most by far."""
+        for name, column in _TABLES:
+            buffer = getattr(self._buffers, name)[row]
+            used = int(self._buffers.used[row, column])
+            if used > len(buffer) // 2:
+                self._empty(row, episode, name, column)
+
+    def _empty(self, row: int, episode: _Episode, name: str, column: int) -> None:
+        used = int(self._buffers.used[row, column])
+        rows = getattr(self._buffers, name)[row, :used].copy()
+        self._buffers.used[row, column] = 0
+        if name in episode.small:
+            episode.small[name].append(rows)
+        elif used:
+            writer = episode.writer
+            self._thread.submit(lambda: writer.append(name, _by_name(name, rows)))
+
+    def _finish(self, row: int) -> None:
+        """Have the episode of a simulation written, if there is one."""
+        episode, self._episodes[row] = self._episodes[row], None
+        if episode is None:
+            return
+        for name, column in _TABLES:
+            self._empty(row, episode, name, column)
+        most = int(self._buffers.most[row])
+        self._thread.submit(lambda: self._write(episode, most))
+
+    def _write(self, episode: _Episode, most: int) -> None:
+        """Write the rest of an episode; runs in the thread."""
+        writer = episode.writer
+        small = {name: _by_name(name, np.concatenate(rows)) for name, rows in episode.small.items()}
+        for name, rows in small.items():
+            writer.append(name, rows)
+        writer.append("episode", self._facts(episode, most))
+        writer.append("routes", routes_table(episode.routes, episode.graph))
+        numbers = {route: number for number, route in enumerate(episode.routes)}
+        writer.append("agents", agents_table(episode.start, episode.endings, small, numbers))
+        writer.append("extras", extras_table(episode.extras))
+        slots, generations, names, steps = zip(*episode.names, strict=True) if episode.names else ((),) * 4
+        writer.append("names", {"slot": slots, "generation": generations, "name": names, "first_step": steps})
+        writer.finish()
+
+    def _facts(self, episode: _Episode, most: int) -> dict[str, list[Any]]:
+        start = episode.start
+        facts = {
+            "version": VERSION,
+            "program": self._program,
+            "scenario": start.scenario,
+            "traffic": start.traffic_name or "",
+            "map": self._store.map(episode.graph),
+            "seed": start.seed,
+            "world": start.world,
+            "episode": start.episode,
+            "sumo_seed": start.sumo_seed,
+            "dt": self._scene.world.dt,
+            "steps": episode.steps,
+            "is_complete": episode.is_complete,
+            "is_void": bool(episode.void),
+            "remark": episode.void or ("" if episode.is_complete else _CUT_SHORT),
+            "limit": start.limit,
+            "most_vehicles": most,
+        }
+        return {name: [value] for name, value in facts.items()}
+
+
+def _by_name(table: str, rows: Floats) -> dict[str, Floats]:
+    return {name: rows[:, number] for number, name in enumerate(TABLE[table].names)}

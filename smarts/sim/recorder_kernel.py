@@ -1,0 +1,285 @@
+"""What the recorder copies out of a frame, in one call for all simulations.
+
+Rows are floating-point numbers in the order of the columns of `smarts.types.episode_schema`; all its whole
+numbers are exact in them. Axis letters: B simulations, A seats, V slots, L lanes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.types.episode_schema import DECISIONS, SEATS, SIGNALS, VEHICLES
+from smarts.types.seats import SeatState
+
+NEAR = 150.0
+"""Vehicles this near to an agent are recorded [m]."""
+FOR_A_WHILE = 15.0
+"""Once recorded, a vehicle is recorded for so long [s], that no encounter is cut off."""
+
+VEHICLE_ROWS, SEAT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS = range(5)
+"""Columns of `Buffers.used`."""
+
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+_SHADOWING, _ACTIVE, _DONE = int(SeatState.SHADOWING), int(SeatState.ACTIVE), int(SeatState.DONE)
+
+
+class VehicleColumns(NamedTuple):
+    """Columns of `VehicleStates`, shape (B, V)."""
+
+    alive: Bools
+    generation: Ints
+    owner: Bytes
+    kind: Bytes
+    position: Floats
+    heading: Floats
+    speed: Floats
+    lateral_speed: Floats
+    acceleration: Floats
+    lateral_acceleration: Floats
+    yaw_rate: Floats
+    length: Floats
+    width: Floats
+    lane: Ints
+    lane_position: Floats
+    lane_offset: Floats
+    route: Ints
+    desired_speed: Floats
+
+
+class SeatColumns(NamedTuple):
+    """Columns of `Seats`, shape (B, A)."""
+
+    state: Bytes
+    slot: Ints
+    generation: Ints
+    throttle: Floats
+    brake: Floats
+    steering: Floats
+    route_done: Floats
+    remaining: Floats
+    travelled: Floats
+    lap: NDArray[np.int16]
+    target_lane: Ints
+    change_phase: Bytes
+    legal: Bools
+    ticket: Ints
+    effective: Bools
+
+
+class StepColumns(NamedTuple):
+    """What happened in the step, shape (B, A)."""
+
+    bits: Ints
+    partner: Ints
+    partner_generation: Ints
+
+
+class ActionColumns(NamedTuple):
+    """Columns of `Actions`, shape (B, A)."""
+
+    kind: Bytes
+    fresh: Bools
+    values: Floats
+    legal: Bools
+
+
+class Buffers(NamedTuple):
+    """Rows to be written, and what is remembered of each simulation."""
+
+    vehicles: Floats
+    """Shape (B, rows, columns), like those below."""
+    seats: Floats
+    decisions: Floats
+    signals: Floats
+    used: Ints
+    """How many rows are in use, shape (B, 5)."""
+    until: Ints
+    """Step until which a slot's vehicle is recorded, near or not, shape (B, V)."""
+    known: Ints
+    """Generation that was recorded in each slot, 0 for none, shape (B, V)."""
+    newcomers: Ints
+    """Slots of vehicles that were recorded for the first time, shape (B, V)."""
+    lights: Bytes
+    """What was recorded of signals, shape (B, L)."""
+    most: Ints
+    """The most vehicles at a time, shape (B,)."""
+
+    @classmethod
+    def allocate(cls, worlds: int, seats: int, capacity: int, lanes: int, rows: int = 4096) -> Buffers:
+        """Return empty buffers; one that is less than half full has room for the rows of a frame."""
+        return cls(
+            vehicles=np.zeros((worlds, max(rows, capacity) + capacity, len(VEHICLES.columns))),
+            seats=np.zeros((worlds, max(rows // 4, seats) + seats, len(SEATS.columns))),
+            decisions=np.zeros((worlds, max(rows // 8, seats) + seats, len(DECISIONS.columns))),
+            signals=np.zeros((worlds, max(rows // 8, lanes) + lanes, len(SIGNALS.columns))),
+            used=np.zeros((worlds, 5), np.int32),
+            until=np.zeros((worlds, capacity), np.int32),
+            known=np.zeros((worlds, capacity), np.int32),
+            newcomers=np.zeros((worlds, capacity), np.int32),
+            lights=np.zeros((worlds, lanes), np.int8),
+            most=np.zeros(worlds, np.int32),
+        )
+
+    def clear(self, row: int) -> None:
+        """Forget one simulation."""
+        for array in (self.used, self.until, self.known, self.lights, self.most):
+            array[row] = 0
+
+
+@kernel
+def take_frame(
+    step: Ints,
+    rows: Bools,
+    signals: Bytes,
+    vehicles: VehicleColumns,
+    seats: SeatColumns,
+    events: StepColumns,
+    actions: ActionColumns,
+    keep: int,
+    out: Buffers,
+) -> bool:
+    """Copy what is wanted out of a frame.
+
+    Args:
+        step: Of each simulation, shape (B,).
+        rows: Which of them the frame is of, shape (B,).
+        signals: Shape (B, L).
+        vehicles: All of them.
+        seats: All of them.
+        events: Of the step.
+        actions: That led here; none is fresh in the frame of a reset.
+        keep: Steps for which a vehicle is recorded once it was near.
+        out: Written; there is room for the rows of one frame.
+
+    Returns:
+        Whether there are newcomers, or a buffer has no room for another frame, in any simulation.
+    """
+    is_busy = False
+    for row in range(len(rows)):
+        if not rows[row]:
+            continue
+        out.used[row, NEWCOMERS] = 0
+        _take_vehicles(step[row], row, vehicles, seats, keep, out)
+        for seat in range(seats.state.shape[1]):
+            if seats.state[row, seat] in (_SHADOWING, _ACTIVE, _DONE) and seats.slot[row, seat] >= 0:
+                _take_seat(step[row], row, seat, seats, events, out)
+            if actions.fresh[row, seat]:
+                _take_decision(step[row] - 1, row, seat, seats, actions, out)
+        for lane in range(signals.shape[1]):
+            if signals[row, lane] != out.lights[row, lane]:
+                out.lights[row, lane] = signals[row, lane]
+                into = out.signals[row, out.used[row, SIGNAL_ROWS]]
+                into[0], into[1], into[2] = step[row], lane, signals[row, lane]
+                out.used[row, SIGNAL_ROWS] += 1
+        is_busy |= out.used[row, NEWCOMERS] > 0 or _is_full(row, seats.state.shape[1], out)
+    return is_busy
+
+
+@kernel
+def _is_full(row: int, seats: int, out: Buffers) -> bool:
+    """Tell whether a buffer has no room for another frame."""
+    used = out.used[row]
+    return (
+        used[VEHICLE_ROWS] + out.until.shape[1] > out.vehicles.shape[1]
+        or used[SEAT_ROWS] + seats > out.seats.shape[1]
+        or used[DECISION_ROWS] + seats > out.decisions.shape[1]
+        or used[SIGNAL_ROWS] + out.lights.shape[1] > out.signals.shape[1]
+    )
+
+
+@kernel
+def _take_vehicles(
+    step: int, row: int, vehicles: VehicleColumns, seats: SeatColumns, keep: int, out: Buffers
+) -> None:
+    alive = 0
+    for slot in range(vehicles.alive.shape[1]):
+        if not vehicles.alive[row, slot]:
+            continue
+        alive += 1
+        generation = vehicles.generation[row, slot]
+        is_known = out.known[row, slot] == generation
+        if _is_near(row, slot, vehicles, seats):
+            out.until[row, slot] = step + keep
+        elif not is_known or step > out.until[row, slot]:
+            continue
+        if not is_known:
+            out.known[row, slot] = generation
+            out.newcomers[row, out.used[row, NEWCOMERS]] = slot
+            out.used[row, NEWCOMERS] += 1
+        _take_vehicle(step, row, slot, vehicles, out.vehicles[row, out.used[row, VEHICLE_ROWS]])
+        out.used[row, VEHICLE_ROWS] += 1
+    out.most[row] = max(out.most[row], alive)
+
+
+@kernel
+def _is_near(row: int, slot: int, vehicles: VehicleColumns, seats: SeatColumns) -> bool:
+    """Tell whether a vehicle is near an agent's that drives, or has ended in this step."""
+    for seat in range(seats.state.shape[1]):
+        other = seats.slot[row, seat]
+        if other < 0 or seats.state[row, seat] not in (_SHADOWING, _ACTIVE, _DONE):
+            continue
+        dx = vehicles.position[row, other, 0] - vehicles.position[row, slot, 0]
+        dy = vehicles.position[row, other, 1] - vehicles.position[row, slot, 1]
+        if dx * dx + dy * dy <= NEAR * NEAR:
+            return True
+    return False
+
+
+@kernel
+def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleColumns, into: Floats) -> None:
+    into[0], into[1], into[2] = step, slot, vehicles.generation[row, slot]
+    into[3], into[4] = vehicles.owner[row, slot], vehicles.kind[row, slot]
+    into[5], into[6] = vehicles.position[row, slot, 0], vehicles.position[row, slot, 1]
+    into[7] = vehicles.heading[row, slot]
+    into[8], into[9] = vehicles.speed[row, slot], vehicles.lateral_speed[row, slot]
+    into[10], into[11] = vehicles.acceleration[row, slot], vehicles.lateral_acceleration[row, slot]
+    into[12] = vehicles.yaw_rate[row, slot]
+    into[13], into[14] = vehicles.length[row, slot], vehicles.width[row, slot]
+    into[15], into[16] = vehicles.lane[row, slot], vehicles.lane_position[row, slot]
+    into[17], into[18] = vehicles.lane_offset[row, slot], vehicles.route[row, slot]
+    into[19] = vehicles.desired_speed[row, slot]
+
+
+@kernel
+def _take_seat(step: int, row: int, seat: int, seats: SeatColumns, events: StepColumns, out: Buffers) -> None:
+    into = out.seats[row, out.used[row, SEAT_ROWS]]
+    out.used[row, SEAT_ROWS] += 1
+    into[0], into[1], into[2] = step, seat, seats.state[row, seat]
+    into[3], into[4] = seats.slot[row, seat], seats.generation[row, seat]
+    into[5] = events.bits[row, seat]
+    into[6], into[7] = events.partner[row, seat], events.partner_generation[row, seat]
+    into[8], into[9] = seats.throttle[row, seat], seats.brake[row, seat]
+    into[10] = seats.steering[row, seat]
+    into[11], into[12] = seats.route_done[row, seat], seats.remaining[row, seat]
+    into[13], into[14] = seats.travelled[row, seat], seats.lap[row, seat]
+    into[15], into[16] = seats.target_lane[row, seat], seats.change_phase[row, seat]
+    into[17], into[18] = _bits(seats.legal[row, seat]), seats.ticket[row, seat]
+
+
+@kernel
+def _take_decision(
+    step: int, row: int, seat: int, seats: SeatColumns, actions: ActionColumns, out: Buffers
+) -> None:
+    into = out.decisions[row, out.used[row, DECISION_ROWS]]
+    out.used[row, DECISION_ROWS] += 1
+    into[0], into[1], into[2] = step, seat, actions.kind[row, seat]
+    for number in range(8):
+        into[3 + number] = actions.values[row, seat, number]
+    into[11], into[12] = _bits(actions.legal[row, seat]), seats.effective[row, seat]
+
+
+@kernel
+def _bits(flags: Bools) -> int:
+    bits = 0
+    for number in range(len(flags)):
+        if flags[number]:
+            bits |= 1 << number
+    return bits

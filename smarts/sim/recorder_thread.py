@@ -1,0 +1,66 @@
+"""The thread that writes, so that the simulation does not wait for the disk."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable
+
+from smarts.errors import RecordError
+
+Job = Callable[[], object]
+
+_MOST_WAITING = 64
+"""Jobs; whoever is faster than the disk waits for it from then on."""
+
+
+class WriterThread:
+    """Does jobs one after the other, and stops at the first that fails."""
+
+    def __init__(self, place: str) -> None:
+        self._place = place
+        self._jobs: queue.Queue[Job | None] = queue.Queue(_MOST_WAITING)
+        self._failure: Exception | None = None
+        self._has_told = False
+        # A daemon, since a program that ends without closing is not to hang.
+        self._thread = threading.Thread(target=self._work, name="episode-writer", daemon=True)
+        self._thread.start()
+
+    def submit(self, job: Job) -> None:
+        """Have a job done.
+
+        Raises:
+            RecordError: An earlier one failed; then nothing more is done.
+        """
+        self._tell()
+        self._jobs.put(job)
+
+    def close(self) -> None:
+        """Wait until all is done, and end; may be called again.
+
+        Raises:
+            RecordError: A job failed, and nobody has been told.
+        """
+        if self._thread.is_alive():
+            self._jobs.put(None)
+            self._thread.join()
+        if not self._has_told:
+            self._tell()
+
+    def _tell(self) -> None:
+        if self._failure is not None:
+            self._has_told = True
+            raise RecordError(
+                f"episodes cannot be written: {self._failure}",
+                place=self._place,
+                remedy="see that the folder can be written to and that the disk is not full",
+            ) from self._failure
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            if self._failure is not None:
+                continue
+            try:
+                job()
+            except Exception as error:  # raised by `_tell` in the thread that submits
+                self._failure = error

@@ -1,0 +1,159 @@
+"""The simulation: B worlds that advance together, in the order that `Simulation.step` gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.sim.ownership import Ownership
+from smarts.sim.stages import (
+    ContactFinder,
+    Controllers,
+    EntryRules,
+    EventDetector,
+    Locator,
+    Recorder,
+    Sensors,
+    Traffic,
+    TransferRules,
+    Vehicles,
+)
+from smarts.types.actions import Actions
+from smarts.types.episode import EpisodeStart
+from smarts.types.events import Events, Outcome
+from smarts.types.frame import Frame
+from smarts.types.seats import SeatState
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Stages:
+    """What a simulation consists of."""
+
+    ownership: Ownership
+    entries: EntryRules
+    controllers: Controllers
+    vehicles: Vehicles
+    traffic: Traffic
+    locator: Locator
+    contacts: ContactFinder
+    events: EventDetector
+    transfer_rules: TransferRules
+    sensors: Sensors
+    recorder: Recorder
+
+
+def void(world: World, events: Events, row: int) -> None:
+    """End the episode of one simulation for all of its agents, without counting it."""
+    seats = world.seats
+    there = (seats.state[row] == SeatState.ACTIVE) | (seats.state[row] == SeatState.SHADOWING)
+    seats.state[row, there] = SeatState.DONE
+    seats.state[row, seats.state[row] == SeatState.WAITING] = SeatState.VACANT
+    seats.outcome[row, there] = Outcome.VOID
+    events.just_done[row] |= there
+    events.truncated[row] |= there
+    events.finished[row] = True
+
+
+class Simulation:
+    """B simulations; what happens in one does not depend on the others, nor on how many there are.
+
+    Args:
+        world: The state, written by the stages.
+        stages: The parts, see `smarts.sim.stages`.
+    """
+
+    def __init__(self, world: World, stages: Stages) -> None:
+        self.world = world
+        self._stages = stages
+        self._no_tracks = np.zeros((*world.seats.slot.shape, 0, 3))
+
+    def step(self, actions: Actions, rows: Bools, wanted: Bools) -> Frame:
+        """Advance some simulations by `dt`; the order of these lines is the contract.
+
+        Args:
+            actions: Of all seats.
+            rows: Which simulations make the step, shape (B,).
+            wanted: Which seats are to be observed, shape (B, A); those whose agent is done always are.
+
+        Returns:
+            What happened. Where traffic failed, the frame's `failures` say so, and the episode is void: its
+            agents are done, and the simulation is to be reset. The others have made the step.
+        """
+        world, stages = self.world, self._stages
+        world.advance(rows)
+        # Those who are done were still to be seen in the last frame.
+        stages.ownership.apply(rows)
+        stages.entries.enter(world, rows)
+        commands = stages.controllers.command(world, actions, rows)
+        # Before traffic, so that its drivers find agents where they are at the end of the step.
+        tracks = stages.vehicles.step(world, commands, rows)
+        stages.traffic.step(world, rows, stages.ownership.routes)
+        stages.locator.locate(world, rows)
+        failures = stages.traffic.failures
+        if failures:
+            rows = rows.copy()
+            rows[list(failures)] = False
+        contacts = stages.contacts.find(world, tracks, rows)
+        # Before the sensors: the last observation of an agent is of the step that ended it.
+        events = stages.events.detect(world, contacts, rows)
+        for row in failures:
+            void(world, events, row)
+        stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
+        seen = self._visible(rows) & wanted | events.just_done
+        readings = stages.sensors.observe(world, seen)
+        frame = Frame(world, rows, actions, commands, contacts, events, seen, readings, failures)
+        stages.recorder.record(frame)
+        return frame
+
+    def reset(self, starts: Mapping[int, EpisodeStart]) -> Frame:
+        """Begin an episode in some simulations, by row; the others stay as they are.
+
+        Raises:
+            TrafficError: A traffic engine refused; all these simulations are to be reset again.
+        """
+        world, stages = self.world, self._stages
+        rows = np.zeros(world.worlds, np.bool_)
+        rows[list(starts)] = True
+        for row, start in starts.items():
+            self._begin(row, start)
+        stages.vehicles.reset(world, rows)
+        stages.locator.locate(world, rows)
+        for row in starts:
+            stages.entries.clear_way(world, row)
+            world.settle(row)
+        contacts = stages.contacts.find(world, self._no_tracks, rows)
+        events = stages.events.reset(world, contacts, rows)
+        stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
+        seen = self._visible(rows)
+        readings = stages.sensors.observe(world, seen)
+        frame = Frame(world, rows, None, None, contacts, events, seen, readings, starts=starts)
+        stages.recorder.record(frame)
+        return frame
+
+    def close(self) -> None:
+        """Give back what the parts hold; may be called again."""
+        self._stages.traffic.close()
+        self._stages.vehicles.close()
+        # The last, since it may have to say that the disk is full.
+        self._stages.recorder.close()
+
+    def _begin(self, row: int, start: EpisodeStart) -> None:
+        """Empty one simulation and fill it: agents first, since traffic makes room for them."""
+        world, stages = self.world, self._stages
+        world.clear(row)
+        world.map[row], world.episode[row] = start.map, start.episode
+        ownership = stages.ownership
+        ownership.clear(row)
+        stages.entries.reset(world, row, start)
+        stages.traffic.reset(world, row, start, ownership.rosters[row], ownership.routes[row])
+
+    def _visible(self, rows: Bools) -> Bools:
+        """Return the seats of some simulations from which an agent observes a vehicle, shape (B, A)."""
+        state = self.world.seats.state
+        return ((state == SeatState.ACTIVE) | (state == SeatState.SHADOWING)) & rows[:, None]

@@ -1,0 +1,153 @@
+"""The stages of the step: what each takes, and what it may write.
+
+`rows` says which simulations take part, shape (B,); a stage leaves every array of the others as it is.
+Whatever a stage returns is refilled in place by its next call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import TrafficError
+from smarts.providers.traffic_provider import Roster
+from smarts.providers.traffic_set import RouteNumbers
+from smarts.types.actions import Actions, Commands
+from smarts.types.episode import EpisodeStart
+from smarts.types.events import Contacts, Events
+from smarts.types.frame import Frame, Readings
+from smarts.types.transfers import Transfers
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+
+class EntryRules(Protocol):
+    """Let agents in; write missions, and through `Ownership` the seats."""
+
+    def reset(self, world: World, row: int, start: EpisodeStart) -> None:
+        """Begin an episode of one simulation, which is empty."""
+        ...
+
+    def clear_way(self, world: World, row: int) -> None:
+        """Make room for those who are in at the beginning; everybody has been located."""
+        ...
+
+    def enter(self, world: World, rows: Bools) -> None:
+        """Let in those whose time has come."""
+        ...
+
+
+class Controllers(Protocol):
+    """Turn actions into commands; write the latch of lane changes in the seats."""
+
+    def command(self, world: World, actions: Actions, rows: Bools) -> Commands:
+        """Return what the vehicles of all active seats are to do in this step."""
+        ...
+
+
+class Vehicles(Protocol):
+    """Move the vehicles of owner AGENT; write their rows, and the seats' actuators."""
+
+    def reset(self, world: World, rows: Bools) -> None:
+        """Forget all vehicles of some simulations; those in their rows now are new."""
+        ...
+
+    def step(self, world: World, commands: Commands, rows: Bools) -> Floats:
+        """Move them by one step; return x, y [m], heading [rad] after each sub-step, shape (B, A, S, 3)."""
+        ...
+
+    def can_accept(self, row: int, slot: int) -> bool:
+        """Return whether an agent could drive on with this vehicle."""
+        ...
+
+    def close(self) -> None:
+        """Give back what is held."""
+        ...
+
+
+class Traffic(Protocol):
+    """Move everybody else; write their rows, signals and routes."""
+
+    @property
+    def failures(self) -> Mapping[int, TrafficError]:
+        """What went wrong in the last step, by row; those rows are to be reset."""
+        ...
+
+    def reset(
+        self, world: World, row: int, start: EpisodeStart, roster: Roster, routes: RouteNumbers
+    ) -> None:
+        """Begin an episode of one simulation, in which the egos are at their starts."""
+        ...
+
+    def step(self, world: World, rows: Bools, routes: Sequence[RouteNumbers]) -> None:
+        """Move them by one step, in sight of where the agents' vehicles are at its end."""
+        ...
+
+    def can_accept(self, row: int, slot: int) -> bool:
+        """Return whether traffic could drive on with this vehicle."""
+        ...
+
+    def close(self) -> None:
+        """Give back what is held."""
+        ...
+
+
+class Locator(Protocol):
+    """Find all vehicles on the map; write lane, lane_position, lane_offset, and the seats' progress."""
+
+    def locate(self, world: World, rows: Bools) -> None:
+        """Say where everybody is now."""
+        ...
+
+
+class ContactFinder(Protocol):
+    """Tells which vehicles overlap; writes nothing."""
+
+    def find(self, world: World, tracks: Floats, rows: Bools) -> Contacts:
+        """Return the first contact of each seat's vehicle during the step."""
+        ...
+
+
+class EventDetector(Protocol):
+    """Judges what happened; writes state and outcome of seats, rest, off_route_since, via_hit, tickets."""
+
+    def reset(self, world: World, contacts: Contacts, rows: Bools) -> Events:
+        """Return the (usually absent) events at the beginning of an episode."""
+        ...
+
+    def detect(self, world: World, contacts: Contacts, rows: Bools) -> Events:
+        """Return what happened to the agents in this step."""
+        ...
+
+
+class TransferRules(Protocol):
+    """Decide which vehicles are to change hands; write nothing."""
+
+    def propose(self, world: World, events: Events, rows: Bools) -> Transfers:
+        """Return the transfers that are to happen at the beginning of the next step."""
+        ...
+
+
+class Sensors(Protocol):
+    """See the world for the agents; write nothing."""
+
+    def observe(self, world: World, wanted: Bools) -> Readings:
+        """Return the readings of the wanted seats, shape (B, A)."""
+        ...
+
+
+class Recorder(Protocol):
+    """Keeps what happened."""
+
+    def record(self, frame: Frame) -> None:
+        """Take what is wanted out of a frame, before the next step overwrites it."""
+        ...
+
+    def close(self) -> None:
+        """Write what is left, and end."""
+        ...

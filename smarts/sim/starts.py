@@ -1,0 +1,242 @@
+"""Starts: a scenario's missions as the seats of one episode, with routes, goals and distances on the map."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import MapError, ScenarioError
+from smarts.geometry.boxes import boxes_overlap
+from smarts.roads.atlas import ROAD_LANES
+from smarts.roads.corridors import Corridor, route_corridor
+from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.missions import PlacedMission, ViaPoint, place_missions
+from smarts.types.episode import SeatStart, TakeOver
+from smarts.types.mission import GoalKind, SeatMission, Via
+from smarts.types.vehicles import VehicleKind
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from smarts.sstudio.built import BuiltScenario
+
+TRIES = 20
+"""How often starts are drawn until no two egos overlap."""
+GOAL_RADIUS = 2.0
+"""[m]"""
+LEAST_ROUTE = 1.0
+"""How far ahead of its vehicle's centre a goal has to be [m]."""
+TRAP_LENGTH = 20.0
+"""Of the area around a start where an agent takes a vehicle over, unless the scenario names one [m]."""
+TRAP_BEHIND = 5.0
+"""How much of that area lies before the start [m]."""
+KNOWN_FACTS = t.ConditionRequires.time | t.ConditionRequires.actor_ids
+"""What conditions of entry may be about."""
+_ACCELERATION = 3.0
+"""With which an undisturbed driver reaches the limit [m/s^2]."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What an agent drives."""
+
+    kind: VehicleKind = VehicleKind.PASSENGER
+    length: float = 5.0
+    """[m]"""
+    width: float = 1.8
+    """[m]"""
+
+
+def draw_starts(
+    built: BuiltScenario,
+    missions: Sequence[t.AnyMission],
+    names: Sequence[str],
+    shapes: Sequence[Shape],
+    generator: Generator,
+) -> tuple[SeatStart, ...]:
+    """Return how the egos of one episode begin, drawn anew while two overlap or one is past its goal.
+
+    Args:
+        built: The scenario.
+        missions: One for each ego.
+        names: The agents', one for each ego.
+        shapes: Their vehicles'.
+        generator: Draws random routes and the variation of starts.
+
+    Raises:
+        ScenarioError: A mission cannot be on the map, or no draw makes a start.
+    """
+    roads, variation = built.roads(), built.scenario.start_variation
+    longest = max((shape.length for shape in shapes), default=Shape().length)
+    problem = ""
+    for _ in range(TRIES):
+        placed = place_missions(
+            missions, roads, generator, variation, vehicle_length=longest, place=built.name
+        )
+        starts = tuple(
+            seat_start(mission, roads, name, shape, f"{built.name}: mission {number}")
+            for number, (mission, name, shape) in enumerate(zip(placed, names, shapes, strict=True))
+        )
+        problem = _problem(starts)
+        if not problem:
+            return starts
+    raise ScenarioError(
+        f"{problem}, in {TRIES} draws out of {TRIES}",
+        place=built.name,
+        remedy="move the missions' starts and goals apart, or vary the starts less",
+    )
+
+
+def _problem(starts: Sequence[SeatStart]) -> str:
+    """Return why an episode cannot begin like this, "" if it can."""
+    for start in starts:
+        if start.mission.route and start.mission.route_length < LEAST_ROUTE:
+            return f"the goal of {start.name!r} is not ahead of its start"
+    here = [start for start in starts if start.entry_time <= 0 and not start.take_over]
+    for first, second in itertools.combinations(here, 2):
+        if boxes_overlap(*_box(first), *_box(second)).any():
+            return f"the starts of {first.name!r} and {second.name!r} overlap"
+    return ""
+
+
+def _box(start: SeatStart) -> tuple[NDArray, NDArray, NDArray]:
+    """Return centre, heading and size."""
+    return np.array(start.pose[:2]), np.array(start.pose[2]), np.array([start.length, start.width])
+
+
+def seat_start(placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape, place: str) -> SeatStart:
+    """Return the start of one seat.
+
+    Raises:
+        ScenarioError: A condition of entry is about what nobody knows then.
+    """
+    return SeatStart(
+        name=name,
+        pose=placed.start.pose(roads, behind=shape.length / 2),
+        speed=placed.speed,
+        mission=_seat_mission(placed, roads, shape),
+        kind=shape.kind,
+        length=shape.length,
+        width=shape.width,
+        entry_time=placed.start_time,
+        take_over=_take_over(placed, roads, place),
+    )
+
+
+def _seat_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape) -> SeatMission:
+    vias = tuple(_via(via, roads) for via in placed.via)
+    if placed.goal is None:
+        return SeatMission(vias=vias)
+    mission = placed.mission
+    laps = mission.num_laps if isinstance(mission, t.LapMission) else 1
+    x, y, _ = placed.goal.pose(roads)
+    route = placed.route if _is_drivable(roads, placed.route) else ()
+    length = 0.0
+    if route:
+        corridor = corridor_of(roads, route)
+        behind = placed.start.s - shape.length / 2
+        begin = distance_along(corridor, roads, placed.start.lane, behind)
+        length = distance_along(corridor, roads, placed.goal.lane, placed.goal.s, last=True) - begin
+    return SeatMission(
+        route=route,
+        goal=GoalKind.LAPS if isinstance(mission, t.LapMission) else GoalKind.POSITION,
+        goal_position=(x, y),
+        goal_radius=GOAL_RADIUS,
+        goal_lane=placed.goal.lane,
+        goal_s=placed.goal.s,
+        laps=laps,
+        route_length=length,
+        free_flow_time=free_flow_time(roads, route, placed.start.lane, length, placed.speed),
+        vias=vias,
+    )
+
+
+def _is_drivable(roads: LaneGraph, route: tuple[str, ...]) -> bool:
+    """Return whether each edge leads into the next; those of a U-turn in the middle of a road do not."""
+    try:
+        corridor_of(roads, route)
+    except MapError:
+        return False
+    return True
+
+
+def corridor_of(roads: LaneGraph, route: tuple[str, ...]) -> Corridor:
+    """Return the corridor that vehicles of agents are measured on."""
+    return route_corridor(roads, route, ROAD_LANES)
+
+
+def distance_along(corridor: Corridor, roads: LaneGraph, lane: int, s: float, *, last: bool = False) -> float:
+    """Return the distance along a route of a place on a lane [m], NaN off the route.
+
+    Args:
+        corridor: Of the route.
+        roads: The map.
+        lane: The lane.
+        s: Arc length on it [m].
+        last: Which time counts where the route uses the lane more than once.
+    """
+    rows = np.flatnonzero(corridor.lane == lane)
+    if not len(rows):
+        return math.nan
+    row = rows[np.argmax(corridor.end[rows]) if last else np.argmin(corridor.begin[rows])]
+    share = min(1.0, max(0.0, s / float(roads.length[lane])))
+    return float(corridor.begin[row] + share * (corridor.end[row] - corridor.begin[row]))
+
+
+def free_flow_time(roads: LaneGraph, route: Sequence[str], lane: int, length: float, speed: float) -> float:
+    """Return how long a driver at the limits takes for a route, from a speed at its start [s]."""
+    if not route:
+        return 0.0
+    edges = [roads.edge_number(name) for name in route]
+    firsts = [int(roads.edge_first_lane[edge]) for edge in edges]
+    lengths, limits = roads.length[firsts], roads.speed_limit[firsts]
+    mean = float(lengths.sum() / (lengths / limits).sum())
+    limit = float(roads.speed_limit[lane])
+    return length / mean + max(0.0, limit - speed) ** 2 / (2 * _ACCELERATION * limit)
+
+
+def _via(via: ViaPoint, roads: LaneGraph) -> Via:
+    x, y, _ = via.point.pose(roads)
+    return Via((x, y), via.point.lane, via.hit_distance, via.required_speed)
+
+
+def _take_over(placed: PlacedMission, roads: LaneGraph, place: str) -> TakeOver | None:
+    tactic = placed.mission.entry_tactic
+    if not isinstance(tactic, t.IdEntryTactic | t.TrapEntryTactic):
+        return None
+    unknown = tactic.condition.requires & ~KNOWN_FACTS
+    if unknown:
+        raise ScenarioError(
+            f"the condition is about {unknown.name}, which is not known when an agent enters",
+            place=f"{place}.entry_tactic.condition",
+            remedy="use conditions on time and on who is there",
+        )
+    if isinstance(tactic, t.IdEntryTactic):
+        return TakeOver(vehicle=tactic.actor_id, condition=tactic.condition)
+    return TakeOver(
+        areas=_trap_areas(tactic, placed, roads),
+        spared=tuple(tactic.exclusion_prefixes),
+        patience=tactic.wait_to_hijack_limit_s,
+        condition=tactic.condition,
+    )
+
+
+def _trap_areas(
+    tactic: t.TrapEntryTactic, placed: PlacedMission, roads: LaneGraph
+) -> tuple[NDArray[np.float64], ...]:
+    zone = tactic.zone
+    if zone is None:
+        lane = placed.start.lane
+        edge, index = roads.edge_ids[roads.lane_edge[lane]], int(roads.lane_index[lane])
+        begin = max(0.0, placed.start.s - TRAP_BEHIND)
+        zone = t.MapZone((edge, index, begin), TRAP_LENGTH, 1)
+    geometry: Any = zone.to_geometry(roads)
+    parts = getattr(geometry, "geoms", (geometry,))
+    return tuple(np.array(part.exterior.coords)[:-1] for part in parts)

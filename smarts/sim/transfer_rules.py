@@ -1,0 +1,130 @@
+"""Which vehicles are to change hands: agents that are done let go, agents that wait take over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, MutableMapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.segments import inside_outline
+from smarts.sim.entries import Entries
+from smarts.sim.ownership import Ownership
+from smarts.types.episode import SeatStart, TakeOver
+from smarts.types.events import Events, Outcome
+from smarts.types.seats import NEITHER, SeatState
+from smarts.types.transfers import NO_TRANSFERS, Reason, Transfers, transfers
+from smarts.types.vehicles import Owner
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+Row = tuple[int, int, int, int, int, int, int, int]
+
+UNHARMED = (Outcome.GOAL, Outcome.TIME_OUT, Outcome.NOT_MOVING, Outcome.OTHER, Outcome.MISSED_GOAL)
+"""After these, a vehicle that comes from traffic goes back to it; after the others it leaves the world."""
+
+
+class TakeOverRules:
+    """Lets the vehicles of agents that are done go, and finds vehicles for agents that wait for one.
+
+    Args:
+        ownership: Knows the vehicles' names.
+        entries: Knows who waits.
+        can_take: Whether agents could drive on with the vehicle of (row, slot).
+    """
+
+    def __init__(self, ownership: Ownership, entries: Entries, can_take: Callable[[int, int], bool]) -> None:
+        self._ownership = ownership
+        self._entries = entries
+        self._can_take = can_take
+        # Simulations in which a vehicle may still be there after its agent, since nobody wanted it.
+        self._unsettled: set[int] = set()
+        # What the triggers of conditions remember, by simulation and seat, of the episode that it is for.
+        self._memory: dict[tuple[int, int], tuple[int, MutableMapping[Any, float]]] = {}
+
+    def propose(self, world: World, events: Events, rows: Bools) -> Transfers:
+        """Return the transfers for the beginning of the next step."""
+        if not (self._unsettled or self._entries.pending or events.just_done.any()):
+            return NO_TRANSFERS
+        state = world.seats.state
+        concerned = ((state == SeatState.DONE) | (state == SeatState.WAITING)) & rows[:, None]
+        proposed: list[Row] = []
+        taken: set[tuple[int, int]] = set()
+        for row, seat in np.argwhere(concerned).tolist():
+            if state[row, seat] == SeatState.DONE:
+                if world.seats.slot[row, seat] != NEITHER:
+                    proposed.append(_letting_go(world, row, seat, bool(events.just_done[row, seat])))
+            elif seat < len(self._entries.starts(row)):
+                slot = self._find(world, row, seat, taken)
+                if slot != NEITHER:
+                    taken.add((row, slot))
+                    owner = int(world.vehicles.owner[row, slot])
+                    generation = int(world.vehicles.generation[row, slot])
+                    proposed.append((row, slot, generation, owner, NEITHER, Owner.AGENT, seat, Reason.TAKE))
+        self._unsettled = {row for row in self._unsettled if not rows[row]} | {each[0] for each in proposed}
+        return transfers(proposed)
+
+    def _find(self, world: World, row: int, seat: int, taken: set[tuple[int, int]]) -> int:
+        """Return the slot of the vehicle that an agent is to take over in the next step, -1 for none."""
+        start = self._entries.starts(row)[seat]
+        rule, now = start.take_over, float(world.step[row]) * world.dt
+        if rule is None or now < start.entry_time - 1e-9 or not self._holds(world, row, seat, rule, now):
+            return NEITHER
+        vehicles, name = world.vehicles, self._ownership.rosters[row].name
+        held = set(world.seats.slot[row].tolist())
+        suited = [
+            slot
+            for slot in np.flatnonzero(vehicles.alive[row] & (vehicles.owner[row] != Owner.AGENT)).tolist()
+            if slot not in held
+            and (row, slot) not in taken
+            and (not rule.vehicle or name(slot) == rule.vehicle)
+            and not name(slot).startswith(rule.spared or ("\0",))
+            and _is_inside(world, row, slot, rule)
+            and self._can_take(row, slot)
+        ]
+        return min(suited, key=lambda slot: (_distance(world, row, slot, start), slot), default=NEITHER)
+
+    def _holds(self, world: World, row: int, seat: int, rule: TakeOver, now: float) -> bool:
+        if rule.condition is None:
+            return True
+        episode, memory = self._memory.get((row, seat), (-1, {}))
+        if world.step[row] == 0 or episode != world.episode[row]:
+            memory = {}
+            self._memory[row, seat] = int(world.episode[row]), memory
+        names = {
+            self._ownership.rosters[row].name(slot)
+            for slot in np.flatnonzero(world.vehicles.alive[row]).tolist()
+        }
+        return bool(rule.condition.evaluate(memory=memory, time=now, actor_ids=names))
+
+
+def _letting_go(world: World, row: int, seat: int, is_first: bool) -> Row:
+    """Return the transfer of a vehicle whose agent is done: home if it has one that wants it, else away."""
+    seats, vehicles = world.seats, world.vehicles
+    slot, generation = int(seats.slot[row, seat]), int(seats.generation[row, seat])
+    owner, home = int(vehicles.owner[row, slot]), int(vehicles.home[row, slot])
+    # What was refused the first time is not asked for again.
+    goes_home = home != Owner.NOBODY and is_first and seats.outcome[row, seat] in UNHARMED
+    if owner == home or goes_home:
+        return row, slot, generation, owner, seat, home, NEITHER, Reason.RELEASE
+    return row, slot, generation, owner, seat, Owner.NOBODY, NEITHER, Reason.LEAVE
+
+
+def _is_inside(world: World, row: int, slot: int, rule: TakeOver) -> bool:
+    if not rule.areas:
+        return True
+    x, y = _front(world, row, slot)
+    return any(inside_outline(x, y, area, 0, len(area)) for area in rule.areas)
+
+
+def _front(world: World, row: int, slot: int) -> tuple[float, float]:
+    heading = float(world.vehicles.heading[row, slot])
+    half = float(world.vehicles.length[row, slot]) / 2
+    x, y = world.vehicles.position[row, slot].tolist()
+    return x + half * np.cos(heading), y + half * np.sin(heading)
+
+
+def _distance(world: World, row: int, slot: int, start: SeatStart) -> float:
+    x, y = world.vehicles.position[row, slot].tolist()
+    return float(np.hypot(x - start.pose[0], y - start.pose[1]))

@@ -1,0 +1,136 @@
+"""What agents ask for, and what their vehicles are told to do."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+MOST_VALUES = 8
+"""Numbers that an action other than a path consists of, at most."""
+PATH_COLUMNS = 5
+"""Of a path: time [s], x, y [m], heading [rad], speed [m/s]."""
+
+
+class ActionSpaceType(enum.IntEnum):
+    """How an agent acts; names and numbers are the original's."""
+
+    Continuous = 0
+    """Throttle, brake, steering."""
+    Lane = 1
+    """A `LaneAction`."""
+    ActuatorDynamic = 2
+    """Throttle, brake, rate of steering [1/s]."""
+    LaneWithContinuousSpeed = 3
+    """Target speed [m/s], lane change: -1 right, 0, 1 left."""
+    TargetPose = 4
+    """x, y [m], heading [rad], time until there [s]."""
+    Trajectory = 5
+    """A path of x, y, heading, speed, to be tracked."""
+    MultiTargetPose = 6
+    """A target pose for each vehicle of the agent."""
+    MPC = 7
+    """A path of x, y, heading, speed, to be tracked by model-predictive control."""
+    TrajectoryWithTime = 8
+    """A path of time, x, y, heading, speed, to be followed exactly."""
+    Direct = 9
+    """Speed [m/s], or acceleration [m/s^2] and yaw rate [rad/s]."""
+    Empty = 10
+    """Nothing."""
+    RelativeTargetPose = 11
+    """Changes of x, y [m] and heading [rad], to be reached in one step."""
+
+
+class LaneAction(enum.IntEnum):
+    """The four discrete actions; agents may give the number or the name."""
+
+    keep_lane = 0
+    slow_down = 1
+    change_lane_left = 2
+    change_lane_right = 3
+
+
+@dataclass(frozen=True)
+class Actions:
+    """What the agents of all seats ask for, shape (B, A), refilled in place.
+
+    Values are finite and within their bounds: that was seen to when they were taken in.
+    """
+
+    kind: Bytes
+    """An `ActionSpaceType`."""
+    given: Bools
+    """Whether the agent has acted since it entered; until then its controller does what is neutral."""
+    fresh: Bools
+    """Whether the action is new in this step. What happens once (a lane change, a relative pose, a path that
+    begins now) happens only when fresh; what lasts (a speed, a throttle) goes on."""
+    values: Floats
+    """Shape (B, A, 8); how many count and what they mean follows from the kind."""
+    legal: Bools
+    """`Seats.legal` as the agent saw it when it decided, shape (B, A, 4)."""
+    path: Floats
+    """Rows of time, x, y, heading, speed, shape (B, A, P, 5); P is 0 if no seat acts by paths."""
+    path_length: Ints
+
+    @classmethod
+    def allocate(cls, worlds: int, seats: int, path: int = 0) -> Actions:
+        """Return buffers without actions for B simulations of A seats and paths of at most P points."""
+        shape = (worlds, seats)
+        return cls(
+            kind=np.full(shape, ActionSpaceType.Empty, np.int8),
+            given=np.zeros(shape, np.bool_),
+            fresh=np.zeros(shape, np.bool_),
+            values=np.zeros((*shape, MOST_VALUES)),
+            legal=np.zeros((*shape, len(LaneAction)), np.bool_),
+            path=np.zeros((*shape, path, PATH_COLUMNS)),
+            path_length=np.zeros(shape, np.int32),
+        )
+
+
+class CommandMode(enum.IntEnum):
+    """How a vehicle is told where to go."""
+
+    NONE = 0
+    """Not at all: it rolls on."""
+    ACTUATORS = 1
+    """By throttle, brake and steering."""
+    ACTUATORS_RATE = 2
+    """By throttle, brake and the rate of steering."""
+    TRACK = 3
+    """By a reference that it steers along."""
+    PLACE = 4
+    """By poses that it takes, whatever its dynamics."""
+
+
+@dataclass(frozen=True)
+class Commands:
+    """What controllers tell the vehicles of all seats for one step, shape (B, A), refilled in place."""
+
+    mode: Bytes
+    """A `CommandMode`."""
+    actuators: Floats
+    """Throttle and brake in [0, 1], steering in [-1, 1] (left positive) or its rate [1/s]; (B, A, 3)."""
+    reference: Floats
+    """Points ahead, nearest first: x, y [m], heading [rad], speed [m/s], shape (B, A, R, 4)."""
+    reference_length: Ints
+    poses: Floats
+    """At the end of each sub-step: x, y [m], heading [rad], speed [m/s], shape (B, A, S, 4)."""
+
+    @classmethod
+    def allocate(cls, worlds: int, seats: int, *, reference: int = 64, substeps: int = 10) -> Commands:
+        """Return buffers without commands for B simulations of A seats, R points and S sub-steps."""
+        shape = (worlds, seats)
+        return cls(
+            mode=np.zeros(shape, np.int8),
+            actuators=np.zeros((*shape, 3)),
+            reference=np.zeros((*shape, reference, 4)),
+            reference_length=np.zeros(shape, np.int32),
+            poses=np.zeros((*shape, substeps, 4)),
+        )

@@ -1,0 +1,82 @@
+"""Episodes: what one simulation is reset to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.types.mission import SeatMission
+from smarts.types.traffic import TrafficFiles
+from smarts.types.vehicles import VehicleKind
+
+
+class EntryCondition(Protocol):
+    """What must hold when an agent enters; the conditions of scenarios are such."""
+
+    def evaluate(self, *, memory: Any = None, **facts: Any) -> Any:
+        """Return whether it holds, given facts such as `time` [s] and `actor_ids`."""
+        ...
+
+
+@dataclass(frozen=True)
+class TakeOver:
+    """Which vehicle of traffic an agent waits for, to go on with it."""
+
+    areas: Sequence[NDArray[np.float64]] = ()
+    """Outlines of the places where a vehicle's front must be, each of shape (., 2) [m]; empty: anywhere."""
+    vehicle: str = ""
+    """Its public name; "" for any."""
+    spared: tuple[str, ...] = ()
+    """Vehicles whose names begin so are left alone."""
+    patience: float = math.inf
+    """How long to wait for one after the entry time [s]; then a new vehicle is put in at the start."""
+    condition: EntryCondition | None = None
+    """What must hold, too."""
+
+
+@dataclass(frozen=True)
+class SeatStart:
+    """How one agent begins an episode."""
+
+    name: str
+    """The agent's, and its vehicle's public name."""
+    pose: tuple[float, float, float]
+    """Of the vehicle's centre: x, y [m] and heading [rad]."""
+    speed: float
+    """[m/s]"""
+    mission: SeatMission
+    kind: VehicleKind = VehicleKind.PASSENGER
+    length: float = 5.0
+    """[m]"""
+    width: float = 1.8
+    """[m]"""
+    entry_time: float = 0.0
+    """When it enters [s]; until then its seat waits."""
+    take_over: TakeOver | None = None
+    """What it waits for from then on; None puts a new vehicle in."""
+
+
+@dataclass(frozen=True)
+class EpisodeStart:
+    """One episode of one simulation: a function of the list of scenarios, seed, world and episode alone."""
+
+    seed: int
+    world: int
+    """Number of the simulation in its run, not of the row that it happens to be computed in."""
+    episode: int
+    scenario: str
+    """With the variation, as in "intersection@dense"."""
+    map: int
+    """Number of its map in the atlas."""
+    traffic: TrafficFiles
+    traffic_name: str | None
+    sumo_seed: int
+    limit: int
+    """The most vehicles at a time that the traffic engine knows, the egos among them."""
+    seats: tuple[SeatStart, ...]
+    """Of the egos, in the order of their seats."""

@@ -1,0 +1,221 @@
+"""The one format of recorded episodes: which tables there are, and what each column means.
+
+An episode is a folder with one Parquet file for each table. Metrics, viewer and replay read nothing else.
+
+Indices. Row `step = k` of `vehicles`, `seats` and `signals` is the state after k steps; k = 0 is the reset.
+Row `step = k` of `decisions` and `extras` is what was decided on that state, or followed from it until the
+seat's next decision, such as its reward. A vehicle is (slot, generation); a lane or an edge is its number in
+the map's lane graph, which is the file `maps/<map>.npz` beside the episodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+VERSION = 1
+"""Of the format; readers refuse others."""
+
+TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
+"""Kinds of columns beside those of numpy: strings, and lists of numbers of any length."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table."""
+
+    name: str
+    kind: str
+    """A numpy dtype, `TEXT`, `NUMBERS` or `INTEGERS`."""
+    meaning: str
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table of an episode."""
+
+    name: str
+    meaning: str
+    columns: tuple[Column, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns' names."""
+        return tuple(column.name for column in self.columns)
+
+
+def _step(meaning: str = "the state is that after so many steps") -> Column:
+    return Column("step", "int32", meaning)
+
+
+SEAT = Column("seat", "int16", "the agent's seat")
+VEHICLE = (
+    Column("slot", "int32", "with the generation, the vehicle"),
+    Column("generation", "int32", "with the slot, the vehicle"),
+)
+
+EPISODE = Table(
+    "episode",
+    "one row: what was played, and how it went",
+    (
+        Column("version", "int32", "of this format"),
+        Column("program", TEXT, "version of the program that wrote it"),
+        Column("scenario", TEXT, "with its variation, as in intersection@dense"),
+        Column("traffic", TEXT, "variation of the traffic, empty without traffic"),
+        Column("map", TEXT, "digest of the lane graph; the file is maps/<map>.npz"),
+        Column("seed", "int64", "of the run"),
+        Column("world", "int32", "number of the simulation in its run"),
+        Column("episode", "int32", "number of the episode in its simulation"),
+        Column("sumo_seed", "int64", "of the traffic engine"),
+        Column("dt", "float64", "length of a step", "s"),
+        Column("steps", "int32", "how many were made"),
+        Column("is_complete", "bool", "whether it went on until no agent was left or to come"),
+        Column(
+            "is_void",
+            "bool",
+            "whether it does not count: a vehicle overlapped another at the start, or traffic failed",
+        ),
+        Column("remark", TEXT, "why it is void or not complete"),
+        Column("limit", "int32", "the most vehicles that the traffic engine may have at a time"),
+        Column(
+            "most_vehicles",
+            "int32",
+            "the most that there were at a time; at the limit, traffic was held back",
+        ),
+    ),
+)
+AGENTS = Table(
+    "agents",
+    "a row for each agent that was to take part",
+    (
+        SEAT,
+        Column("name", TEXT, "the agent's"),
+        *VEHICLE,
+        Column("kind", "int8", "VehicleKind"),
+        Column("length", "float32", "of the vehicle", "m"),
+        Column("width", "float32", "of the vehicle", "m"),
+        Column("entry_time", "float32", "when it was to enter", "s"),
+        Column("entry_step", "int32", "when it entered, -1 if it never did"),
+        Column("end_step", "int32", "its last step, -1 if it never entered"),
+        Column("start_x", "float64", "of the start that was drawn", "m"),
+        Column("start_y", "float64", "of the start that was drawn", "m"),
+        Column("start_heading", "float32", "of the start that was drawn", "rad"),
+        Column("start_speed", "float32", "of the start that was drawn", "m/s"),
+        Column("action", "int8", "ActionSpaceType of its first decision, -1 without one"),
+        Column("goal", "int8", "GoalKind"),
+        Column("goal_x", "float64", "", "m"),
+        Column("goal_y", "float64", "", "m"),
+        Column("goal_radius", "float32", "", "m"),
+        Column("goal_lane", "int32", "-1 without a goal on a lane"),
+        Column("goal_s", "float32", "along the goal's lane", "m"),
+        Column("laps", "int16", "to be driven"),
+        Column("route", "int32", "number in routes, -1 without one"),
+        Column("route_length", "float32", "from start to goal, 0 for endless missions", "m"),
+        Column("free_flow_time", "float32", "that the route takes at the limits", "s"),
+        Column("outcome", "int8", "Outcome, NONE if the recording ended before"),
+        Column("terminated", "bool", "ended for good"),
+        Column("truncated", "bool", "ended although it could have gone on"),
+        Column("remaining", "float32", "left of the route at the end", "m"),
+        Column("travelled", "float32", "driven in all", "m"),
+        Column("partner_slot", "int32", "vehicle that it collided with when it ended, -1 for none"),
+        Column("partner_generation", "int32", "of that vehicle"),
+        Column("partner", TEXT, "public name of that vehicle"),
+        Column("partner_owner", "int8", "who drove that vehicle: Owner"),
+        Column("partner_seat", "int16", "seat of the agent that drove it, -1 for none"),
+        Column("side", "int8", "where it was hit: 0 front, 1 left, 2 rear, 3 right"),
+        Column("closing_speed", "float32", "at the collision", "m/s"),
+        Column("substep", "int8", "of the collision"),
+    ),
+)
+VEHICLES = Table(
+    "vehicles",
+    "a row for each step and each vehicle near an agent that drives or has just ended, and for a while after",
+    (
+        _step(),
+        *VEHICLE,
+        Column("owner", "int8", "Owner: who drives it"),
+        Column("kind", "int8", "VehicleKind"),
+        Column("x", "float64", "of the centre", "m"),
+        Column("y", "float64", "of the centre", "m"),
+        Column("heading", "float32", "counter-clockwise from +x", "rad"),
+        Column("speed", "float32", "along the heading", "m/s"),
+        Column("lateral_speed", "float32", "positive to the left", "m/s"),
+        Column("acceleration", "float32", "along the heading", "m/s^2"),
+        Column("lateral_acceleration", "float32", "positive to the left", "m/s^2"),
+        Column("yaw_rate", "float32", "counter-clockwise", "rad/s"),
+        Column("length", "float32", "of the footprint", "m"),
+        Column("width", "float32", "of the footprint", "m"),
+        Column("lane", "int32", "-1 where none was found"),
+        Column("s", "float32", "of the centre along the lane", "m"),
+        Column("t", "float32", "of the centre from the lane's middle, positive to the left", "m"),
+        Column("route", "int32", "number in routes of the path that it plans, -1 where unknown"),
+        Column("desired_speed", "float32", "on a free road", "m/s"),
+    ),
+)
+NAMES = Table(
+    "names",
+    "a row for each recorded vehicle",
+    (*VEHICLE, Column("name", TEXT, "public name"), Column("first_step", "int32", "of the record")),
+)
+ROUTES = Table(
+    "routes",
+    "a row for each planned route",
+    (
+        Column("route", "int32", "number of the route"),
+        Column("edges", INTEGERS, "numbers of its edges, in order"),
+    ),
+)
+SEATS = Table(
+    "seats",
+    "a row for each step and each agent that has a vehicle, the step that ended it included",
+    (
+        _step(),
+        SEAT,
+        Column("state", "int8", "SeatState"),
+        *VEHICLE,
+        Column("events", "int32", "Event bits of this step"),
+        Column("partner_slot", "int32", "first vehicle touched in this step, -1 for none"),
+        Column("partner_generation", "int32", "of that vehicle"),
+        Column("throttle", "float32", "0 to 1"),
+        Column("brake", "float32", "0 to 1"),
+        Column("steering", "float32", "of the front wheels, positive to the left", "rad"),
+        Column("route_done", "float32", "along the route", "m"),
+        Column("remaining", "float32", "to the goal along the route", "m"),
+        Column("travelled", "float32", "since entry", "m"),
+        Column("lap", "int16", "laps completed"),
+        Column("target_lane", "int32", "that it steers for, -1 for none"),
+        Column("change_phase", "int8", "ChangePhase"),
+        Column("legal", "int8", "bit i: lane action i may be chosen next"),
+        Column("ticket", "int32", "place in the order of arrival at the junction ahead, -1 for none"),
+    ),
+)
+DECISIONS = Table(
+    "decisions",
+    "a row for each action that an agent gave",
+    (
+        _step("the state on which it was decided"),
+        SEAT,
+        Column("action", "int8", "ActionSpaceType"),
+        *(Column(f"value_{number}", "float32", "of the action, as carried out") for number in range(8)),
+        Column("legal", "int8", "bit i: lane action i was legal"),
+        Column("is_effective", "bool", "whether its lane command was carried out"),
+    ),
+)
+SIGNALS = Table(
+    "signals",
+    "a row for each change of a light; lights not mentioned show nothing",
+    (_step(), Column("lane", "int32", "into the junction"), Column("signal", "int8", "Signal")),
+)
+EXTRAS = Table(
+    "extras",
+    "whatever the algorithm has to say about its decisions: probabilities, means, values, rewards",
+    (
+        _step("the state on which the decision was made"),
+        SEAT,
+        Column("name", TEXT, "what it is"),
+        Column("values", NUMBERS, "the numbers"),
+    ),
+)
+
+TABLES = (EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, SEATS, DECISIONS, SIGNALS, EXTRAS)
+TABLE = {table.name: table for table in TABLES}

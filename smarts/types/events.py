@@ -1,0 +1,119 @@
+"""What happened to agents in a step, and how their episodes end."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+
+class Event(enum.IntFlag):
+    """Events as bits, so that those of several steps can be joined and those that end an agent be masked."""
+
+    NONE = 0
+    COLLISION = 1
+    OFF_ROAD = 2
+    OFF_ROUTE = 4
+    ON_SHOULDER = 8
+    WRONG_WAY = 16
+    NOT_MOVING = 32
+    REACHED_GOAL = 64
+    MISSED_GOAL = 128
+    REACHED_MAX_EPISODE_STEPS = 256
+    AGENTS_ALIVE_DONE = 512
+    INTEREST_DONE = 1024
+    VIA_HIT = 2048
+    LAP_COMPLETED = 4096
+
+
+class Outcome(enum.IntEnum):
+    """How an agent's episode ended; where several hold in one step, the first of COLLISION .. TIME_OUT."""
+
+    NONE = 0
+    COLLISION = 1
+    OFF_ROAD = 2
+    OFF_ROUTE = 3
+    MISSED_GOAL = 4
+    GOAL = 5
+    NOT_MOVING = 6
+    TIME_OUT = 7
+    OTHER = 8
+    """Ended for another's sake: too few agents or vehicles of interest are left."""
+    OTHER_TERMINAL = 9
+    """Ended for driving against the direction or on the shoulder."""
+    VOID = 10
+    """The episode does not count: vehicles overlapped at the start, or the traffic engine failed."""
+
+
+TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.VOID)
+"""The future that an agent would have had is to be estimated; after all other outcomes it has none."""
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Who touched whom in a step, shape (B, A), refilled in place."""
+
+    partner: Ints
+    """Slot of the first vehicle that the seat's vehicle touched, -1 for none."""
+    partner_generation: Ints
+    substep: Bytes
+    """The sub-step of first contact."""
+    closing_speed: Floats
+    """How fast the two approached each other [m/s]."""
+    side: Bytes
+    """Where the seat's vehicle was touched: 0 front, 1 left, 2 rear, 3 right."""
+    touching: Bools
+    """Every vehicle that it touched, shape (B, A, V)."""
+
+    @classmethod
+    def allocate(cls, worlds: int, seats: int, capacity: int) -> Contacts:
+        """Return buffers without contacts for B simulations of A seats and V slots."""
+        shape = (worlds, seats)
+        return cls(
+            partner=np.full(shape, -1, np.int32),
+            partner_generation=np.zeros(shape, np.int32),
+            substep=np.zeros(shape, np.int8),
+            closing_speed=np.zeros(shape),
+            side=np.zeros(shape, np.int8),
+            touching=np.zeros((*shape, capacity), np.bool_),
+        )
+
+
+@dataclass(frozen=True)
+class Events:
+    """The events of one step, shape (B, A), refilled in place. Rows that were not stepped have none."""
+
+    bits: NDArray[np.int32]
+    """An `Event`."""
+    just_done: Bools
+    """Whether the agent's episode ended in this step."""
+    terminated: Bools
+    """Ended for good. Never together with `truncated`."""
+    truncated: Bools
+    """Ended although it could have gone on."""
+    finished: Bools
+    """Whether no agent is left or to come, shape (B,)."""
+
+    @classmethod
+    def allocate(cls, worlds: int, seats: int) -> Events:
+        """Return buffers without events for B simulations of A seats."""
+        shape = (worlds, seats)
+        return cls(
+            bits=np.zeros(shape, np.int32),
+            just_done=np.zeros(shape, np.bool_),
+            terminated=np.zeros(shape, np.bool_),
+            truncated=np.zeros(shape, np.bool_),
+            finished=np.zeros(worlds, np.bool_),
+        )
+
+    def clear(self) -> None:
+        """Forget the last step."""
+        for array in (self.bits, self.just_done, self.terminated, self.truncated, self.finished):
+            array[:] = 0

@@ -1,0 +1,54 @@
+"""Frames: what one step, or a reset, has brought about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import TrafficError
+from smarts.types.actions import Actions, Commands
+from smarts.types.episode import EpisodeStart
+from smarts.types.events import Contacts, Events
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What the sensors have seen, by group of seats with equal options.
+
+    Only the wanted seats' entries are of this step; the others are left as they were.
+    """
+
+    blocks: Mapping[str, Mapping[str, NDArray]]
+    """Sensor -> field -> array of shape (B, G, ...), G the seats that have the sensor."""
+    seats: Mapping[str, NDArray[np.int32]]
+    """Sensor -> the seat of each column, shape (G,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Everything about one step, as views: valid until the next step or reset, and to be read only."""
+
+    world: World
+    """The state after the step."""
+    rows: Bools
+    """Which simulations were stepped or reset, shape (B,); those that failed are not among them."""
+    actions: Actions | None
+    """What was asked for, on the state before; None in the frame of a reset."""
+    commands: Commands | None
+    """What the vehicles were told; None in the frame of a reset."""
+    contacts: Contacts
+    events: Events
+    """Of this step alone; whoever steps several times in a decision joins them."""
+    wanted: Bools
+    """Whose readings are of this step, shape (B, A)."""
+    readings: Readings
+    failures: Mapping[int, TrafficError] = field(default_factory=dict)
+    """Simulations whose traffic failed in this step: their episodes are void, their next reset works."""
+    starts: Mapping[int, EpisodeStart] = field(default_factory=dict)
+    """In the frame of a reset: the episodes that begin, by row."""

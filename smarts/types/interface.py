@@ -1,0 +1,68 @@
+"""What agents' interfaces ask of the step: the fields of observations, and the rules for each seat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.types.actions import ActionSpaceType
+from smarts.types.events import Event
+
+
+@dataclass(frozen=True)
+class Field:
+    """One array of an observation: buffers, spaces, clipping and documentation are all made from it."""
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: type[np.generic]
+    low: float
+    """The least value; kernels clip to the bounds."""
+    high: float
+    unit: str
+    """Such as "m/s"; "" for numbers without one."""
+    meaning: str
+
+    def allocate(self, *leading: int) -> NDArray:
+        """Return zeros of the shape (*leading, *shape)."""
+        return np.zeros((*leading, *self.shape), self.dtype)
+
+
+ENDING = (
+    Event.COLLISION
+    | Event.OFF_ROAD
+    | Event.OFF_ROUTE
+    | Event.REACHED_GOAL
+    | Event.MISSED_GOAL
+    | Event.REACHED_MAX_EPISODE_STEPS
+)
+"""The events that end an agent's episode unless its interface says otherwise."""
+
+
+@dataclass(frozen=True)
+class SeatRules:
+    """What holds for each seat during the whole run, the same in all simulations; shape (A,)."""
+
+    action: NDArray[np.int8]
+    """An `ActionSpaceType`."""
+    ending: NDArray[np.int32]
+    """The `Event` bits that end the agent's episode."""
+    max_steps: NDArray[np.int32]
+    """Steps from entry to the time limit, 0 for none."""
+    not_moving_steps: NDArray[np.int32]
+    """Steps within a circle after which the agent counts as not moving."""
+    not_moving_distance: NDArray[np.float64]
+    """Radius of that circle [m]."""
+
+    @classmethod
+    def allocate(cls, seats: int) -> SeatRules:
+        """Return the default rules for A seats."""
+        return cls(
+            action=np.full(seats, ActionSpaceType.Empty, np.int8),
+            ending=np.full(seats, ENDING, np.int32),
+            max_steps=np.zeros(seats, np.int32),
+            not_moving_steps=np.full(seats, 600, np.int32),
+            not_moving_distance=np.ones(seats),
+        )

@@ -1,0 +1,139 @@
+"""Missions as arrays: where each seat's agent is bound for."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+
+class GoalKind(enum.IntEnum):
+    """What it takes to arrive."""
+
+    ENDLESS = 0
+    """There is no goal."""
+    POSITION = 1
+    """The centre within a radius of a point."""
+    LANE_LINE = 2
+    """Across a line in the goal lane."""
+    LAPS = 3
+    """Across the goal line as often as there are laps."""
+    OFF_MAP = 4
+    """Off the map at the end of a road."""
+
+
+@dataclass(frozen=True)
+class Via:
+    """A point to pass on the way."""
+
+    position: tuple[float, float]
+    """[m]"""
+    lane: int
+    radius: float
+    """Within which it counts as passed [m]."""
+    speed: float
+    """To pass it at [m/s]."""
+
+
+@dataclass(frozen=True)
+class SeatMission:
+    """One agent's mission in one episode, on its map."""
+
+    route: tuple[str, ...] = ()
+    """Ids of road edges from the start to the goal, all laps."""
+    goal: GoalKind = GoalKind.ENDLESS
+    goal_position: tuple[float, float] = (0.0, 0.0)
+    """[m]"""
+    goal_radius: float = 2.0
+    """[m]"""
+    goal_lane: int = -1
+    goal_s: float = 0.0
+    """Arc length of the goal on its lane [m]."""
+    laps: int = 1
+    route_length: float = 0.0
+    """From the start to the goal [m]; 0 for endless missions."""
+    free_flow_time: float = 0.0
+    """What the route takes at the limits, from the start's speed [s]."""
+    vias: tuple[Via, ...] = field(default=())
+
+
+@dataclass(frozen=True)
+class Missions:
+    """The missions of B simulations, shape (B, A); written when a seat is given out, read by all."""
+
+    route: Ints
+    """Number of the route in its simulation, as `VehicleStates.route`; -1 without one."""
+    goal: Bytes
+    """A `GoalKind`."""
+    goal_position: Floats
+    """[m], shape (B, A, 2)."""
+    goal_radius: Floats
+    """[m]"""
+    goal_lane: Ints
+    """-1 without a goal on a lane."""
+    goal_s: Floats
+    """[m]"""
+    laps: NDArray[np.int16]
+    route_length: Floats
+    """[m]"""
+    free_flow_time: Floats
+    """[s]"""
+    via_count: Bytes
+    """How many of the via points there are."""
+    via_position: Floats
+    """[m], shape (B, A, W, 2)."""
+    via_lane: Ints
+    """Shape (B, A, W)."""
+    via_radius: Floats
+    """[m], shape (B, A, W)."""
+    via_speed: Floats
+    """[m/s], shape (B, A, W)."""
+
+    @classmethod
+    def allocate(cls, worlds: int, seats: int, vias: int = 0) -> Missions:
+        """Return endless missions for B simulations of A seats and W via points."""
+        shape = (worlds, seats)
+        return cls(
+            route=np.full(shape, -1, np.int32),
+            goal=np.zeros(shape, np.int8),
+            goal_position=np.zeros((*shape, 2)),
+            goal_radius=np.zeros(shape),
+            goal_lane=np.full(shape, -1, np.int32),
+            goal_s=np.zeros(shape),
+            laps=np.zeros(shape, np.int16),
+            route_length=np.zeros(shape),
+            free_flow_time=np.zeros(shape),
+            via_count=np.zeros(shape, np.int8),
+            via_position=np.zeros((*shape, vias, 2)),
+            via_lane=np.full((*shape, vias), -1, np.int32),
+            via_radius=np.zeros((*shape, vias)),
+            via_speed=np.zeros((*shape, vias)),
+        )
+
+    def write(self, row: int, seat: int, mission: SeatMission, route: int) -> None:
+        """Put a mission into a seat; `route` is the number that its simulation gave to the route."""
+        self.clear(row, seat)
+        self.route[row, seat] = route
+        for name in ("goal", "goal_position", "goal_radius", "goal_lane", "goal_s"):
+            getattr(self, name)[row, seat] = getattr(mission, name)
+        for name in ("laps", "route_length", "free_flow_time"):
+            getattr(self, name)[row, seat] = getattr(mission, name)
+        self.via_count[row, seat] = len(mission.vias)
+        for number, via in enumerate(mission.vias):
+            self.via_position[row, seat, number] = via.position
+            self.via_lane[row, seat, number] = via.lane
+            self.via_radius[row, seat, number] = via.radius
+            self.via_speed[row, seat, number] = via.speed
+
+    def clear(self, row: int, seat: int | slice = slice(None)) -> None:
+        """Make missions of one simulation endless."""
+        for column in dataclasses.fields(self):
+            absent = -1 if column.name in ("route", "goal_lane", "via_lane") else 0
+            getattr(self, column.name)[row, seat] = absent

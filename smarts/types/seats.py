@@ -1,0 +1,175 @@
+"""Seats: an agent's hold on a vehicle, and all that the step remembers of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+
+class SeatState(enum.IntEnum):
+    """What is going on in a seat."""
+
+    VACANT = 0
+    """Nobody is expected, or the agent's episode is over."""
+    WAITING = 1
+    """An agent is to enter: at a time, or into a vehicle that drives into its trap."""
+    SHADOWING = 2
+    """An agent observes a vehicle that another drives."""
+    ACTIVE = 3
+    """An agent drives its vehicle."""
+    DONE = 4
+    """The agent's episode ended in this step; its vehicle leaves its hands at the beginning of the next."""
+
+
+class ChangePhase(enum.IntEnum):
+    """Where a commanded lane change stands."""
+
+    NONE = 0
+    REQUESTED = 1
+    """Commanded, the vehicle still in its lane."""
+    MOVING = 2
+    """Across the line."""
+    SETTLED = 3
+    """Completed in this step."""
+    ABORTED = 4
+    """Given up in this step."""
+
+
+NEITHER = -1
+"""Of a slot, lane, junction, ticket or step: there is none."""
+
+_NEITHER_WHEN_EMPTY = frozenset(
+    {"slot", "agent", "target_lane", "off_route_since", "ticket", "ticket_junction", "entry_step"}
+)
+
+
+@dataclass(frozen=True)
+class Seats:
+    """The seats of B simulations, shape (B, A): the egos' first, then those of agents that take traffic over.
+
+    Who writes which column is said in docs/step.md. A seat without a vehicle has slot -1; what is remembered
+    of an episode stays until the seat is given out anew, so that it can be read after the end.
+    """
+
+    state: Bytes
+    """A `SeatState`."""
+    slot: Ints
+    """The vehicle's slot, -1 for none."""
+    generation: Ints
+    """The vehicle's generation; with the slot, the vehicle itself."""
+    agent: NDArray[np.int16]
+    """Which agent sits here; several seats may be one agent's."""
+    entry_step: Ints
+    """Step of the episode in which the agent entered, -1 before."""
+    period: NDArray[np.int16]
+    """Steps from one decision of the agent to the next."""
+    next_due: Ints
+    """Step of the episode on which the agent decides next."""
+    outcome: Bytes
+    """An `Outcome`."""
+
+    throttle: Floats
+    """In [0, 1]."""
+    brake: Floats
+    """In [0, 1]."""
+    steering: Floats
+    """Angle of the front wheels, positive to the left [rad]."""
+
+    route_done: Floats
+    """Distance gone along the route [m]; keeps its last value off the route."""
+    remaining: Floats
+    """Distance left on the route to the goal, all laps [m]; keeps its last value off the route."""
+    travelled: Floats
+    """Distance driven since entry [m]."""
+    lap: NDArray[np.int16]
+    """Laps completed."""
+    on_road: Bools
+    """Whether the centre is on a lane for motor vehicles or inside a junction."""
+    corners_on_road: Bytes
+    """How many corners of the footprint are, 0 to 4."""
+    on_route: Bools
+    """Whether the lane is part of the route."""
+
+    legal: Bools
+    """Which of the four lane actions may be chosen next, shape (B, A, 4)."""
+    target_lane: Ints
+    """Lane that the agent steers for, -1 for none."""
+    change_phase: Bytes
+    """A `ChangePhase`."""
+    effective: Bools
+    """Whether the lane command of the last action was carried out."""
+
+    rest_position: Floats
+    """Where the vehicle was when it last had moved [m], shape (B, A, 2)."""
+    rest_step: Ints
+    """When that was, as a step of the episode."""
+    off_route_since: Ints
+    """Step of the episode since which it has been off its route, -1 if it is on it."""
+    via_hit: Bools
+    """Which of the mission's via points were passed, shape (B, A, W)."""
+    ticket: Ints
+    """Place in the order of arrival at the junction ahead, -1 without one."""
+    ticket_junction: Ints
+    """The junction that the ticket is for."""
+
+    @classmethod
+    def allocate(cls, worlds: int, seats: int, vias: int = 0) -> Seats:
+        """Return vacant seats for B simulations of A seats and W via points."""
+
+        def zeros(dtype: type, *more: int) -> NDArray:
+            return np.zeros((worlds, seats, *more), dtype)
+
+        made = cls(
+            state=zeros(np.int8),
+            slot=zeros(np.int32),
+            generation=zeros(np.int32),
+            agent=zeros(np.int16),
+            entry_step=zeros(np.int32),
+            period=zeros(np.int16),
+            next_due=zeros(np.int32),
+            outcome=zeros(np.int8),
+            throttle=zeros(np.float64),
+            brake=zeros(np.float64),
+            steering=zeros(np.float64),
+            route_done=zeros(np.float64),
+            remaining=zeros(np.float64),
+            travelled=zeros(np.float64),
+            lap=zeros(np.int16),
+            on_road=zeros(np.bool_),
+            corners_on_road=zeros(np.int8),
+            on_route=zeros(np.bool_),
+            legal=zeros(np.bool_, 4),
+            target_lane=zeros(np.int32),
+            change_phase=zeros(np.int8),
+            effective=zeros(np.bool_),
+            rest_position=zeros(np.float64, 2),
+            rest_step=zeros(np.int32),
+            off_route_since=zeros(np.int32),
+            via_hit=zeros(np.bool_, vias),
+            ticket=zeros(np.int32),
+            ticket_junction=zeros(np.int32),
+        )
+        for row in range(worlds):
+            made.clear(row)
+        return made
+
+    def columns(self) -> Iterator[tuple[str, NDArray]]:
+        """Yield name and array of each column."""
+        for field in dataclasses.fields(self):
+            yield field.name, getattr(self, field.name)
+
+    def clear(self, row: int, seat: int | slice = slice(None)) -> None:
+        """Forget all that was in seats of one simulation."""
+        for name, column in self.columns():
+            column[row, seat] = NEITHER if name in _NEITHER_WHEN_EMPTY else 0
+        self.period[row, seat] = 1

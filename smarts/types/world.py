@@ -1,0 +1,99 @@
+"""The world: everything that the step knows, as arrays over B simulations."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.types.mission import Missions
+from smarts.types.seats import Seats
+from smarts.types.vehicles import VehicleStates
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+
+class World:
+    """B simulations side by side. Row b of every array is simulation b, whatever the others do.
+
+    The arrays are written in place by the stages of the step and never replaced, so views of them hold for
+    good. What is of the past, beyond one step, is kept by those who need it.
+
+    Args:
+        worlds: B.
+        capacity: V, the slots for vehicles of each simulation.
+        seats: A, the seats of each simulation.
+        lanes: The lanes of the largest map.
+        egos: How many of the seats, the first ones, are the learning agents'.
+        vias: W, the most via points of a mission.
+        dt: Length of a step [s].
+    """
+
+    def __init__(
+        self,
+        *,
+        worlds: int,
+        capacity: int,
+        seats: int,
+        lanes: int,
+        egos: int | None = None,
+        vias: int = 0,
+        dt: float = 0.1,
+    ) -> None:
+        self.dt = dt
+        self.egos = seats if egos is None else egos
+        self.step = np.zeros(worlds, np.int32)
+        """Steps since the episode began, shape (B,)."""
+        self.episode = np.zeros(worlds, np.int32)
+        """Number of the episode, shape (B,)."""
+        self.map = np.zeros(worlds, np.int32)
+        """Number of the map in the atlas, shape (B,)."""
+        self.vehicles = VehicleStates.allocate(worlds, capacity)
+        """The vehicles now, shape (B, V)."""
+        self.before = VehicleStates.allocate(worlds, capacity)
+        """The vehicles one step ago; a row whose generation differs from now was another vehicle."""
+        self.seats = Seats.allocate(worlds, seats, vias)
+        """Shape (B, A)."""
+        self.missions = Missions.allocate(worlds, seats, vias)
+        """Shape (B, A)."""
+        self.signals = np.zeros((worlds, lanes), np.int8)
+        """What each lane's light shows, a `Signal`, shape (B, L)."""
+        self._pairs = [
+            (now, before)
+            for (_, now), (_, before) in zip(self.vehicles.columns(), self.before.columns(), strict=True)
+        ]
+
+    @property
+    def worlds(self) -> int:
+        """B."""
+        return len(self.step)
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Of each episode [s], shape (B,)."""
+        return np.multiply(self.step, self.dt, dtype=np.float64)
+
+    def advance(self, rows: Bools) -> None:
+        """Begin a step of some simulations: what is now becomes what was, and stays until written."""
+        if rows.all():
+            for now, before in self._pairs:
+                np.copyto(before, now)
+        else:
+            for now, before in self._pairs:
+                before[rows] = now[rows]
+        self.step += rows
+
+    def clear(self, row: int) -> None:
+        """Empty one simulation for an episode, down to the generations."""
+        for vehicles in (self.vehicles[row], self.before[row]):
+            vehicles.clear()
+            vehicles.generation[:] = 0
+        self.seats.clear(row)
+        self.missions.clear(row)
+        self.signals[row] = 0
+        self.step[row] = 0
+
+    def settle(self, row: int) -> None:
+        """End the reset of one simulation: nothing has moved before its first step."""
+        for now, before in self._pairs:
+            before[row] = now[row]

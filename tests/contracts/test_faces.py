@@ -1,0 +1,119 @@
+"""Every face keeps the rules of the library that it is for, on three scenarios."""
+
+import gymnasium
+import pytest
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test, parallel_seed_test
+from ray.rllib.utils.pre_checks.env import check_multiagent_environments
+
+from smarts.agents import AgentInterface, AgentPolicy, AgentSpec, AgentType
+from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.env.adapters import ADAPTERS
+
+SCENARIOS = ("intersection", "double_merge", "two_way")
+PARTS = {
+    "VectorStep": {
+        "observations",
+        "rewards",
+        "terminated",
+        "truncated",
+        "alive",
+        "reset",
+        "final",
+        "masks",
+        "state",
+        "graph",
+        "failed",
+        "metrics",
+    },
+    "Final": {"rows", "observations", "masks", "state", "graph"},
+    "Spaces": {"blocks", "state", "has_graph"},
+    "Block": {"agents", "observation", "action", "masked"},
+}
+"""What learners rely on: see `algorithms.joint.env`, which neither side imports from the other."""
+
+
+@pytest.fixture(params=SCENARIOS)
+def scenario(request):
+    return request.param
+
+
+@pytest.mark.parametrize("adapter", ADAPTERS)
+def test_pettingzoo(scenario, adapter):
+    env = hiway_parallel_env([scenario], 3, adapter=adapter)
+    try:
+        parallel_api_test(env, num_cycles=60)
+    finally:
+        env.close()
+
+
+def test_pettingzoo_seeds(scenario):
+    made = []
+
+    def make():
+        made.append(hiway_parallel_env([scenario]))
+        return made[-1]
+
+    parallel_seed_test(make, num_cycles=20)
+    for env in made:
+        env.close()
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize("adapter", ADAPTERS)
+def test_gymnasium(scenario, adapter):
+    env = SingleHiWayEnv([scenario], adapter=adapter)
+    try:
+        check_env(env, skip_render_check=True)
+    finally:
+        env.close()
+
+
+def test_rllib(scenario):
+    env = RLlibHiWayEnv({"scenarios": [scenario], "agent_specs": 2, "seed": 1, "headless": True})
+    try:
+        check_multiagent_environments(env)
+    finally:
+        env.close()
+
+
+def test_vector_has_what_learners_ask_for():
+    env = VectorHiWayEnv(1, ["two_way"])
+    try:
+        step = env.reset(3)
+        for _ in range(300):
+            step = env.step([[[0, 0, 0, 0]]])
+            if step.final is not None:
+                break
+        parts = {"VectorStep": step, "Final": step.final, "Spaces": env.spaces, "Block": env.spaces.blocks[0]}
+        assert {name: set(part._fields) for name, part in parts.items()} == PARTS
+    finally:
+        env.close()
+
+
+def test_the_papers_listing():
+    agent_id = "Agent-007"
+    agent_spec = AgentSpec(
+        interface=AgentInterface.from_type(AgentType.Laner, max_episode_steps=30),
+        policy_params={"policy_function": lambda _: "keep_lane"},
+        policy_builder=AgentPolicy.from_function,
+    )
+    env = gymnasium.make(
+        "smarts.env:hiway-v0", scenarios=["scenarios/loop"], agent_specs={agent_id: agent_spec}
+    )
+    agent = agent_spec.build_agent()
+    try:
+        for _ in range(2):
+            observations, _ = env.reset()
+            is_over, steps = False, 0
+            while not is_over:
+                action = agent.act(observations[agent_id])
+                observations, rewards, terminateds, truncateds, infos = env.step({agent_id: action})
+                is_over, steps = terminateds["__all__"], steps + 1
+            assert steps == 30
+            assert truncateds[agent_id]
+            assert infos[agent_id]["outcome"] == "time_out"
+            assert rewards[agent_id] >= 0.0
+            assert observations[agent_id].events.reached_max_episode_steps
+    finally:
+        env.close()

@@ -1,0 +1,21 @@
+"""Whatever a registry lists can be imported and is complete."""
+
+import pytest
+
+from smarts.controllers import CONTROLLERS
+from smarts.env.adapters import ADAPTERS
+from smarts.sensors import SENSORS
+from smarts.types.actions import ActionSpaceType
+
+REGISTRIES = (CONTROLLERS, SENSORS, ADAPTERS)
+
+
+@pytest.mark.parametrize("registry", REGISTRIES, ids=lambda registry: registry.kind)
+def test_every_name_leads_to_a_part(registry):
+    for name in registry:
+        assert isinstance(registry[name], type), name
+
+
+def test_controllers_say_what_they_are_for():
+    for name in CONTROLLERS:
+        assert CONTROLLERS[name].action is ActionSpaceType[name]

@@ -1,0 +1,134 @@
+"""Every sensor: in bounds whatever the world is like, the same in any batch, serving only who asks."""
+
+import dataclasses
+import importlib
+
+import numpy as np
+import pytest
+
+from smarts.agents import AgentInterface, AgentType
+from smarts.agents.interface import SENSOR_OPTIONS
+from smarts.roads.scene import Scene
+from smarts.sensors import SENSORS
+from smarts.sensors.documentation import PAGE, sensors_page
+from smarts.sensors.suite import EVERYBODY_HAS, SensorSuite
+from smarts.types.mission import SeatMission, Via
+from smarts.types.traffic import Signal
+from tests import maps
+from tests.worlds import Car, world_of
+
+VIA = Via(position=(-40.0, -1.6), lane=1, radius=2.0, speed=8.0)
+ROUTE = SeatMission(route=("west_in", "north_out"), vias=(VIA,))
+SEATS = np.arange(2, dtype=np.int32)
+NONSENSE = (np.nan, np.inf, -np.inf, 1e300, -1e300, -7.5, 0.0)
+
+
+@pytest.fixture(params=list(SENSORS))
+def sensor(request):
+    return SENSORS[request.param]()
+
+
+def random_cars(generator):
+    """Return two agents and some others on and beside a crossing, some of them absurdly fast."""
+    places = generator.uniform(-60, 60, (6, 2))
+    headings = generator.uniform(-np.pi, np.pi, 6)
+    speeds = generator.choice([0.0, 5.0, 30.0, 1e4], 6)
+    return [
+        Car(*place, heading, speed, mission=ROUTE if number < 2 else None)
+        for number, (place, heading, speed) in enumerate(zip(places, headings, speeds, strict=True))
+    ]
+
+
+def scene_of(*rows):
+    made = world_of(*rows, maps=[maps.crossing()])
+    made.world.signals[:] = np.arange(made.world.signals.shape[1]) % len(Signal)
+    return Scene(made.world, made.atlas, made.routes)
+
+
+def observe(sensor, scene, wanted, filled_with=0):
+    out = {field.name: field.allocate(scene.world.worlds, len(SEATS)) for field in sensor.fields()}
+    for array in out.values():
+        array[:] = filled_with
+    sensor.observe(scene, SEATS, np.array(wanted), out)
+    return out
+
+
+def check_bounds(sensor, out):
+    for field in sensor.fields():
+        values = out[field.name]
+        assert values.dtype == field.dtype
+        assert np.isfinite(values).all(), field.name
+        assert ((values >= field.low) & (values <= field.high)).all(), field.name
+
+
+def test_readings_are_in_bounds(sensor):
+    generator = np.random.Generator(np.random.Philox(1))
+    for _ in range(20):
+        check_bounds(sensor, observe(sensor, scene_of(random_cars(generator)), [[True, True]]))
+
+
+@pytest.mark.parametrize("worlds", [50, pytest.param(750, marks=pytest.mark.slow)])
+def test_readings_are_in_bounds_where_the_world_is_nonsense(sensor, worlds):
+    generator = np.random.Generator(np.random.Philox(4))
+    scene = scene_of(random_cars(generator))
+    for _ in range(worlds):
+        make_nonsense(scene.world, generator)
+        check_bounds(sensor, observe(sensor, scene, [[True, True]]))
+
+
+def make_nonsense(world, generator):
+    tables = (world.vehicles, world.before, world.seats, world.missions)
+    for column in (getattr(table, field.name) for table in tables for field in dataclasses.fields(table)):
+        if column.dtype == np.float64:
+            hit = generator.random(column.shape) < 0.2
+            column[hit] = generator.choice(NONSENSE, int(hit.sum()))
+    lane = world.vehicles.lane
+    lane[:] = np.where(generator.random(lane.shape) < 0.2, -1, generator.integers(0, 20, lane.shape))
+
+
+def test_readings_are_the_same_in_any_batch(sensor):
+    generator = np.random.Generator(np.random.Philox(2))
+    rows = [random_cars(generator) for _ in range(3)]
+    together = observe(sensor, scene_of(*rows), [[True, True]] * 3)
+    for row, cars in enumerate(rows):
+        alone = observe(sensor, scene_of(cars), [[True, True]])
+        for name, values in alone.items():
+            assert (values[0] == together[name][row]).all(), name
+
+
+def test_nothing_is_left_of_what_was_seen_before(sensor):
+    generator = np.random.Generator(np.random.Philox(5))
+    scene = scene_of(random_cars(generator))
+    fresh = observe(sensor, scene, [[True, True]])
+    used = observe(sensor, scene, [[True, True]], filled_with=1)
+    assert all((fresh[name] == used[name]).all() for name in fresh)
+
+
+def test_who_is_not_wanted_is_left_alone(sensor):
+    generator = np.random.Generator(np.random.Philox(3))
+    out = observe(sensor, scene_of(random_cars(generator)), [[False, True]], filled_with=1)
+    assert all((values[0, 0] == 1).all() for values in out.values())
+
+
+def test_sensors_are_values(sensor):
+    assert sensor == type(sensor)()
+    assert hash(sensor) == hash(type(sensor)())
+
+
+def test_every_option_has_its_sensor():
+    assert set(SENSORS) == {*SENSOR_OPTIONS, *EVERYBODY_HAS}
+    for name, option in SENSOR_OPTIONS.items():
+        assert SENSORS[name](option()) == SENSORS[name]()
+
+
+def test_kernels_are_compiled_once():
+    scene = scene_of(*[random_cars(np.random.Generator(np.random.Philox(6)))] * 2)
+    interface = AgentInterface.from_type(AgentType.Full, occlusion_map=True)
+    SensorSuite(scene, [interface, interface, None, None]).observe(scene.world, np.eye(2, 4) > 0)
+    for name in SENSORS:
+        observing = importlib.import_module(f"smarts.sensors.{name}")._observe
+        assert len(observing.signatures) == 1, name
+
+
+def test_the_documentation_is_of_these_sensors():
+    assert PAGE.read_text() == sensors_page(), "run: python -m smarts.sensors.documentation"

@@ -1,0 +1,204 @@
+"""The least that a stage of the step can be, where a test (or the first measurement) wants nothing of it."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from smarts.errors import SmartsError
+from smarts.providers.sumo_traffic import SumoTraffic
+from smarts.providers.traffic_set import TrafficSet
+from smarts.roads.atlas import RoadAtlas
+from smarts.roads.seat_routes import SeatRoutes
+from smarts.sim.entries import Entries
+from smarts.sim.locator import MapLocator
+from smarts.sim.ownership import Ownership
+from smarts.sim.simulation import Simulation, Stages
+from smarts.sstudio.built import BuiltScenario
+from smarts.sstudio.missions import PlacedMission, place_missions
+from smarts.types.actions import Actions, CommandMode, Commands
+from smarts.types.episode import EpisodeStart, SeatStart
+from smarts.types.events import Contacts, Events
+from smarts.types.frame import Readings
+from smarts.types.mission import GoalKind, SeatMission
+from smarts.types.seats import SeatState
+from smarts.types.streams import Purpose, stream, sumo_seed
+from smarts.types.transfers import NO_TRANSFERS
+from smarts.types.vehicles import Owner
+from smarts.types.world import World
+
+SUBSTEPS = 10
+LIMIT = 200
+"""The most vehicles of traffic in a simulation."""
+
+
+class PassOn:
+    """Controllers that take the first three values of every action for throttle, brake and steering."""
+
+    def __init__(self, worlds: int, seats: int) -> None:
+        self._commands = Commands.allocate(worlds, seats, substeps=SUBSTEPS)
+
+    def command(self, world, actions, rows):
+        self._commands.mode[rows] = CommandMode.ACTUATORS
+        self._commands.actuators[rows] = actions.values[rows, :, :3]
+        return self._commands
+
+
+class Bicycles:
+    """Vehicles that roll without slip: throttle 1 is 3 m/s^2, brake 1 is 8 m/s^2, steering 1 is 0.5 rad."""
+
+    def __init__(self, worlds: int, seats: int) -> None:
+        self._tracks = np.zeros((worlds, seats, SUBSTEPS, 3))
+
+    def reset(self, world, rows):
+        pass
+
+    def step(self, world, commands, rows):
+        driven = (world.seats.state == SeatState.ACTIVE) & rows[:, None]
+        for row, seat in zip(*map(np.ndarray.tolist, np.nonzero(driven)), strict=True):
+            self._drive(world, row, seat, commands.actuators[row, seat].tolist())
+        return self._tracks
+
+    def _drive(self, world, row, seat, actuators):
+        throttle, brake, steering = actuators
+        vehicles, slot = world.vehicles, int(world.seats.slot[row, seat])
+        x, y = vehicles.position[row, slot].tolist()
+        heading, speed = float(vehicles.heading[row, slot]), float(vehicles.speed[row, slot])
+        dt = world.dt / SUBSTEPS
+        yaw_rate = 0.0
+        for substep in range(SUBSTEPS):
+            speed = max(0.0, speed + (3.0 * throttle - 8.0 * brake) * dt)
+            yaw_rate = speed * math.tan(0.5 * steering) / (0.6 * float(vehicles.length[row, slot]))
+            heading = math.remainder(heading + yaw_rate * dt, math.tau)
+            x, y = x + speed * math.cos(heading) * dt, y + speed * math.sin(heading) * dt
+            self._tracks[row, seat, substep] = x, y, heading
+        vehicles.position[row, slot] = x, y
+        vehicles.heading[row, slot] = heading
+        vehicles.acceleration[row, slot] = (speed - vehicles.speed[row, slot]) / world.dt
+        vehicles.speed[row, slot] = speed
+        vehicles.yaw_rate[row, slot] = yaw_rate
+        world.seats.steering[row, seat] = 0.5 * steering
+
+    def can_accept(self, row, slot):
+        return True
+
+    def close(self):
+        pass
+
+
+class NoContacts:
+    def __init__(self, worlds: int, seats: int, capacity: int) -> None:
+        self._contacts = Contacts.allocate(worlds, seats, capacity)
+
+    def find(self, world, tracks, rows):
+        return self._contacts
+
+
+class NoEvents:
+    """Nothing ever happens, and no episode ends."""
+
+    def __init__(self, worlds: int, seats: int) -> None:
+        self._events = Events.allocate(worlds, seats)
+
+    def reset(self, world, contacts, rows):
+        return self._events
+
+    def detect(self, world, contacts, rows):
+        return self._events
+
+
+class NoTransfers:
+    def propose(self, world, events, rows):
+        return NO_TRANSFERS
+
+
+class NoSensors:
+    def observe(self, world, wanted):
+        return Readings({}, {})
+
+
+class NoRecorder:
+    def record(self, frame):
+        pass
+
+    def close(self):
+        pass
+
+
+def simulation_of(
+    scenarios: Sequence[BuiltScenario], *, worlds: int, egos: int, spare_seats: int = 0
+) -> tuple[Simulation, Actions]:
+    """Return a simulation of SUMO's traffic and rolling egos, to be reset with `episode`, and its actions."""
+    maps = [built.roads() for built in scenarios]
+    atlas = RoadAtlas(maps)
+    seats = egos + spare_seats
+    world = World(
+        worlds=worlds,
+        capacity=LIMIT + seats,
+        seats=seats,
+        egos=egos,
+        lanes=max(len(graph.lane_ids) for graph in maps),
+        vias=4,
+    )
+    traffic = TrafficSet([SumoTraffic() for _ in range(worlds)], maps)
+    vehicles = Bicycles(worlds, seats)
+    ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
+    routes = SeatRoutes(atlas, worlds, seats)
+    stages = Stages(
+        ownership=ownership,
+        entries=Entries(ownership, routes),
+        controllers=PassOn(worlds, seats),
+        vehicles=vehicles,
+        traffic=traffic,
+        locator=MapLocator(atlas, routes),
+        contacts=NoContacts(worlds, seats, world.vehicles.capacity),
+        events=NoEvents(worlds, seats),
+        transfer_rules=NoTransfers(),
+        sensors=NoSensors(),
+        recorder=NoRecorder(),
+    )
+    return Simulation(world, stages), Actions.allocate(worlds, seats)
+
+
+def episode(
+    scenarios: Sequence[BuiltScenario],
+    number: int,
+    *,
+    egos: int,
+    world: int,
+    seed: int = 42,
+    episode: int = 0,
+) -> EpisodeStart:
+    """Return an episode of scenario `number` among some, with its random traffic and its first missions."""
+    built = scenarios[number]
+    plans = built.episodes(egos)
+    plan = next((plan for plan in plans if plan.traffic == "random_social_vehicles"), plans[0])
+    generator = stream(seed, Purpose.STARTS, world=world, episode=episode)
+    variation = built.scenario.start_variation
+    placed = place_missions(plan.missions, built.roads(), generator, variation, place=built.name)
+    return EpisodeStart(
+        seed=seed,
+        world=world,
+        episode=episode,
+        scenario=built.name,
+        map=number,
+        traffic=built.traffic_files(plan.traffic),
+        traffic_name=plan.traffic,
+        sumo_seed=sumo_seed(seed, world=world, episode=episode),
+        limit=LIMIT,
+        seats=tuple(_seat_start(f"ego-{ego}", mission, built) for ego, mission in enumerate(placed)),
+    )
+
+
+def _seat_start(name: str, placed: PlacedMission, built: BuiltScenario) -> SeatStart:
+    if placed.goal is None:
+        raise SmartsError("the episodes of tests have goals", place=built.name)
+    x, y, _ = placed.goal.pose(built.roads())
+    mission = SeatMission(
+        route=placed.route,
+        goal=GoalKind.POSITION,
+        goal_position=(x, y),
+        goal_lane=placed.goal.lane,
+        goal_s=placed.goal.s,
+    )
+    return SeatStart(name, placed.pose, placed.speed, mission, entry_time=placed.start_time)

@@ -1,0 +1,147 @@
+"""Interfaces: presets, old names, and what they refuse."""
+
+import copy
+import pickle
+
+import pytest
+
+from smarts.agents import (
+    OGM,
+    RGB,
+    ActionSpaceType,
+    AgentInterface,
+    AgentType,
+    BasicLidar,
+    InterfaceError,
+    Lidar,
+    NeighborhoodVehicles,
+    OcclusionMap,
+    SensorParams,
+    Signals,
+    VelodyneHDL32E,
+    Waypoints,
+)
+from smarts.types.vehicles import VehicleKind
+
+ALWAYS = {"accelerometer", "lane_positions"}
+PATHS, OTHERS = {"waypoint_paths"}, {"waypoint_paths", "neighborhood_vehicle_states"}
+PICTURES = {"drivable_area_grid_map", "occupancy_grid_map", "top_down_rgb", "lidar_point_cloud"}
+
+PRESETS = {
+    "Buddha": (ActionSpaceType.Empty, set()),
+    "Full": (ActionSpaceType.Continuous, {*OTHERS, *PICTURES, "road_waypoints", "signals"}),
+    "Standard": (ActionSpaceType.ActuatorDynamic, OTHERS),
+    "Laner": (ActionSpaceType.Lane, PATHS),
+    "Loner": (ActionSpaceType.Continuous, PATHS),
+    "Tagger": (ActionSpaceType.Continuous, OTHERS),
+    "StandardWithAbsoluteSteering": (ActionSpaceType.Continuous, OTHERS),
+    "LanerWithSpeed": (ActionSpaceType.LaneWithContinuousSpeed, PATHS),
+    "Tracker": (ActionSpaceType.Trajectory, PATHS),
+    "Boid": (ActionSpaceType.MultiTargetPose, OTHERS),
+    "MPCTracker": (ActionSpaceType.MPC, PATHS),
+    "TrajectoryInterpolator": (ActionSpaceType.TrajectoryWithTime, set()),
+    "Direct": (ActionSpaceType.Direct, {"neighborhood_vehicle_states", "signals"}),
+}
+
+
+def test_there_are_thirteen_types():
+    assert len(AgentType) == 13
+    assert {kind.name for kind in AgentType} == set(PRESETS)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets(name):
+    interface = AgentInterface.from_type(AgentType[name], max_episode_steps=7)
+    action, sensors = PRESETS[name]
+    assert interface.action is action
+    assert set(interface.sensors) == sensors | ALWAYS
+    assert interface.max_episode_steps == 7
+
+
+def test_defaults_are_the_originals():
+    interface = AgentInterface()
+    assert set(interface.sensors) == ALWAYS
+    assert interface.action is None
+    assert interface.vehicle_class == "generic_sedan"
+    assert interface.vehicle_kind is VehicleKind.PASSENGER
+    assert interface.event_configuration.not_moving_time == 60
+    done = interface.done_criteria
+    assert (done.collision, done.off_road, done.off_route) == (True, True, True)
+    assert (done.on_shoulder, done.wrong_way, done.not_moving) == (False, False, False)
+    assert (Waypoints().lookahead, Signals().lookahead) == (32, 100.0)
+    assert (RGB().width, RGB().height, RGB().resolution) == (256, 256, 50 / 256)
+    assert NeighborhoodVehicles().radius is None
+
+
+def test_lidars():
+    assert Lidar().sensor_params is BasicLidar
+    assert (BasicLidar.rays_around, len(BasicLidar.laser_angles)) == (6, 50)
+    assert (VelodyneHDL32E.rays_around, len(VelodyneHDL32E.laser_angles)) == (36, 24)
+    assert SensorParams(0, 6.3, [0, 1], 1, 5, 0, 0).laser_angles == (0.0, 1.0)
+
+
+def test_old_names_are_understood():
+    old = AgentInterface(waypoints=Waypoints(9), neighborhood_vehicles=True, ogm=True, rgb=True, lidar=True)
+    new = AgentInterface(
+        waypoint_paths=Waypoints(9),
+        neighborhood_vehicle_states=True,
+        occupancy_grid_map=True,
+        top_down_rgb=True,
+        lidar_point_cloud=True,
+    )
+    assert old == new
+    assert hash(old) == hash(new)
+    assert old.waypoints == old.waypoint_paths == Waypoints(9)
+    assert old.replace(ogm=False, waypoints=True).sensors.keys() == new.sensors.keys() - {
+        "occupancy_grid_map"
+    }
+    assert AgentInterface(vehicle_type="bus").vehicle_kind is VehicleKind.BUS
+    assert new.requires_rendering
+    assert AgentInterface(action=ActionSpaceType.Lane).action_space is ActionSpaceType.Lane
+
+
+def test_interfaces_travel():
+    interface = AgentInterface.from_type(AgentType.Full, occlusion_map=True)
+    assert pickle.loads(pickle.dumps(interface)) == interface == copy.deepcopy(interface)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"waypoint_paths": 32}, "waypoint_paths is 32"),
+        ({"waypoints": True, "waypoint_paths": True}, "both 'waypoints' and 'waypoint_paths'"),
+        ({"top_down_rgb": OGM()}, "top_down_rgb is OGM"),
+        ({"action": "lane"}, "'lane'"),
+        ({"vehicle_class": "bsu"}, "bus"),
+        ({"vehicle_model": "bulet"}, "bullet"),
+        ({"max_episode_steps": 0}, "max_episode_steps is 0"),
+        ({"custom_renders": (1,)}, "OpenGL"),
+        ({"occlusion_map": True}, "OGM(width=256"),
+        ({"occlusion_map": OcclusionMap(64, 64), "ogm": OGM(64, 32)}, "same size"),
+    ],
+)
+def test_what_is_wrong_is_said(wrong, said):
+    with pytest.raises(InterfaceError) as caught:
+        AgentInterface(**wrong)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("option", "wrong"),
+    [
+        (RGB, {"width": 0}),
+        (OGM, {"resolution": 0.0}),
+        (Waypoints, {"lookahead": 0}),
+        (NeighborhoodVehicles, {"radius": -1.0}),
+        (Signals, {"lookahead": 0}),
+    ],
+)
+def test_options_that_cannot_be(option, wrong):
+    with pytest.raises(InterfaceError) as caught:
+        option(**wrong)
+    assert caught.value.place == option.__name__
+
+
+def test_unknown_types():
+    with pytest.raises(InterfaceError, match="Buddha"):
+        AgentInterface.from_type("Lanner")

@@ -1,0 +1,69 @@
+"""What interfaces mean for the step."""
+
+import numpy as np
+import pytest
+
+from smarts.agents import (
+    ActionSpaceType,
+    AgentInterface,
+    AgentsAliveDoneCriteria,
+    AgentsListAlive,
+    DoneCriteria,
+    EventConfiguration,
+    InterestDoneCriteria,
+    InterfaceError,
+)
+from smarts.agents.rules import alive_rules, seat_rules
+from smarts.types.events import Event
+from smarts.types.interface import ENDING, SeatRules
+
+
+def test_defaults_are_those_of_seats():
+    rules, default = seat_rules([AgentInterface(), None]), SeatRules.allocate(2)
+    for name in ("action", "ending", "max_steps", "not_moving_steps", "not_moving_distance"):
+        assert getattr(rules, name).tolist() == getattr(default, name).tolist(), name
+        assert getattr(rules, name).dtype == getattr(default, name).dtype
+
+
+def test_rules_of_an_interface():
+    interface = AgentInterface(
+        action=ActionSpaceType.Lane,
+        max_episode_steps=600,
+        event_configuration=EventConfiguration(not_moving_time=20, not_moving_distance=2.0),
+        done_criteria=DoneCriteria(off_route=False, not_moving=True, wrong_way=True),
+    )
+    rules = seat_rules([None, interface], dt=0.05)
+    assert rules.action[1] == ActionSpaceType.Lane
+    assert rules.max_steps[1] == 600
+    assert (rules.not_moving_steps[1], rules.not_moving_distance[1]) == (400, 2.0)
+    assert rules.ending[1] == (ENDING | Event.NOT_MOVING | Event.WRONG_WAY) & ~Event.OFF_ROUTE
+
+
+def test_events_that_others_cause():
+    criteria = DoneCriteria(agents_alive=AgentsAliveDoneCriteria(), interest=InterestDoneCriteria())
+    assert criteria.events == ENDING | Event.AGENTS_ALIVE_DONE | Event.INTEREST_DONE
+
+
+def alive(**criteria):
+    return AgentInterface(done_criteria=DoneCriteria(agents_alive=AgentsAliveDoneCriteria(**criteria)))
+
+
+def test_how_many_must_be_left():
+    lists = [AgentsListAlive(["a", "c"], 2)]
+    interfaces = [
+        AgentInterface(),
+        alive(minimum_ego_agents_alive=1, minimum_total_agents_alive=3, agent_lists_alive=lists),
+        None,
+    ]
+    rules = alive_rules(interfaces, ["a", "b", "c"], egos=2)
+    assert [(rule.seat, rule.counted.tolist(), rule.minimum) for rule in rules] == [
+        (1, [True, True, False], 1),
+        (1, [True, True, True], 3),
+        (1, [True, False, True], 2),
+    ]
+    assert rules[0].counted.dtype == np.bool_
+
+
+def test_agents_that_there_are_not():
+    with pytest.raises(InterfaceError, match="'bb'"):
+        alive_rules([alive(agent_lists_alive=[AgentsListAlive(["bb"], 1)])], ["b"], egos=1)

@@ -1,0 +1,80 @@
+"""Specs and policies, as the paper and the original write them."""
+
+import pickle
+
+import pytest
+
+from smarts.agents import Agent, AgentInterface, AgentPolicy, AgentSpec, AgentType, InterfaceError
+
+
+class Recorder(Agent):
+    def __init__(self, *given, **named):
+        self.given, self.named = given, named
+
+    def act(self, obs):
+        return obs
+
+
+def test_the_papers_listing():
+    spec = AgentSpec(
+        interface=AgentInterface.from_type(AgentType.Laner),
+        policy_params={"policy_function": lambda _: "keep_lane"},
+        policy_builder=AgentPolicy.from_function,
+    )
+    assert spec.build_agent().act(None) == "keep_lane"
+    assert spec.agent_builder == spec.policy_builder == AgentPolicy.from_function
+
+
+def test_the_originals_later_listing():
+    spec = AgentSpec(agent_params={"agent_function": lambda _: 1}, agent_builder=Agent.from_function)
+    assert spec.build_agent().act(None) == 1
+
+
+def test_adapters_are_neutral_by_default():
+    spec = AgentSpec()
+    assert spec.observation_adapter("seen") == "seen"
+    assert spec.action_adapter("act") == "act"
+    assert spec.reward_adapter("seen", 2.0) == 2.0
+    assert spec.info_adapter("seen", 2.0, {"a": 1}) == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    ("params", "given", "named"),
+    [
+        (None, (), {}),
+        ({"a": 1}, (), {"a": 1}),
+        ([1, 2], (1, 2), {}),
+        ((1, 2), (1, 2), {}),
+        (3, (3,), {}),
+        ("ab", ("ab",), {}),
+    ],
+)
+def test_how_parameters_are_given(params, given, named):
+    agent = AgentSpec(agent_builder=Recorder, agent_params=params).build_agent()
+    assert (agent.given, agent.named) == (given, named)
+
+
+def test_replacing_under_either_name():
+    spec = AgentSpec(agent_builder=Recorder, agent_params=1)
+    for change in ({"policy_params": 2}, {"agent_params": 2}):
+        changed = spec.replace(**change)
+        assert changed.agent_params == changed.policy_params == 2
+        assert changed.agent_builder is Recorder
+    assert spec.agent_params == 1
+
+
+def test_specs_travel():
+    spec = AgentSpec(AgentInterface(), Recorder, 1)
+    assert pickle.loads(pickle.dumps(spec)) == spec
+
+
+def test_what_cannot_be_built():
+    for builder in (None, "Recorder"):
+        with pytest.raises(InterfaceError, match="agent_builder"):
+            AgentSpec(agent_builder=builder).build_agent()
+    with pytest.raises(InterfaceError, match="differ"):
+        AgentSpec(agent_builder=Recorder, policy_builder=Agent)
+    with pytest.raises(TypeError, match="function"):
+        Agent.from_function(3)
+    with pytest.raises(NotImplementedError, match="Silent"):
+        type("Silent", (Agent,), {})().act(None)

@@ -1,0 +1,98 @@
+"""Agents' vehicles on hand-made maps, driven through controllers, tracking and dynamics."""
+
+import math
+
+import numpy as np
+
+from smarts.controllers.legality import Legality
+from smarts.controllers.set import ControllerSet
+from smarts.providers.vehicle import FleetVehicles
+from smarts.roads.scene import Scene
+from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.mission import SeatMission
+from smarts.types.vehicles import VehicleKind
+from tests.maps import Road, graph_of
+from tests.worlds import Car, world_of
+
+SIZES = {VehicleKind.PASSENGER: (4.5, 1.6), VehicleKind.BUS: (12.19, 2.55), VehicleKind.TRUCK: (8.0, 2.5)}
+
+
+def agent(x, y, heading=0.0, speed=0.0, *, route=("road",), kind=VehicleKind.PASSENGER):
+    length, width = SIZES[kind]
+    return Car(x, y, heading, speed, SeatMission(route=route), kind=kind, length=length, width=width)
+
+
+def winding(radius, *, before=80.0, turn=math.pi / 2, after=150.0, lanes=1, speed=40.0):
+    """Return edge "road" from the origin along +x, then left by `turn` around `radius`, then straight on."""
+    angles = np.linspace(0.0, turn, 2 + math.ceil(radius * turn / 0.5))
+    bend = [(before + radius * math.sin(a), radius * (1.0 - math.cos(a))) for a in angles]
+    x, y = bend[-1]
+    end = (x + after * math.cos(turn), y + after * math.sin(turn))
+    return graph_of({"road": Road([(0.0, 0.0), *bend, end], lanes, speed=speed)})
+
+
+class Rig:
+    """Vehicles of agents who all act by one type; the last two stages of the step are the tests' own."""
+
+    def __init__(self, *rows, graph, kind=ActionSpaceType.LaneWithContinuousSpeed, model="bullet", **options):
+        self.made = world_of(*rows, maps=[graph])
+        self.world = self.made.world
+        self.graph = graph
+        scene = Scene(self.world, self.made.atlas, self.made.routes)
+        shape = self.world.seats.slot.shape
+        self.actions = Actions.allocate(*shape, path=64)
+        self.actions.kind[:] = kind
+        self.controllers = ControllerSet(scene, [kind], **options)
+        self.vehicles = FleetVehicles(self.world, model)
+        self.legality = Legality(scene)
+        self.rows = np.ones(shape[0], np.bool_)
+        self.vehicles.reset(self.world, self.rows)
+        self.legality.write(self.world, self.rows)
+        self.commands = self.tracks = None
+
+    def act(self, *values, path=None, seat=0):
+        """Give an agent of all simulations a new action."""
+        self.actions.given[:, seat] = self.actions.fresh[:, seat] = True
+        self.actions.values[:, seat, : len(values)] = values
+        if path is not None:
+            self.actions.path[:, seat, : len(path)] = path
+            self.actions.path_length[:, seat] = len(path)
+        self.actions.legal[:, seat] = self.world.seats.legal[:, seat]
+
+    def step(self, steps=1, rows=None):
+        rows = self.rows if rows is None else rows
+        for _ in range(steps):
+            self.world.advance(rows)
+            self.commands = self.controllers.command(self.world, self.actions, rows)
+            self.tracks = self.vehicles.step(self.world, self.commands, rows)
+            self.made.locate()
+            self.legality.write(self.world, rows)
+            self.actions.fresh[:] = False
+        return self
+
+    def log(self, steps, *columns, slot=0):
+        """Make steps and return some of the first simulation's columns after each."""
+        found = []
+        for _ in range(steps):
+            self.step()
+            found.append([np.copy(getattr(self.world.vehicles, column)[0, slot]) for column in columns])
+        return np.array(found)
+
+    def track(self, steps, slot=0):
+        """Make steps and return the first simulation's position after each, shape (steps, 2)."""
+        return np.array([self.step().world.vehicles.position[0, slot].copy() for _ in range(steps)])
+
+    @property
+    def position(self):
+        return self.world.vehicles.position[0, 0]
+
+    @property
+    def speed(self):
+        return float(self.world.vehicles.speed[0, 0])
+
+    @property
+    def seats(self):
+        return self.world.seats
+
+    def close(self):
+        self.vehicles.close()

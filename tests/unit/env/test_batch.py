@@ -1,0 +1,178 @@
+"""The loop: rows equal runs of their own, decisions hold, failures stay where they are."""
+
+import numpy as np
+import pytest
+
+from smarts.env.vector import VectorHiWayEnv
+from smarts.errors import ActionError
+from smarts.types.actions import LaneAction
+from smarts.types.events import Outcome
+from smarts.types.seats import ChangePhase, SeatState
+
+KEEP, SLOW, LEFT, RIGHT = LaneAction
+
+
+@pytest.fixture
+def new_env():
+    made = []
+
+    def make(*args, **options):
+        made.append(VectorHiWayEnv(*args, **options))
+        return made[-1]
+
+    yield make
+    for env in made:
+        env.close()
+
+
+def actions_of(world, decision, agents=4):
+    """Return actions that depend on world, decision and agent only."""
+    draws = np.random.Generator(np.random.PCG64(world * 1000 + decision))
+    return draws.choice([KEEP, KEEP, SLOW, LEFT, RIGHT], size=agents)
+
+
+def play(env, worlds, decisions, episode=0):
+    """Return for each world the observations, rewards and ends of some decisions, auto-resets included."""
+    now = env.reset(7, np.array(worlds), episode=episode)
+    told = [[now.observations[0][""][row].tobytes()] for row in range(len(worlds))]
+    for decision in range(decisions):
+        now = env.step([np.array([actions_of(world, decision) for world in worlds])])
+        for row in range(len(worlds)):
+            parts = (
+                now.observations[0][""],
+                now.rewards,
+                now.terminated,
+                now.truncated,
+                now.alive,
+                now.masks[0],
+            )
+            told[row].append(b"".join(part[row].tobytes() for part in parts))
+    return told
+
+
+SCENARIOS = ["intersection", "double_merge"]
+
+
+def test_rows_of_a_batch_equal_runs_of_their_own(new_env):
+    together = play(new_env(3, SCENARIOS), [0, 1, 2], 60)
+    alone = new_env(1, SCENARIOS)
+    for world in (0, 1, 2):
+        assert play(alone, [world], 60)[0] == together[world]
+
+
+def test_an_episode_does_not_depend_on_those_before(new_env):
+    env = new_env(1, SCENARIOS)
+    env.reset(7)
+    episode = 0
+    while episode < 2:
+        now = env.step([np.full((1, 4), KEEP)])
+        episode += int(now.reset[0])
+    reached = [now.observations[0][""][0].tobytes()]
+    reached += [env.step([np.full((1, 4), SLOW)]).observations[0][""][0].tobytes() for _ in range(5)]
+    fresh = new_env(1, SCENARIOS)
+    begun = [fresh.reset(7, episode=2).observations[0][""][0].tobytes()]
+    begun += [fresh.step([np.full((1, 4), SLOW)]).observations[0][""][0].tobytes() for _ in range(5)]
+    assert reached == begun
+
+
+def test_a_held_lane_change_is_carried_out_once(new_env):
+    env = new_env(1, ["double_merge"], 1)
+    for episode in range(8):
+        now = env.reset(3, episode=episode)
+        for _ in range(40):
+            lane = LEFT if now.masks[0][0, 0, LEFT] else RIGHT if now.masks[0][0, 0, RIGHT] else None
+            if lane is not None:
+                return _change_once(env, lane)
+            now = env.step([np.array([[KEEP]])])
+            if now.reset[0]:
+                break
+    pytest.fail("no lane change was ever legal")
+
+
+def _change_once(env, change):
+    """The action holds for the five steps of the decision, and is carried out in the first of them."""
+    world = env._worlds.batch.world
+    before = int(world.seats.target_lane[0, 0])
+    env.step([np.array([[change]])])
+    assert world.seats.effective[0, 0]
+    target = int(world.seats.target_lane[0, 0])
+    assert target != before
+    assert world.seats.change_phase[0, 0] in (ChangePhase.REQUESTED, ChangePhase.MOVING)
+    for _ in range(8):
+        env.step([np.array([[KEEP]])])
+        assert world.seats.target_lane[0, 0] == target
+
+
+def test_finished_agents_are_zeros_after_their_last_observation(new_env):
+    env = new_env(1, ["intersection"])
+    now = env.reset(1)
+    for _ in range(200):
+        now = env.step([np.full((1, 4), KEEP)])
+        ended = (now.terminated | now.truncated)[0]
+        if ended.any() and not now.reset[0]:
+            break
+    else:
+        pytest.fail("nobody ended before the others")
+    seen = now.observations[0][""][0]
+    assert seen[ended].any(axis=1).all()
+    assert not now.alive[0, ended].any()
+    after = env.step([np.full((1, 4), KEEP)])
+    if not after.reset[0]:
+        assert not after.observations[0][""][0, ended].any()
+        assert not after.rewards[0, ended].any()
+
+
+def test_final_observations_of_those_who_were_reset(new_env):
+    env = new_env(2, ["two_way"])
+    env.reset(1)
+    for _ in range(300):
+        now = env.step([np.full((2, 4), KEEP)])
+        if now.reset.any():
+            break
+    assert now.final is not None
+    np.testing.assert_array_equal(now.final.rows, np.flatnonzero(now.reset))
+    assert now.final.observations[0][""].shape == (now.reset.sum(), 4, 200)
+    assert set(now.metrics) == set(now.final.rows.tolist())
+    shares = now.metrics[int(now.final.rows[0])]
+    assert sum(shares[outcome.name.lower()] for outcome in Outcome if outcome) == pytest.approx(1.0)
+    row = int(now.final.rows[0])
+    ended = (now.terminated | now.truncated)[row]
+    assert now.final.observations[0][""][0, ended].any(axis=1).all()
+    assert now.alive[row].all()
+
+
+@pytest.mark.parametrize("value", [4, -1])
+def test_actions_out_of_range_are_refused_by_name(new_env, value):
+    env = new_env(1, ["two_way"], 2)
+    env.reset()
+    with pytest.raises(ActionError, match="agent-1"):
+        env.step([np.array([[0, value]])])
+    env.step([np.array([[0, 0]])])
+
+
+def test_a_seat_is_due_every_half_second(new_env):
+    env = new_env(1, ["two_way"], 2)
+    env.reset()
+    seats = env._worlds.batch.world.seats
+    for decision in range(3):
+        env.step([np.zeros((1, 2), int)])
+        assert seats.next_due[0].tolist() == [5 * (decision + 1)] * 2
+        assert seats.period[0].tolist() == [5, 5]
+        assert (seats.state[0] == SeatState.ACTIVE).all()
+
+
+def test_stride_deals_out_a_list_of_worlds(new_env):
+    env = new_env(2, ["two_way"])
+    env.reset(5, np.array([0, 1]), episode=3, stride=2)
+    for _ in range(300):
+        now = env.step([np.full((2, 4), KEEP)])
+        if now.reset.any():
+            break
+    row = int(np.flatnonzero(now.reset)[0])
+    assert (env.episodes[row].world, env.episodes[row].episode) == (row + 2, 3)
+
+
+def test_close_may_be_called_twice(new_env):
+    env = new_env(1, ["two_way"], 1)
+    env.close()
+    env.close()

@@ -1,0 +1,177 @@
+"""What agents of the benchmark see, against values worked out by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.env.adapters.benchmark import FRAMES, BenchmarkAdapter, benchmark_interface
+from smarts.env.adapters.features import (
+    FEATURES,
+    GOAL,
+    HEADINGS,
+    LANE_OFFSET,
+    NEIGHBOURHOOD,
+    SPEED,
+    STEERING,
+    WAYPOINTS,
+)
+from smarts.env.adapters.protocol import Served
+from smarts.roads.scene import Scene
+from smarts.types.actions import ActionSpaceType
+from smarts.types.events import Contacts, Events
+from smarts.types.frame import Frame, Readings
+from smarts.types.mission import GoalKind, SeatMission
+from tests.maps import bend, crossing, straight
+from tests.worlds import Car, world_of
+
+
+def mission(*route, goal=(190.0, 0.0)):
+    return SeatMission(route=route, goal=GoalKind.POSITION, goal_position=goal, goal_radius=2.0)
+
+
+def adapter_of(made, agents=1):
+    served = Served(
+        Scene(made.world, made.atlas, made.routes),
+        tuple(f"agent-{number}" for number in range(agents)),
+        np.arange(agents, dtype=np.int32),
+        ActionSpaceType.Lane,
+        period=5,
+        max_steps=600,
+    )
+    return BenchmarkAdapter(served, benchmark_interface())
+
+
+def frame_of(world):
+    shape = world.seats.state.shape
+    return Frame(
+        world=world,
+        rows=np.ones(world.worlds, np.bool_),
+        actions=None,
+        commands=None,
+        contacts=Contacts.allocate(*shape, world.vehicles.capacity),
+        events=Events.allocate(*shape),
+        wanted=np.ones(shape, np.bool_),
+        readings=Readings({}, {}),
+    )
+
+
+def look(made, agents=1):
+    adapter = adapter_of(made, agents)
+    adapter.collect(frame_of(made.world), True)
+    return adapter.observations["observation"]
+
+
+def test_four_agents_see_200_numbers():
+    cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(4)]
+    seen = look(world_of(cars, maps=[straight()]), agents=4)
+    assert seen.shape == (1, 4, 200)
+    assert np.all(np.abs(seen) <= 1.0)
+    np.testing.assert_array_equal(seen[0, :, 195:199], np.eye(4))
+
+
+def test_own_state():
+    made = world_of([Car(50.0, 0.8, 0.1, 15.0, mission=mission("road"))], maps=[straight()])
+    made.world.seats.steering[0, 0] = 0.3
+    seen = look(made)[0, 0, :FEATURES]
+    dx, dy = 140.0, -0.8
+    ahead = dx * math.cos(0.1) + dy * math.sin(0.1)
+    aside = dy * math.cos(0.1) - dx * math.sin(0.1)
+    np.testing.assert_allclose(seen[GOAL : GOAL + 2], [ahead / 200, aside / 200], rtol=1e-6)
+    np.testing.assert_allclose(seen[LANE_OFFSET], 0.25, rtol=1e-6)
+    np.testing.assert_allclose([seen[SPEED], seen[STEERING]], [0.5, 0.5], rtol=1e-6)
+    np.testing.assert_allclose(seen[HEADINGS : HEADINGS + WAYPOINTS], math.sin(-0.1), rtol=1e-6)
+
+
+def test_neighbours_nearest_first_relative_to_oneself():
+    made = world_of(
+        [
+            Car(50.0, 0.0, math.pi / 2, 10.0, mission=mission("road")),
+            Car(50.0, 30.0, 0.0, 6.0),
+            Car(60.0, 0.0, math.pi / 2, 10.0),
+            Car(120.0, 0.0),
+        ],
+        maps=[straight()],
+    )
+    seen = look(made)[0, 0, NEIGHBOURHOOD:FEATURES].reshape(8, 5)
+    np.testing.assert_allclose(seen[0], [1 - 10 / 50, 0.0, -10 / 50, 0.0, 0.0], atol=1e-6)
+    # Drives east where the agent drives north: to its right, and falling back.
+    np.testing.assert_allclose(seen[1], [1 - 30 / 50, 30 / 50, 0.0, -10 / 30, -6 / 30], atol=1e-6)
+    assert not seen[2:].any()
+
+
+def test_the_eight_nearest_of_many():
+    others = [Car(50.0 + 2.0 * n, 6.4, name=f"o{n}") for n in (9, 3, 7, 1, 11, 5, 2, 10, 4, 8, 6)]
+    made = world_of([Car(50.0, 6.4, mission=mission("road")), *others], maps=[straight()], capacity=32)
+    seen = look(made)[0, 0, NEIGHBOURHOOD:FEATURES].reshape(8, 5)
+    np.testing.assert_allclose(seen[:, 1] * 50, 2.0 * np.arange(1, 9), atol=1e-5)
+
+
+def test_headings_turn_with_the_bend():
+    radius = 30.0
+    made = world_of([Car(radius, 0.0, math.pi / 2, mission=mission("bend"))], maps=[bend(radius=radius)])
+    seen = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS]
+    np.testing.assert_allclose(seen, np.sin(np.arange(1, 21) / radius), atol=5e-3)
+
+
+def test_headings_follow_the_route_through_a_junction():
+    left = world_of(
+        [Car(-15.0, -1.6, mission=mission("west_in", "north_out", goal=(1.6, 80.0)))], maps=[crossing()]
+    )
+    right = world_of(
+        [Car(-15.0, -1.6, mission=mission("west_in", "south_out", goal=(-1.6, -80.0)))], maps=[crossing()]
+    )
+    assert look(left)[0, 0, HEADINGS + WAYPOINTS - 1] > 0.7
+    assert look(right)[0, 0, HEADINGS + WAYPOINTS - 1] < -0.7
+
+
+def test_headings_are_those_of_the_lane_that_is_steered_for():
+    made = world_of([Car(30.0, 0.0, math.pi / 2, mission=mission("bend"))], maps=[bend(lanes=3)])
+    here = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS].copy()
+    made.world.seats.target_lane[0, 0] = 2
+    there = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS]
+    # The inner lane turns more for each metre.
+    assert np.all(there > here)
+    np.testing.assert_allclose(there[9], math.sin(10 / (30 - 6.4)), atol=5e-3)
+
+
+def test_the_stack_holds_three_decisions_oldest_first():
+    made = world_of([Car(50.0, 0.0, speed=3.0, mission=mission("road"))], maps=[straight()])
+    adapter = adapter_of(made)
+    vector = adapter.observations["observation"][0, 0]
+    stack = vector[: FRAMES * FEATURES].reshape(FRAMES, FEATURES)
+    seen = []
+    for speed in (3.0, 6.0, 9.0, 12.0):
+        made.world.vehicles.speed[0, 0] = speed
+        adapter.collect(frame_of(made.world), False)
+        adapter.collect(frame_of(made.world), True)
+        seen.append((stack[:, SPEED] * 30).round(3).tolist())
+    assert seen == [[3, 3, 3], [3, 3, 6], [3, 6, 9], [6, 9, 12]]
+    adapter.reset(np.ones((1, made.world.egos), np.bool_))
+    assert not vector.any()
+
+
+@pytest.mark.parametrize(
+    ("tickets", "junctions", "expected"),
+    [
+        ((-1, -1, -1), (-1, -1, -1), (-1, -1, -1)),
+        ((4, 2, 9), (7, 7, 7), (0.5, 0, 1)),
+        ((4, 2, 9), (7, 5, 7), (0, 0, 0.5)),
+    ],
+)
+def test_order_of_arrival(tickets, junctions, expected):
+    cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(3)]
+    made = world_of(cars, maps=[straight()])
+    made.world.seats.ticket[0, :3] = tickets
+    made.world.seats.ticket_junction[0, :3] = junctions
+    np.testing.assert_allclose(look(made, agents=3)[0, :, -1], expected)
+
+
+def test_a_row_of_a_batch_equals_it_alone():
+    cars = [
+        [Car(50.0, 0.5, 0.02, 10.0, mission=mission("road")), Car(70.0, 3.2, speed=4.0)],
+        [Car(90.0, 3.0, 0.0, 7.0, mission=mission("road")), Car(80.0, 3.2, speed=9.0)],
+    ]
+    together = look(world_of(*cars, maps=[straight()]))
+    for row, alone in enumerate(cars):
+        np.testing.assert_array_equal(together[row], look(world_of(alone, maps=[straight()]))[0])

@@ -1,0 +1,168 @@
+"""What drives are worth: the order of the endings, and that nothing can be gained by standing about."""
+
+import numpy as np
+import pytest
+
+from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.reward import Rewards, reward_weights
+from smarts.errors import ScenarioError
+from smarts.roads.scene import Scene
+from smarts.types.actions import ActionSpaceType
+from smarts.types.events import TRUNCATING, Contacts, Event, Events, Outcome
+from smarts.types.frame import Frame, Readings
+from smarts.types.mission import GoalKind, SeatMission
+from tests.maps import straight
+from tests.worlds import Car, world_of
+
+DISCOUNT = 0.99
+ROUTE = 200.0
+REST = 40
+"""Decisions after which a vehicle at rest is ended."""
+
+
+class Drive:
+    """One agent whose progress and end are dictated."""
+
+    def __init__(self, weights="benchmark", horizon=120, goal=GoalKind.POSITION, period=5):
+        mission = SeatMission(route=("road",), goal=goal, goal_position=(ROUTE, 0.0))
+        self.world = world_of([Car(0.0, 0.0, mission=mission)], maps=[straight(length=ROUTE + 50)]).world
+        made_scene = Scene(self.world, None, None)
+        self.served = Served(
+            made_scene,
+            ("a",),
+            np.zeros(1, np.int32),
+            ActionSpaceType.Lane,
+            period,
+            max_steps=horizon * period,
+        )
+        self.rewards = Rewards(self.served, weights)
+        self.period = period
+        self.events = Events.allocate(*self.world.seats.state.shape)
+        self._settle(ROUTE)
+
+    def decide(self, remaining, outcome=Outcome.NONE, events=Event.NONE, in_step=4):
+        """Make a decision that leads to `remaining` metres; events and the end are in one of its steps."""
+        for step in range(self.period):
+            self.events.clear()
+            if step == in_step:
+                self.events.bits[0, 0] = events
+                if outcome != Outcome.NONE:
+                    self.world.seats.outcome[0, 0] = outcome
+                    self.events.just_done[0, 0] = True
+                    self.events.terminated[0, 0] = outcome not in TRUNCATING
+                    self.events.truncated[0, 0] = outcome in TRUNCATING
+                    return self._settle(remaining)
+            self._settle(remaining, is_last=step == self.period - 1)
+        return float(self.rewards.values[0, 0])
+
+    def _settle(self, remaining, is_last=True):
+        self.world.seats.remaining[0, 0] = remaining
+        self.world.vehicles.position[0, 0] = ROUTE - remaining, 0.0
+        shape = self.world.seats.state.shape
+        contacts = Contacts.allocate(*shape, self.world.vehicles.capacity)
+        rows, everybody = np.ones(1, np.bool_), np.ones(shape, np.bool_)
+        frame = Frame(self.world, rows, None, None, contacts, self.events, everybody, Readings({}, {}))
+        here = self.served.present(frame)
+        self.rewards.add(frame, here, here if is_last else self.served.ended(frame))
+        return float(self.rewards.values[0, 0])
+
+
+def discounted(rewards):
+    return sum(reward * DISCOUNT**k for k, reward in enumerate(rewards))
+
+
+def drive(decisions, outcome, horizon, progress=1.0):
+    """Return the discounted return of a steady drive over a share of the route, with an end."""
+    one = Drive(horizon=horizon)
+    left = [ROUTE * (1 - progress * (k + 1) / decisions) for k in range(decisions)]
+    return discounted(
+        one.decide(remaining, outcome if k == decisions - 1 else Outcome.NONE)
+        for k, remaining in enumerate(left)
+    )
+
+
+@pytest.mark.parametrize("horizon", [120, 200])
+def test_order_of_the_endings(horizon):
+    fast = drive(40, Outcome.GOAL, horizon)
+    careful = drive(horizon - 1, Outcome.GOAL, horizon)
+    parked = drive(REST, Outcome.NOT_MOVING, horizon, progress=0.0)
+    creeping = drive(2000, Outcome.TIME_OUT, horizon=2000, progress=0.3)
+    crash = drive(int(0.8 * horizon), Outcome.COLLISION, horizon, progress=0.8)
+    early_crash = drive(10, Outcome.COLLISION, horizon, progress=0.2)
+    assert fast > careful > parked > crash > early_crash
+    assert careful > creeping
+
+
+@pytest.mark.parametrize("horizon", [120, 200])
+@pytest.mark.parametrize("outcome", [Outcome.OFF_ROUTE, Outcome.MISSED_GOAL])
+def test_leaving_the_route_early_does_not_pay(horizon, outcome):
+    left = drive(10, outcome, horizon, progress=0.1)
+    assert drive(horizon - 1, Outcome.GOAL, horizon) > left
+    assert drive(REST, Outcome.NOT_MOVING, horizon, progress=0.0) > left
+
+
+def test_figures_of_the_table():
+    assert drive(REST, Outcome.NOT_MOVING, 120, progress=0.0) == pytest.approx(0.59, abs=0.01)
+    assert drive(REST, Outcome.NOT_MOVING, 200, progress=0.0) == pytest.approx(0.62, abs=0.01)
+    assert drive(120, Outcome.GOAL, 120) == pytest.approx(1.16, abs=0.01)
+    assert drive(200, Outcome.GOAL, 200) == pytest.approx(1.03, abs=0.01)
+
+
+@pytest.mark.parametrize("outcome", [Outcome.GOAL, Outcome.COLLISION, Outcome.OFF_ROUTE])
+def test_progress_telescopes_to_one_however_it_ends(outcome):
+    one = Drive(reward_weights(time=0.0, goal=0.0, collision=0.0, off_route=0.0))
+    rewards = [one.decide(remaining) for remaining in (170.0, 180.0, 90.0)] + [one.decide(60.0, outcome)]
+    assert discounted(rewards) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_who_is_cut_short_keeps_the_potential():
+    one = Drive(reward_weights(time=0.0))
+    assert one.decide(100.0, Outcome.TIME_OUT) == pytest.approx(-0.99 * 0.5 + 1.0)
+
+
+def test_time_costs_a_quarter_in_all():
+    one = Drive(reward_weights(progress=0.0), horizon=50)
+    assert sum(one.decide(ROUTE) for _ in range(50)) == pytest.approx(-0.25, abs=1e-6)
+
+
+def test_an_ending_counts_once_whatever_the_step():
+    for step in range(5):
+        one = Drive(reward_weights(progress=0.0, time=0.0))
+        assert one.decide(100.0, Outcome.COLLISION, Event.COLLISION, in_step=step) == pytest.approx(-2.0)
+
+
+def test_a_collision_that_does_not_end_the_episode_costs_once_a_decision():
+    one = Drive(reward_weights(progress=0.0, time=0.0))
+    assert one.decide(100.0, events=Event.COLLISION, in_step=1) == pytest.approx(-2.0)
+    assert one.decide(90.0) == 0.0
+
+
+def test_collision_goes_before_goal():
+    one = Drive(reward_weights(progress=0.0, time=0.0))
+    both = Event.COLLISION | Event.REACHED_GOAL
+    assert one.decide(0.0, Outcome.COLLISION, both) == pytest.approx(-2.0)
+
+
+def test_endless_drives_have_no_progress():
+    one = Drive(goal=GoalKind.ENDLESS)
+    assert one.decide(0.0) == pytest.approx(-0.25 / 120)
+
+
+def test_metres_of_the_route():
+    one = Drive("route_metres", period=1)
+    assert [one.decide(left, in_step=0) for left in (197.5, 190.0)] == pytest.approx([2.5, 7.5])
+
+
+def test_the_papers_reward():
+    one = Drive("paper", period=1)
+    reward = one.decide(198.0, in_step=0)
+    assert reward == pytest.approx(0.5 + 0.05 * 2.0 - 0.01 * 198.0 + 0.1 * 2.0)
+    crash = one.decide(198.0, Outcome.COLLISION, Event.COLLISION, in_step=0)
+    assert crash == pytest.approx(0.5 - 0.01 * 198.0 - 50.0)
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(ScenarioError, match="benchmark"):
+        reward_weights("benchmrk")
+    with pytest.raises(ScenarioError, match="collision"):
+        reward_weights(colision=1.0)

@@ -1,0 +1,175 @@
+"""Pictures of recorded episodes: every mark is where the record says, in files of every format."""
+
+import os
+import subprocess
+import sys
+
+import matplotlib.colors
+import numpy as np
+import PIL.Image
+import pytest
+from typer.testing import CliRunner
+
+from benchmark.cli import app
+from smarts.envision.episode_picture import EpisodePicture
+from smarts.envision.scenario_picture import ASPHALT, CAR, EGOS
+from smarts.errors import SmartsError
+from smarts.types.events import Outcome
+from smarts.types.mission import GoalKind, SeatMission
+from smarts.types.seats import SeatState
+from smarts.types.traffic import Signal
+from tests.unit.sim.test_recorder_by_hand import Recording
+from tests.worlds import Car
+
+GOAL = SeatMission(route=("road",), goal=GoalKind.POSITION, goal_position=(160.0, 3.2))
+STEPS = 20
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory):
+    """Return an agent that drives 1 m a step from x = 100 m for 15 steps, then collides; and a parked car."""
+    folder = tmp_path_factory.mktemp("episodes")
+    recording = Recording(folder, [Car(100.0, 0.0, speed=10.0, mission=GOAL), Car(130.0, 6.4)])
+    recording.world.signals[0, 2] = Signal.STOP
+    recording.begin()
+    for step in range(STEPS):
+        if step < 15:
+            recording.world.vehicles.position[0, 0, 0] += 1.0
+        if step == 14:
+            recording.world.seats.state[0, 0] = SeatState.DONE
+            recording.world.seats.outcome[0, 0] = Outcome.COLLISION
+            recording.events.just_done[0, 0] = True
+        recording.step()
+        if step == 14:
+            recording.events.just_done[0, 0] = False
+            recording.made.ownership.rosters[0].dismiss(0)
+            recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.VACANT, -1
+    return recording.read()
+
+
+@pytest.fixture(scope="module")
+def picture(episode):
+    return EpisodePicture(episode, pixels=1000)
+
+
+def colour_at(picture, image, x, y):
+    """Return the colour of a place on the map [m]."""
+    column, row = picture._axes.transData.transform((x, y))
+    return image[image.shape[0] - 1 - int(row), int(column)]
+
+
+def is_colour(found, name):
+    wanted = np.array(matplotlib.colors.to_rgb(name)) * 255
+    return np.abs(found - wanted).max() < 3
+
+
+def test_vehicles_are_where_they_were(picture):
+    for step in (0, 7, 15):
+        image = picture.image(step)
+        assert image.dtype == np.uint8
+        assert is_colour(colour_at(picture, image, 100.0 + step, 0.3), EGOS[0])
+        assert is_colour(colour_at(picture, image, 129.0, 6.0), CAR)
+        assert is_colour(colour_at(picture, image, 140.0, 0.5), ASPHALT)
+    # Before it came, and after it has gone, there is road.
+    assert is_colour(colour_at(picture, picture.image(0), 115.0, 0.7), ASPHALT)
+    assert is_colour(colour_at(picture, picture.image(16), 113.5, 0.7), ASPHALT)
+
+
+def test_goal_and_lights(picture):
+    image = picture.image(0)
+    ring = [colour_at(picture, image, x, 3.2) for x in np.linspace(158.0, 162.0, 81)]
+    assert any(is_colour(found, EGOS[0]) for found in ring)
+    assert not is_colour(colour_at(picture, image, 160.0, 3.2), EGOS[0])
+
+
+def test_pictures_do_not_depend_on_those_before(picture):
+    first = picture.image(5)
+    picture.image(12)
+    assert (picture.image(5) == first).all()
+    assert all(size % 2 == 0 for size in first.shape[:2])
+
+
+def test_all_that_the_agents_drove_through_is_shown(picture):
+    low, high = picture._window()
+    assert low.tolist() == [80.0, pytest.approx(1.6 - 30.0)]
+    assert high.tolist() == [180.0, pytest.approx(1.6 + 30.0)]
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["render", *map(str, arguments)])
+
+
+def test_a_gif(episode, tmp_path):
+    out = tmp_path / "new" / "film.gif"
+    result = run(episode.folder, "--out", out, "--every", 4, "--begin", 0.2, "--speed", 2)
+    assert result.exit_code == 0, result.output
+    with PIL.Image.open(out) as film:
+        # Steps 2, 6, 10, 14, 18 and the last.
+        assert film.n_frames == 6
+        assert film.info["duration"] == 200
+        assert film.info["loop"] == 0
+        assert film.size[0] == 900
+
+
+def test_a_png(episode, tmp_path):
+    for arguments in ((), ("--at", 0.5, "--width", 400)):
+        out = tmp_path / "moment.png"
+        assert run(episode.folder, "--out", out, *arguments).exit_code == 0
+    assert PIL.Image.open(out).size[0] == 400
+
+
+def with_ffmpeg(monkeypatch, folder, script):
+    """Put a program of that name, and the shell's own, alone in the path."""
+    program = folder / "ffmpeg"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}/usr/bin{os.pathsep}/bin")
+
+
+def test_an_mp4_is_fed_picture_by_picture(episode, tmp_path, monkeypatch):
+    with_ffmpeg(monkeypatch, tmp_path, 'for out; do :; done; echo "$@" > "$out.txt"; cat > "$out"')
+    out = tmp_path / "film.mp4"
+    assert run(episode.folder, "--out", out, "--every", 10).exit_code == 0
+    size = EpisodePicture(episode).image(0).shape
+    assert out.stat().st_size == 3 * np.prod(size)
+    told = (tmp_path / "film.mp4.txt").read_text()
+    assert f"-s {size[1]}x{size[0]} -r 1 " in told
+
+
+def test_what_ffmpeg_says_is_passed_on(episode, tmp_path, monkeypatch):
+    with_ffmpeg(monkeypatch, tmp_path, "echo no such encoder >&2; exit 1")
+    error = run(episode.folder, "--out", tmp_path / "film.mp4").exception
+    assert isinstance(error, SmartsError)
+    assert "no such encoder" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--out", "film.mp4"), "ffmpeg"),
+        (("--out", "film.webm"), "no picture format '.webm'"),
+        (("--out", "a.png", "--at", "99"), "the episode has no 99 s"),
+        (("--out", "a.gif", "--begin", "1", "--end", "0.5"), "nothing lies between"),
+    ],
+)
+def test_what_cannot_be_drawn(episode, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    error = run(episode.folder, *arguments).exception
+    assert isinstance(error, SmartsError)
+    assert message in str(error)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_no_episode(episode, tmp_path):
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        assert "no table 'episode'" in str(run(folder, "--out", tmp_path / "a.gif").exception)
+    several = str(run(episode.folder.parent, "--out", tmp_path / "a.gif").exception)
+    assert episode.folder.name in several
+
+
+def test_no_display_is_needed(episode, tmp_path):
+    code = "import sys; from benchmark.cli import app; app(sys.argv[1:])"
+    command = [sys.executable, "-c", code, "render", str(episode.folder), "--out", str(tmp_path / "a.png")]
+    environment = {name: value for name, value in os.environ.items() if "DISPLAY" not in name}
+    subprocess.run(command, check=True, env=environment)

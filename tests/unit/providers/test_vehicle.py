@@ -1,0 +1,266 @@
+"""The vehicle provider: who is in the fleet, hand-overs, boxes, poses, friction, rows that rest."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.errors import ActionError
+from smarts.providers.vehicle import FleetVehicles
+from smarts.providers.vehicle_surface import RoadSurfaces
+from smarts.sstudio import types as t
+from smarts.types.actions import CommandMode, Commands
+from smarts.types.mission import SeatMission
+from smarts.types.seats import SeatState
+from smarts.types.transfers import Reason, transfers
+from smarts.types.vehicles import Owner, VehicleKind
+from tests import maps
+from tests.worlds import Car, world_of
+
+MISSION = SeatMission(route=("road",))
+
+
+class Stage:
+    """The vehicle stage alone, on a straight road."""
+
+    def __init__(self, *rows, model="bullet", **options):
+        self.graph = maps.straight(lanes=3, length=600.0)
+        self.made = world_of(*rows, maps=[self.graph])
+        self.world = self.made.world
+        self.commands = Commands.allocate(*self.world.seats.slot.shape)
+        self.vehicles = FleetVehicles(self.world, model, **options)
+        self.all = np.ones(self.world.worlds, np.bool_)
+        self.vehicles.reset(self.world, self.all)
+
+    def actuate(self, throttle=0.0, brake=0.0, steering=0.0, *, row=slice(None), seat=slice(None)):
+        self.commands.mode[row, seat] = CommandMode.ACTUATORS
+        self.commands.actuators[row, seat] = throttle, brake, steering
+
+    def step(self, steps=1, rows=None):
+        rows = self.all if rows is None else rows
+        for _ in range(steps):
+            self.world.advance(rows)
+            self.made.ownership.apply(rows)
+            tracks = self.vehicles.step(self.world, self.commands, rows)
+        return tracks
+
+
+@pytest.fixture
+def stage():
+    made = []
+
+    def make(*rows, **options):
+        made.append(Stage(*rows, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.vehicles.close()
+
+
+def ego(x=20.0, y=0.0, speed=10.0, **options):
+    return Car(x, y, 0.0, speed, MISSION, **options)
+
+
+@pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
+def test_writes_rows_and_tracks(stage, model):
+    driven = stage([ego(), Car(300.0, 3.2, speed=5.0)], model=model)
+    driven.actuate(throttle=0.3)
+    tracks = driven.step(5)
+    vehicles, seats = driven.world.vehicles, driven.world.seats
+    assert tracks.shape == (1, 4, 10, 3)
+    assert tracks[0, 0, -1].tolist() == [*vehicles.position[0, 0], vehicles.heading[0, 0]]
+    assert np.diff(tracks[0, 0, :, 0]) == pytest.approx(vehicles.speed[0, 0] / 100.0, rel=0.03)
+    gained = vehicles.speed[0, 0] - driven.world.before.speed[0, 0]
+    assert vehicles.acceleration[0, 0] == pytest.approx(gained / 0.1, rel=1e-3)
+    assert seats.throttle[0, 0] == 0.3
+    assert seats.travelled[0, 0] == pytest.approx(vehicles.position[0, 0, 0] - 20.0)
+    # Traffic is another's to move.
+    assert vehicles.position[0, 1].tolist() == [300.0, 3.2]
+
+
+class TestHandOver:
+    def take(self, driven, slot, seat):
+        world = driven.world
+        generation = int(world.vehicles.generation[0, slot])
+        row = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, seat, Reason.TAKE)
+        driven.made.ownership.submit(transfers([row]))
+
+    @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
+    @pytest.mark.parametrize("yaw_rate", [0.0, 0.2])
+    def test_from_traffic_without_a_jump(self, stage, model, yaw_rate):
+        driven = stage([Car(50.0, 3.2, 0.1, 12.0), ego()], model=model)
+        vehicles = driven.world.vehicles
+        vehicles.yaw_rate[0, 0] = yaw_rate
+        driven.step(3)
+        self.take(driven, slot=0, seat=2)
+        driven.commands.mode[0, 2] = CommandMode.NONE
+        tracks = driven.step()
+        assert driven.world.seats.state[0, 2] == SeatState.ACTIVE
+        assert tracks[0, 2, 0, :2] == pytest.approx(
+            [50.0 + 0.12 * math.cos(0.1), 3.2 + 0.12 * math.sin(0.1)], abs=0.02
+        )
+        assert vehicles.speed[0, 0] == pytest.approx(12.0, abs=0.05)
+        assert vehicles.heading[0, 0] == pytest.approx(0.1 + 0.1 * yaw_rate, abs=0.005)
+        assert abs(vehicles.acceleration[0, 0]) < 0.5
+        assert vehicles.yaw_rate[0, 0] == pytest.approx(yaw_rate, abs=0.04)
+
+    def test_back_to_traffic_it_is_let_go(self, stage):
+        driven = stage([ego()])
+        driven.step()
+        generation = int(driven.world.vehicles.generation[0, 0])
+        row = (0, 0, generation, Owner.AGENT, 0, Owner.TRAFFIC, -1, Reason.RELEASE)
+        driven.made.ownership.submit(transfers([row]))
+        driven.step()
+        assert not driven.vehicles.fleet.motion.active.any()
+        before = driven.world.vehicles.position[0, 0].copy()
+        driven.step()
+        assert driven.world.vehicles.position[0, 0].tolist() == before.tolist()
+
+    def test_another_vehicle_in_the_same_slot_is_another(self, stage):
+        driven = stage([ego(speed=20.0)])
+        driven.step()
+        world = driven.world
+        world.vehicles.generation[0, 0] += 1
+        world.seats.generation[0, 0] += 1
+        world.vehicles.position[0, 0], world.vehicles.speed[0, 0] = (100.0, 3.2), 2.0
+        driven.step()
+        assert world.vehicles.position[0, 0] == pytest.approx([100.2, 3.2], abs=0.01)
+
+    def test_a_trailer_is_refused(self, stage):
+        driven = stage([Car(50.0, 0.0, kind=VehicleKind.TRAILER), Car(80.0, 0.0, kind=VehicleKind.BUS)])
+        assert not driven.vehicles.can_accept(0, 0)
+        assert driven.vehicles.can_accept(0, 1)
+
+
+def test_rows_that_rest_stay_as_they_are(stage):
+    driven = stage([ego()], [ego()])
+    driven.actuate(throttle=0.5, steering=0.1)
+    driven.step(3)
+    before = {name: column[1].copy() for name, column in driven.world.vehicles.columns()}
+    tracks = driven.step(5, rows=np.array([True, False]))[1].copy()
+    for name, column in driven.world.vehicles.columns():
+        assert np.array_equal(column[1], before[name]), name
+    assert driven.world.vehicles.position[0, 0, 0] > before["position"][0, 0] + 4.0
+    assert np.array_equal(driven.step(rows=np.array([True, False]))[1], tracks)
+
+
+@pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
+def test_a_batch_equals_separate_runs(stage, model):
+    cars = [[ego(y=0.4 * row, speed=8.0 + row), Car(32.0 + 3 * row, 0.0, speed=3.0)] for row in range(3)]
+    together = stage(*cars, model=model)
+    alone = [stage(row, model=model) for row in cars]
+    for step in range(25):
+        rows = np.array([True, step % 3 != 1, step % 4 != 2])
+        for row in range(3):
+            together.actuate(0.4, 0.0, 0.02 * row - 0.01 * (step % 5), row=row)
+            alone[row].actuate(0.4, 0.0, 0.02 * row - 0.01 * (step % 5))
+            if rows[row]:
+                alone[row].step()
+        together.step(rows=rows)
+    for row in range(3):
+        for name, column in together.world.vehicles.columns():
+            assert np.array_equal(column[row], getattr(alone[row].world.vehicles, name)[0]), name
+
+
+def test_traffic_is_in_bullet_only_near_an_ego(stage):
+    driven = stage([ego(speed=10.0), Car(60.0, 0.0, speed=0.0), Car(60.0, 3.2)])
+    boxes = driven.vehicles.fleet._worlds[0]._boxes
+    driven.step()
+    assert len(boxes) == 0
+    driven.step(31)
+    assert len(boxes) == 2
+    driven.step(30)
+    # It ran into the standing one, which gives way to nobody.
+    assert driven.world.vehicles.position[0, 0, 0] < 60.0 - 4.0
+    assert driven.world.vehicles.speed[0, 0] < 2.0
+    driven.vehicles.reset(driven.world, driven.all)
+    assert len(driven.vehicles.fleet._worlds[0]._boxes) == 0
+
+
+class TestPlaced:
+    def test_takes_the_poses_as_they_are(self, stage):
+        driven = stage([ego()])
+        commands = driven.commands
+        commands.mode[0, 0] = CommandMode.PLACE
+        commands.poses[0, 0] = np.linspace((20.1, 0.05, 0.01, 10.0), (21.0, 0.5, 0.1, 11.0), 10)
+        tracks = driven.step()
+        vehicles = driven.world.vehicles
+        assert np.array_equal(tracks[0, 0], commands.poses[0, 0, :, :3])
+        assert vehicles.position[0, 0].tolist() == [21.0, 0.5]
+        assert vehicles.speed[0, 0] == 11.0
+        assert vehicles.acceleration[0, 0] == pytest.approx(10.0)
+        assert vehicles.yaw_rate[0, 0] == pytest.approx(1.0)
+        assert not driven.vehicles.fleet.motion.active.any()
+
+    def test_goes_on_by_its_dynamics_from_there(self, stage):
+        driven = stage([ego()])
+        driven.commands.mode[0, 0] = CommandMode.PLACE
+        driven.commands.poses[0, 0] = np.linspace((20.1, 0.0, 0.0, 10.0), (21.0, 0.0, 0.0, 10.0), 10)
+        driven.step()
+        driven.actuate()
+        driven.step()
+        assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(22.0, abs=0.01)
+        assert driven.vehicles.fleet.motion.active.sum() == 1
+
+    def test_others_run_into_it(self, stage):
+        driven = stage([ego(20.0, speed=10.0), ego(40.0, speed=0.0)])
+        driven.actuate(seat=0)
+        driven.commands.mode[0, 1] = CommandMode.PLACE
+        driven.commands.poses[0, 1] = 40.0, 0.0, 0.0, 0.0
+        driven.step(40)
+        assert driven.world.vehicles.position[0, 0, 0] < 37.0
+
+
+class TestFriction:
+    def braked(self, stage, *patches):
+        graph = maps.straight(lanes=3, length=600.0)
+        surfaces = RoadSurfaces([patches], [graph])
+        driven = stage([ego(speed=20.0)], surfaces=surfaces)
+        driven.actuate(brake=1.0)
+        driven.step(15)
+        return float(driven.world.vehicles.speed[0, 0])
+
+    def test_a_slippery_patch_makes_braking_longer(self, stage):
+        whole = t.PositionalZone(pos=(100.0, 0.0), size=(400.0, 20.0))
+        assert self.braked(stage) == pytest.approx(20.0 - 1.5 * 0.9 * 9.81, abs=0.8)
+        slippery = t.RoadSurfacePatch(whole, 0.0, 100.0, 0.3)
+        assert self.braked(stage, slippery) == pytest.approx(20.0 - 1.5 * 0.3 * 9.81, abs=0.8)
+
+    def test_only_where_and_when_it_lies(self, stage):
+        far = t.RoadSurfacePatch(t.PositionalZone(pos=(500.0, 0.0), size=(20.0, 20.0)), 0.0, 100.0, 0.3)
+        later = t.RoadSurfacePatch(t.PositionalZone(pos=(100.0, 0.0), size=(400.0, 20.0)), 50.0, 100.0, 0.3)
+        assert self.braked(stage, far, later) == pytest.approx(self.braked(stage))
+
+    def test_under_the_left_wheels_only(self, stage):
+        left = t.RoadSurfacePatch(t.PositionalZone(pos=(100.0, 10.0), size=(400.0, 20.0)), 0.0, 100.0, 0.3)
+        graph = maps.straight(lanes=3, length=600.0)
+        driven = stage([ego(speed=20.0)], surfaces=RoadSurfaces([[left]], [graph]))
+        driven.step()
+        assert driven.vehicles.fleet.road.friction[0].tolist() == [0.3, 0.9, 0.3, 0.9]
+
+
+@pytest.mark.parametrize("mode", [CommandMode.ACTUATORS, CommandMode.TRACK, CommandMode.PLACE])
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_what_is_not_finite_is_refused_before_anything_moves(stage, mode, bad):
+    driven = stage([ego(), ego(60.0)])
+    driven.step()
+    before = driven.world.vehicles.position.copy()
+    commands = driven.commands
+    commands.mode[0, 1] = mode
+    commands.actuators[0, 1, 2] = bad
+    commands.reference_length[0, 1] = 64
+    commands.reference[0, 1, 3, 1] = bad
+    commands.poses[0, 1, 5, 2] = bad
+    with pytest.raises(ActionError, match=rf"seat 1 of simulation 0: .*{mode.name}.*{bad}"):
+        driven.step()
+    assert np.array_equal(driven.world.vehicles.position, before)
+    commands.mode[0, 1] = CommandMode.NONE
+    driven.step()
+    assert np.isfinite(driven.world.vehicles.position[0, :2]).all()
+
+
+def test_close_may_be_called_again(stage):
+    driven = stage([ego()])
+    driven.vehicles.close()
+    driven.vehicles.close()

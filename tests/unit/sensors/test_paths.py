@@ -1,0 +1,141 @@
+"""Waypoints, on the route and on the whole road."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.agents.options import RoadWaypoints, Waypoints
+from smarts.roads.lane_graph import LaneKind
+from smarts.sensors.road_waypoints import RoadWaypointsAround
+from smarts.sensors.waypoint_paths import WaypointPathsAhead
+from smarts.types.mission import SeatMission
+from smarts.types.vehicles import VehicleKind
+from tests.maps import Road, graph_of
+from tests.unit.sensors.seeing import (
+    BEND,
+    RADIUS,
+    STRAIGHT_ON,
+    TO_THE_LEFT,
+    at_crossing,
+    in_bend,
+    on_bend,
+    seen,
+)
+from tests.worlds import Car, world_of
+
+
+def ahead(**option):
+    return WaypointPathsAhead(Waypoints(**option))
+
+
+def around(**option):
+    return RoadWaypointsAround(RoadWaypoints(**option))
+
+
+def test_paths_in_a_curve_are_the_lanes_beside():
+    paths = seen(ahead(lookahead=12), in_bend(on_bend(0.3, RADIUS + 0.4, mission=BEND)))
+    assert paths["path_count"] == 2
+    assert paths["waypoint_count"].tolist() == [12, 12, *[0] * 6]
+    for path, radius in enumerate((RADIUS, RADIUS - 3.2)):
+        angles = 0.3 + np.arange(12) / radius
+        circle = radius * np.stack((np.cos(angles), np.sin(angles)), -1)
+        assert paths["position"][path] == pytest.approx(circle, abs=0.02)
+        assert paths["heading"][path] == pytest.approx(angles + math.pi / 2, abs=0.01)
+        assert paths["lane_offset"][path] == pytest.approx(angles * radius, abs=0.03)
+        assert set(paths["lane"][path].tolist()) == set(paths["lane_index"][path].tolist()) == {path}
+    assert set(paths["lane_width"][:2].ravel().tolist()) == {np.float32(3.2)}
+    assert set(paths["speed_limit"][:2].ravel().tolist()) == {14.0}
+    assert not paths["position"][2:].any()
+
+
+def test_spacing():
+    paths = seen(ahead(lookahead=5, spacing=4.0), in_bend(on_bend(0.3, mission=BEND)))
+    assert paths["lane_offset"][0] == pytest.approx(0.3 * RADIUS + 4 * np.arange(5), abs=0.01)
+
+
+def test_a_path_ends_with_the_route():
+    paths = seen(ahead(), in_bend(on_bend(1.4, mission=BEND)))
+    # (pi / 2 - 1.4) 30 m = 5.1 m are left, in the left lane 4.6 m.
+    assert paths["waypoint_count"][:2].tolist() == [6, 5]
+
+
+def test_a_path_leads_straight_through_a_junction():
+    made = at_crossing(Car(-12.0, -1.5, mission=STRAIGHT_ON))
+    paths = seen(ahead(), made)
+    assert (paths["path_count"], paths["waypoint_count"][0]) == (1, 32)
+    expected = np.stack((-12.0 + np.arange(32), np.full(32, -1.6)), -1)
+    assert paths["position"][0] == pytest.approx(expected, abs=1e-6)
+    graph = made.atlas.graphs[0]
+    names = [graph.lane_ids[lane] for lane in paths["lane"][0]]
+    assert names[:2] == ["west_in_0"] * 2
+    assert [name[0] for name in names[3:22]] == [":"] * 19
+    assert names[23:] == ["east_out_0"] * 9
+
+
+def test_the_route_decides_where_a_path_turns():
+    paths = seen(ahead(lookahead=60), at_crossing(Car(-12.0, -1.6, mission=TO_THE_LEFT)))
+    assert paths["path_count"] == 1
+    assert paths["heading"][0, -1] == pytest.approx(math.pi / 2)
+    assert paths["position"][0, -1, 0] == pytest.approx(1.6)
+
+
+def test_off_the_route_all_ways_are_open():
+    made = at_crossing(Car(-1.6, 30.0, -math.pi / 2, mission=STRAIGHT_ON))
+    paths = seen(ahead(lookahead=60), made)
+    assert paths["path_count"] == 3
+
+
+def test_paths_for_which_there_is_no_room_are_left_out():
+    paths = seen(ahead(paths=1, lookahead=4), in_bend(on_bend(0.3, mission=BEND)))
+    assert (paths["path_count"], paths["waypoint_count"].tolist()) == (1, [4])
+
+
+def test_bus_lanes_are_for_buses():
+    lanes = {"road": Road([(0, 0), (100, 0)], kind=LaneKind.BUS)}
+    mission = SeatMission(route=("road",))
+    for kind, count in ((VehicleKind.PASSENGER, 0), (VehicleKind.BUS, 1)):
+        made = world_of([Car(10.0, 0.0, mission=mission, kind=kind)], maps=[graph_of(lanes)])
+        assert seen(ahead(), made)["path_count"] == count
+
+
+def test_the_whole_road_has_oncoming_lanes():
+    made = at_crossing(Car(-40.0, -1.0, mission=STRAIGHT_ON))
+    road = seen(around(horizon=10), made)
+    assert road["lane_count"] == 2
+    assert road["oncoming"].tolist()[:2] == [0, 1]
+    assert road["beside"][:2].tolist() == [10, 10]
+    assert road["waypoint_count"][:2].tolist() == [21, 21]
+    assert road["position"][0, :, 0] == pytest.approx(-50.0 + np.arange(21))
+    assert road["position"][1, :, 0] == pytest.approx(-30.0 - np.arange(21))
+    assert set(road["position"][:2, :, 1].ravel().round(6).tolist()) == {-1.6, 1.6}
+    names = [made.atlas.graphs[0].lane_ids[lane] for lane in road["lane"][:2, 0]]
+    assert names == ["west_in_0", "west_out_0"]
+
+
+def test_the_road_in_a_curve_and_at_its_end():
+    made = in_bend(on_bend(0.105, mission=BEND))
+    road = seen(around(horizon=5), made)
+    # 3.15 m of the right lane lie behind, 2.81 m of the left one.
+    assert road["beside"][:2].tolist() == [3, 2]
+    assert road["waypoint_count"][:2].tolist() == [9, 8]
+    angles = 0.105 + np.arange(-3, 6) / RADIUS
+    circle = RADIUS * np.stack((np.cos(angles), np.sin(angles)), -1)
+    assert road["position"][0, :9] == pytest.approx(circle, abs=0.01)
+    assert not road["position"][0, 9:].any()
+
+
+def test_in_a_junction_the_road_goes_straight_on():
+    made = at_crossing(Car(0.0, -1.6, mission=STRAIGHT_ON))
+    road = seen(around(horizon=20), made)
+    assert road["lane_count"] == 1
+    expected = np.stack((np.arange(-20.0, 21.0), np.full(41, -1.6)), -1)
+    assert road["position"][0] == pytest.approx(expected, abs=1e-6)
+    assert road["beside"][0] == 20
+
+
+def test_beyond_the_road_the_way_that_turns_least_is_taken():
+    made = at_crossing(Car(-12.0, -1.6, mission=TO_THE_LEFT))
+    road = seen(around(horizon=30), made)
+    assert road["position"][0, :, 1] == pytest.approx(-1.6)
+    assert road["position"][1, :, 1] == pytest.approx(1.6)

@@ -1,0 +1,69 @@
+"""Which seats share which sensor, and who is served."""
+
+import numpy as np
+
+from smarts.agents import AgentInterface, AgentType, NeighborhoodVehicles, Waypoints
+from smarts.sensors.suite import EVERYBODY_HAS, SensorSuite, sensors_of
+from tests.unit.sensors.seeing import STRAIGHT_ON, at_crossing, scene_of
+from tests.worlds import Car
+
+NEAR = AgentInterface(neighborhood_vehicle_states=NeighborhoodVehicles(radius=10.0), lane_positions=False)
+FAR = AgentInterface(neighborhood_vehicle_states=True, accelerometer=False, lane_positions=False)
+
+
+def suite_of(*interfaces):
+    made = at_crossing(
+        Car(-50.0, -1.6, speed=1.0, mission=STRAIGHT_ON),
+        Car(-35.0, -1.6, speed=2.0, mission=STRAIGHT_ON),
+        Car(-20.0, -1.6, speed=3.0, mission=STRAIGHT_ON),
+    )
+    return made.world, SensorSuite(scene_of(made), interfaces)
+
+
+def wanted(*seats):
+    return np.isin(np.arange(4), seats)[None]
+
+
+def test_sensors_are_those_of_the_interface():
+    interface = AgentInterface.from_type(AgentType.Laner, waypoints=Waypoints(5))
+    sensors = sensors_of(interface)
+    assert set(sensors) == {*EVERYBODY_HAS, "waypoint_paths", "accelerometer", "lane_positions"}
+    assert sensors["waypoint_paths"].option == Waypoints(5)
+
+
+def test_equal_options_share_a_block():
+    world, suite = suite_of(NEAR, FAR, NEAR, None)
+    readings = suite.observe(world, wanted(0, 1, 2))
+    assert {name: seats.tolist() for name, seats in readings.seats.items()} == {
+        "ego_vehicle_state": [0, 1, 2],
+        "mission": [0, 1, 2],
+        "via_data": [0, 1, 2],
+        "neighborhood_vehicle_states": [0, 2],
+        "neighborhood_vehicle_states:2": [1],
+        "accelerometer": [0, 2],
+    }
+    assert readings.blocks["neighborhood_vehicle_states"]["count"].tolist() == [[0, 0]]
+    assert readings.blocks["neighborhood_vehicle_states:2"]["count"].tolist() == [[2]]
+    assert readings.blocks["ego_vehicle_state"]["speed"].tolist() == [[1, 2, 3]]
+
+
+def test_places_of_readings():
+    _, suite = suite_of(NEAR, FAR, NEAR, None)
+    assert suite.place("neighborhood_vehicle_states", 2) == ("neighborhood_vehicle_states", 1)
+    assert suite.place("neighborhood_vehicle_states", 1) == ("neighborhood_vehicle_states:2", 0)
+    assert suite.place("accelerometer", 1) is None
+    assert suite.place("mission", 3) is None
+
+
+def test_only_the_wanted_are_served():
+    world, suite = suite_of(NEAR, FAR, NEAR, None)
+    suite.observe(world, wanted(0, 1, 2))
+    world.vehicles.speed[0, :3] = 9.0
+    assert suite.observe(world, wanted(1)).blocks["ego_vehicle_state"]["speed"].tolist() == [[1, 9, 3]]
+    assert suite.observe(world, wanted()).blocks["ego_vehicle_state"]["speed"].tolist() == [[1, 9, 3]]
+
+
+def test_blocks_stay_the_same_arrays():
+    world, suite = suite_of(NEAR, FAR, NEAR, None)
+    first, second = (suite.observe(world, wanted(0)).blocks["mission"]["goal"] for _ in range(2))
+    assert first is second

@@ -1,0 +1,306 @@
+"""Whole simulations: a row of a batch equals the same run alone, failures stay with their row."""
+
+import dataclasses
+import hashlib
+
+import numpy as np
+import pytest
+
+from smarts.agents import AgentInterface, DoneCriteria
+from smarts.agents.options import InterfaceError, Waypoints
+from smarts.errors import RecordError, ScenarioError, TrafficError
+from smarts.providers.sumo_library import SumoLibrary
+from smarts.sim.assembly import Options, assemble
+from smarts.sstudio.build import build_scenario
+from smarts.types.actions import ActionSpaceType
+from smarts.types.episode import TakeOver
+from smarts.types.events import Outcome
+from smarts.types.seats import SeatState
+from smarts.types.vehicles import Owner
+
+EGOS = 2
+
+
+@pytest.fixture(scope="module")
+def scenarios():
+    return [build_scenario(name) for name in ("intersection", "double_merge", "roundabout", "loop")]
+
+
+def interface(model="kinematic", **changes):
+    return AgentInterface(
+        max_episode_steps=80,
+        waypoint_paths=Waypoints(lookahead=20),
+        neighborhood_vehicle_states=True,
+        action=ActionSpaceType.Lane,
+        vehicle_model=model,
+        done_criteria=DoneCriteria(**changes),
+    )
+
+
+class Run:
+    """Episodes of some worlds one after the other, all that happens in each of them hashed."""
+
+    def __init__(self, scenarios, worlds, model="kinematic"):
+        self.parts = assemble(scenarios, [interface(model)] * EGOS, worlds=len(worlds))
+        self.worlds = worlds
+        self.episodes = [0] * len(worlds)
+        self.hashes = [hashlib.blake2b() for _ in worlds]
+        self.simulation, self.world = self.parts.simulation, self.parts.simulation.world
+        self._reset(range(len(worlds)))
+
+    def _reset(self, rows):
+        starts = {row: self.parts.schedule.start(self.worlds[row], self.episodes[row]) for row in rows}
+        self._hash(self.simulation.reset(starts))
+
+    def step(self):
+        actions = self.parts.actions
+        rows = np.ones(len(self.worlds), np.bool_)
+        for row, number in enumerate(self.worlds):
+            step = int(self.world.step[row])
+            actions.given[row] = step > 0
+            actions.fresh[row] = step % 5 == 1
+            if step % 5 == 1:
+                actions.legal[row] = self.world.seats.legal[row]
+                actions.values[row, :, 0] = [(step // 10 + number + seat) % 4 for seat in range(EGOS)]
+        frame = self.simulation.step(actions, rows, rows[:, None] & np.ones(EGOS, np.bool_))
+        assert not frame.failures
+        self._hash(frame)
+        finished = np.flatnonzero(frame.events.finished).tolist()
+        for row in finished:
+            self.episodes[row] += 1
+        if finished:
+            self._reset(finished)
+
+    def _hash(self, frame):
+        world = self.world
+        for row in np.flatnonzero(frame.rows).tolist():
+            told = self.hashes[row].update
+            for table in (world.vehicles, world.before, world.seats):
+                for _, column in table.columns():
+                    told(column[row].tobytes())
+            told(world.signals[row].tobytes() + frame.events.bits[row].tobytes())
+            for sensor, block in frame.readings.blocks.items():
+                for column, seat in enumerate(frame.readings.seats[sensor].tolist()):
+                    if frame.wanted[row, seat]:
+                        told(b"".join(array[row, column].tobytes() for array in block.values()))
+
+    def close(self):
+        self.simulation.close()
+
+
+def digests(scenarios, worlds, model, steps):
+    run = Run(scenarios, worlds, model)
+    try:
+        for _ in range(steps):
+            run.step()
+        return [each.hexdigest() for each in run.hashes], run.episodes
+    finally:
+        run.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("model", "steps"), [("kinematic", 300), ("bullet", 120)])
+def test_a_row_of_a_batch_equals_the_same_run_alone(scenarios, model, steps):
+    together, episodes = digests(scenarios, [0, 1, 2, 5], model, steps)
+    assert min(episodes) >= 1
+    for place, world in ((2, 2), (0, 0), (3, 5)):
+        alone, _ = digests(scenarios, [world], model, steps)
+        assert alone[0] == together[place]
+    assert len(set(together)) == 4
+
+
+@pytest.mark.slow
+def test_an_episode_does_not_depend_on_those_before(scenarios):
+    parts = assemble(scenarios, [interface()] * EGOS)
+    world = parts.simulation.world
+
+    def play(episode):
+        parts.simulation.reset({0: parts.schedule.start(0, episode)})
+        hashed = hashlib.blake2b()
+        for _ in range(40):
+            parts.simulation.step(parts.actions, np.ones(1, np.bool_), np.ones((1, EGOS), np.bool_))
+            for _, column in world.vehicles.columns():
+                hashed.update(column.tobytes())
+        return hashed.hexdigest()
+
+    try:
+        first = play(7)
+        played = [play(episode) for episode in range(8)]
+        assert played[7] == first
+        assert len(set(played)) == 8
+    finally:
+        parts.simulation.close()
+
+
+class Failing:
+    """A traffic engine that breaks at a given step of its first episode."""
+
+    def __init__(self, engine, at):
+        self._engine, self._left = engine, at
+        self.closed = False
+
+    def __getattr__(self, name):
+        return getattr(self._engine, name)
+
+    def step(self, states):
+        self._left -= 1
+        if self._left == 0:
+            raise TrafficError("SUMO failed in mid-run", place="here")
+        self._engine.step(states)
+
+    def close(self):
+        self.closed = True
+        self._engine.close()
+
+
+@pytest.fixture
+def three(scenarios):
+    parts = assemble(scenarios[:1], [interface()] * EGOS, worlds=3)
+    parts.simulation.reset({row: parts.schedule.start(row, 0) for row in range(3)})
+    yield parts
+    parts.simulation.close()
+
+
+def stepped(parts, rows):
+    mask = np.isin(np.arange(3), rows)
+    return parts.simulation.step(parts.actions, mask, np.ones((3, EGOS), np.bool_))
+
+
+def test_traffic_that_fails_ends_its_own_episode_only(three):
+    traffic, world = three.simulation._stages.traffic, three.simulation.world
+    broken = traffic._engines[1] = Failing(traffic._engines[1], at=3)
+    for _ in range(2):
+        assert not stepped(three, [0, 1, 2]).failures
+    frame = stepped(three, [0, 1, 2])
+    assert [*frame.failures] == [1]
+    assert "SUMO failed in mid-run" in str(frame.failures[1])
+    assert frame.rows.tolist() == [True, False, True]
+    assert frame.events.finished.tolist() == [False, True, False]
+    assert frame.events.truncated.tolist() == [[False] * 2, [True] * 2, [False] * 2]
+    assert (world.seats.outcome[1] == Outcome.VOID).all()
+    assert (world.seats.state[1] == SeatState.DONE).all()
+    assert (world.seats.state[[0, 2]] == SeatState.ACTIVE).all()
+    frame = stepped(three, [0, 2])
+    assert not frame.failures
+    three.simulation.reset({1: three.schedule.start(1, 1)})
+    assert broken.closed
+    assert traffic._engines[1] is not broken
+    for _ in range(5):
+        assert not stepped(three, [0, 1, 2]).failures
+    assert world.step.tolist() == [9, 5, 9]
+
+
+def test_traffic_is_told_of_egos_before_the_first_step(three):
+    """Their shadows are on the net when the episode begins, so that drivers mind them at once."""
+    world = three.simulation.world
+    for row in range(3):
+        start = three.schedule.start(row, 0)
+        engine = three.simulation._stages.traffic._engines[row]
+        for slot in np.flatnonzero(world.vehicles.owner[row] == Owner.AGENT).tolist():
+            if start.traffic.warm_up:
+                assert engine.can_accept(slot)
+                seat = int(np.flatnonzero(world.seats.slot[row] == slot)[0])
+                assert engine._shadows._shadows[slot].route == start.seats[seat].mission.route
+    assert any(three.schedule.start(row, 0).traffic.warm_up for row in range(3))
+
+
+def test_names_must_fit(scenarios):
+    with pytest.raises(InterfaceError, match="2 interfaces, and the names 'a'"):
+        assemble(scenarios, [interface()] * 2, agents=["a"])
+    with pytest.raises(InterfaceError, match="'a', 'a'"):
+        assemble(scenarios, [interface()] * 2, agents=["a", "a"])
+    with pytest.raises(ScenarioError, match="5 egos"):
+        assemble(scenarios, [interface()] * 5)
+
+
+def test_episodes_are_recorded_where_one_says(scenarios, tmp_path):
+    parts = assemble(scenarios[:1], [interface()], options=Options(record=tmp_path / "episodes"))
+    parts.simulation.reset({0: parts.schedule.start(0, 0)})
+    for _ in range(3):
+        parts.simulation.step(parts.actions, np.ones(1, np.bool_), np.ones((1, 1), np.bool_))
+    assert parts.recorder is not None
+    parts.simulation.close()
+    assert any((tmp_path / "episodes").iterdir())
+
+
+def test_what_was_begun_is_given_back_when_assembly_fails(scenarios, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    before = lowest_free_copy()
+    with pytest.raises(RecordError):
+        assemble(scenarios[:1], [interface()], worlds=3, options=Options(record=tmp_path / "file"))
+    assert lowest_free_copy() == before
+
+
+def lowest_free_copy():
+    """Return the number of the next copy of libsumo that is given out."""
+    library = SumoLibrary()
+    try:
+        return library.index
+    finally:
+        library.close()
+
+
+def waiting_for_traffic(parts, world, **rule):
+    """Return an episode with traffic in which the first agent takes over a vehicle instead of a new one."""
+    starts = (parts.schedule.start(world, episode) for episode in range(20))
+    start = next(start for start in starts if start.traffic.warm_up)
+    first = dataclasses.replace(start.seats[0], take_over=TakeOver(**rule))
+    return dataclasses.replace(start, seats=(first, *start.seats[1:]))
+
+
+@pytest.mark.parametrize("model", ["kinematic", "bullet"])
+def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, model):
+    parts = assemble(scenarios[:1], [interface(model)] * EGOS)
+    world, everybody = parts.simulation.world, np.ones((1, EGOS), np.bool_)
+    try:
+        parts.simulation.reset({0: waiting_for_traffic(parts, 0, patience=50.0)})
+        assert world.seats.state[0].tolist() == [SeatState.WAITING, SeatState.ACTIVE]
+        slot, before, name = -1, None, ""
+        for step in range(60):
+            frame = parts.simulation.step(parts.actions, np.ones(1, np.bool_), everybody)
+            assert not frame.failures
+            vehicles, now = world.vehicles, int(world.seats.slot[0, 0])
+            if slot < 0 <= now:
+                slot, name = now, parts.ownership.rosters[0].name(now)
+                assert world.before.owner[0, slot] == Owner.TRAFFIC
+            if slot >= 0 and now == slot:
+                moved = np.hypot(*(vehicles.position[0, slot] - world.before.position[0, slot]))
+                speed = world.before.speed[0, slot]
+                assert moved == pytest.approx(speed * 0.1, abs=0.1)
+                assert abs(vehicles.speed[0, slot] - speed) < 0.9
+                turn = vehicles.heading[0, slot] - world.before.heading[0, slot]
+                assert abs((turn + np.pi) % (2 * np.pi) - np.pi) < np.radians(4)
+            if step == 20:
+                world.seats.state[0, 0], world.seats.outcome[0, 0] = SeatState.DONE, Outcome.TIME_OUT
+                frame.events.just_done[0, 0] = True
+                stages = parts.simulation._stages
+                transfers = stages.transfer_rules.propose(world, frame.events, np.ones(1, np.bool_))
+                stages.ownership.submit(transfers)
+            if step == 21:
+                assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
+                before = world.vehicles.position[0, slot].copy()
+        assert slot >= 0
+        assert world.seats.slot[0, 0] == -1
+        if world.vehicles.alive[0, slot]:
+            assert parts.ownership.rosters[0].name(slot) == name
+            assert np.hypot(*(world.vehicles.position[0, slot] - before)) > 5
+    finally:
+        parts.simulation.close()
+
+
+def test_who_enters_later_is_made_known_to_traffic_and_gets_a_gap(three):
+    world, traffic = three.simulation.world, three.simulation._stages.traffic
+    start = three.schedule.start(1, 0)
+    late = dataclasses.replace(start.seats[1], entry_time=1.0)
+    three.simulation.reset({1: dataclasses.replace(start, seats=(start.seats[0], late))})
+    for _ in range(10):
+        stepped(three, [1])
+    assert world.seats.state[1].tolist() == [SeatState.ACTIVE, SeatState.WAITING]
+    for _ in range(3):
+        frame = stepped(three, [1])
+        assert not frame.events.just_done.any()
+    slot = int(world.seats.slot[1, 1])
+    assert world.seats.entry_step[1].tolist() == [0, 11]
+    assert three.ownership.rosters[1].name(slot) == "agent-1"
+    assert traffic._engines[1]._shadows._shadows[slot].route == late.mission.route
+    assert np.hypot(*(world.vehicles.position[1, slot] - late.pose[:2])) < 3.0

@@ -1,0 +1,223 @@
+"""Contacts: against shapely's exact predicates on many pairs, and by hand for who, where and how fast."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from smarts.sim.contacts import FRONT, LEFT, REAR, RIGHT, FootprintContacts
+from smarts.types.mission import SeatMission
+from smarts.types.seats import SeatState
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+from tests import maps
+from tests.worlds import Car, world_of
+
+SUBSTEPS = 10
+EVERYBODY = np.ones(1, np.bool_)
+
+
+def polygons(pose, size):
+    """Return shapely's polygons of boxes, poses (..., 3) and sizes (..., 2)."""
+    x, y, heading = np.moveaxis(pose, -1, 0)
+    half = size / 2
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
+    corners = signs * half[..., None, :]
+    cosine, sine = np.cos(heading)[..., None], np.sin(heading)[..., None]
+    across = corners[..., 0] * cosine - corners[..., 1] * sine + x[..., None]
+    along = corners[..., 0] * sine + corners[..., 1] * cosine + y[..., None]
+    return shapely.polygons(np.stack([across, along], -1))
+
+
+def overlaps(pose, size, pose2, size2):
+    """Tell whether boxes share area, by DE-9IM: shapely's predicates are exact on the given corners."""
+    return np.asarray(shapely.relate_pattern(polygons(pose, size), polygons(pose2, size2), "T********"))
+
+
+def evenly(begin, end):
+    """Return poses after each of the sub-steps of an even motion, turning the shorter way; (..., S, 3)."""
+    share = np.arange(1, SUBSTEPS + 1)[:, None] / SUBSTEPS
+    change = end - begin
+    change[..., 2] = (change[..., 2] + np.pi) % (2 * np.pi) - np.pi
+    return begin[..., None, :] + share * change[..., None, :]
+
+
+def put(states, pose, size):
+    states.alive[:], states.generation[:] = True, 1
+    states.position[:], states.heading[:] = pose[..., :2], pose[..., 2]
+    states.length[:], states.width[:] = size[..., 0], size[..., 1]
+
+
+def random_pairs(worlds, others, speed):
+    """Return a world of one agent and many others around it, its tracks, and all poses at the sub-steps."""
+    draw = np.random.Generator(np.random.Philox(7)).uniform
+    shape = (worlds, others + 1)
+    size = np.stack([draw(1.0, 15.0, shape), draw(0.8, 3.0, shape)], -1)
+    before = np.concatenate([draw(-12, 12, (*shape, 2)), draw(-np.pi, np.pi, (*shape, 1))], -1)
+    change = np.concatenate([draw(-speed, speed, (*shape, 2)) * 0.1, draw(-0.5, 0.5, (*shape, 1))], -1)
+    now = before + change
+    now[..., 2] = (now[..., 2] + np.pi) % (2 * np.pi) - np.pi
+    world = World(worlds=worlds, capacity=others + 1, seats=1, lanes=1)
+    put(world.before, before, size)
+    put(world.vehicles, now, size)
+    world.seats.state[:], world.seats.slot[:] = SeatState.ACTIVE, 0
+    poses = evenly(before, now)
+    # The agent does not move evenly: its track bends.
+    bend = np.sin(np.linspace(0.1, np.pi, SUBSTEPS)) * draw(-1.0, 1.0, (worlds, 1))
+    poses[:, 0, :, :2] += bend[..., None]
+    return world, poses[:, :1].copy(), poses, size
+
+
+@pytest.mark.parametrize("speed", [10.0, 60.0])
+def test_against_exact_predicates(speed):
+    worlds, others = 500, 100
+    world, tracks, poses, size = random_pairs(worlds, others, speed)
+    contacts = FootprintContacts(world).find(world, tracks, np.ones(worlds, np.bool_))
+    expected = overlaps(poses[:, :1], size[:, :1, None], poses[:, 1:], size[:, 1:, None])
+    assert (contacts.touching[:, 0, 1:] == expected.any(-1)).all()
+    assert not contacts.touching[:, 0, 0].any()
+    assert 0.1 < expected.any(-1).mean() < 0.9
+    # Many pairs only meet on the way: at neither end of the step.
+    passing = expected.any(-1) & ~expected[..., -1]
+    assert passing.sum() > (100 if speed < 30 else 2000)
+    first = np.where(expected.any(-1), expected.argmax(-1), SUBSTEPS).min(-1)
+    hit = first < SUBSTEPS
+    assert (contacts.substep[hit, 0] == first[hit]).all()
+    assert (contacts.partner[:, 0] >= 0).tolist() == hit.tolist()
+    rows = np.flatnonzero(hit)
+    assert expected[rows, contacts.partner[rows, 0] - 1, first[rows]].all()
+
+
+def find(made, tracks=None, rows=EVERYBODY):
+    world = made.world
+    if tracks is None:
+        tracks = np.zeros((*world.seats.slot.shape, 0, 3))
+    return FootprintContacts(world).find(world, tracks, rows)
+
+
+def moved(cars, moves):
+    """Return the contacts of a step in which each car moves evenly by (dx, dy), and the hand-made world."""
+    made = world_of(cars, maps=[maps.straight()])
+    world = made.world
+    made.advance()
+    tracks = np.zeros((*world.seats.slot.shape, SUBSTEPS, 3))
+    for slot, (dx, dy) in enumerate(moves):
+        begin = np.array([*world.before.position[0, slot], world.before.heading[0, slot]])
+        world.vehicles.position[0, slot] += dx, dy
+        for seat in np.flatnonzero(world.seats.slot[0] == slot):
+            tracks[0, seat] = evenly(begin, begin + np.array([dx, dy, 0.0]))
+    return find(made, tracks), made
+
+
+EGO = SeatMission()
+
+
+@pytest.mark.parametrize(
+    ("other", "move", "side", "closing_speed"),
+    [
+        # The ego, 5.0 by 1.8 m, goes 1 m along +x in 0.1 s; the other's length is 5.0 m, too.
+        (Car(5.5, 0.5), (0.0, 0.0), FRONT, 10.0),
+        (Car(5.5, 0.5), (-0.8, 0.0), FRONT, 18.0),
+        (Car(-5.2, -0.5), (1.9, 0.0), REAR, 9.0),
+        (Car(0.0, 2.0), (1.0, -0.5), LEFT, 5.0),
+        (Car(0.5, -2.0), (1.0, 0.3), RIGHT, 3.0),
+        # Crossing from the left: its nose is 0.1 m beside the ego's left side.
+        (Car(0.0, 3.5, -math.pi / 2), (0.0, -1.0), LEFT, 10.0),
+        # The ego runs into the side of one that crosses ahead of it: 0.9 m half a width away.
+        (Car(3.8, 0.0, math.pi / 2), (0.0, 0.6), FRONT, 10.0),
+    ],
+)
+def test_side_and_closing_speed(other, move, side, closing_speed):
+    contacts, made = moved([Car(0.0, 0.0, speed=10.0, mission=EGO), other], [(1.0, 0.0), move])
+    assert contacts.partner[0, 0] == 1
+    assert contacts.partner_generation[0, 0] == made.world.vehicles.generation[0, 1]
+    assert contacts.side[0, 0] == side
+    assert contacts.closing_speed[0, 0] == pytest.approx(closing_speed)
+
+
+def test_the_first_of_several_is_the_partner():
+    cars = [Car(0.0, 0.0, mission=EGO), Car(5.9, 0.0), Car(5.55, 0.8), Car(30.0, 0.0)]
+    contacts, _ = moved(cars, [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)])
+    assert contacts.partner[0, 0] == 2
+    assert contacts.substep[0, 0] == 5
+    assert np.flatnonzero(contacts.touching[0, 0]).tolist() == [1, 2]
+    assert contacts.partner[0, 1:].tolist() == [-1, -1, -1]
+
+
+def test_two_agents_hit_each_other():
+    cars = [Car(0.0, 0.0, mission=EGO), Car(6.0, 0.0, math.pi, mission=EGO)]
+    contacts, _ = moved(cars, [(1.0, 0.0), (-0.5, 0.0)])
+    assert contacts.partner[0, :2].tolist() == [1, 0]
+    assert contacts.closing_speed[0, :2] == pytest.approx([15.0, 15.0])
+    assert contacts.side[0, :2].tolist() == [FRONT, FRONT]
+    assert contacts.substep[0, :2].tolist() == [6, 6]
+
+
+def test_a_crossing_within_one_step():
+    # A motorcycle at 60 m/s passes ahead of the ego's nose: apart at both ends of the step.
+    bike = Car(2.0, 3.0, -math.pi / 2, length=1.5, width=0.6)
+    contacts, _ = moved([Car(0.0, 0.0, mission=EGO), bike], [(0.0, 0.0), (0.0, -6.0)])
+    # Half a width and half a length are 1.65 m: from 3 m it takes the third sub-step to come closer.
+    assert contacts.partner[0, 0] == 1
+    assert contacts.substep[0, 0] == 2
+    assert contacts.side[0, 0] == LEFT
+    assert contacts.closing_speed[0, 0] == pytest.approx(60.0)
+
+
+def test_touching_is_no_contact():
+    contacts, _ = moved([Car(0.0, 0.0, mission=EGO), Car(6.0, 0.0)], [(1.0, 0.0), (0.0, 0.0)])
+    assert contacts.partner[0, 0] == -1
+    assert not contacts.touching.any()
+
+
+def test_turning_goes_the_shorter_way():
+    # Beside the ego, by 10 degrees from 175 to -175: the box stays flat and 0.2 m clear of it. The other way
+    # round it would stand upright in between, as it does in the second case.
+    made = world_of([Car(0.0, 0.0, mission=EGO), Car(0.0, 2.25, math.radians(175.0))], maps=[maps.straight()])
+    made.advance()
+    made.world.vehicles.heading[0, 1] = math.radians(-175.0)
+    tracks = np.zeros((1, 4, SUBSTEPS, 3))
+    assert find(made, tracks).partner[0, 0] == -1
+    made.world.before.heading[0, 1] = math.radians(90.0)
+    made.world.vehicles.heading[0, 1] = math.radians(-90.0)
+    assert find(made, tracks).partner[0, 0] == 1
+
+
+def test_a_vehicle_that_has_just_come_did_not_move():
+    made = world_of([Car(0.0, 0.0, mission=EGO), Car(-20.0, 0.0)], maps=[maps.straight()])
+    roster = made.ownership.rosters[0]
+    made.advance()
+    # Another vehicle takes the slot: it has not driven through the ego from where the old one was.
+    roster.dismiss(1)
+    assert roster.admit("new", Owner.TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8) == 1
+    made.world.vehicles.position[0, 1] = 20.0, 0.0
+    assert find(made, np.zeros((1, 4, SUBSTEPS, 3))).partner[0, 0] == -1
+    made.world.vehicles.position[0, 1] = 4.0, 0.0
+    contacts = find(made, np.zeros((1, 4, SUBSTEPS, 3)))
+    assert contacts.partner[0, 0] == 1
+    assert contacts.closing_speed[0, 0] == 0.0
+
+
+def test_at_a_reset_only_the_present_counts():
+    cars = [Car(0.0, 0.0, mission=EGO), Car(4.0, 0.5)]
+    contacts = find(world_of(cars, maps=[maps.straight()]))
+    assert contacts.partner[0, 0] == 1
+    assert contacts.side[0, 0] == FRONT
+    assert contacts.closing_speed[0, 0] == 0.0
+
+
+def test_simulations_that_rest_have_no_contacts():
+    cars = [Car(0.0, 0.0, mission=EGO), Car(4.0, 0.0)]
+    made = world_of(cars, cars, maps=[maps.straight()])
+    finder = FootprintContacts(made.world)
+    tracks = np.zeros((2, 4, 0, 3))
+    assert finder.find(made.world, tracks, np.array([True, True])).partner[:, 0].tolist() == [1, 1]
+    assert finder.find(made.world, tracks, np.array([False, True])).partner[:, 0].tolist() == [-1, 1]
+
+
+def test_who_is_done_or_waits_has_no_contacts():
+    cars = [Car(0.0, 0.0, mission=EGO), Car(4.0, 0.0)]
+    made = world_of(cars, maps=[maps.straight()])
+    made.world.seats.state[0, 0] = SeatState.DONE
+    assert find(made).partner[0, 0] == -1

@@ -1,0 +1,309 @@
+"""Entries: at once, at a time, into a vehicle of traffic; and the room that is made for them."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.roads.atlas import RoadAtlas
+from smarts.roads.scene import Scene
+from smarts.roads.seat_routes import SeatRoutes
+from smarts.sim.clearing import needed_gap, vehicles_in_the_way
+from smarts.sim.entries import Entries
+from smarts.sim.locator import MapLocator
+from smarts.sim.ownership import Ownership
+from smarts.sim.transfer_rules import TakeOverRules
+from smarts.sstudio import types as t
+from smarts.types.episode import EpisodeStart, SeatStart, TakeOver
+from smarts.types.events import Events, Outcome
+from smarts.types.mission import GoalKind, SeatMission
+from smarts.types.seats import SeatState
+from smarts.types.traffic import TrafficFiles
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+from tests.maps import crossing, straight
+from tests.worlds import Willing
+
+MISSION = SeatMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=190.0)
+ZONE = np.array([[40.0, -2.0], [60.0, -2.0], [60.0, 2.0], [40.0, 2.0]])
+EVERYBODY = np.ones(1, np.bool_)
+
+
+class Stage:
+    """A simulation without drivers: vehicles are where the test puts them."""
+
+    def __init__(self, graph, *starts, refused=()):
+        atlas = RoadAtlas([graph])
+        self.world = World(
+            worlds=1, capacity=16, seats=max(1, len(starts)), lanes=len(graph.lane_ids), vias=1
+        )
+        self.scene = Scene(self.world, atlas, SeatRoutes(atlas, 1, max(1, len(starts))))
+        willing = Willing()
+        self.ownership = Ownership(self.world, {Owner.TRAFFIC: willing, Owner.AGENT: willing})
+        self.entries = Entries(self.ownership, self.scene.routes)
+        self.rules = TakeOverRules(self.ownership, self.entries, lambda row, slot: slot not in refused)
+        self.locator = MapLocator(atlas, self.scene.routes)
+        self.events = Events.allocate(1, max(1, len(starts)))
+        self.starts = starts
+        self.reset()
+
+    def reset(self, *cars, episode=0):
+        self.world.clear(0)
+        self.ownership.clear(0)
+        files = TrafficFiles(Path("map.net.xml"))
+        self.world.episode[0] = episode
+        self.entries.reset(
+            self.world, 0, EpisodeStart(1, 0, episode, "test", 0, files, None, 1, 16, self.starts)
+        )
+        for car in cars:
+            self.add(*car)
+        self.locator.locate(self.world, EVERYBODY)
+        self.entries.clear_way(self.world, 0)
+        self._propose()
+
+    def add(self, name, x, y=0.0, speed=0.0, heading=0.0):
+        slot = self.ownership.rosters[0].admit(name, Owner.TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8)
+        vehicles = self.world.vehicles
+        vehicles.position[0, slot], vehicles.speed[0, slot], vehicles.heading[0, slot] = (
+            (x, y),
+            speed,
+            heading,
+        )
+        self.locator.locate(self.world, EVERYBODY)
+        return slot
+
+    def step(self, count=1):
+        for _ in range(count):
+            self.world.advance(EVERYBODY)
+            self.ownership.apply(EVERYBODY)
+            self.entries.enter(self.world, EVERYBODY)
+            self.locator.locate(self.world, EVERYBODY)
+            self.events.clear()
+            self._propose()
+
+    def finish(self, seat, outcome):
+        """End an agent's episode in the step that has just been made."""
+        seats = self.world.seats
+        seats.state[0, seat], seats.outcome[0, seat] = SeatState.DONE, outcome
+        self.events.just_done[0, seat] = True
+        self._propose()
+
+    def names(self):
+        roster = self.ownership.rosters[0]
+        return {roster.name(slot) for slot in np.flatnonzero(self.world.vehicles.alive[0]).tolist()}
+
+    def driven(self, seat=0):
+        """Return the name of the vehicle in a seat, "" for none."""
+        slot = int(self.world.seats.slot[0, seat])
+        return self.ownership.rosters[0].name(slot) if slot >= 0 else ""
+
+    def _propose(self):
+        self.ownership.submit(self.rules.propose(self.world, self.events, EVERYBODY))
+
+
+def ego(name="ego", x=50.0, speed=0.0, **more):
+    return SeatStart(name, (x, 0.0, 0.0), speed, MISSION, **more)
+
+
+def test_an_agent_enters_at_its_time():
+    stage = Stage(straight(), ego(), ego("late", x=80.0, entry_time=1.0))
+    assert stage.world.seats.state[0].tolist() == [SeatState.ACTIVE, SeatState.WAITING]
+    stage.step(10)
+    assert stage.driven(1) == ""
+    stage.step()  # the step from 1.0 s to 1.1 s
+    assert stage.driven(1) == "late"
+    assert stage.world.seats.entry_step[0].tolist() == [0, 11]
+    assert stage.world.seats.route_done[0, 1] == pytest.approx(80.0)
+
+
+def test_an_agent_waits_for_another_to_leave_its_start():
+    stage = Stage(straight(), ego(), ego("late", x=52.0, entry_time=0.5))
+    stage.step(20)
+    assert stage.world.seats.state[0, 1] == SeatState.WAITING
+    stage.world.vehicles.position[0, 0] = 120.0, 0.0
+    stage.step()
+    assert stage.driven(1) == "late"
+
+
+def test_room_is_made_by_the_difference_in_speed():
+    stage = Stage(straight(), ego(x=100.0, speed=2.0))
+    # 10 m/s behind 2 m/s: 10 + (100 - 4) / 6 = 26 m between the bumpers.
+    assert needed_gap(10.0, 2.0) == pytest.approx(26.0)
+    stage.reset(("near", 100 - 5 - 25.9, 0.0, 10.0), ("far", 100 - 5 - 26.1 - 10, 0.0, 10.0))
+    assert stage.names() == {"ego", "far"}
+    stage.reset(("beside", 80.0, 3.2, 10.0), ("slow", 85.5, 0.0, 1.0), ("standing", 109.0))
+    assert stage.names() == {"ego", "beside"}  # within 10 m, whatever the speeds
+    stage.reset(("slow", 79.0, 0.0, 1.0), ("standing", 116.0))
+    assert stage.names() == {"ego", "slow", "standing"}
+
+
+def test_room_is_made_across_a_junction_for_those_who_come_here():
+    graph = crossing(length=80.0, gap=10.0)
+    mission = SeatMission(route=("east_out",))
+    start = SeatStart("ego", (14.0, -1.6, 0.0), 0.0, mission)
+    stage = Stage(graph, start)
+    stage.add("straight_on", -30.0, -1.6, 14.0)
+    stage.add("turning", 1.6, -30.0, 14.0, np.pi / 2)
+    vehicles, book = stage.world.vehicles, stage.ownership.routes[0]
+    vehicles.route[0, 1] = book.number(("west_in", "east_out"))
+    vehicles.route[0, 2] = book.number(("south_in", "north_out"))
+    stage.entries.clear_way(stage.world, 0)
+    assert stage.names() == {"ego", "turning"}
+
+
+def test_nobody_is_in_the_way_of_a_vehicle_off_the_map():
+    stage = Stage(straight(), ego(x=100.0))
+    stage.add("near", 80.0, 0.0, 20.0)
+    stage.world.vehicles.lane[0, 0] = -1
+    assert vehicles_in_the_way(straight(), stage.world.vehicles[0], 0) == []
+
+
+def test_a_trap_takes_the_first_vehicle_that_comes():
+    stage = Stage(straight(), ego(take_over=TakeOver(areas=(ZONE,), patience=10.0)))
+    slot = stage.add("comer", 20.0, 0.0, 10.0)
+    stage.step(3)
+    assert stage.driven() == ""
+    stage.world.vehicles.position[0, slot] = 37.4, 0.0  # the front bumper at 39.9 m
+    stage.step(2)
+    assert stage.driven() == ""
+    stage.world.vehicles.position[0, slot] = 38.0, 0.0
+    stage.step()
+    assert stage.driven() == ""  # seen in this step, taken over in the next
+    pose = stage.world.vehicles.position[0, slot].copy()
+    stage.step()
+    assert stage.driven() == "comer"
+    assert stage.world.vehicles.owner[0, slot] == Owner.AGENT
+    assert (stage.world.vehicles.position[0, slot] == pose).all()
+    assert stage.world.seats.state[0, 0] == SeatState.ACTIVE
+    assert stage.world.vehicles.route[0, slot] == stage.world.missions.route[0, 0]
+    assert stage.world.missions.route_length[0, 0] == pytest.approx(190.0 - pose[0])
+
+
+def test_an_impatient_trap_puts_a_vehicle_in():
+    stage = Stage(straight(), ego(take_over=TakeOver(areas=(ZONE,), patience=2.0), entry_time=1.0))
+    stage.step(30)
+    assert stage.driven() == ""
+    stage.step()
+    assert stage.driven() == "ego"
+
+
+def test_a_trap_without_patience_looks_once():
+    trap = ego(take_over=TakeOver(areas=(ZONE,), patience=0.0))
+    stage = Stage(straight(), trap)
+    stage.step()
+    assert stage.driven() == "ego"
+    stage.reset(("here", 45.0))
+    stage.step()
+    assert stage.driven() == "here"
+
+
+def test_a_trap_spares_names_and_vehicles_that_nobody_can_drive():
+    spare = ego(take_over=TakeOver(areas=(ZONE,), spared=("truck", "bus"), patience=100.0))
+    stage = Stage(straight(), spare, refused=(1,))
+    stage.reset(("truck_1", 45.0), ("trailer", 46.0, 3.2), ("bus_7", 50.0, 6.4))
+    stage.step(5)
+    assert stage.driven() == ""
+    stage.add("car", 55.0)
+    stage.step(2)
+    assert stage.driven() == "car"
+
+
+def test_two_traps_take_two_vehicles():
+    trap = TakeOver(areas=(ZONE,), patience=100.0)
+    stage = Stage(straight(), ego(take_over=trap), ego("other", x=55.0, take_over=trap))
+    slot = stage.add("only", 53.0)
+    stage.step(5)
+    assert [stage.driven(seat) for seat in range(2)] == ["only", ""]
+    assert stage.world.seats.state[0].tolist() == [SeatState.ACTIVE, SeatState.WAITING]
+    stage.add("next", 45.0)
+    stage.step(2)
+    assert [stage.driven(seat) for seat in range(2)] == ["only", "next"]
+    assert stage.world.seats.slot[0, 0] == slot
+
+
+def test_a_vehicle_is_taken_over_by_its_name_wherever_it_is():
+    stage = Stage(straight(), ego(take_over=TakeOver(vehicle="wanted")))
+    stage.reset(("other", 45.0), ("wanted", 150.0, 3.2))
+    stage.step()
+    assert stage.driven() == "wanted"
+
+
+def test_a_condition_is_waited_for_and_forgotten_at_the_next_episode():
+    condition = t.TimeWindowCondition(1.0, 100.0).trigger(0.5)
+    stage = Stage(straight(), ego(take_over=TakeOver(areas=(ZONE,), patience=50.0, condition=condition)))
+    for episode in range(2):
+        stage.reset(("here", 45.0), episode=episode)
+        stage.step(15)
+        assert stage.driven() == ""
+        stage.step(2)
+        assert stage.driven() == "here"
+
+
+def test_who_takes_over_elsewhere_gets_a_way_to_the_goal():
+    graph = crossing()
+    goal = graph.lane_number("east_out", 0)
+    mission = SeatMission(
+        route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_lane=goal, goal_s=50.0, route_length=99.0
+    )
+    stage = Stage(
+        graph, SeatStart("ego", (-50.0, -1.6, 0.0), 0.0, mission, take_over=TakeOver(vehicle="car"))
+    )
+    slot = stage.add("car", 1.6, -40.0, heading=np.pi / 2)
+    stage.step(2)
+    assert stage.driven() == "car"
+    assert stage.scene.routes.route(0, 0) == ("south_in", "east_out")
+    assert stage.ownership.routes[0][stage.world.vehicles.route[0, slot]] == ("south_in", "east_out")
+    assert stage.world.seats.on_route[0, 0]
+    assert stage.world.seats.remaining[0, 0] == pytest.approx(stage.world.missions.route_length[0, 0])
+    assert 80 < stage.world.seats.remaining[0, 0] < 100
+
+
+def test_who_is_done_leaves_with_the_vehicle():
+    stage = Stage(straight(), ego())
+    stage.finish(0, Outcome.COLLISION)
+    assert stage.names() == {"ego"}
+    stage.step()
+    assert stage.names() == set()
+    assert stage.world.seats.state[0, 0] == SeatState.VACANT
+
+
+@pytest.mark.parametrize(("outcome", "stays"), [(Outcome.GOAL, True), (Outcome.COLLISION, False)])
+def test_a_vehicle_from_traffic_goes_back_to_it_unharmed(outcome, stays):
+    stage = Stage(straight(), ego(take_over=TakeOver(vehicle="car")))
+    slot = stage.add("car", 60.0, 0.0, 5.0)
+    stage.step(2)
+    stage.finish(0, outcome)
+    stage.step()
+    assert stage.world.vehicles.alive[0, slot] == stays
+    if stays:
+        assert stage.world.vehicles.owner[0, slot] == Owner.TRAFFIC
+    assert stage.world.seats.slot[0, 0] == -1
+
+
+def test_a_vehicle_that_traffic_does_not_want_leaves():
+    stage = Stage(straight(), ego(take_over=TakeOver(vehicle="car")))
+    stage.ownership._drivers = {Owner.AGENT: Willing(), Owner.TRAFFIC: Unwilling()}
+    stage.add("car", 60.0)
+    stage.step(2)
+    stage.finish(0, Outcome.GOAL)
+    stage.step()
+    assert stage.names() == {"car"}
+    stage.step()
+    assert stage.names() == set()
+
+
+class Unwilling:
+    """A provider that wants no vehicle."""
+
+    def can_accept(self, row, slot):
+        return False
+
+
+def test_missions_are_those_of_the_episode():
+    stage = Stage(straight(), ego())
+    other = dataclasses.replace(ego(), mission=dataclasses.replace(MISSION, goal_s=120.0))
+    stage.starts = (other,)
+    stage.reset()
+    assert stage.world.missions.goal_s[0, 0] == 120.0
+    assert stage.world.seats.remaining[0, 0] == pytest.approx(70.0)

@@ -1,0 +1,223 @@
+"""Hand-overs: each happens wholly or not at all, and leaves pose and speed as they are."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smarts.sim.ownership import Ownership
+from smarts.types.episode import SeatStart
+from smarts.types.mission import SeatMission
+from smarts.types.seats import SeatState
+from smarts.types.transfers import Reason, transfers
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+
+NOBODY, TRAFFIC, AGENT = Owner.NOBODY, Owner.TRAFFIC, Owner.AGENT
+ALL = np.ones(1, np.bool_)
+START = SeatStart("ego", (1.0, 2.0, 0.5), 3.0, SeatMission())
+
+
+class Fussy:
+    """A provider that accepts only some slots."""
+
+    def __init__(self, slots=range(99)):
+        self.slots = slots
+
+    def can_accept(self, row, slot):
+        return slot in self.slots
+
+
+class Case:
+    """One simulation with social vehicles in the slots from 0 on."""
+
+    def __init__(self, cars=3, seats=3, worlds=1, traffic=None):
+        self.world = World(worlds=worlds, capacity=8, seats=seats, lanes=1)
+        self.ownership = Ownership(self.world, {TRAFFIC: traffic or Fussy(), AGENT: Fussy()})
+        for row in range(worlds):
+            for slot in range(cars):
+                self.ownership.rosters[row].admit("car", TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8)
+                self.world.vehicles.position[row, slot] = slot, slot + 0.5
+                self.world.vehicles.speed[row, slot] = slot + 1
+                self.world.vehicles.route[row, slot] = 7
+
+    def submit(self, *rows):
+        self.ownership.submit(transfers(rows))
+
+    def apply(self, *rows, mask=ALL):
+        """Return how many were refused."""
+        self.submit(*rows)
+        return len(self.ownership.apply(mask))
+
+    def holder(self, slot, row=0):
+        """Return owner, seat and the seat's state of a slot."""
+        seat = np.flatnonzero(self.world.seats.slot[row] == slot)
+        state = SeatState(self.world.seats.state[row, seat[0]]).name if len(seat) else None
+        return int(self.world.vehicles.owner[row, slot]), (int(seat[0]) if len(seat) else -1), state
+
+
+def take(slot, seat, generation=1, row=0):
+    return (row, slot, generation, TRAFFIC, -1, AGENT, seat, Reason.TAKE)
+
+
+def release(slot, seat, generation=1):
+    return (0, slot, generation, AGENT, seat, TRAFFIC, -1, Reason.RELEASE)
+
+
+def leave(slot, seat, generation=1, owner=AGENT):
+    return (0, slot, generation, owner, seat, NOBODY, -1, Reason.LEAVE)
+
+
+def test_admission_puts_the_agent_at_its_start():
+    case = Case()
+    slot = case.ownership.admit(0, 1, START)
+    vehicles = case.world.vehicles
+    assert slot == 3
+    assert vehicles.position[0, 3].tolist() == [1.0, 2.0]
+    assert (vehicles.heading[0, 3], vehicles.speed[0, 3]) == (0.5, 3.0)
+    assert case.holder(3) == (AGENT, 1, "ACTIVE")
+
+
+def test_there_and_back_moves_nothing():
+    case = Case()
+    moved = [case.world.vehicles.position.copy(), case.world.vehicles.speed.copy()]
+    assert case.apply(take(1, 0)) == 0
+    assert case.holder(1) == (AGENT, 0, "ACTIVE")
+    assert case.apply(release(1, 0)) == 0
+    assert case.holder(1) == (TRAFFIC, -1, None)
+    assert case.world.seats.state[0, 0] == SeatState.VACANT
+    assert (case.world.vehicles.position == moved[0]).all()
+    assert (case.world.vehicles.speed == moved[1]).all()
+    assert case.world.vehicles.generation[0, 1] == 1
+    assert case.world.vehicles.route[0, 1] == -1  # whoever drives now has plans of its own
+
+
+def test_who_leaves_is_gone():
+    case = Case()
+    case.ownership.admit(0, 0, START)
+    assert case.apply(leave(3, 0)) == 0
+    assert not case.world.vehicles.alive[0, 3]
+    assert case.world.seats.slot[0, 0] == -1
+
+
+def test_two_traps_for_one_vehicle_catch_it_once():
+    case = Case()
+    assert case.apply(take(1, 2), take(1, 0)) == 1
+    assert case.holder(1) == (AGENT, 0, "ACTIVE")
+    assert case.world.seats.slot[0, 2] == -1
+
+
+def test_a_seat_holds_one_vehicle():
+    case = Case()
+    assert case.apply(take(0, 1), take(2, 1)) == 1
+    assert case.holder(0) == (AGENT, 1, "ACTIVE")
+    assert case.holder(2) == (TRAFFIC, -1, None)
+
+
+def test_leaving_goes_before_release():
+    case = Case()
+    case.apply(take(1, 0))
+    assert case.apply(release(1, 0), leave(1, 0)) == 1
+    assert not case.world.vehicles.alive[0, 1]
+
+
+def test_a_seat_that_is_freed_can_be_taken_in_the_same_step():
+    case = Case()
+    case.apply(take(1, 0))
+    assert case.apply(take(2, 0), release(1, 0)) == 0
+    assert case.holder(2) == (AGENT, 0, "ACTIVE")
+    assert case.holder(1) == (TRAFFIC, -1, None)
+
+
+def test_observing_comes_before_driving():
+    case = Case()
+    shadow = (0, 1, 1, TRAFFIC, -1, TRAFFIC, 2, Reason.SHADOW)
+    assert case.apply(shadow) == 0
+    assert case.holder(1) == (TRAFFIC, 2, "SHADOWING")
+    assert case.world.vehicles.route[0, 1] == 7
+    assert case.apply((0, 1, 1, TRAFFIC, 2, AGENT, 2, Reason.TAKE)) == 0
+    assert case.holder(1) == (AGENT, 2, "ACTIVE")
+
+
+def test_from_agent_to_agent():
+    case = Case()
+    case.apply(take(1, 0))
+    assert case.apply((0, 1, 1, AGENT, 0, AGENT, 2, Reason.TAKE)) == 0
+    assert case.holder(1) == (AGENT, 2, "ACTIVE")
+
+
+@pytest.mark.parametrize(
+    "transfer",
+    [
+        take(1, 0, generation=2),
+        take(5, 0),
+        (0, 1, 1, AGENT, -1, TRAFFIC, -1, Reason.RELEASE),
+        (0, 1, 1, TRAFFIC, 2, AGENT, 2, Reason.TAKE),
+        (0, 1, 1, TRAFFIC, -1, AGENT, -1, Reason.TAKE),
+    ],
+    ids=["another generation", "nobody there", "another owner", "another seat", "an agent without a seat"],
+)
+def test_what_is_not_as_the_proposer_saw_it_is_refused(transfer):
+    case = Case()
+    before = [column.copy() for _, column in case.world.vehicles.columns()]
+    assert case.apply(transfer) == 1
+    assert all((a == b).all() for a, (_, b) in zip(before, case.world.vehicles.columns(), strict=True))
+
+
+def test_a_provider_that_cannot_drive_on_is_not_made_to():
+    case = Case(traffic=Fussy(slots=[0]))
+    case.apply(take(0, 0), take(1, 1))
+    assert case.apply(release(0, 0), release(1, 1)) == 1
+    assert case.holder(0) == (TRAFFIC, -1, None)
+    assert case.holder(1) == (AGENT, 1, "ACTIVE")
+
+
+def test_a_simulation_that_pauses_keeps_what_is_pending():
+    case = Case(worlds=2)
+    case.submit(take(1, 0, row=0), take(1, 0, row=1))
+    assert case.apply(mask=np.array([True, False])) == 0
+    assert case.holder(1, row=1) == (TRAFFIC, -1, None)
+    case.apply(mask=np.array([False, True]))
+    assert case.holder(1, row=1) == (AGENT, 0, "ACTIVE")
+
+
+def test_an_episode_begins_with_nothing_pending():
+    case = Case()
+    case.submit(take(1, 0))
+    case.world.clear(0)
+    case.ownership.clear(0)
+    assert case.apply() == 0
+    assert not case.world.vehicles.alive.any()
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(
+        st.lists(
+            st.tuples(
+                st.just(0),
+                st.integers(0, 4),
+                st.integers(1, 2),
+                st.sampled_from([TRAFFIC, AGENT]),
+                st.integers(-1, 2),
+                st.sampled_from([NOBODY, TRAFFIC, AGENT]),
+                st.integers(-1, 2),
+                st.sampled_from(list(Reason)),
+            ),
+            max_size=6,
+        ),
+        max_size=6,
+    )
+)
+def test_any_transfers_keep_what_is_always_true(steps):
+    case = Case(cars=4)
+    for proposed in steps:
+        case.apply(*proposed)
+        seats, vehicles = case.world.seats, case.world.vehicles
+        held = seats.slot[0][seats.slot[0] >= 0]
+        assert len(set(held.tolist())) == len(held)
+        assert vehicles.alive[0, held].all()
+        assert (vehicles.generation[0, held] == seats.generation[0][seats.slot[0] >= 0]).all()
+        driven = np.flatnonzero(vehicles.owner[0] == AGENT)
+        active = seats.slot[0][seats.state[0] == SeatState.ACTIVE]
+        assert sorted(active.tolist()) == driven.tolist()

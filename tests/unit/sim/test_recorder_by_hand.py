@@ -1,0 +1,177 @@
+"""What the recorder takes of hand-made frames: who is near, for how long, lights, voids, full buffers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.errors import TrafficError
+from smarts.roads.scene import Scene
+from smarts.sim.episode_files import RecordedEpisode
+from smarts.sim.recorder import EpisodeRecorder
+from smarts.types.episode import EpisodeStart, SeatStart
+from smarts.types.events import Contacts, Events, Outcome
+from smarts.types.frame import Frame, Readings
+from smarts.types.mission import SeatMission
+from smarts.types.seats import SeatState
+from smarts.types.traffic import Signal, TrafficFiles
+from tests import maps
+from tests.worlds import Car, world_of
+
+EGO = SeatMission(route=("road",))
+
+
+class Recording:
+    """A hand-made world of one simulation, recorded."""
+
+    def __init__(self, folder, cars, capacity=16):
+        self.made = world_of(cars, maps=[maps.straight(length=1000.0)], capacity=capacity)
+        self.world = self.made.world
+        scene = Scene(self.world, self.made.atlas, self.made.routes)
+        self.recorder = EpisodeRecorder(scene, self.made.ownership, folder)
+        self.folder = folder
+        shape = self.world.seats.slot.shape
+        self.contacts = Contacts.allocate(*shape, capacity)
+        self.events = Events.allocate(*shape)
+        seats = tuple(
+            SeatStart(car.name, (car.x, car.y, 0.0), car.speed, car.mission) for car in cars if car.mission
+        )
+        self.start = EpisodeStart(7, 3, 5, "road", 0, TrafficFiles(Path("x")), None, 1, 10, seats)
+
+    def frame(self, **more):
+        rows = np.ones(1, np.bool_)
+        wanted = np.zeros((1, 4), np.bool_)
+        self.recorder.record(
+            Frame(self.world, rows, None, None, self.contacts, self.events, wanted, Readings({}, {}), **more)
+        )
+
+    def begin(self):
+        self.frame(starts={0: self.start})
+
+    def step(self, times=1, **more):
+        for _ in range(times):
+            self.made.advance()
+            self.frame(**more)
+
+    def read(self):
+        self.recorder.close()
+        return RecordedEpisode(self.folder / "seed7_world3_episode00005")
+
+
+def test_who_was_near_is_recorded_for_15_seconds_more(tmp_path):
+    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO), Car(249.0, 0.0), Car(251.0, 0.0)])
+    recording.begin()
+    recording.step(10)
+    recording.world.vehicles.position[0, 1] = 400.0, 0.0
+    recording.step(200)
+    vehicles = recording.read().table("vehicles")
+    steps = {slot: vehicles["step"][vehicles["slot"] == slot].tolist() for slot in range(3)}
+    assert steps[0] == list(range(211))
+    assert steps[1] == list(range(10 + 150 + 1))
+    assert steps[2] == []
+
+
+def test_another_vehicle_in_the_same_slot_is_another(tmp_path):
+    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO), Car(200.0, 0.0, name="old")])
+    recording.begin()
+    recording.made.ownership.rosters[0].dismiss(1)
+    recording.made.ownership.rosters[0].admit("new", 1, 0, 5.0, 2.0)
+    recording.world.vehicles.position[0, 1] = 300.0, 0.0
+    recording.step(3)
+    recording.world.vehicles.position[0, 1] = 200.0, 0.0
+    recording.step()
+    names = recording.read().table("names")
+    assert names["name"].tolist() == ["car", "old", "new"]
+    assert names["generation"].tolist() == [1, 1, 2]
+    assert names["first_step"].tolist() == [0, 0, 4]
+
+
+def test_more_than_the_buffers_hold(tmp_path):
+    cars = [Car(100.0 + 8 * number, 0.0, mission=EGO if number < 4 else None) for number in range(16)]
+    recording = Recording(tmp_path, cars)
+    recording.begin()
+    recording.step(1000)
+    episode = recording.read()
+    vehicles, seats = episode.table("vehicles"), episode.table("seats")
+    assert np.bincount(vehicles["step"]).tolist() == [16] * 1001
+    assert (np.diff(vehicles["step"]) >= 0).all()
+    assert vehicles["x"].reshape(1001, 16)[-1].tolist() == [100.0 + 8 * number for number in range(16)]
+    assert seats["step"].tolist() == np.repeat(np.arange(1001), 4).tolist()
+
+
+def test_a_small_world_with_many_slots(tmp_path):
+    # More slots than a buffer has rows to spare.
+    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)], capacity=9000)
+    vehicles = recording.world.vehicles
+    vehicles.alive[:], vehicles.generation[:] = True, 1
+    recording.begin()
+    recording.step(4)
+    assert np.bincount(recording.read().table("vehicles")["step"]).tolist() == [9000] * 5
+
+
+def test_lights_are_recorded_when_they_change(tmp_path):
+    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
+    recording.world.signals[0, 1] = Signal.STOP
+    recording.begin()
+    recording.step(3)
+    recording.world.signals[0, 1] = Signal.GO
+    recording.step(3)
+    signals = recording.read().table("signals")
+    assert list(zip(*(signals[name].tolist() for name in ("step", "lane", "signal")), strict=True)) == [
+        (0, 1, Signal.STOP),
+        (4, 1, Signal.GO),
+    ]
+
+
+def void(recording):
+    recording.world.seats.state[0, 0] = SeatState.DONE
+    recording.world.seats.outcome[0, 0] = Outcome.VOID
+    recording.events.just_done[0, 0] = recording.events.truncated[0, 0] = recording.events.finished[0] = True
+
+
+def test_an_overlap_at_the_start(tmp_path):
+    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
+    void(recording)
+    recording.begin()
+    episode = recording.read()
+    assert episode.facts["is_void"]
+    assert episode.facts["is_complete"]
+    assert "overlapped" in episode.facts["remark"]
+    assert episode.table("agents")["outcome"].tolist() == [Outcome.VOID]
+    assert episode.table("agents")["truncated"].tolist() == [True]
+
+
+def test_traffic_that_fails(tmp_path):
+    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
+    recording.begin()
+    void(recording)
+    recording.step(failures={0: TrafficError("SUMO has gone")})
+    facts = recording.read().facts
+    assert facts["is_void"]
+    assert facts["remark"] == "traffic failed: SUMO has gone"
+
+
+def test_an_agent_that_never_entered(tmp_path):
+    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
+    recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.WAITING, -1
+    recording.begin()
+    recording.step(2)
+    agents = recording.read().table("agents")
+    assert (agents["entry_step"][0], agents["end_step"][0], agents["slot"][0]) == (-1, -1, -1)
+    assert np.isnan(agents["remaining"][0])
+
+
+@pytest.mark.parametrize("values", [[[1, 2, 3, 4]], np.ones((1, 4, 3), np.float32)])
+def test_annotations_are_copied(tmp_path, values):
+    recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
+    recording.recorder.annotate("before", values, np.ones((1, 4), np.bool_))
+    recording.begin()
+    table = np.array(values)
+    recording.recorder.annotate("now", table, np.array([[False, True, False, True]]))
+    table[:] = -1
+    extras = recording.read().table("extras")
+    assert extras["name"].tolist() == ["now", "now"]
+    assert extras["seat"].tolist() == [1, 3]
+    assert [row.tolist() for row in extras["values"]] == [
+        np.ravel(values[0][seat]).tolist() for seat in (1, 3)
+    ]

@@ -1,0 +1,97 @@
+"""The schedule: everything is reached, and an episode depends on seed, world and episode alone."""
+
+import pytest
+
+from smarts.errors import ScenarioError
+from smarts.sim.schedule import Schedule, vehicle_limit
+from smarts.sstudio.build import build_scenario
+from smarts.types.mission import GoalKind
+
+
+@pytest.fixture(scope="module")
+def scenarios():
+    return [build_scenario(name) for name in ("intersection", "two_way", "loop")]
+
+
+def played(start):
+    return start.scenario, start.traffic_name, tuple(seat.mission.goal_position for seat in start.seats)
+
+
+def described(combination):
+    return combination.built.name, combination.plan.traffic, combination.plan.missions
+
+
+@pytest.mark.parametrize("egos", [1, 2, 4])
+def test_every_round_reaches_every_traffic_and_every_mission(scenarios, egos):
+    schedule = Schedule(scenarios, [f"ego-{number}" for number in range(egos)])
+    count = len(schedule.combinations)
+    for world in (0, 3):
+        for first in (0, count):
+            reached = {described(schedule.combination(world, first + place)) for place in range(count)}
+            assert reached == {described(combination) for combination in schedule.combinations}
+    reached = {mission for combination in schedule.combinations for mission in combination.plan.missions}
+    assert reached == {mission for built in scenarios for mission in built.scenario.ego_missions}
+    traffic = {(built.name, name) for built in scenarios for name in built.scenario.traffic}
+    assert {(each.built.name, each.plan.traffic) for each in schedule.combinations} == traffic
+
+
+def test_worlds_and_rounds_have_orders_of_their_own(scenarios):
+    schedule = Schedule(scenarios, ["ego"])
+    count = len(schedule.combinations)
+    orders = {
+        tuple(played(schedule.start(world, first + place))[:2] for place in range(count))
+        for world in range(3)
+        for first in (0, count)
+    }
+    assert len(orders) == 6
+
+
+def test_an_episode_is_a_function_of_seed_world_and_number(scenarios):
+    one, other = Schedule(scenarios, ["a", "b"]), Schedule(scenarios, ["a", "b"])
+    other.start(0, 0)
+    assert one.start(2, 7) == other.start(2, 7)
+    assert one.start(2, 7, seed=1) == Schedule(scenarios, ["a", "b"], seed=1).start(2, 7)
+    starts = [one.start(world, episode) for world in range(2) for episode in range(24)]
+    assert len({start.sumo_seed for start in starts}) == len(starts)
+    assert len({(start.seats[0].pose, start.seats[0].speed) for start in starts}) == len(starts)
+
+
+def test_maps_are_loaded_once(scenarios):
+    schedule = Schedule([*scenarios, scenarios[0]], ["ego"])
+    assert len(schedule.maps) == len(scenarios)
+    for start in (schedule.start(0, episode) for episode in range(len(schedule.combinations))):
+        name = start.scenario
+        built = next(each for each in scenarios if each.name == name)
+        assert schedule.maps[start.map] is built.roads()
+
+
+def test_missions_come_with_their_distances(scenarios):
+    schedule = Schedule(scenarios[:1], ["ego"])
+    seat = schedule.start(0, 0).seats[0]
+    mission = seat.mission
+    assert mission.goal == GoalKind.POSITION
+    assert 50 < mission.route_length < 250
+    speed = mission.route_length / mission.free_flow_time
+    assert 5 < speed < 20
+    x, y, _ = schedule.maps[0].pose_at(mission.goal_lane, mission.goal_s)
+    assert mission.goal_position == (x, y)
+
+
+def test_the_limit_follows_from_the_map(scenarios):
+    loop = next(built for built in scenarios if built.name == "loop")
+    roads = loop.roads()
+    assert vehicle_limit(loop) == pytest.approx(roads.length.sum() / 7.5, abs=1)
+    schedule = Schedule(scenarios, ["a", "b"])
+    assert schedule.limit == max(map(vehicle_limit, scenarios))
+    limits = {start.scenario: start.limit for start in (schedule.start(0, n) for n in range(12))}
+    assert limits == {built.name: vehicle_limit(built) + 2 for built in scenarios}
+
+
+def test_more_egos_than_missions_are_refused(scenarios):
+    with pytest.raises(ScenarioError, match="5 egos, but only 4 missions"):
+        Schedule(scenarios, [f"ego-{number}" for number in range(5)])
+
+
+def test_no_scenario_is_refused():
+    with pytest.raises(ScenarioError, match="no scenario"):
+        Schedule([], ["ego"])

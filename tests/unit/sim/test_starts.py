@@ -1,0 +1,180 @@
+"""Missions of scenarios as seats: routes, goals, distances, and how agents are to enter."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from smarts.errors import ScenarioError
+from smarts.geometry.segments import inside_outline
+from smarts.sim.starts import Shape, corridor_of, distance_along, draw_starts, free_flow_time
+from smarts.sstudio import types as t
+from smarts.types.mission import GoalKind
+from smarts.types.vehicles import VehicleKind
+from tests.maps import Road, crossing, graph_of, straight
+from tests.unit.sim.test_locator import ring
+
+
+def starts_of(graph, *missions, shapes=None, variation=None, seed=1):
+    built = SimpleNamespace(
+        name="test", roads=lambda: graph, scenario=SimpleNamespace(start_variation=variation)
+    )
+    shapes = shapes or [Shape()] * len(missions)
+    names = [f"ego-{number}" for number in range(len(missions))]
+    generator = np.random.Generator(np.random.Philox(seed))
+    return draw_starts(built, missions, names, shapes, generator)
+
+
+def through(begin=("west_in", 0, 30), end=("east_out", 0, 20), **more):
+    return t.Mission(t.Route(begin=begin, end=end), **more)
+
+
+def test_a_route_to_a_goal():
+    graph = crossing(length=80.0, gap=10.0)
+    (start,) = starts_of(graph, through())
+    mission = start.mission
+    # The front bumper is 30 m along a road that begins at x = -90 m.
+    assert start.pose == pytest.approx((-62.5, -1.6, 0.0))
+    assert mission.route == ("west_in", "east_out")
+    assert mission.goal == GoalKind.POSITION
+    assert mission.goal_position == pytest.approx((30.0, -1.6))
+    assert (mission.goal_lane, mission.goal_s) == (graph.lane_number("east_out", 0), 20.0)
+    assert mission.route_length == pytest.approx(62.5 + 30.0)
+    assert (start.entry_time, start.take_over) == (0.0, None)
+
+
+def test_longer_vehicles_start_further_back():
+    graph = crossing()
+    bus = Shape(VehicleKind.BUS, 12.0, 2.5)
+    (start,) = starts_of(graph, through(), shapes=[bus])
+    assert start.pose[0] == pytest.approx(-90 + 30 - 6)
+    assert (start.kind, start.length, start.width) == (VehicleKind.BUS, 12.0, 2.5)
+    assert start.mission.route_length == pytest.approx(66.0 + 30.0)
+
+
+def test_free_flow_is_the_way_at_the_limit_after_speeding_up():
+    graph = straight(length=200.0)  # 14 m/s
+    assert free_flow_time(graph, ("road",), 0, 140.0, 14.0) == pytest.approx(10.0)
+    # From standstill at 3 m/s^2 the driver loses half of the 14/3 s.
+    assert free_flow_time(graph, ("road",), 0, 140.0, 0.0) == pytest.approx(10.0 + 14 / 6)
+    assert free_flow_time(graph, (), 0, 0.0, 3.0) == 0.0
+
+
+def test_endless_missions_have_no_route():
+    (start,) = starts_of(crossing(), t.EndlessMission(begin=("west_in", 0, 30)))
+    assert (start.mission.goal, start.mission.route) == (GoalKind.ENDLESS, ())
+
+
+def test_laps():
+    graph = ring()
+    route = t.Route(begin=("south", 0, 20), end=("west", 0, 70))
+    (start,) = starts_of(graph, t.LapMission(route, num_laps=3))
+    mission = start.mission
+    assert (mission.goal, mission.laps) == (GoalKind.LAPS, 3)
+    assert mission.route == ("south", "east", "north", "west") * 3
+    lap = float(graph.length.sum())
+    begin = 20 - 2.5
+    assert mission.route_length == pytest.approx(3 * lap - graph.length[-1] - 10 - begin, abs=0.5)
+
+
+def test_a_goal_behind_the_start_takes_a_round():
+    graph = ring()
+    (start,) = starts_of(graph, through(("south", 0, 50), ("south", 0, 20)))
+    assert start.mission.route == ("south", "east", "north", "west", "south")
+    corridor = corridor_of(graph, start.mission.route)
+    lane = graph.lane_number("south", 0)
+    first = distance_along(corridor, graph, lane, 20.0)
+    assert distance_along(corridor, graph, lane, 20.0, last=True) - first == pytest.approx(
+        float(graph.length.sum()), abs=0.5
+    )
+    assert start.mission.route_length == pytest.approx(float(graph.length.sum()) - 30 + 2.5, abs=0.5)
+
+
+def test_a_turn_without_a_way_has_a_goal_but_no_route():
+    graph = graph_of({"there": Road([(0.0, 0.0), (100.0, 0.0)]), "back": Road([(100.0, 5.0), (0.0, 5.0)])})
+    turn = through(("there", 0, 50), ("back", 0, 60), task=t.UTurn(initial_speed=8.0))
+    (start,) = starts_of(graph, turn)
+    assert start.mission.route == ()
+    assert start.mission.goal == GoalKind.POSITION
+    assert start.mission.goal_position == pytest.approx((40.0, 5.0))
+    assert start.speed == 8.0
+
+
+def test_via_points():
+    vias = (t.Via("east_out", 0, 10, 7.0), t.Via("west_in", 0, 60, 5.0, hit_distance=3.0))
+    (start,) = starts_of(crossing(), through(via=vias))
+    assert [via.position for via in start.mission.vias] == [
+        pytest.approx((20.0, -1.6)),
+        pytest.approx((-30.0, -1.6)),
+    ]
+    assert [via.radius for via in start.mission.vias] == [1.6, 3.0]
+    assert [via.speed for via in start.mission.vias] == [7.0, 5.0]
+
+
+def test_a_trap_is_where_it_is_said_to_be():
+    zone = t.PositionalZone(pos=(-50.0, -1.6), size=(20.0, 4.0))
+    trap = t.TrapEntryTactic(
+        start_time=3.0, wait_to_hijack_limit_s=7.0, zone=zone, exclusion_prefixes=("truck",)
+    )
+    (start,) = starts_of(crossing(), through(entry_tactic=trap))
+    rule = start.take_over
+    assert start.entry_time == 3.0
+    assert (rule.patience, rule.spared, rule.vehicle) == (7.0, ("truck",), "")
+    (area,) = rule.areas
+    assert inside_outline(-59.0, -1.6, area, 0, len(area))
+    assert not inside_outline(-61.0, -1.6, area, 0, len(area))
+
+
+def test_a_trap_is_around_the_start_unless_said():
+    trap = t.TrapEntryTactic(default_entry_speed=4.0)
+    (start,) = starts_of(crossing(), through(entry_tactic=trap))
+    assert start.take_over.patience == 0.0
+    assert start.speed == 4.0
+    (area,) = start.take_over.areas
+    inside = [x for x in range(-90, -9) if inside_outline(float(x), -1.6, area, 0, len(area))]
+    # From 5 m before the start at -60 m, for 20 m.
+    assert (inside[0], inside[-1]) == (-65, -46)
+
+
+def test_a_vehicle_by_name():
+    (start,) = starts_of(crossing(), through(entry_tactic=t.IdEntryTactic(actor_id="car-7")))
+    assert start.take_over.vehicle == "car-7"
+    assert start.take_over.patience == math.inf
+
+
+def test_a_condition_must_be_about_what_is_known():
+    about_vehicles = t.IdEntryTactic(actor_id="car", condition=t.VehicleSpeedCondition(0.0, 1.0))
+    with pytest.raises(ScenarioError, match="current_actor_state"):
+        starts_of(crossing(), through(entry_tactic=about_vehicles))
+
+
+def test_a_start_past_its_goal_is_drawn_anew():
+    mission = through(("road", 0, 50), ("road", 0, 53))
+    for seed in range(20):
+        (start,) = starts_of(straight(), mission, variation=t.StartVariation(offset=8.0), seed=seed)
+        assert 1.0 <= start.mission.route_length <= 53 - (42 - 2.5)
+
+
+def test_a_goal_that_is_always_passed_is_refused():
+    mission = through(("road", 0, 50), ("road", 0, 50))
+    truck = Shape(VehicleKind.TRUCK, 1.0, 1.0)
+    with pytest.raises(ScenarioError, match="the goal of 'ego-0' is not ahead of its start"):
+        starts_of(straight(), mission, shapes=[truck])
+
+
+def test_starts_that_overlap_are_drawn_anew():
+    """Two lanes that share their middle: the lanes' starts are not kept apart, so the draws decide."""
+    graph = graph_of(
+        {
+            "one": Road([(0.0, 0.0), (100.0, 0.0)]),
+            "two": Road([(0.0, 1.0), (100.0, 1.0)]),
+        }
+    )
+    missions = [through((name, 0, 50), (name, 0, 90)) for name in ("one", "two")]
+    with pytest.raises(ScenarioError, match=r"'ego-0' and 'ego-1' overlap, in 20 draws"):
+        starts_of(graph, *missions)
+    variation = t.StartVariation(offset=8.0)
+    for seed in range(20):
+        one, two = starts_of(graph, *missions, variation=variation, seed=seed)
+        assert abs(one.pose[0] - two.pose[0]) >= 5.0

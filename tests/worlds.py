@@ -1,0 +1,103 @@
+"""Worlds made by hand, without SUMO: vehicles where a test wants them, located, some of them with agents."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smarts.roads.atlas import RoadAtlas
+from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.seat_routes import SeatRoutes
+from smarts.sim.locator import MapLocator
+from smarts.sim.ownership import Ownership
+from smarts.types.episode import SeatStart
+from smarts.types.mission import SeatMission
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+
+
+@dataclass(frozen=True)
+class Car:
+    """A vehicle; with a mission it has an agent, in the next free seat."""
+
+    x: float
+    y: float
+    heading: float = 0.0
+    speed: float = 0.0
+    mission: SeatMission | None = None
+    owner: int = Owner.TRAFFIC
+    kind: VehicleKind = VehicleKind.PASSENGER
+    length: float = 5.0
+    width: float = 1.8
+    name: str = "car"
+
+
+@dataclass(frozen=True)
+class HandMade:
+    """A world and what belongs to it. Slots and seats are in the order of the cars."""
+
+    world: World
+    atlas: RoadAtlas
+    routes: SeatRoutes
+    ownership: Ownership
+
+    def locate(self) -> None:
+        MapLocator(self.atlas, self.routes).locate(self.world, np.ones(self.world.worlds, np.bool_))
+
+    def advance(self) -> None:
+        """Begin a step: what is now becomes what was."""
+        self.world.advance(np.ones(self.world.worlds, np.bool_))
+
+
+class Willing:
+    """A provider that drives on with any vehicle."""
+
+    def can_accept(self, row: int, slot: int) -> bool:
+        return True
+
+
+def world_of(
+    *rows: Sequence[Car], maps: Sequence[LaneGraph], capacity: int = 16, seats: int = 4, vias: int = 2
+) -> HandMade:
+    """Return a world with a simulation for each row of cars, on the map of the same place or the only map."""
+    atlas = RoadAtlas(maps)
+    world = World(
+        worlds=len(rows),
+        capacity=capacity,
+        seats=seats,
+        lanes=max(len(graph.lane_ids) for graph in maps),
+        vias=vias,
+    )
+    willing = Willing()
+    made = HandMade(
+        world,
+        atlas,
+        SeatRoutes(atlas, len(rows), seats),
+        Ownership(world, {Owner.TRAFFIC: willing, Owner.AGENT: willing}),
+    )
+    for row, cars in enumerate(rows):
+        world.map[row] = row % len(maps)
+        _place(made, row, cars)
+    made.locate()
+    for row in range(len(rows)):
+        world.settle(row)
+    return made
+
+
+def _place(made: HandMade, row: int, cars: Sequence[Car]) -> None:
+    missions = [car.mission for car in cars if car.mission]
+    made.routes.assign(row, int(made.world.map[row]), [mission.route for mission in missions])
+    seat = 0
+    for car in cars:
+        if car.mission:
+            book = made.ownership.routes[row]
+            made.world.missions.write(row, seat, car.mission, book.number(car.mission.route))
+            pose = (car.x, car.y, car.heading)
+            start = SeatStart(car.name, pose, car.speed, car.mission, car.kind, car.length, car.width)
+            made.ownership.admit(row, seat, start)
+            seat += 1
+        else:
+            slot = made.ownership.rosters[row].admit(car.name, car.owner, car.kind, car.length, car.width)
+            made.world.vehicles.position[row, slot] = car.x, car.y
+            made.world.vehicles.heading[row, slot] = car.heading
+            made.world.vehicles.speed[row, slot] = car.speed
