@@ -1,0 +1,62 @@
+"""The table of algorithms: where each lives and what kind it is. Imports no framework."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import NamedTuple
+
+
+class Paradigm(StrEnum):
+    """Who knows what, when (section 3 of the SMARTS paper)."""
+
+    DECENTRALISED = "fully decentralised"
+    CENTRALISED = "fully centralised"
+    CTDE = "centralised training, decentralised execution"
+    NETWORKED = "networked agents"
+
+
+class Actions(StrEnum):
+    """Action spaces an algorithm can handle."""
+
+    DISCRETE = "discrete"
+    CONTINUOUS = "continuous"
+    BOTH = "both"
+
+
+class Entry(NamedTuple):
+    """One algorithm.
+
+    Attributes:
+        target: `module:class` of its RLlib config.
+        paradigm: Who knows what, when.
+        level: Multi-agent intelligence M0-M5 that it can reach, as the paper grades it.
+        actions: Action spaces it can handle.
+        communication: Whether agents exchange messages when they act.
+        recurrent: Whether its policy may carry memory.
+        summary: One line for the table.
+    """
+
+    target: str
+    paradigm: Paradigm
+    level: str
+    actions: Actions
+    communication: bool
+    recurrent: bool
+    summary: str
+
+    def acts_in(self, kind: Actions) -> bool:
+        """Return whether the algorithm can handle a space of this kind."""
+        return self.actions in (kind, Actions.BOTH)
+
+
+_D, _C = Paradigm.DECENTRALISED, Paradigm.CTDE
+
+# One line an algorithm; order: by paradigm, then from plain to elaborate.
+# fmt: off
+ALGORITHMS: dict[str, Entry] = {
+    "pg": Entry("algorithms.pg:PGConfig", _D, "M1", Actions.BOTH, False, False, "independent REINFORCE"),
+    "a2c": Entry("algorithms.a2c:A2CConfig", _D, "M1", Actions.BOTH, False, False, "independent advantage actor-critic"),
+    "ppo": Entry("algorithms.ppo:PPOConfig", _D, "M1", Actions.BOTH, False, False, "independent PPO"),
+    "dqn": Entry("algorithms.dqn:DQNConfig", _D, "M1", Actions.DISCRETE, False, False, "independent double duelling Q-learning"),
+}
+# fmt: on
