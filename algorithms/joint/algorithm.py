@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import logging
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import ray
+from ray import cloudpickle
 from ray.rllib.algorithms.algorithm import Algorithm
-from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_LEARNER_GROUP, COMPONENT_RL_MODULE
+from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_RL_MODULE
 from ray.rllib.utils.metrics import (
     ENV_RUNNER_RESULTS,
     LEARNER_RESULTS,
@@ -90,8 +93,7 @@ class JointAlgorithm(Algorithm):
         super().set_state(state)
         if state.get(SAMPLERS):
             self.env_runner_group.foreach_env_runner(
-                "set_state",
-                kwargs={"state": {SAMPLERS: state[SAMPLERS]}},
+                partial(_restore_sampler, samplers=state[SAMPLERS]),
                 local_env_runner=not self.config.num_env_runners,
                 timeout_seconds=self.config.sample_timeout_s,
             )
@@ -102,7 +104,7 @@ class JointAlgorithm(Algorithm):
         Raises:
             CheckpointError: The checkpoint is of another algorithm, or of other agents, spaces or groups.
         """
-        self._check_identity(_stored_identity(path))
+        self._check_identity(_stored_identity(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl"))
         super().restore_from_path(path, *args, **kwargs)
 
     def _ask(self) -> list[Reply]:
@@ -171,18 +173,14 @@ def _sampler_state(runner: Any) -> dict[Any, Any]:
     return runner.get_state().get(SAMPLERS, {})
 
 
-def _stored_identity(path: Any) -> dict[str, Any] | None:
-    """Return what a checkpoint says it fits, or None where it says nothing."""
-    from pathlib import Path
+def _restore_sampler(runner: Any, samplers: dict[Any, Any]) -> None:
+    runner.set_state({SAMPLERS: samplers})
 
-    from ray import cloudpickle
-    from ray.rllib.utils.checkpoints import Checkpointable
 
-    file = Path(getattr(path, "path", path)) / f"{Checkpointable.STATE_FILE_NAME}.pkl"
+def _stored_identity(file: Path) -> dict[str, Any] | None:
+    """Return what a checkpoint says it fits, or None where it is remote: then it is checked while being restored."""
     if not file.is_file():
         return None
     with file.open("rb") as stream:
         return cloudpickle.load(stream).get(IDENTITY)
 
-
-__all__ = ["COMPONENT_LEARNER_GROUP", "JointAlgorithm"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -151,7 +152,8 @@ class JointTorchLearner(TorchLearner):
         state = super().get_state(components, not_components=not_components, **kwargs)
         if self._check_component(JOINT, components, not_components):
             state[JOINT] = self._own_state()
-        return state
+        # RLlib's arrays share memory with the live tensors; a snapshot that is kept must not learn with them.
+        return copy.deepcopy(state) if components is None and not not_components else state
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Restore; older weights too, which RLlib's learner would silently ignore."""

@@ -81,8 +81,8 @@ class JointReplay:
         )
 
     def get_state(self) -> dict[str, Any]:
-        """Return the stored transitions; views into the buffer, to be written out before the next `add`."""
-        arrays = {name: array[: self._size] for name, array in self._arrays().items()}
+        """Return a copy of the stored transitions."""
+        arrays = {name: array[: self._size].copy() for name, array in self._arrays().items()}
         return {"arrays": arrays, "size": self._size, "place": self._place}
 
     def set_state(self, state: dict[str, Any]) -> None:

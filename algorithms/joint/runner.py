@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -81,7 +82,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self._policies: Policies | None = None
         self._weights = -1
         self._evaluated = 0
-        self._pending: dict[str, Any] | None = None
+        self._recent: deque[Episode] = deque(maxlen=config.metrics_num_episodes_for_smoothing)
         self.module = None
         self.num_env_steps_sampled_lifetime = 0
         self.make_env()
@@ -255,7 +256,9 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             rollout = sampler.fragment(steps, exploration._replace(explore=bool(self.config.explore)))
         self.num_env_steps_sampled_lifetime += rollout.env_steps()
         self._log(rollout, sampler.progress.failed_total - failures)
-        self._log_episodes(sampler.take_episodes(), self.config.metrics_num_episodes_for_smoothing)
+        ended = sampler.take_episodes()
+        self._recent.extend(ended)
+        self._log_episodes(ended, self._recent)
         return rollout
 
     def _evaluate(self, count: int, explore: bool | None, *, restart: bool) -> list[Episode]:
@@ -270,17 +273,22 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         runners, place = max(self.num_workers or 0, 1), max(self.worker_index - 1, 0)
         worlds = EVALUATION_WORLDS + place + runners * (self._evaluated + np.arange(count))
         self._evaluated += count
-        explore = bool(self.config.explore if explore is None else explore)
+        explore = self._explores_in_evaluation() if explore is None else explore
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)
         with torch_threads(self.config.torch_threads):
             episodes = self._evaluator.episodes(worlds, exploration._replace(explore=explore))
-        self._log_episodes(episodes, count)
+        self._log_episodes(episodes, episodes)
         if self.config.evaluate_sampled and not explore:
             sampled = self._evaluator.episodes(worlds, exploration._replace(explore=True))
-            for episode in sampled:
-                self.metrics.log_value(("sampled", EPISODE_RETURN_MEAN), float(episode.returns.sum()), window=count)
+            mean = float(np.mean([episode.returns.sum() for episode in sampled]))
+            self.metrics.log_value(("sampled", EPISODE_RETURN_MEAN), mean, window=1)
         self.metrics.log_value(NUM_ENV_STEPS_SAMPLED, sum(e.length for e in episodes), reduce="sum")
         return episodes
+
+    def _explores_in_evaluation(self) -> bool:
+        # Without a group for evaluation, RLlib evaluates on a training runner, which has the training's config.
+        own = self.config if self.config.in_evaluation else self.config.get_evaluation_config_object()
+        return bool((own or self.config).explore)
 
     def _log(self, rollout: JointRollout, failures: int) -> None:
         metrics, steps = self.metrics, rollout.env_steps()
@@ -291,17 +299,24 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         metrics.log_dict(by_agent, key=NUM_AGENT_STEPS_SAMPLED_LIFETIME, reduce="lifetime_sum")
         metrics.log_value(FAILED_COPIES, failures, reduce="lifetime_sum")
 
-    def _log_episodes(self, episodes: Sequence[Episode], window: int) -> None:
+    def _log_episodes(self, episodes: Sequence[Episode], recent: Sequence[Episode]) -> None:
+        """Count the episodes that ended, and report means over the recent ones.
+
+        Means are taken here, once a fragment: RLlib's windows are slow to fill one by one, and show NaN in iterations
+        in which no episode ends.
+        """
         metrics = self.metrics
         metrics.log_value(NUM_EPISODES, len(episodes), reduce="sum")
         metrics.log_value(NUM_EPISODES_LIFETIME, len(episodes), reduce="lifetime_sum")
-        for episode in episodes:
-            total = float(episode.returns.sum())
-            metrics.log_value(EPISODE_RETURN_MEAN, total, window=window)
-            metrics.log_value(EPISODE_RETURN_MIN, total, reduce="min", window=window)
-            metrics.log_value(EPISODE_RETURN_MAX, total, reduce="max", window=window)
-            metrics.log_value(EPISODE_LEN_MEAN, episode.length, window=window)
-            own = dict(zip(self.spec.agents, episode.returns.tolist(), strict=True))
-            metrics.log_dict(own, key="agent_episode_returns_mean", window=window)
-            if episode.metrics:
-                metrics.log_dict(dict(episode.metrics), key="env", window=window)
+        if not recent:
+            return
+        returns = np.stack([episode.returns for episode in recent])
+        metrics.log_value(EPISODE_RETURN_MEAN, float(returns.sum(1).mean()), window=1)
+        metrics.log_value(EPISODE_RETURN_MIN, float(returns.sum(1).min()), window=1)
+        metrics.log_value(EPISODE_RETURN_MAX, float(returns.sum(1).max()), window=1)
+        metrics.log_value(EPISODE_LEN_MEAN, float(np.mean([e.length for e in recent])), window=1)
+        own = dict(zip(self.spec.agents, returns.mean(0).tolist(), strict=True))
+        metrics.log_dict(own, key="agent_episode_returns_mean", window=1)
+        for name in sorted({name for episode in recent for name in episode.metrics}):
+            values = [episode.metrics[name] for episode in recent if name in episode.metrics]
+            metrics.log_value(("env", name), float(np.mean(values)), window=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -265,8 +266,8 @@ class Sampler:
         return {
             "generator": self._generator.get_state().numpy(),
             "env": state,
-            "now": self._now,
-            "progress": self.progress,
+            "now": None if self._now is None else _copied(self._now),
+            "progress": copy.deepcopy(self.progress),
             "source": self._source,
         }
 
@@ -277,7 +278,7 @@ class Sampler:
         if state["env"] is None or state["now"] is None:
             return
         self.env.set_state(state["env"])  # type: ignore[attr-defined]
-        self._now, self.progress = _copied(state["now"]), state["progress"]
+        self._now, self.progress = _copied(state["now"]), copy.deepcopy(state["progress"])
 
     def _view(self) -> View:
         if self._now is None:
