@@ -107,6 +107,12 @@ class JointAlgorithm(Algorithm):
         self._check_identity(_stored_identity(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl"))
         super().restore_from_path(path, *args, **kwargs)
 
+    def restore_env_runners(self, env_runner_group: Any) -> list[int]:
+        """Take runners that came back into the group again (RLlib); their first request brings all they need."""
+        if env_runner_group is not self.env_runner_group:
+            return super().restore_env_runners(env_runner_group)
+        return env_runner_group.probe_unhealthy_env_runners()
+
     def _ask(self) -> list[Reply]:
         """Return the replies of all runners that answer in time; the others are killed and come back fresh."""
         group = self.env_runner_group

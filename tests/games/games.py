@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from typing import Any
 
 import numpy as np
@@ -215,3 +217,18 @@ class Broken(Constant):
         if hit and self.t == self.nan_at:
             result[0]["agent_0"][:] = np.nan
         return result
+
+
+class Hanging(Constant):
+    """Hangs in the first runner, once the file exists."""
+
+    def __init__(self, config):
+        super().__init__()
+        self.hang = config.worker_index == 1
+        self.file = config["file"]
+
+    def step(self, action_dict):
+        if self.hang and os.path.exists(self.file):
+            os.remove(self.file)
+            time.sleep(3600)
+        return super().step(action_dict)

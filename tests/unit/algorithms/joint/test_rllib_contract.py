@@ -7,7 +7,7 @@ import time
 import algorithms
 import numpy as np
 import pytest
-from games.games import Broken, Constant, Cues, Ragged, Target
+from games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
 from algorithms.errors import CheckpointError, EnvironmentFailure, SpaceError, UnknownSettingError
 
@@ -186,21 +186,6 @@ def test_training_survives_sigkill_of_a_runner(build):
     train(algo, 1)
     assert algo.env_runner_group.num_healthy_remote_workers() == 2
     assert steps == sorted(steps)
-
-
-class Hanging(Constant):
-    """Hangs in the first runner, once the file exists."""
-
-    def __init__(self, config):
-        super().__init__()
-        self.hang = config.worker_index == 1
-        self.file = config["file"]
-
-    def step(self, action_dict):
-        if self.hang and os.path.exists(self.file):
-            os.remove(self.file)
-            time.sleep(3600)
-        return super().step(action_dict)
 
 
 @pytest.mark.slow
