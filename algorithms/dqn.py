@@ -42,6 +42,18 @@ class QNetwork(nn.Module):
             return advantage
         return self.value(features) + advantage - advantage.mean(-1, keepdim=True)
 
+    def folded(self) -> nn.Sequential:
+        """Return an equal perceptron: both streams are linear in the same features."""
+        last = nn.Linear(self.advantage.in_features, self.advantage.out_features)
+        with torch.no_grad():
+            weight, bias = self.advantage.weight, self.advantage.bias
+            if self.value is not None:
+                weight = weight - weight.mean(0, keepdim=True) + self.value.weight
+                bias = bias - bias.mean() + self.value.bias
+            last.weight.copy_(weight)
+            last.bias.copy_(bias)
+        return nn.Sequential(*self.trunk, last)
+
 
 class DQNModule(JointModule):
     """Q network and its target."""
@@ -62,6 +74,10 @@ class DQNModule(JointModule):
     def policy(self, view: GroupView) -> Tensor:
         """Return Q values (M, n, A)."""
         return self.q(view.observations)
+
+    def plain(self) -> tuple[Encoder, nn.Module]:
+        """Return encoder and body, for stacked acting, with the duelling streams folded into one layer."""
+        return self.q.encoder, self.q.folded()
 
 
 class DQNLearner(OffPolicyLearner):

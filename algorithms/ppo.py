@@ -20,7 +20,9 @@ from algorithms.joint.batch import GroupView, JointBatch, JointView
 from algorithms.joint.config import OnPolicyConfig
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
+from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import JointSpec
+from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 
 
@@ -32,10 +34,11 @@ class LocalValue(LearnerModule):
         if self.group is None:
             raise TypeError("a local value belongs to a group")
         self.encoder = Encoder(self.group.observation, self.group.size)
+        self.moments = RunningMoments(enabled=self.settings["normalize_values"])
         self.body = orthogonal(perceptron([self.encoder.size, *self.settings["hidden"], 1]), gain=np.sqrt(2), last=1)
 
     def value(self, view: GroupView) -> Tensor:
-        """Return values (M, n)."""
+        """Return scaled values (M, n)."""
         return self.body(self.encoder(view.observations)).squeeze(-1)
 
 
@@ -52,7 +55,22 @@ class PPOLearner(OnPolicyLearner):
 
     def values(self, view: JointView) -> Tensor:
         """Return each agent's value of its own observation, (M, N)."""
-        return view.join({g.id: self.net(critic_of(g)).value(view.view(g)) for g in self.groups})
+        values = {}
+        for group in self.groups:
+            critic = self.net(critic_of(group))
+            values[group.id] = critic.moments.unscaled(critic.value(view.view(group)))
+        return view.join(values)
+
+    def prepare(self, rollout: JointRollout) -> JointBatch:
+        """Return the batch; critics see its targets once, to adapt their scale."""
+        batch = super().prepare(rollout)
+        self.observe_targets(batch)
+        return batch
+
+    def observe_targets(self, batch: JointBatch) -> None:
+        """Let every critic adapt its scale."""
+        for group, own in batch.groups():
+            self.net(critic_of(group)).moments.observe(own.targets, own.alive)
 
     def update_minibatch(self, batch: JointBatch) -> None:
         """Step every policy, then every value function."""
@@ -72,7 +90,8 @@ class PPOLearner(OnPolicyLearner):
     def fit_values(self, batch: JointBatch) -> None:
         """Regress values on their targets."""
         for group, own in batch.groups():
-            error = (self.net(critic_of(group)).value(own) - own.targets).square()
+            critic = self.net(critic_of(group))
+            error = (critic.value(own) - critic.moments.scaled(own.targets)).square()
             loss = self.mean(error, own.alive)
             self.step_optimizer(loss, critic_of(group))
             self.log(group.id, "value_loss", loss)
@@ -83,15 +102,21 @@ class PPOConfig(OnPolicyConfig):
 
     Attributes:
         clip: Largest change of an action's probability ratio that is rewarded.
+        normalize_values: Let critics fit standardised targets.
     """
 
     algorithm = "ppo"
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or PPO)
-        self._defaults(clip=0.2)
+        self._defaults(clip=0.2, normalize_values=False)
 
     clip: float
+    normalize_values: bool
+
+    def module_settings(self):
+        """Return the settings that networks are built from."""
+        return super().module_settings() | {"normalize_values": self.normalize_values}
 
     def modules(self, spec: JointSpec):
         """Return a policy and a value network for each group."""

@@ -54,9 +54,12 @@ _D, _C = Paradigm.DECENTRALISED, Paradigm.CTDE
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 # fmt: off
 ALGORITHMS: dict[str, Entry] = {
-    "pg": Entry("algorithms.pg:PGConfig", _D, "M1", Actions.BOTH, False, False, "independent REINFORCE"),
     "a2c": Entry("algorithms.a2c:A2CConfig", _D, "M1", Actions.BOTH, False, False, "independent advantage actor-critic"),
     "ppo": Entry("algorithms.ppo:PPOConfig", _D, "M1", Actions.BOTH, False, False, "independent PPO"),
     "dqn": Entry("algorithms.dqn:DQNConfig", _D, "M1", Actions.DISCRETE, False, False, "independent double duelling Q-learning"),
+    "centralised_v": Entry("algorithms.centralised_v:CentralisedVConfig", _C, "M3", Actions.BOTH, False, False, "PPO with a central critic (MAPPO)"),
+    "maddpg": Entry("algorithms.maddpg:MADDPGConfig", _C, "M3", Actions.BOTH, False, False, "deterministic policies, critics of all actions"),
+    "vdn": Entry("algorithms.vdn:VDNConfig", _C, "M3", Actions.DISCRETE, False, False, "team value as a sum"),
+    "qmix": Entry("algorithms.qmix:QMIXConfig", _C, "M3", Actions.DISCRETE, False, False, "team value as a monotone function"),
 }
 # fmt: on

@@ -149,6 +149,26 @@ class JointConfig(AlgorithmConfig):
                     remedy=f"for {kind} actions use one of: {fitting}",
                 )
 
+    def check_vectors(self, spec: JointSpec) -> None:
+        """Refuse images where critics put all observations side by side.
+
+        Raises:
+            SpaceError: An observation leaf is an image.
+        """
+        for block in spec.spaces.blocks:
+            for name, space in block.observation.items():
+                if len(space.shape) == 3:
+                    raise SpaceError(
+                        f"{self.algorithm!r} joins all observations, and {name or 'the observation'!r} is an image",
+                        place="observation space",
+                        remedy="use 'ppo', or 'centralised_v' with a state from the environment; or drop the image",
+                    )
+
+    def check_state(self, spec: JointSpec) -> None:
+        """Refuse images where they would be the global state; see `check_vectors`."""
+        if not spec.spaces.state:
+            self.check_vectors(spec)
+
     def get_multi_rl_module_spec(
         self, *, env=None, spaces: Mapping[str, Any] | None = None, inference_only: bool = False, **kwargs: Any
     ) -> MultiRLModuleSpec:

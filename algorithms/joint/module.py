@@ -61,6 +61,10 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         """Return the outputs (M, n, P) that the head turns into actions."""
         return self.body(self.encoder(view.observations))
 
+    def plain(self) -> tuple[Encoder, nn.Module] | None:
+        """Return (encoder, body) if the policy is just `body(encoder(observations))`, so that runners may stack it."""
+        return self.encoder, self.body
+
     def get_non_inference_attributes(self) -> list[str]:
         """Return what runners need not hold (RLlib)."""
         return list(self.targets)

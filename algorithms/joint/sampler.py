@@ -19,7 +19,7 @@ from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import to_env
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Acting, Exploration
-from algorithms.parts.networks import StackedPerceptrons
+from algorithms.parts.networks import Encoder, StackedPerceptrons
 
 
 class Episode(NamedTuple):
@@ -77,7 +77,7 @@ class Policies:
         self._spec = spec
         self._modules = modules
         self._by_block = [[g for g in spec.groups if g.block == k] for k in range(len(spec.spaces.blocks))]
-        self._stacked: list[StackedPerceptrons | None] = []
+        self._stacked: list[tuple[Encoder, StackedPerceptrons] | None] = []
         self.refresh()
 
     @property
@@ -102,7 +102,8 @@ class Policies:
         first = self._modules[groups[0].id]
         stacked = self._stacked[block]
         if stacked is not None:
-            outputs = stacked(first.encoder(leaves))
+            encoder, perceptrons = stacked
+            outputs = perceptrons(encoder(leaves))
         else:
             outputs = self._gather(block, leaves, legal, torch.from_numpy(view.alive))
         return first.head.act(outputs, legal, exploration, generator)
@@ -122,13 +123,14 @@ class Policies:
         return joined[:, torch.from_numpy(np.argsort(places))]
 
     @staticmethod
-    def _stack(modules: list[JointModule]) -> StackedPerceptrons | None:
-        if len(modules) < 2 or any(m.group.size > 1 or type(m).policy is not JointModule.policy for m in modules):
+    def _stack(modules: list[JointModule]) -> tuple[Encoder, StackedPerceptrons] | None:
+        plain = [module.plain() for module in modules]
+        if len(modules) < 2 or any(parts is None or module.group.size > 1 for parts, module in zip(plain, modules, strict=True)):
             return None
-        bodies = [module.body for module in modules]
-        if not all(m.encoder.is_plain for m in modules) or not StackedPerceptrons.fits(bodies):
+        bodies = [parts[1] for parts in plain if parts is not None]
+        if not all(parts[0].is_plain for parts in plain if parts is not None) or not StackedPerceptrons.fits(bodies):
             return None
-        return StackedPerceptrons(bodies)  # type: ignore[arg-type]
+        return plain[0][0], StackedPerceptrons(bodies)  # type: ignore[index,arg-type]
 
 
 @dataclass
