@@ -8,8 +8,8 @@ algo.train()
 ```
 
 Every algorithm is a first-class RLlib algorithm and runs on any RLlib `MultiAgentEnv` whose agents step
-simultaneously, or on a vector environment with the interface of `algorithms.joint.env`. Importing this package
-and listing names imports neither torch nor Ray.
+simultaneously, or on a vector environment with the interface of `algorithms.joint.env`. Importing this
+package and listing names imports neither torch nor Ray.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Independent advantage actor-critic (A2C, "IAC").
 
-Mnih et al. 2016, "Asynchronous Methods for Deep Reinforcement Learning", synchronous and per agent: the policy
-gradient grad log pi(a_i | o_i) A_i with a learned value V(o_i), one step on each rollout. Foerster et al. 2018 call it
-independent actor-critic.
+Mnih et al. 2016, "Asynchronous Methods for Deep Reinforcement Learning", synchronous and per agent: the
+policy gradient grad log pi(a_i | o_i) A_i with a learned value V(o_i), one step on each rollout. Foerster et
+al. 2018 call it independent actor-critic.
 
-Deviations: advantages by generalised advantage estimation instead of n-step returns (`lambda_=1` gives those); Adam
-instead of RMSProp; separate networks for policy and value.
+Deviations: advantages by generalised advantage estimation instead of n-step returns (`lambda_=1` gives
+those); Adam instead of RMSProp; separate networks for policy and value.
 """
 
 from __future__ import annotations

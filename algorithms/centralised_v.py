@@ -1,11 +1,11 @@
 """Actor-critic with a centralised state-value function: multi-agent PPO (MAPPO).
 
 Yu et al. 2022, "The Surprising Effectiveness of PPO in Cooperative Multi-Agent Games": policies see their own
-observations and take the clipped steps of PPO (eq. 7 of Schulman et al. 2017); one critic V(s) sees the global state
-and exists in training only. Foerster et al. 2018 call the same critic "central-V".
+observations and take the clipped steps of PPO (eq. 7 of Schulman et al. 2017); one critic V(s) sees the
+global state and exists in training only. Foerster et al. 2018 call the same critic "central-V".
 
-Deviations: the critic gives each agent its own value V_i(s), since rewards are individual here; the state is the
-environment's, or all observations side by side with who is there; the value loss is not clipped.
+Deviations: the critic gives each agent its own value V_i(s), since rewards are individual here; the state is
+the environment's, or all observations side by side with who is there; the value loss is not clipped.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from torch import Tensor
 
-from algorithms.joint.batch import JointBatch, JointView
+from algorithms.joint.batch import JointView, OnPolicyBatch
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.moments import RunningMoments
@@ -45,11 +45,11 @@ class CentralisedVLearner(PPOLearner):
         critic = self.net(CRITIC)
         return critic.moments.unscaled(critic.value(view))
 
-    def observe_targets(self, batch: JointBatch) -> None:
+    def observe_targets(self, batch: OnPolicyBatch) -> None:
         """Let the critic adapt its scale."""
         self.net(CRITIC).moments.observe(batch.targets, batch.alive)
 
-    def fit_values(self, batch: JointBatch) -> None:
+    def fit_values(self, batch: OnPolicyBatch) -> None:
         """Regress all agents' values at once."""
         critic = self.net(CRITIC)
         error = (critic.value(batch) - critic.moments.scaled(batch.targets)).square()

@@ -1,9 +1,9 @@
 """Independent deep Q-learning, double and duelling.
 
-Every group of agents fits Q(o_i, a_i) as if the others were part of its environment (Tampuu et al. 2017). Mnih et al.
-2015, "Human-level control through deep reinforcement learning": replay and target network, eq. 1 with the Huber loss;
-van Hasselt et al. 2016: the online network chooses the next action and the target network values it; Wang et al.
-2016, eq. 9: duelling value and advantage streams.
+Every group of agents fits Q(o_i, a_i) as if the others were part of its environment (Tampuu et al. 2017).
+Mnih et al. 2015, "Human-level control through deep reinforcement learning": replay and target network, eq. 1
+with the Huber loss; van Hasselt et al. 2016: the online network chooses the next action and the target
+network values it; Wang et al. 2016, eq. 9: duelling value and advantage streams.
 
 Deviations: target networks follow by polyak averaging instead of periodic copies.
 """
@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from algorithms.joint.algorithm import JointAlgorithm
-from algorithms.joint.batch import GroupView, JointBatch
+from algorithms.joint.batch import GroupView, ReplayBatch
 from algorithms.joint.config import OffPolicyConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
@@ -85,13 +85,13 @@ class DQNLearner(OffPolicyLearner):
 
     config: DQNConfig  # type: ignore[assignment]
 
-    def update_minibatch(self, batch: JointBatch) -> None:
+    def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target."""
         for group, own in batch.groups():
             net = self.net(group.id)
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
             following = torch.where(own.bootstrap, self.next_value(net, own.next), 0)
-            target = self.config.reward_scale * own.rewards + self.config.gamma * following
+            target = self.config.reward_scale * own.rewards + self.gamma * following
             error = nn.functional.smooth_l1_loss(chosen, target, reduction="none")
             loss = self.mean(error, own.alive)
             self.step_optimizer(loss, group.id)

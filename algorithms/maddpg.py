@@ -1,12 +1,13 @@
 """Multi-agent deep deterministic policy gradient (MADDPG), for discrete and continuous actions.
 
-Lowe et al. 2017, "Multi-Agent Actor-Critic for Mixed Cooperative-Competitive Environments". Each group has a critic
-Q_i(x, a_1, ..., a_N) of everybody's observations and actions, fitted by eq. 6 with everybody's target policies; its
-policy follows eq. 5, where only agent i's action comes from its policy and the others' come from replay. Discrete
-actions are straight-through Gumbel-softmax samples (as in the authors' code), continuous ones tanh with noise.
+Lowe et al. 2017, "Multi-Agent Actor-Critic for Mixed Cooperative-Competitive Environments". Each group has a
+critic Q_i(x, a_1, ..., a_N) of everybody's observations and actions, fitted by eq. 6 with everybody's target
+policies; its policy follows eq. 5, where only agent i's action comes from its policy and the others' come
+from replay. Discrete actions are straight-through Gumbel-softmax samples (as in the authors' code),
+continuous ones tanh with noise.
 
-Deviations: target policies give hard samples instead of soft ones; finished agents count as zeros in x and a, with
-flags of who is there; agents of a group share networks, told apart by a learned bias.
+Deviations: target policies give hard samples instead of soft ones; finished agents count as zeros in x and a,
+with flags of who is there; agents of a group share networks, told apart by a learned bias.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from gymnasium.spaces import Discrete
 from torch import Generator, Tensor, nn
 
 from algorithms.joint.algorithm import JointAlgorithm
-from algorithms.joint.batch import GroupView, JointBatch, JointView
+from algorithms.joint.batch import GroupView, JointView, ReplayBatch
 from algorithms.joint.config import OffPolicyConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule, critic_of
@@ -66,7 +67,7 @@ class MADDPGModule(JointModule):
         return self.actor.encoder, self.actor.body
 
     def relax(self, outputs: Tensor, view: GroupView, generator: Generator) -> Tensor:
-        """Return actions (M, n, A) as critics see them, differentiable in `outputs`; zeros for absent agents."""
+        """Return actions (M, n, A) as critics see them, with gradient; zeros for the absent."""
         if isinstance(self.head, CategoricalHead):
             actions = straight_through_gumbel(outputs, view.legal, generator)
         else:
@@ -134,18 +135,16 @@ class MADDPGLearner(OffPolicyLearner):
 
     config: MADDPGConfig  # type: ignore[assignment]
 
-    def update_minibatch(self, batch: JointBatch) -> None:
+    def update_minibatch(self, batch: ReplayBatch) -> None:
         """Take the steps of one minibatch."""
         taken = batch.encoded_actions()
         self.fit_critics(batch, taken)
         self.improve_policies(batch, taken)
         self.track(*self.module.keys(), tau=self.config.tau)
 
-    def fit_critics(self, batch: JointBatch, taken: dict[str, Tensor]) -> None:
-        """Regress Q_i(x, a) on r_i + gamma Q'_i(x', a'_1, ..., a'_N) with a'_k from the target policies (eq. 6)."""
+    def fit_critics(self, batch: ReplayBatch, taken: dict[str, Tensor]) -> None:
+        """Regress Q_i(x, a) on r_i + gamma Q'_i(x', a'), a' from the target policies (eq. 6)."""
         following = batch.next
-        if following is None:
-            raise TypeError("MADDPG learns from replay")
         with torch.no_grad():
             chosen = {}
             for group in self.groups:
@@ -155,12 +154,12 @@ class MADDPGLearner(OffPolicyLearner):
             critic = self.net(critic_of(group))
             with torch.no_grad():
                 value = torch.where(own.bootstrap, critic.target_q(following, chosen), 0)
-                target = self.config.reward_scale * own.rewards + self.config.gamma * value
+                target = self.config.reward_scale * own.rewards + self.gamma * value
             loss = self.mean((critic.q(batch, taken) - target).square(), own.alive)
             self.step_optimizer(loss, critic_of(group))
             self.log(group.id, "critic_loss", loss)
 
-    def improve_policies(self, batch: JointBatch, taken: dict[str, Tensor]) -> None:
+    def improve_policies(self, batch: ReplayBatch, taken: dict[str, Tensor]) -> None:
         """Follow the gradient of Q_i(x, a_1, .., pi_i(o_i), .., a_N) in agent i's own action only (eq. 5)."""
         for group, own in batch.groups():
             net = self.net(group.id)

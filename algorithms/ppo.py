@@ -1,12 +1,12 @@
 """Independent proximal policy optimisation (PPO).
 
-Every group of agents learns as if the others were part of its environment. Schulman et al. 2017, "Proximal Policy
-Optimization Algorithms": the clipped surrogate of eq. 7, advantages by eq. 11-12 (generalised advantage estimation,
-Schulman et al. 2016). De Witt et al. 2020 show how far this goes with several agents.
+Every group of agents learns as if the others were part of its environment. Schulman et al. 2017, "Proximal
+Policy Optimization Algorithms": the clipped surrogate of eq. 7, advantages by eq. 11-12 (generalised
+advantage estimation, Schulman et al. 2016). De Witt et al. 2020 show how far this goes with several agents.
 
-Deviations: policy and value function are separate networks with separate optimisers, so there is no weight between
-their losses; advantages are standardised per policy network over the whole rollout, not per minibatch; the value
-loss is not clipped.
+Deviations: policy and value function are separate networks with separate optimisers, so there is no weight
+between their losses; advantages are standardised per policy network over the whole rollout, not per
+minibatch; the value loss is not clipped.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from algorithms.joint.algorithm import JointAlgorithm
-from algorithms.joint.batch import GroupView, JointBatch, JointView
+from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
 from algorithms.joint.config import OnPolicyConfig
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
@@ -35,7 +35,9 @@ class LocalValue(LearnerModule):
             raise TypeError("a local value belongs to a group")
         self.encoder = Encoder(self.group.observation, self.group.size)
         self.moments = RunningMoments(enabled=self.settings["normalize_values"])
-        self.body = orthogonal(perceptron([self.encoder.size, *self.settings["hidden"], 1]), gain=np.sqrt(2), last=1)
+        self.body = orthogonal(
+            perceptron([self.encoder.size, *self.settings["hidden"], 1]), gain=np.sqrt(2), last=1
+        )
 
     def value(self, view: GroupView) -> Tensor:
         """Return scaled values (M, n)."""
@@ -61,18 +63,18 @@ class PPOLearner(OnPolicyLearner):
             values[group.id] = critic.moments.unscaled(critic.value(view.view(group)))
         return view.join(values)
 
-    def prepare(self, rollout: JointRollout) -> JointBatch:
+    def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
         """Return the batch; critics see its targets once, to adapt their scale."""
         batch = super().prepare(rollout)
         self.observe_targets(batch)
         return batch
 
-    def observe_targets(self, batch: JointBatch) -> None:
+    def observe_targets(self, batch: OnPolicyBatch) -> None:
         """Let every critic adapt its scale."""
         for group, own in batch.groups():
             self.net(critic_of(group)).moments.observe(own.targets, own.alive)
 
-    def update_minibatch(self, batch: JointBatch) -> None:
+    def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Step every policy, then every value function."""
         for group, own in batch.groups():
             net = self.net(group.id)
@@ -87,7 +89,7 @@ class PPOLearner(OnPolicyLearner):
         """Return the loss of each action."""
         return clipped_surrogate(log_prob, old_log_prob, advantages, self.config.clip)
 
-    def fit_values(self, batch: JointBatch) -> None:
+    def fit_values(self, batch: OnPolicyBatch) -> None:
         """Regress values on their targets."""
         for group, own in batch.groups():
             critic = self.net(critic_of(group))

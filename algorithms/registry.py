@@ -49,17 +49,32 @@ class Entry(NamedTuple):
         return self.actions in (kind, Actions.BOTH)
 
 
+def _entry(
+    target: str,
+    paradigm: Paradigm,
+    level: str,
+    actions: Actions,
+    summary: str,
+    *,
+    communication: bool = False,
+    recurrent: bool = False,
+) -> Entry:
+    return Entry(f"algorithms.{target}", paradigm, level, actions, communication, recurrent, summary)
+
+
 _D, _C = Paradigm.DECENTRALISED, Paradigm.CTDE
 
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
-# fmt: off
 ALGORITHMS: dict[str, Entry] = {
-    "a2c": Entry("algorithms.a2c:A2CConfig", _D, "M1", Actions.BOTH, False, False, "independent advantage actor-critic"),
-    "ppo": Entry("algorithms.ppo:PPOConfig", _D, "M1", Actions.BOTH, False, False, "independent PPO"),
-    "dqn": Entry("algorithms.dqn:DQNConfig", _D, "M1", Actions.DISCRETE, False, False, "independent double duelling Q-learning"),
-    "centralised_v": Entry("algorithms.centralised_v:CentralisedVConfig", _C, "M3", Actions.BOTH, False, False, "PPO with a central critic (MAPPO)"),
-    "maddpg": Entry("algorithms.maddpg:MADDPGConfig", _C, "M3", Actions.BOTH, False, False, "deterministic policies, critics of all actions"),
-    "vdn": Entry("algorithms.vdn:VDNConfig", _C, "M3", Actions.DISCRETE, False, False, "team value as a sum"),
-    "qmix": Entry("algorithms.qmix:QMIXConfig", _C, "M3", Actions.DISCRETE, False, False, "team value as a monotone function"),
+    "a2c": _entry("a2c:A2CConfig", _D, "M1", Actions.BOTH, "independent advantage actor-critic"),
+    "ppo": _entry("ppo:PPOConfig", _D, "M1", Actions.BOTH, "independent PPO"),
+    "dqn": _entry("dqn:DQNConfig", _D, "M1", Actions.DISCRETE, "independent double duelling Q-learning"),
+    "centralised_v": _entry(
+        "centralised_v:CentralisedVConfig", _C, "M3", Actions.BOTH, "PPO with a central critic"
+    ),
+    "maddpg": _entry("maddpg:MADDPGConfig", _C, "M3", Actions.BOTH, "critics that see everybody's actions"),
+    "vdn": _entry("vdn:VDNConfig", _C, "M3", Actions.DISCRETE, "team value as a sum of values"),
+    "qmix": _entry(
+        "qmix:QMIXConfig", _C, "M3", Actions.DISCRETE, "team value as a monotone function of values"
+    ),
 }
-# fmt: on

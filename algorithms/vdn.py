@@ -1,10 +1,10 @@
 """Value decomposition networks (VDN): the team's value is the sum of the agents' values.
 
-Sunehag et al. 2018, "Value-Decomposition Networks for Cooperative Multi-Agent Learning", eq. 3: Q_tot = sum_i Q_i(o_i,
-a_i), learned end to end from the team's reward by the double-Q temporal difference of DQN.
+Sunehag et al. 2018, "Value-Decomposition Networks for Cooperative Multi-Agent Learning", eq. 3: Q_tot = sum_i
+Q_i(o_i, a_i), learned end to end from the team's reward by the double-Q temporal difference of DQN.
 
-Deviations: no recurrence; absent agents contribute zero, and the team's reward is the sum (or mean) over those
-present.
+Deviations: no recurrence; absent agents contribute zero, and the team's reward is the sum (or mean) over
+those present.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from algorithms.dqn import DQN, DQNConfig, DQNLearner
-from algorithms.joint.batch import JointBatch, JointView
+from algorithms.joint.batch import JointView, ReplayBatch
 
 
 class VDNLearner(DQNLearner):
@@ -21,11 +21,9 @@ class VDNLearner(DQNLearner):
 
     config: VDNConfig  # type: ignore[assignment]
 
-    def update_minibatch(self, batch: JointBatch) -> None:
+    def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step all networks together towards the team's target."""
         following = batch.next
-        if following is None:
-            raise TypeError("value decomposition learns from replay")
         chosen, best = {}, {}
         for group, own in batch.groups():
             net = self.net(group.id)
@@ -36,13 +34,13 @@ class VDNLearner(DQNLearner):
             # Whoever is there next counts, late arrivals too: the same agents as when that moment is fitted.
             value = self.mix(torch.where(following.alive, batch.join(best), 0), following, target=True)
             value = torch.where(following.alive.any(-1), value, 0)
-            target = self.config.reward_scale * self.team_reward(batch) + self.config.gamma * value
+            target = self.config.reward_scale * self.team_reward(batch) + self.gamma * value
         loss = self.mean(nn.functional.smooth_l1_loss(total, target, reduction="none"), batch.alive.any(-1))
         self.step_optimizer(loss, *self.trained())
         self.log(self.groups[0].id, "td_loss", loss)
         self.track(*self.trained(), tau=self.config.tau)
 
-    def team_reward(self, batch: JointBatch) -> Tensor:
+    def team_reward(self, batch: ReplayBatch) -> Tensor:
         """Return the team's reward (M,)."""
         total = batch.rewards.sum(-1)
         if self.config.team_reward == "mean":
@@ -62,7 +60,8 @@ class VDNConfig(DQNConfig):
     """VDN.
 
     Attributes:
-        team_reward: "sum" or "mean" of the rewards of those present; "mean" where all get the same shared reward.
+        team_reward: "sum" or "mean" of the rewards of those present; "mean" where all get the same shared
+            reward.
     """
 
     algorithm = "vdn"

@@ -2,9 +2,9 @@
 
     python perf/joint.py [--seconds 5] [--epochs 1]
 
-4 agents, observations of 200 floats, 5 actions, 8 copies, networks [64, 64], fragments of 64 steps. Prints agent-steps/s
-of sampling alone and of whole training iterations (independent PPO), and the ratios to RLlib's PPO measured in the
-same run.
+4 agents, observations of 200 floats, 5 actions, 8 copies, networks [64, 64], fragments of 64 steps. Prints
+agent-steps/s of sampling alone and of whole training iterations (independent PPO), and the ratios to RLlib's
+PPO measured in the same run.
 """
 
 from __future__ import annotations
@@ -59,7 +59,9 @@ class NullVector:
 
     def __init__(self, config=None):
         self.num_envs = COPIES
-        self.spaces = JointSpaces((Block(NAMES, {"": Box(-np.inf, np.inf, (WIDTH,), np.float32)}, Discrete(ACTIONS)),))
+        self.spaces = JointSpaces(
+            (Block(NAMES, {"": Box(-np.inf, np.inf, (WIDTH,), np.float32)}, Discrete(ACTIONS)),)
+        )
         self.seen = ({"": np.random.default_rng(0).standard_normal((COPIES, AGENTS, WIDTH), np.float32)},)
         self.ones, self.no = np.ones((COPIES, AGENTS), np.float32), np.zeros((COPIES, AGENTS), bool)
         self.final = Final(np.arange(COPIES), self.seen)
@@ -75,7 +77,9 @@ class NullVector:
         self.t += 1
         over = self.t % LENGTH == 0
         cut = ~self.no if over else self.no
-        return JointStep(self.seen, self.ones, self.no, cut, ~self.no, cut[:, 0], self.final if over else None)
+        return JointStep(
+            self.seen, self.ones, self.no, cut, ~self.no, cut[:, 0], self.final if over else None
+        )
 
     def recreate(self, failures):
         """Nothing can fail."""
@@ -121,9 +125,13 @@ def stock(sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
         .env_runners(num_env_runners=0, num_envs_per_env_runner=COPIES, rollout_fragment_length=FRAGMENT)
         .multi_agent(policies=modules, policy_mapping_fn=_shared if sharing == "all" else _own)
         .rl_module(
-            rl_module_spec=MultiRLModuleSpec(rl_module_specs={m: RLModuleSpec(model_config=model) for m in modules})
+            rl_module_spec=MultiRLModuleSpec(
+                rl_module_specs={m: RLModuleSpec(model_config=model) for m in modules}
+            )
         )
-        .training(train_batch_size_per_learner=FRAGMENT * COPIES, num_epochs=epochs, minibatch_size=128 * AGENTS)
+        .training(
+            train_batch_size_per_learner=FRAGMENT * COPIES, num_epochs=epochs, minibatch_size=128 * AGENTS
+        )
     )
     algo = config.build_algo()
     runner = algo.env_runner_group.local_env_runner
@@ -157,7 +165,7 @@ def main() -> None:
     logging.getLogger("ray").setLevel(logging.ERROR)
     # One thread for both sides: with more, either is slowed tenfold by whatever else runs on the machine.
     torch.set_num_threads(1)
-    ray.init(num_cpus=2, include_dashboard=False, logging_level="ERROR")
+    ray.init(num_cpus=2, include_dashboard=False, logging_level=logging.ERROR)
     print(f"agent-steps/s, {arguments.epochs} epoch(s)      sampling   ratio   training   ratio")
     for sharing in ("all", "none"):
         base = stock(sharing, arguments.epochs, arguments.seconds)

@@ -1,14 +1,15 @@
-"""The vector interface for any RLlib `MultiAgentEnv` (PettingZoo parallel environments through RLlib's wrapper)."""
+"""The vector interface for any RLlib `MultiAgentEnv`; PettingZoo's through RLlib's wrapper."""
 
 from __future__ import annotations
 
 import logging
+import pickle
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Discrete
-from ray import cloudpickle
+from ray.cloudpickle import cloudpickle
 
 from algorithms.errors import EnvironmentFailure, SpaceError
 from algorithms.joint.env import Block, Final, Ints, JointSpaces, JointStep, episode_seed
@@ -18,14 +19,15 @@ from algorithms.joint.spaces import MASK, Flattening, check_action_space
 logger = logging.getLogger(__name__)
 
 COMMON = "__common__"
-"""Key of `infos` under which RLlib environments put what belongs to no agent; here `state`, `graph`, `metrics`."""
+"""Key of `infos` for what belongs to no agent: here `state`, `graph`, `metrics`."""
 
 
 class JointVector:
     """B copies of a `MultiAgentEnv` stepped in turn, each reset as soon as its episode ends.
 
-    An agent is alive while it is among the observations and has neither terminated nor truncated. An agent that ends
-    may come back as a new life; one that is left out without a flag must not (that would be turn-based play).
+    An agent is alive while it is among the observations and has neither terminated nor truncated. An agent
+    that ends may come back as a new life; one that is left out without a flag must not (that would be
+    turn-based play).
 
     Args:
         make: Creates copy b.
@@ -120,8 +122,10 @@ class JointVector:
         """Return everything a continued run needs, or None where the copies cannot be pickled."""
         try:
             envs = [cloudpickle.dumps(env) for env in self._envs]
-        except (TypeError, AttributeError, ValueError, cloudpickle.pickle.PicklingError) as error:
-            logger.warning("environment copies cannot be pickled, a restored run begins new episodes: %s", error)
+        except (TypeError, AttributeError, ValueError, pickle.PicklingError) as error:
+            logger.warning(
+                "environment copies cannot be pickled, a restored run begins new episodes: %s", error
+            )
             return None
         return {
             "envs": envs,
@@ -149,7 +153,7 @@ class JointVector:
                     raise SpaceError(
                         f"agent {agent!r} was left out of a step without having ended, and is back",
                         place="environment",
-                        remedy="every living agent must be observed and act in every step; turns are not supported",
+                        remedy="all living agents must be observed and act in every step: no turns",
                     )
                 self._view.alive[b, column] = here and not (ends.get(agent) or cuts.get(agent))
                 continue
@@ -163,31 +167,22 @@ class JointVector:
     def _write(self, b: int, observations: Mapping[str, Any], infos: Mapping[str, Any] | None) -> None:
         view = self._view
         for agent, (_, number, row) in self._place.items():
-            leaves = view.observations[number]
-            mask = view.masks[number]
-            seen = observations.get(agent)
+            leaves, mask, seen = view.observations[number], view.masks[number], observations.get(agent)
             if seen is None:
-                for leaf in leaves.values():
-                    leaf[b, row] = 0
-                if mask is not None:
-                    mask[b, row] = True
-                continue
-            flattening = self._flattening[agent]
-            if flattening.plain:
-                leaves[""][b, row] = seen
-                legal = None
+                parts, legal = dict.fromkeys(leaves, 0), True
+            elif self._flattening[agent].plain:
+                parts, legal = {"": seen}, None
             else:
-                parts, legal = flattening.split(seen)
-                for name, part in parts.items():
-                    leaves[name][b, row] = part
+                parts, legal = self._flattening[agent].split(seen)
+            for name, part in parts.items():
+                leaves[name][b, row] = part
             if mask is not None:
                 mask[b, row] = legal if legal is not None else (infos or {})[agent][MASK]
-        if view.state is not None or view.graph is not None:
-            common = (infos or {})[COMMON]
-            if view.state is not None:
-                view.state[b] = common["state"]
-            if view.graph is not None:
-                view.graph[b] = common["graph"]
+        common = (infos or {}).get(COMMON, {})
+        if view.state is not None:
+            view.state[b] = common["state"]
+        if view.graph is not None:
+            view.graph[b] = common["graph"]
 
     def _start(self, b: int) -> None:
         seed = episode_seed(self._seed, int(self._worlds[b]), int(self._episodes[b]))
@@ -248,7 +243,10 @@ class JointVector:
 
 
 def _spaces(
-    names: list[str], flattening: Mapping[str, Flattening], actions: Mapping[str, Any], infos: Mapping[str, Any]
+    names: list[str],
+    flattening: Mapping[str, Flattening],
+    actions: Mapping[str, Any],
+    infos: Mapping[str, Any],
 ) -> JointSpaces:
     blocks: list[Block] = []
     members: list[list[str]] = []

@@ -38,8 +38,10 @@ class JointAlgorithm(Algorithm):
     """
 
     config: JointConfig  # type: ignore[assignment]
+    env_runner_group: Any
+    learner_group: Any
 
-    def setup(self, config: JointConfig) -> None:
+    def setup(self, config: JointConfig) -> None:  # type: ignore[override]
         """Build runners, then check the spaces, then build networks (RLlib)."""
         self._silent = 0
         super().setup(config)
@@ -48,7 +50,7 @@ class JointAlgorithm(Algorithm):
     def spec(self) -> JointSpec:
         """Agents and groups."""
         group = self.env_runner_group
-        spaces = group.get_spaces() if self.spaces is None else self.spaces
+        spaces: Any = group.get_spaces() if self.spaces is None else self.spaces
         return spaces[SPEC][0]
 
     def training_step(self) -> None:
@@ -104,17 +106,19 @@ class JointAlgorithm(Algorithm):
         Raises:
             CheckpointError: The checkpoint is of another algorithm, or of other agents, spaces or groups.
         """
-        self._check_identity(_stored_identity(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl"))
+        self._check_identity(
+            _stored_identity(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
+        )
         super().restore_from_path(path, *args, **kwargs)
 
     def restore_env_runners(self, env_runner_group: Any) -> list[int]:
-        """Take runners that came back into the group again (RLlib); their first request brings all they need."""
+        """Take runners that came back into the group again (RLlib); their next request brings all."""
         if env_runner_group is not self.env_runner_group:
             return super().restore_env_runners(env_runner_group)
         return env_runner_group.probe_unhealthy_env_runners()
 
     def _ask(self) -> list[Reply]:
-        """Return the replies of all runners that answer in time; the others are killed and come back fresh."""
+        """Return the replies of runners that answer in time; others are killed and come back."""
         group = self.env_runner_group
         state = self._runner_state()
         steps = int(self.config.rollout_fragment_length)
@@ -130,7 +134,9 @@ class JointAlgorithm(Algorithm):
         # RLlib leaves a runner that times out in its group, healthy, with its requests queueing up.
         hung = (asked & set(group.healthy_worker_ids())) - {reply.worker for reply in replies}
         for worker in sorted(hung):
-            logger.warning("environment runner %d did not answer in %s s: killed", worker, self.config.sample_timeout_s)
+            logger.warning(
+                "environment runner %d did not answer in %s s: killed", worker, self.config.sample_timeout_s
+            )
             ray.kill(group._worker_manager.actors()[worker], no_restart=False)
             group._worker_manager.set_actor_state(worker, healthy=False)
         self.metrics.log_value(KILLED, len(hung), reduce="lifetime_sum")
@@ -171,7 +177,7 @@ class JointAlgorithm(Algorithm):
         raise CheckpointError(
             f"the checkpoint does not fit: {lines}",
             place="checkpoint",
-            remedy="build the algorithm with the environment and the settings that the checkpoint was made with",
+            remedy="build it with the environment and settings that the checkpoint was made with",
         )
 
 
@@ -184,9 +190,8 @@ def _restore_sampler(runner: Any, samplers: dict[Any, Any]) -> None:
 
 
 def _stored_identity(file: Path) -> dict[str, Any] | None:
-    """Return what a checkpoint says it fits, or None where it is remote: then it is checked while being restored."""
+    """Return what a checkpoint says it fits, or None where the file is not local."""
     if not file.is_file():
         return None
     with file.open("rb") as stream:
         return cloudpickle.load(stream).get(IDENTITY)
-

@@ -1,7 +1,8 @@
 """What algorithms see: joint minibatches of tensors, and their parts by parameter-sharing group.
 
-`JointBatch` has rows (moments) as leading axis M. An algorithm file uses `alive`, `bootstrap` and `next.alive`; it
-never indexes columns: `batch.groups()` gives each group's part and `batch.join(...)` puts results together again.
+`JointBatch` has rows (moments) as leading axis M. An algorithm file uses `alive`, `bootstrap` and
+`next.alive`; it never indexes columns: `batch.groups()` gives each group's part and `batch.join(...)` puts
+results together again.
 """
 
 from __future__ import annotations
@@ -36,25 +37,33 @@ class GroupView:
 
 @dataclass(frozen=True)
 class GroupBatch(GroupView):
-    """What the n agents of a group saw, did and got; everything (M, n) unless said otherwise.
+    """What the n agents of a group saw, did and got.
 
     Attributes:
         actions: int64 (M, n), or float32 (M, n, k).
-        rewards: Individual rewards.
-        bootstrap: The value of the next moment counts.
-        log_prob: Of the action when it was taken; on-policy only.
-        advantages: On-policy only.
-        targets: Value targets; on-policy only.
-        next: The next moment of these agents; off-policy only.
+        rewards: Individual rewards, (M, n).
+        bootstrap: The value of the next moment counts, (M, n).
     """
 
     actions: Tensor
     rewards: Tensor
     bootstrap: Tensor
-    log_prob: Tensor | None
-    advantages: Tensor | None
-    targets: Tensor | None
-    next: GroupView | None
+
+
+@dataclass(frozen=True)
+class OnPolicyGroup(GroupBatch):
+    """A group's part of a rollout; see `OnPolicyBatch`, everything (M, n)."""
+
+    log_prob: Tensor
+    advantages: Tensor
+    targets: Tensor
+
+
+@dataclass(frozen=True)
+class ReplayGroup(GroupBatch):
+    """A group's part of replayed transitions, with what its agents saw next."""
+
+    next: GroupView
 
 
 @dataclass(frozen=True)
@@ -73,7 +82,10 @@ class JointView:
         """Return the view as tensors; shares memory with the arrays on the CPU."""
         return cls(
             spec,
-            tuple({name: to_tensor(leaf, device) for name, leaf in leaves.items()} for leaves in view.observations),
+            tuple(
+                {name: to_tensor(leaf, device) for name, leaf in leaves.items()}
+                for leaves in view.observations
+            ),
             to_tensor(view.alive, device),
             tuple(None if mask is None else to_tensor(mask, device) for mask in view.masks),
             None if view.state is None else to_tensor(view.state, device),
@@ -85,7 +97,9 @@ class JointView:
 
     def __getitem__(self, rows) -> Self:
         """Return the given rows."""
-        return replace(self, **{f.name: _rows(getattr(self, f.name), rows) for f in fields(self) if f.name != "spec"})
+        return replace(
+            self, **{f.name: _rows(getattr(self, f.name), rows) for f in fields(self) if f.name != "spec"}
+        )
 
     def flat(self) -> Self:
         """Return the same moments with the leading (T, B) axes made one."""
@@ -118,7 +132,11 @@ class JointView:
         for block, leaves in zip(self._block_columns(), self.observations, strict=True):
             there = self.alive[..., block]
             for leaf in leaves.values():
-                flat = leaf.flatten(self.alive.dim()).float() if leaf.dim() > self.alive.dim() else leaf[..., None]
+                flat = (
+                    leaf.flatten(self.alive.dim()).float()
+                    if leaf.dim() > self.alive.dim()
+                    else leaf[..., None]
+                )
                 parts.append((flat * there[..., None]).flatten(-2))
         return torch.cat(parts, -1)
 
@@ -130,7 +148,9 @@ class JointView:
 
     def _block_columns(self) -> list[slice]:
         ends = np.cumsum([len(block.agents) for block in self.spec.spaces.blocks])
-        return [slice(int(e) - len(b.agents), int(e)) for e, b in zip(ends, self.spec.spaces.blocks, strict=True)]
+        return [
+            slice(int(e) - len(b.agents), int(e)) for e, b in zip(ends, self.spec.spaces.blocks, strict=True)
+        ]
 
     def _seen(self, group: Group) -> tuple[Mapping[str, Tensor], Tensor, Tensor | None]:
         axis = self.alive.dim() - 1
@@ -145,51 +165,69 @@ class JointView:
 
 @dataclass(frozen=True)
 class JointBatch(JointView):
-    """M transitions of all N agents; everything (M, N) unless said otherwise.
+    """M transitions of all N agents.
 
     Attributes:
         actions: Per block, int64 (M, n) or float32 (M, n, k); 0 for the dead.
-        rewards: Individual rewards; 0 for the dead.
-        bootstrap: Alive and not terminated: the value of the next moment counts.
-        log_prob: Of the actions when they were taken, or None.
-        advantages: On-policy, else None.
-        targets: Value targets; on-policy, else None.
-        next: The true next moment, never a reset observation; off-policy, else None.
+        rewards: Individual rewards, (M, N); 0 for the dead.
+        bootstrap: Alive and not terminated, so the value of the next moment counts, (M, N).
     """
 
     actions: tuple[Tensor, ...]
     rewards: Tensor
     bootstrap: Tensor
-    log_prob: Tensor | None = None
-    advantages: Tensor | None = None
-    targets: Tensor | None = None
-    next: JointView | None = None
-
-    def group(self, group: Group) -> GroupBatch:
-        """Return the part of one group."""
-
-        def own(x: Tensor | None) -> Tensor | None:
-            return None if x is None else x[..., group.columns]
-
-        return GroupBatch(
-            *self._seen(group),
-            actions=self.actions[group.block][:, group.within],
-            rewards=self.rewards[..., group.columns],
-            bootstrap=self.bootstrap[..., group.columns],
-            log_prob=own(self.log_prob),
-            advantages=own(self.advantages),
-            targets=own(self.targets),
-            next=None if self.next is None else self.next.view(group),
-        )
-
-    def groups(self) -> Iterator[tuple[Group, GroupBatch]]:
-        """Yield every group with its part."""
-        for group in self.spec.groups:
-            yield group, self.group(group)
 
     def encoded_actions(self) -> dict[str, Tensor]:
-        """Return by group id the actions taken as critics see them: one-hot (M, n, A) or raw (M, n, k)."""
-        return {group.id: encode(group, part.actions) * part.alive[..., None] for group, part in self.groups()}
+        """Return the actions as critics see them by group id: one-hot (M, n, A) or raw (M, n, k)."""
+        encoded = {}
+        for group in self.spec.groups:
+            _, alive, _ = self._seen(group)
+            actions, _, _ = self._done(group)
+            encoded[group.id] = encode(group, actions) * alive[..., None]
+        return encoded
+
+    def _done(self, group: Group) -> tuple[Tensor, Tensor, Tensor]:
+        own = (..., group.columns)
+        return self.actions[group.block][:, group.within], self.rewards[own], self.bootstrap[own]
+
+
+@dataclass(frozen=True)
+class OnPolicyBatch(JointBatch):
+    """Transitions of one rollout; everything (M, N).
+
+    Attributes:
+        log_prob: Of the actions when they were taken.
+        advantages: Standardised where the config says so; 0 for the dead.
+        targets: What values are regressed on; 0 for the dead.
+    """
+
+    log_prob: Tensor
+    advantages: Tensor
+    targets: Tensor
+
+    def groups(self) -> Iterator[tuple[Group, OnPolicyGroup]]:
+        """Yield every group with its part."""
+        for group in self.spec.groups:
+            own = (..., group.columns)
+            scores = self.log_prob[own], self.advantages[own], self.targets[own]
+            yield group, OnPolicyGroup(*self._seen(group), *self._done(group), *scores)
+
+
+@dataclass(frozen=True)
+class ReplayBatch(JointBatch):
+    """Transitions from replay.
+
+    Attributes:
+        next: The true next moment, never a reset observation; `next.alive` tells who is still there,
+            agents cut by a time limit included.
+    """
+
+    next: JointView
+
+    def groups(self) -> Iterator[tuple[Group, ReplayGroup]]:
+        """Yield every group with its part."""
+        for group in self.spec.groups:
+            yield group, ReplayGroup(*self._seen(group), *self._done(group), self.next.view(group))
 
 
 def encode(group: Group, actions: Tensor) -> Tensor:
@@ -200,7 +238,7 @@ def encode(group: Group, actions: Tensor) -> Tensor:
 
 
 def to_tensor(array: np.ndarray, device: torch.device | str = "cpu") -> Tensor:
-    """Return the array as a tensor on a device. Arrays from Ray's object store are read-only and get copied."""
+    """Return the array as a tensor; arrays from Ray's object store are read-only and get copied."""
     tensor = torch.from_numpy(array if array.flags.writeable else array.copy())
     return tensor if device == "cpu" else tensor.to(device)
 

@@ -23,7 +23,8 @@ from algorithms.registry import ALGORITHMS, Actions, Entry
 class JointConfig(AlgorithmConfig):
     """Settings of every joint algorithm; attributes below are keywords of `training()`.
 
-    A subclass names its registry entry in `algorithm`, adds settings in `settings()` and networks in `modules()`.
+    A subclass names its registry entry in `algorithm`, adds settings in `settings()` and networks in
+    `modules()`.
 
     Attributes:
         sharing: Who shares a policy network: "none", "all", {"group": ["agent", ...]}, or a function.
@@ -35,7 +36,8 @@ class JointConfig(AlgorithmConfig):
         max_env_failures: Failures of one copy without a completed episode in between that stop the run.
         max_silent_iterations: Iterations without any runner's answer that stop the run.
         torch_threads: Threads that torch uses for acting and learning in each process.
-        evaluate_sampled: Greedy evaluations also play the same episodes with sampled actions, below `sampled/`.
+        evaluate_sampled: Greedy evaluations also play the same episodes with sampled actions, below
+            `sampled/`.
     """
 
     algorithm: str
@@ -43,9 +45,11 @@ class JointConfig(AlgorithmConfig):
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class)
         self.env_runner_cls = JointEnvRunner
-        self.env_runners(num_envs_per_env_runner=8, rollout_fragment_length=64, batch_mode="truncate_episodes")
+        self.env_runners(
+            num_envs_per_env_runner=8, rollout_fragment_length=64, batch_mode="truncate_episodes"
+        )
         # RLlib's default mapping cannot be called without its own runner; ours lies in the JointSpec.
-        self.multi_agent(policies={"shared"}, policy_mapping_fn=_unused_mapping)
+        self.multi_agent(policies={"shared"}, policy_mapping_fn=_unused_mapping)  # type: ignore[arg-type]
         self.fault_tolerance(restart_failed_env_runners=True, delay_between_env_runner_restarts_s=0.1)
         self.evaluation(evaluation_duration_unit="episodes", evaluation_config={"explore": False})
         self.reporting(metrics_num_episodes_for_smoothing=100)
@@ -98,7 +102,7 @@ class JointConfig(AlgorithmConfig):
         return self
 
     def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
-        """Return the networks of the algorithm by module id: one policy per group, under the group's id, and critics.
+        """Return the networks by module id: one policy per group, under the group's id, and critics.
 
         Use `policy_spec` and `learner_spec` to describe them.
         """
@@ -108,11 +112,13 @@ class JointConfig(AlgorithmConfig):
         """Return the settings that networks are built from."""
         return {"hidden": tuple(self.hidden)}
 
-    def exploration(self, steps: int) -> Exploration:
+    def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
         """Return how runners explore after this many environment steps."""
         return Exploration(explore=bool(self.explore))
 
-    def policy_spec(self, spec: JointSpec, group: Group, module: type[JointModule] = JointModule) -> RLModuleSpec:
+    def policy_spec(
+        self, spec: JointSpec, group: Group, module: type[JointModule] = JointModule
+    ) -> RLModuleSpec:
         """Describe a policy network of a group."""
         observation, action = group_spaces(group)
         return RLModuleSpec(
@@ -122,7 +128,9 @@ class JointConfig(AlgorithmConfig):
             model_config={"spec": spec, "group": group.id, "settings": self.module_settings()},
         )
 
-    def learner_spec(self, spec: JointSpec, module: type[LearnerModule], group: Group | None = None) -> RLModuleSpec:
+    def learner_spec(
+        self, spec: JointSpec, module: type[LearnerModule], group: Group | None = None
+    ) -> RLModuleSpec:
         """Describe a network that only learners hold, of one group or of all agents."""
         observation, action = group_spaces(group or spec.groups[0])
         return RLModuleSpec(
@@ -130,7 +138,11 @@ class JointConfig(AlgorithmConfig):
             observation_space=observation,
             action_space=action,
             learner_only=True,
-            model_config={"spec": spec, "group": group.id if group else None, "settings": self.module_settings()},
+            model_config={
+                "spec": spec,
+                "group": group.id if group else None,
+                "settings": self.module_settings(),
+            },
         )
 
     def check(self, spec: JointSpec) -> None:
@@ -144,7 +156,8 @@ class JointConfig(AlgorithmConfig):
             if not self.entry.acts_in(kind):
                 fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
                 raise SpaceError(
-                    f"{self.algorithm!r} needs {self.entry.actions} actions, but {block.agents[0]!r} has {block.action}",
+                    f"{self.algorithm!r} needs {self.entry.actions} actions, "
+                    f"but {block.agents[0]!r} has {block.action}",
                     place="action space",
                     remedy=f"for {kind} actions use one of: {fitting}",
                 )
@@ -159,9 +172,9 @@ class JointConfig(AlgorithmConfig):
             for name, space in block.observation.items():
                 if len(space.shape) == 3:
                     raise SpaceError(
-                        f"{self.algorithm!r} joins all observations, and {name or 'the observation'!r} is an image",
+                        f"{self.algorithm!r} joins all observations; {name or 'one'!r} is an image",
                         place="observation space",
-                        remedy="use 'ppo', or 'centralised_v' with a state from the environment; or drop the image",
+                        remedy="use 'ppo', or give a state to 'centralised_v', or drop the image",
                     )
 
     def check_state(self, spec: JointSpec) -> None:
@@ -170,7 +183,12 @@ class JointConfig(AlgorithmConfig):
             self.check_vectors(spec)
 
     def get_multi_rl_module_spec(
-        self, *, env=None, spaces: Mapping[str, Any] | None = None, inference_only: bool = False, **kwargs: Any
+        self,
+        *,
+        env=None,
+        spaces: Mapping[str, Any] | None = None,
+        inference_only: bool = False,
+        **kwargs: Any,
     ) -> MultiRLModuleSpec:
         """Return all networks, or those that runners need (RLlib)."""
         if not spaces or SPEC not in spaces:
@@ -199,12 +217,14 @@ class JointConfig(AlgorithmConfig):
             ValueError: Several learners, evaluation by time, or fragments of automatic length were asked for.
         """
         super().validate()
-        if self.num_learners > 1:
+        if (self.num_learners or 0) > 1:
             self._value_error("joint algorithms learn in one process: set num_learners to 0 or 1")
         if not isinstance(self.rollout_fragment_length, int):
             self._value_error("rollout_fragment_length must be a number: 'auto' may differ between runners")
         if self.evaluation_interval and self.evaluation_duration == "auto":
-            self._value_error("evaluation_duration must be a number of episodes: scores would not be comparable")
+            self._value_error(
+                "evaluation_duration must be a number of episodes: scores would not be comparable"
+            )
         if self.evaluation_interval and self.evaluation_duration_unit != "episodes":
             self._value_error("evaluation_duration_unit must be 'episodes': parts of episodes have no return")
 
@@ -227,8 +247,11 @@ class OnPolicyConfig(JointConfig):
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class)
-        self._defaults(lambda_=0.95, epochs=4, minibatch_size=128, normalize_advantages=True, entropy_coeff=0.01)
+        self._defaults(
+            lambda_=0.95, epochs=4, minibatch_size=128, normalize_advantages=True, entropy_coeff=0.01
+        )
 
+    lambda_: float
     epochs: int
     normalize_advantages: bool
     entropy_coeff: float

@@ -1,7 +1,7 @@
 """The interface of vector environments: B copies, N agents, arrays in, arrays out.
 
-Axis letters throughout `algorithms`: T steps of a fragment, B copies, N agents (columns), n agents of one block or
-group, A discrete actions, S global state, M rows of a minibatch, K sparse rows.
+Axis letters throughout `algorithms`: T steps of a fragment, B copies, N agents (columns), n agents of one
+block or group, A discrete actions, S global state, M rows of a minibatch, K sparse rows.
 
 The interface is duck-typed: an environment need not import this module. `JointVector` gives it to any RLlib
 `MultiAgentEnv`; `check_vector_env` tells whether an environment keeps the contract.
@@ -74,17 +74,18 @@ class Final(NamedTuple):
 
 
 class JointStep(NamedTuple):
-    """What happened in one step of all copies, and where they stand now. Arrays may be reused by the next step.
+    """What happened in one step of all copies, and where they stand; valid until the next step.
 
     Attributes:
-        observations: Per block, leaves of shape (B, n, ...), after auto-reset. An agent that ended in this step
-            while its copy goes on keeps its last observation here, with `alive` False; zeros afterwards.
+        observations: Per block, leaves of shape (B, n, ...), after auto-reset. An agent that ended in this
+            step while its copy goes on keeps its last observation here, with `alive` False; zeros afterwards.
         rewards: Shape (B, N); zero for agents that did not act.
         terminated: Ended for good, value zero; shape (B, N).
         truncated: Cut short, value to be bootstrapped; shape (B, N).
         alive: Who acts in the *next* step, shape (B, N).
         reset: Copies that were reset in this step, shape (B,).
-        final: Last observations of copies that were reset, or in which a column was taken over in this very step.
+        final: Last observations of copies that were reset, or in which a column was taken over in this very
+            step.
         masks: Per block, legal actions (B, n, A), or None.
         state: Global state (B, S), or None: then the learner concatenates the observations.
         graph: Who hears whom, (B, N, N), `graph[b, i, j]`: i hears j, or None.
@@ -110,8 +111,8 @@ class JointStep(NamedTuple):
 class VectorJointEnv(Protocol):
     """B copies of a parallel multi-agent environment, stepped together, with same-step auto-reset.
 
-    Optional methods: `get_state() -> Any` (picklable) and `set_state(state)`, which make continued training after a
-    restore exact.
+    Optional methods: `get_state() -> Any` (picklable) and `set_state(state)`, which make continued training
+    after a restore exact.
     """
 
     num_envs: int
@@ -124,8 +125,8 @@ class VectorJointEnv(Protocol):
             seed: Root seed. An episode is a function of (seed, world, episode) alone.
             worlds: World of each copy, shape (B,).
             episode: Number of the first episode in each copy.
-            stride: 0: the next episode of a copy is the next one of its world. Else it is the same episode of the
-                world that lies `stride` further: a fixed list of worlds is dealt to the copies.
+            stride: 0: the next episode of a copy is the next one of its world. Else it is the same episode of
+                the world that lies `stride` further: a fixed list of worlds is dealt to the copies.
         """
         ...
 

@@ -13,7 +13,7 @@ from ray.rllib.core.learner.torch.torch_learner import TorchLearner
 from ray.rllib.core.learner.training_data import TrainingData
 from torch import Tensor, nn
 
-from algorithms.joint.batch import JointBatch, JointView, to_tensor
+from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, to_tensor
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
@@ -43,7 +43,7 @@ class JointTrainingData(TrainingData):
         if isinstance(self.rollout, ray.ObjectRef):
             self.rollout = ray.get(self.rollout)
 
-    def shard(self, num_shards: int, **kwargs: Any) -> list[tuple[JointTrainingData, dict]]:
+    def shard(self, num_shards: int, **kwargs: Any) -> list[tuple[JointTrainingData, dict]]:  # type: ignore[override]
         """Return the data for each of the learners (RLlib); there is one."""
         return [(self, {})]
 
@@ -60,11 +60,11 @@ class JointTorchLearner(TorchLearner):
     def build(self) -> None:
         """Build modules and optimisers, and seed this learner's random numbers."""
         super().build()
-        first = next(iter(self.module.values()))
-        self.spec: JointSpec = first.unwrapped().model_config["spec"]
+        self.spec: JointSpec = self.net(next(iter(self.module.keys()))).spec
         self.groups: tuple[Group, ...] = self.spec.groups
         self.generator = torch.Generator().manual_seed(self.config.seed or 0)
         self.rng = np.random.default_rng([self.config.seed or 0, 1])
+        self.gamma = float(self.config.gamma or 0)
         self.updates = 0
         self._parameters = {mid: self.net(mid).trained_parameters() for mid in self.module.keys()}  # noqa: SIM118
         self._means: dict[tuple[str, str], list[Tensor]] = {}
@@ -75,7 +75,7 @@ class JointTorchLearner(TorchLearner):
 
     def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
         """Give every module one Adam over all its parameters except target networks."""
-        parameters = self.module[module_id].unwrapped().trained_parameters()
+        parameters = self.net(module_id).trained_parameters()
         if parameters:
             self.register_optimizer(
                 module_id=module_id,
@@ -118,9 +118,12 @@ class JointTorchLearner(TorchLearner):
                 net = self.net(module_id)
                 for name in net.targets:
                     source = getattr(net, name.removeprefix("target_"))
-                    torch._foreach_lerp_(list(getattr(net, name).parameters()), list(source.parameters()), tau)
+                    for own, followed in zip(
+                        getattr(net, name).parameters(), source.parameters(), strict=True
+                    ):
+                        own.lerp_(followed, tau)
 
-    def update(self, *, training_data: TrainingData, timesteps: dict[str, Any], **kwargs: Any) -> Any:
+    def update(self, *, training_data: TrainingData, timesteps: dict[str, Any], **kwargs: Any) -> Any:  # type: ignore[override]
         """Learn from one rollout (RLlib)."""
         if not isinstance(training_data, JointTrainingData):
             raise TypeError(f"joint learners take JointTrainingData, not {type(training_data).__name__}")
@@ -128,7 +131,7 @@ class JointTorchLearner(TorchLearner):
         training_data.solve_refs()
         self._weights_seq_no += 1
         with torch_threads(self.config.torch_threads):
-            self.update_joint(training_data.rollout)
+            self.update_joint(training_data.rollout)  # type: ignore[arg-type] - the reference is solved
         self.after_gradient_based_update(timesteps=timesteps)
         for key, values in self._means.items():
             self.metrics.log_value(key, torch.stack(values).mean().item(), window=1)
@@ -137,10 +140,6 @@ class JointTorchLearner(TorchLearner):
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Learn from one rollout."""
-        raise NotImplementedError
-
-    def update_minibatch(self, batch: JointBatch) -> None:
-        """Take the gradient steps of one minibatch: the slot that an algorithm fills."""
         raise NotImplementedError
 
     def compute_loss_for_module(self, **kwargs: Any) -> Tensor:
@@ -177,12 +176,16 @@ class JointTorchLearner(TorchLearner):
 
 
 class OnPolicyLearner(JointTorchLearner):
-    """Learns from each rollout once: `prepare` makes the batch, then epochs over shuffled minibatches of it."""
+    """Learns from each rollout once: `prepare` makes the batch, then come epochs of minibatches."""
 
     config: OnPolicyConfig  # type: ignore[assignment]
 
     def values(self, view: JointView) -> Tensor:
-        """Return state values (M, N) of M moments, without gradient: the second slot of on-policy algorithms."""
+        """Return state values (M, N) of M moments, without gradient: the second slot."""
+        raise NotImplementedError
+
+    def update_minibatch(self, batch: OnPolicyBatch) -> None:
+        """Take the gradient steps of one minibatch: the slot that an algorithm fills."""
         raise NotImplementedError
 
     def update_joint(self, rollout: JointRollout) -> None:
@@ -198,7 +201,7 @@ class OnPolicyLearner(JointTorchLearner):
                 self.update_minibatch(batch[rows])
         self.updates += 1
 
-    def prepare(self, rollout: JointRollout) -> JointBatch:
+    def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
         """Return all transitions of the rollout, T*B rows, with generalised advantages and value targets."""
         device, masks = self._device, rollout.masks()
         views = JointView.of(self.spec, rollout.views, device)
@@ -207,7 +210,9 @@ class OnPolicyLearner(JointTorchLearner):
             values = self.values(views.flat()).unflatten(0, rollout.views.alive.shape[:2])
             final_values = self.values(final) if len(final) else values.new_zeros(0, values.shape[-1])
         alive = views.alive[:-1]
-        rewards, bootstrap, chain = (to_tensor(x, device) for x in (rollout.rewards, masks.bootstrap, masks.chain))
+        rewards, bootstrap, chain = (
+            to_tensor(x, device) for x in (rollout.rewards, masks.bootstrap, masks.chain)
+        )
         advantages, targets = generalised_advantages(
             rewards * self.config.reward_scale,
             values,
@@ -215,11 +220,11 @@ class OnPolicyLearner(JointTorchLearner):
             to_tensor(rollout.final_at, device),
             bootstrap,
             chain,
-            gamma=self.config.gamma,
+            gamma=self.gamma,
             lambda_=self.config.lambda_,
         )
         rows = views[:-1].flat()
-        return JointBatch(
+        return OnPolicyBatch(
             self.spec,
             rows.observations,
             rows.alive,
@@ -229,10 +234,15 @@ class OnPolicyLearner(JointTorchLearner):
             actions=tuple(to_tensor(a, device).flatten(0, 1) for a in rollout.actions),
             rewards=rewards.flatten(0, 1),
             bootstrap=bootstrap.flatten(0, 1),
-            log_prob=None if rollout.log_prob is None else to_tensor(rollout.log_prob, device).flatten(0, 1),
+            log_prob=self._log_prob(rollout, rewards),
             advantages=self._scaled(advantages, alive).flatten(0, 1),
             targets=torch.where(alive, targets, 0).flatten(0, 1),
         )
+
+    def _log_prob(self, rollout: JointRollout, like: Tensor) -> Tensor:
+        if rollout.log_prob is None:
+            return torch.zeros_like(like).flatten(0, 1)
+        return to_tensor(rollout.log_prob, self._device).flatten(0, 1)
 
     def _scaled(self, advantages: Tensor, alive: Tensor) -> Tensor:
         """Standardise per policy network, over the whole batch and the living only, before any minibatch."""
@@ -255,6 +265,10 @@ class OffPolicyLearner(JointTorchLearner):
         super().build()
         self.replay = JointReplay(self.spec, self.config.capacity)
         self._owed = 0.0
+
+    def update_minibatch(self, batch: ReplayBatch) -> None:
+        """Take the gradient steps of one minibatch: the slot that an algorithm fills."""
+        raise NotImplementedError
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Store the rollout, then learn from samples of everything stored."""

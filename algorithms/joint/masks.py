@@ -7,10 +7,12 @@ Four masks follow from `alive`, `terminated`, `truncated`, `reset` and `failed`,
     fresh[t+1]   = alive[t+1] and not chain[t]
     last[t]      = bootstrap[t] and not chain[t]
 
-`bootstrap`: the value of what followed counts. `chain`: row t+1 is the next action of the same life, so returns
-accumulate over it. `fresh`: a new life begins in this column (late arrival, reuse, reset), so memory is cleared.
-`last`: the life goes on beyond the data, or was cut; its next observation is a *final row* of its own, since row t+1
-may belong to somebody else. A failed step is void: it has `alive[t]` False, so the life before it ends in a final row.
+`bootstrap`: the value of what followed counts. `chain`: row t+1 is the next action of the same life, so
+returns accumulate over it. `fresh`: a new life begins in this column (late arrival, reuse, reset), so memory
+is cleared.
+`last`: the life goes on beyond the data, or was cut; its next observation is a *final row* of its own, since
+row t+1 may belong to somebody else. A failed step is void: it has `alive[t]` False, so the life before it
+ends in a final row.
 """
 
 from __future__ import annotations

@@ -26,8 +26,8 @@ def critic_of(group: Group) -> str:
 class JointModule(TorchRLModule, InferenceOnlyAPI):
     """A policy shared by the n agents of a group.
 
-    `model_config` carries `spec` (JointSpec), `group` (Group id, or None for modules of all agents) and `settings`
-    (whatever the algorithm's config hands over).
+    `model_config` carries `spec` (JointSpec), `group` (Group id, or None for modules of all agents) and
+    `settings` (whatever the algorithm's config hands over).
 
     Attributes:
         targets: Names of attributes that are target networks: learner only, no gradient.
@@ -62,7 +62,7 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         return self.body(self.encoder(view.observations))
 
     def plain(self) -> tuple[Encoder, nn.Module] | None:
-        """Return (encoder, body) if the policy is just `body(encoder(observations))`, so that runners may stack it."""
+        """Return (encoder, body) if the policy is just `body(encoder(...))`, so that runners may stack it."""
         return self.encoder, self.body
 
     def get_non_inference_attributes(self) -> list[str]:
@@ -74,7 +74,7 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         return [p for name, p in self.named_parameters() if name.split(".")[0] not in self.targets]
 
     def _forward(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
-        """Serve plain RLlib users: greedy actions for observations (M, ...) of single agents of this group."""
+        """Serve plain RLlib users: greedy actions for observations (M, ...) of single agents."""
         seen = batch[Columns.OBS]
         leaves = {"": seen[:, None]} if isinstance(seen, Tensor) else {k: v[:, None] for k, v in seen.items()}
         view = GroupView(leaves, torch.ones(len(next(iter(leaves.values()))), 1, dtype=torch.bool), None)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from algorithms.joint.batch import JointBatch, JointView
+from algorithms.joint.batch import JointView, ReplayBatch
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import stored_actions
 from algorithms.joint.spec import JointSpec
@@ -16,8 +16,8 @@ from algorithms.joint.spec import JointSpec
 class JointReplay:
     """The last `capacity` joint transitions in which anybody acted.
 
-    Next observations are stored explicitly, so resets, deaths and truncations are resolved once, when a rollout is
-    added, at the price of twice the memory: `nbytes` tells how much.
+    Next observations are stored explicitly, so resets, deaths and truncations are resolved once, when a
+    rollout is added, at the price of twice the memory: `nbytes` tells how much.
 
     Args:
         spec: Agents and spaces.
@@ -63,11 +63,11 @@ class JointReplay:
         self._place = (self._place + len(t)) % self.capacity
         self._size = min(self._size + len(t), self.capacity)
 
-    def sample(self, rng: np.random.Generator, count: int, device: torch.device | str = "cpu") -> JointBatch:
+    def sample(self, rng: np.random.Generator, count: int, device: torch.device | str = "cpu") -> ReplayBatch:
         """Return `count` transitions drawn uniformly with replacement."""
         rows = rng.integers(self._size, size=count)
         now = JointView.of(self._spec, self._now[rows], device)
-        return JointBatch(
+        return ReplayBatch(
             self._spec,
             now.observations,
             now.alive,
@@ -98,7 +98,9 @@ class JointReplay:
 def _overwrite(following: View, rollout: JointRollout, t: np.ndarray, b: np.ndarray) -> None:
     """Put final rows in the place of next rows that belong to somebody else."""
     place = {at: k for k, at in enumerate(map(tuple, rollout.final_at.tolist()))}
-    pairs = [(row, place[at]) for row, at in enumerate(zip(t.tolist(), b.tolist(), strict=True)) if at in place]
+    pairs = [
+        (row, place[at]) for row, at in enumerate(zip(t.tolist(), b.tolist(), strict=True)) if at in place
+    ]
     if not pairs:
         return
     rows, finals = (list(column) for column in zip(*pairs, strict=True))
@@ -122,7 +124,9 @@ def _view_arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _arrays(now: View, following: View, actions, rewards: np.ndarray, bootstrap: np.ndarray) -> dict[str, np.ndarray]:
+def _arrays(
+    now: View, following: View, actions, rewards: np.ndarray, bootstrap: np.ndarray
+) -> dict[str, np.ndarray]:
     acted = {f"actions/{k}": part for k, part in enumerate(actions)}
     return {
         **_view_arrays("now/", now),

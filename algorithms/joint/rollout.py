@@ -64,8 +64,8 @@ class View:
             None if self.graph is None else self.graph[index],
         )
 
-    def write(self, index, seen: JointStep | Final) -> None:
-        """Copy what an environment reported, `alive` excepted, into the rows at `index`."""
+    def write(self, index, seen: JointStep | Final | View) -> None:
+        """Copy what was seen, `alive` excepted, into the rows at `index`."""
         for mine, theirs in zip(self.observations, seen.observations, strict=True):
             for name, leaf in mine.items():
                 leaf[index] = theirs[name]
@@ -83,18 +83,22 @@ class View:
         if len(views) == 1:
             return views[0]
         first = views[0]
+
+        def joined(parts: Sequence[np.ndarray | None]) -> np.ndarray:
+            return np.concatenate([part for part in parts if part is not None], axis)
+
         return View(
             tuple(
-                {name: np.concatenate([v.observations[k][name] for v in views], axis) for name in leaves}
+                {name: joined([v.observations[k][name] for v in views]) for name in leaves}
                 for k, leaves in enumerate(first.observations)
             ),
-            np.concatenate([v.alive for v in views], axis),
+            joined([v.alive for v in views]),
             tuple(
-                None if mask is None else np.concatenate([v.masks[k] for v in views], axis)  # type: ignore[misc]
+                None if mask is None else joined([v.masks[k] for v in views])
                 for k, mask in enumerate(first.masks)
             ),
-            None if first.state is None else np.concatenate([v.state for v in views], axis),  # type: ignore[misc]
-            None if first.graph is None else np.concatenate([v.graph for v in views], axis),  # type: ignore[misc]
+            None if first.state is None else joined([v.state for v in views]),
+            None if first.graph is None else joined([v.graph for v in views]),
         )
 
 
@@ -111,8 +115,8 @@ class JointRollout:
         reset: Copies that were reset after the step, (T, B).
         failed: Copies whose step is void, (T, B).
         log_prob: Log-probability of the actions, (T, B, N), where the policy has one.
-        final: True next observations of lives that end in mid-fragment, leading axis (K,); `final.alive` tells who
-            is still seen in them.
+        final: True next observations of lives that end in mid-fragment, leading axis (K,); `final.alive`
+            tells who is still seen in them.
         final_at: Places (t, b) of the final rows, shape (K, 2).
         source: (worker, incarnation, copy) of each copy, shape (B, 3).
         start: Number of steps each copy had made before this fragment, (B,).
@@ -178,16 +182,16 @@ class JointRollout:
         """Cut the final rows, once all steps are written, and return the fragment.
 
         A row is cut wherever a life has no next row of its own: at time limits, when an agent is truncated or
-        leaves alone, and before a failure. The environment delivers only those that it overwrote; elsewhere the
-        next row as it stands is the true one.
+        leaves alone, and before a failure. The environment delivers only those that it overwrote; elsewhere
+        the next row as it stands is the true one.
         """
         masks = self.masks()
         at = np.argwhere(masks.last.any(-1))
         t, b = at[:, 0], at[:, 1]
         final = self.views[t + 1, b]
-        for k, place in enumerate(map(tuple, at.tolist())):
-            if place in self._finals:
-                source, row = self._finals[place]
+        for k, (step, copy) in enumerate(at.tolist()):
+            if (step, copy) in self._finals:
+                source, row = self._finals[step, copy]
                 final.write(k, final_row(source, row))
         final.alive = masks.bootstrap[t, b] | (~self.reset[t, b, None] & self.views.alive[t + 1, b])
         return replace(self, final=final, final_at=at, _finals={})
@@ -217,7 +221,9 @@ class JointRollout:
 
         return JointRollout(
             views=View.concat([r.views for r in rollouts], 1),
-            actions=tuple(np.concatenate([r.actions[k] for r in rollouts], 1) for k in range(len(first.actions))),
+            actions=tuple(
+                np.concatenate([r.actions[k] for r in rollouts], 1) for k in range(len(first.actions))
+            ),
             rewards=copies("rewards"),
             terminated=copies("terminated"),
             truncated=copies("truncated"),
@@ -225,7 +231,9 @@ class JointRollout:
             failed=copies("failed"),
             log_prob=None if first.log_prob is None else copies("log_prob"),
             final=View.concat([r.final for r in rollouts], 0),
-            final_at=np.concatenate([r.final_at + [0, o] for r, o in zip(rollouts, offsets, strict=True)]),
+            final_at=np.concatenate(
+                [r.final_at + np.array([0, o]) for r, o in zip(rollouts, offsets, strict=True)]
+            ),
             source=np.concatenate([r.source for r in rollouts]),
             start=np.concatenate([r.start for r in rollouts]),
         )

@@ -83,7 +83,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self._weights = -1
         self._evaluated = 0
         self._recent: deque[Episode] = deque(maxlen=config.metrics_num_episodes_for_smoothing)
-        self.module = None
+        self.module: Any = None
         self.num_env_steps_sampled_lifetime = 0
         self.make_env()
 
@@ -98,7 +98,8 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     def make_module(self) -> None:
         """Build the inference part of the policies.
 
-        Done at first use, after the algorithm has checked the spaces: an error in the constructor of a remote runner
+        Done at first use, after the algorithm has checked the spaces: an error in the constructor of a remote
+            runner
         would surface only as an actor that died.
         """
         if self.module is None:
@@ -107,7 +108,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             self._policies = Policies(self.spec, {g.id: self.module[g.id] for g in self.spec.groups})
 
     def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> Reply:
-        """Take over weights and counters, and return a fragment: one round trip, so weights are never stale."""
+        """Take over weights and counters, return a fragment: in one round trip, so never stale."""
         self.set_state(ray.get(state) if isinstance(state, ray.ObjectRef) else state)
         try:
             rollout = self._sample_fragment(steps)
@@ -116,7 +117,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             return Reply(self.worker_index, failure, self.get_metrics())
         return Reply(self.worker_index, rollout, self.get_metrics())
 
-    def sample(
+    def sample(  # type: ignore[override]
         self,
         *,
         num_timesteps: int | None = None,
@@ -127,10 +128,10 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     ) -> Sequence[JointRollout | Episode]:
         """Return a fragment, or exactly `num_episodes` episodes of the evaluation list (RLlib)."""
         if num_episodes is None:
-            steps = self.config.rollout_fragment_length
+            steps = int(self.config.rollout_fragment_length)
             if num_timesteps is not None:
-                steps = -(-num_timesteps // self.config.num_envs_per_env_runner)
-            return [self._sample_fragment(int(steps))]
+                steps = -(-num_timesteps // int(self.config.num_envs_per_env_runner or 1))
+            return [self._sample_fragment(steps)]
         return self._evaluate(num_episodes, explore, restart=force_reset or self.worker_index == 0)
 
     def get_metrics(self) -> Any:
@@ -174,8 +175,8 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     def set_state(self, state: dict[str, Any]) -> None:
         """Take over weights, counters and this process's own sampler state.
 
-        RLlib hands a restarted runner the local runner's state, and an evaluation runner a training runner's; hence
-        what belongs to one process is keyed by that process.
+        RLlib hands a restarted runner the local runner's state, and an evaluation runner a training runner's;
+        hence what belongs to one process is keyed by that process.
         """
         # Not `<` as in stock runners: after an in-place restore the older weights are the right ones.
         if COMPONENT_RL_MODULE in state and state.get(WEIGHTS_SEQ_NO, 0) != self._weights:
@@ -208,19 +209,22 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return self.config.env is not None and (not local_beside_remote or self._given_spaces is None)
 
     def _new_env(self) -> VectorJointEnv:
-        copies = self.config.num_envs_per_env_runner
+        copies = int(self.config.num_envs_per_env_runner or 1)
 
         def context(b: int) -> EnvContext:
-            numbers = {"worker_index": self.worker_index, "num_workers": self.num_workers, "vector_index": b}
-            return EnvContext({**self.config.env_config, "num_envs": copies}, **numbers)
+            return EnvContext(
+                {**self.config.env_config, "num_envs": copies},
+                worker_index=self.worker_index,
+                num_workers=self.num_workers,
+                vector_index=b,
+            )
 
         name = self.config.env
         if isinstance(name, str) and _global_registry.contains(ENV_CREATOR, name):
             create = _global_registry.get(ENV_CREATOR, name)
         else:
-            create = partial(_gym_env_creator, env_descriptor=name)
-            create = lambda ctx, make=create: make(env_context=ctx)  # noqa: E731
-        first = create(context(0))
+            create = partial(_create, name)
+        first: Any = create(context(0))
         if is_vector_env(first):
             return first
         spare = [first]  # made only to see which interface it has
@@ -286,7 +290,8 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return episodes
 
     def _explores_in_evaluation(self) -> bool:
-        # Without a group for evaluation, RLlib evaluates on a training runner, which has the training's config.
+        # Without a group for evaluation, RLlib evaluates on a training runner, which has the training's
+        # config.
         own = self.config if self.config.in_evaluation else self.config.get_evaluation_config_object()
         return bool((own or self.config).explore)
 
@@ -302,7 +307,8 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     def _log_episodes(self, episodes: Sequence[Episode], recent: Sequence[Episode]) -> None:
         """Count the episodes that ended, and report means over the recent ones.
 
-        Means are taken here, once a fragment: RLlib's windows are slow to fill one by one, and show NaN in iterations
+        Means are taken here, once a fragment: RLlib's windows are slow to fill one by one, and show NaN in
+            iterations
         in which no episode ends.
         """
         metrics = self.metrics
@@ -320,3 +326,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         for name in sorted({name for episode in recent for name in episode.metrics}):
             values = [episode.metrics[name] for episode in recent if name in episode.metrics]
             metrics.log_value(("env", name), float(np.mean(values)), window=1)
+
+
+def _create(name: Any, context: EnvContext) -> Any:
+    return _gym_env_creator(env_context=context, env_descriptor=name)

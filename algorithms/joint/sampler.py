@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from torch import Generator, Tensor
+from torch import Generator, Tensor, nn
 
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.batch import GroupView
-from algorithms.joint.env import Floats, Ints, JointStep, VectorJointEnv
+from algorithms.joint.env import Bools, Floats, Ints, JointStep, Leaves, VectorJointEnv
 from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import to_env
@@ -49,7 +49,7 @@ class Episode(NamedTuple):
 
 
 class EvaluatedStep(NamedTuple):
-    """One step of all copies during an evaluation, handed to the caller before the next step reuses the arrays.
+    """One step of all copies in an evaluation, handed over before the next step reuses the arrays.
 
     Attributes:
         playing: World of the episode each copy plays, -1 if it idles, (B,).
@@ -69,8 +69,8 @@ class EvaluatedStep(NamedTuple):
 class Policies:
     """The policy networks of all groups, evaluated together.
 
-    Where every agent of a block has its own plain perceptron, these are stacked into one batched product; sampling
-    happens once per block in any case.
+    Where every agent of a block has its own plain perceptron, these are stacked into one batched product;
+    sampling happens once per block in any case.
     """
 
     def __init__(self, spec: JointSpec, modules: Mapping[str, JointModule]) -> None:
@@ -124,13 +124,13 @@ class Policies:
 
     @staticmethod
     def _stack(modules: list[JointModule]) -> tuple[Encoder, StackedPerceptrons] | None:
-        plain = [module.plain() for module in modules]
-        if len(modules) < 2 or any(parts is None or module.group.size > 1 for parts, module in zip(plain, modules, strict=True)):
+        plain = [parts for module in modules if (parts := module.plain()) and module.group.size == 1]
+        if len(plain) < max(2, len(modules)) or not all(encoder.is_plain for encoder, _ in plain):
             return None
-        bodies = [parts[1] for parts in plain if parts is not None]
-        if not all(parts[0].is_plain for parts in plain if parts is not None) or not StackedPerceptrons.fits(bodies):
+        bodies = [body for _, body in plain if isinstance(body, nn.Sequential)]
+        if len(bodies) < len(plain) or not StackedPerceptrons.fits(bodies):
             return None
-        return plain[0][0], StackedPerceptrons(bodies)  # type: ignore[index,arg-type]
+        return plain[0][0], StackedPerceptrons(bodies)
 
 
 @dataclass
@@ -205,15 +205,15 @@ class Sampler:
         rollout = JointRollout.empty(spaces, steps, copies, log_prob=self.policies.has_log_prob)
         rollout.source[:] = [(*self._source, b) for b in range(copies)]
         rollout.start[:] = self.progress.steps
-        rollout.views.write(0, _as_step(now))
+        rollout.views.write(0, now)
         rollout.views.alive[0] = now.alive
         for t in range(steps):
             acting = self.policies.act(self._view(), exploration, self._generator)
             for k, chosen in enumerate(acting):
                 rollout.actions[k][t] = chosen.actions.numpy()
             if rollout.log_prob is not None:
-                parts = [chosen.log_prob for chosen in acting]
-                rollout.log_prob[t] = parts[0] if len(parts) == 1 else torch.cat(parts, 1)  # type: ignore[arg-type]
+                parts = [chosen.log_prob for chosen in acting if chosen.log_prob is not None]
+                rollout.log_prob[t] = parts[0] if len(parts) == 1 else torch.cat(parts, 1)
             step = self._step(self._in_env_units([actions[t] for actions in rollout.actions]))
             rollout.write(t, step)
         self._silence_the_dead(rollout)
@@ -263,7 +263,7 @@ class Sampler:
         return ended
 
     def get_state(self) -> dict[str, Any]:
-        """Return all that an exactly continued run needs; without the environments where they have no state."""
+        """Return all that an exactly continued run needs."""
         state = getattr(self.env, "get_state", lambda: None)()
         return {
             "generator": self._generator.get_state().numpy(),
@@ -307,14 +307,16 @@ class Sampler:
         for b in np.flatnonzero(step.reset).tolist():
             if b not in step.failed:
                 metrics = step.metrics.get(b, {})
-                progress.ended.append(Episode(b, int(progress.lengths[b]), progress.returns[b].copy(), metrics))
+                progress.ended.append(
+                    Episode(b, int(progress.lengths[b]), progress.returns[b].copy(), metrics)
+                )
                 progress.failures[b] = 0
         for b, cause in step.failed.items():
             progress.failures[b] += 1
             progress.failed_total += 1
             if progress.failures[b] > self._max_failures:
                 raise EnvironmentFailure(
-                    f"copy {b} failed {progress.failures[b]} times without completing an episode; last: {cause!r}",
+                    f"copy {b} failed {progress.failures[b]} times without completing an episode: {cause!r}",
                     place=f"environment {type(self.env).__name__}",
                     remedy="mend the environment, or raise `max_env_failures`",
                 ) from cause
@@ -327,16 +329,15 @@ class Sampler:
         """Treat copies with NaN or infinite observations or rewards like copies that raised."""
         blocks = [*step.observations, *(step.final.observations if step.final else ())]
         total = float(step.rewards.sum())
-        total += sum(float(leaf.sum()) for leaves in blocks for leaf in leaves.values() if leaf.dtype.kind == "f")
+        total += sum(
+            float(leaf.sum()) for leaves in blocks for leaf in leaves.values() if leaf.dtype.kind == "f"
+        )
         if np.isfinite(total):
             return step
-        finite = np.isfinite(step.rewards).all(1)
-        for leaves in step.observations:
-            for leaf in leaves.values():
-                finite &= np.isfinite(leaf.reshape(len(leaf), -1)).all(1)
-        for leaves in step.final.observations if step.final else ():
-            for leaf in leaves.values():
-                finite[step.final.rows] &= np.isfinite(leaf.reshape(len(leaf), -1)).all(1)  # type: ignore[union-attr]
+        finite: Bools = np.asarray(np.isfinite(step.rewards).all(1))
+        _drop_non_finite(finite, np.arange(len(finite)), step.observations)
+        if step.final is not None:
+            _drop_non_finite(finite, step.final.rows, step.final.observations)
         broken: dict[int, BaseException] = {
             int(b): FloatingPointError("non-finite observation or reward") for b in np.flatnonzero(~finite)
         }
@@ -381,9 +382,10 @@ def _fresh_progress(copies: int, agents: int) -> Progress:
     return Progress(np.zeros((copies, agents)), zeros(), zeros(), zeros())
 
 
-def _as_step(view: View) -> JointStep:
-    none = np.zeros(0)
-    return JointStep(view.observations, none, none, none, view.alive, none, None, view.masks, view.state, view.graph)  # type: ignore[arg-type]
+def _drop_non_finite(finite: Bools, rows: Ints, observations: Sequence[Leaves]) -> None:
+    for leaves in observations:
+        for leaf in leaves.values():
+            finite[rows] &= np.isfinite(leaf.reshape(len(leaf), -1)).all(1)
 
 
 def _copied(view: View) -> View:

@@ -1,4 +1,4 @@
-"""Between Gymnasium's spaces and arrays: observation leaves, stored actions, actions in the environment's units."""
+"""Between Gymnasium's spaces and arrays: observation leaves, actions stored and sent."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def is_bounded(space: Box) -> bool:
 
 
 def to_env(space: Action, actions: np.ndarray) -> np.ndarray:
-    """Return module actions in the environment's units: shifted by `start`; scaled to the bounds, and clipped."""
+    """Return module actions in the environment's units: shifted, or scaled and clipped."""
     if isinstance(space, Discrete):
         return actions + space.start if space.start else actions
     if is_bounded(space):

@@ -1,4 +1,4 @@
-"""Who shares what: the agents of an environment, ordered into blocks (equal spaces) and groups (one network)."""
+"""Who shares what: agents ordered into blocks (equal spaces) and groups (one network)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
-from algorithms.joint.env import Action, Block, Ints, JointSpaces
+from algorithms.joint.env import Action, Ints, JointSpaces
 
 Sharing = str | Mapping[str, Sequence[str]] | Callable[[str], str]
 """`"none"`, `"all"`, groups by name, or a function from agent to group name."""
@@ -89,7 +89,10 @@ class JointSpec:
 
     def describe(self) -> dict[str, Any]:
         """Return what a checkpoint depends on, in plain comparable values."""
-        described: dict[str, Any] = {"state size": self.spaces.state, "communication graph": self.spaces.has_graph}
+        described: dict[str, Any] = {
+            "state size": self.spaces.state,
+            "communication graph": self.spaces.has_graph,
+        }
         for group in self.groups:
             described[f"agents of group {group.id!r}"] = group.agents
             described[f"action space of group {group.id!r}"] = str(group.action)
@@ -114,7 +117,9 @@ def _group_names(spaces: JointSpaces, agents: tuple[str, ...], sharing: Sharing)
         return {agent: agent for agent in agents}
     if sharing == "all":
         single = len(spaces.blocks) == 1
-        return {a: "shared" if single else f"shared_{k}" for k, b in enumerate(spaces.blocks) for a in b.agents}
+        return {
+            a: "shared" if single else f"shared_{k}" for k, b in enumerate(spaces.blocks) for a in b.agents
+        }
     if isinstance(sharing, str):
         raise SpaceError(
             f"sharing {sharing!r} is unknown",
@@ -133,7 +138,9 @@ def _group_names(spaces: JointSpaces, agents: tuple[str, ...], sharing: Sharing)
             )
     missing = [agent for agent in agents if agent not in named]
     if missing:
-        raise SpaceError(f"no group holds {missing}", place="training(sharing=...)", remedy="put every agent in one")
+        raise SpaceError(
+            f"no group holds {missing}", place="training(sharing=...)", remedy="put every agent in one"
+        )
     return named
 
 

@@ -12,8 +12,8 @@ import torch
 def torch_threads(count: int) -> Iterator[None]:
     """Let torch use `count` threads inside the block.
 
-    Small networks gain little from more than one, and threads of several processes that wait for each other on busy
-    cores cost a factor of ten.
+    Small networks gain little from more than one, and threads of several processes that wait for each other
+    on busy cores cost a factor of ten.
     """
     before = torch.get_num_threads()
     torch.set_num_threads(count)

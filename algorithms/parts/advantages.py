@@ -24,7 +24,8 @@ def generalised_advantages(
         delta[t] = r[t] + gamma * bootstrap[t] * V'[t] - V[t]
         A[t]     = delta[t] + gamma * lambda * chain[t] * A[t + 1]
 
-    where V'[t] is V[t + 1] where the life goes on in the next row, and the value of its final row where it does not.
+    where V'[t] is V[t + 1] where the life goes on in the next row, and the value of its final row where it
+    does not.
 
     Args:
         rewards: (T, B, N).

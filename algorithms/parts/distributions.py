@@ -32,7 +32,8 @@ class Acting(NamedTuple):
     Attributes:
         actions: int64 (B, n), or float32 (B, n, k).
         log_prob: Log-probability (B, n) under the sampling distribution, or None if it has no density.
-        distribution: What was sampled from, (B, n, A) probabilities, or (B, n, 2, k) mean and standard deviation.
+        distribution: What was sampled from, (B, n, A) probabilities, or (B, n, 2, k) mean and standard
+            deviation.
     """
 
     actions: Tensor
@@ -109,7 +110,9 @@ class Head(Protocol):
     outputs: int
     has_log_prob: bool
 
-    def act(self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator) -> Acting:
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
         """Return the actions for outputs (B, n, P) and legal actions (B, n, A) or None."""
         ...
 
@@ -126,7 +129,9 @@ class CategoricalHead:
         """Return the policy."""
         return CategoricalDistribution(outputs, legal)
 
-    def act(self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator) -> Acting:
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
         """Return sampled, or most probable, actions."""
         policy = self.distribution(outputs, legal)
         actions = policy.sample(generator) if exploration.explore else policy.mode()
@@ -147,7 +152,9 @@ class GaussianHead:
         mean, log_std = outputs.split(self._k, -1)
         return GaussianDistribution(mean, log_std)
 
-    def act(self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator) -> Acting:
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
         """Return sampled actions, or the mean."""
         policy = self.distribution(outputs)
         actions = policy.sample(generator) if exploration.explore else policy.mean
@@ -162,13 +169,17 @@ class EpsilonGreedyHead:
     def __init__(self, space: Discrete) -> None:
         self.outputs = int(space.n)
 
-    def act(self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator) -> Acting:
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
         """Return epsilon-greedy actions."""
         epsilon = exploration.epsilon if exploration.explore else 0.0
         allowed = torch.ones_like(outputs) if legal is None else legal.to(outputs.dtype)
         values = outputs if legal is None else outputs.masked_fill(~legal, ILLEGAL)
         greedy = torch.zeros_like(outputs).scatter_(-1, values.argmax(-1, keepdim=True), 1.0)
-        probabilities = epsilon * allowed / allowed.sum(-1, keepdim=True).clamp(min=1) + (1 - epsilon) * greedy
+        probabilities = (
+            epsilon * allowed / allowed.sum(-1, keepdim=True).clamp(min=1) + (1 - epsilon) * greedy
+        )
         if epsilon == 0:
             return Acting(greedy.argmax(-1), None, probabilities)
         exponential = torch.empty_like(probabilities).exponential_(generator=generator)
@@ -183,12 +194,16 @@ class DeterministicHead:
     def __init__(self, space: Box) -> None:
         self.outputs = math.prod(space.shape)
 
-    def act(self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator) -> Acting:
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
         """Return noisy actions, clipped to [-1, 1]."""
         mean = outputs.tanh()
         scale = exploration.noise if exploration.explore else 0.0
         noise = scale * torch.empty_like(mean).normal_(generator=generator)
-        return Acting((mean + noise).clamp(-1, 1), None, torch.stack([mean, torch.full_like(mean, scale)], -2))
+        return Acting(
+            (mean + noise).clamp(-1, 1), None, torch.stack([mean, torch.full_like(mean, scale)], -2)
+        )
 
 
 def stochastic_head(space: Box | Discrete) -> CategoricalHead | GaussianHead:

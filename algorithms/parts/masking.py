@@ -6,11 +6,11 @@ import torch
 from torch import Tensor
 
 ILLEGAL = -1e9
-"""Logit or value of an illegal action: probability exactly zero in float32, yet finite where all are illegal."""
+"""Logit or value of an illegal action: probability zero in float32, finite if all are."""
 
 
 def masked_mean(x: Tensor, mask: Tensor) -> Tensor:
-    """Return the mean of `x` where `mask`; 0 where nothing is. What lies outside cannot change a bit of it."""
+    """Return the mean of `x` where `mask`; what lies outside cannot change a bit of it."""
     return torch.where(mask, x, 0).sum() / mask.sum().clamp(min=1)
 
 

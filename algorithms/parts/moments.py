@@ -11,8 +11,8 @@ from algorithms.parts.masking import masked_mean
 class RunningMoments(nn.Module):
     """Debiased exponential averages of mean and mean square, kept as buffers, so checkpoints carry them.
 
-    Rewards of driving are metres, crashes and bonuses at once; critics fit their standardised values (the first of
-    the details that matter in Yu et al. 2022, "The Surprising Effectiveness of PPO").
+    Rewards of driving are metres, crashes and bonuses at once; critics fit their standardised values (the
+    first of the details that matter in Yu et al. 2022, "The Surprising Effectiveness of PPO").
 
     Args:
         enabled: False: `scaled` and `unscaled` change nothing.
@@ -22,8 +22,9 @@ class RunningMoments(nn.Module):
     def __init__(self, *, enabled: bool, decay: float = 0.99) -> None:
         super().__init__()
         self._enabled, self._decay = enabled, decay
-        for name in ("mean", "mean_square", "weight"):
-            self.register_buffer(name, torch.zeros(()))
+        self.mean = nn.Buffer(torch.zeros(()))
+        self.mean_square = nn.Buffer(torch.zeros(()))
+        self.weight = nn.Buffer(torch.zeros(()))
 
     def observe(self, x: Tensor, mask: Tensor) -> None:
         """Take in the values of `x` where `mask`."""

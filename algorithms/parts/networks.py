@@ -31,8 +31,9 @@ def orthogonal(network: nn.Sequential, *, gain: float, last: float) -> nn.Sequen
 class Encoder(nn.Module):
     """Observation leaves to one vector per agent, shape (..., n, `size`).
 
-    Vectors are concatenated; each image leaf, (H, W, C) or (C, H, W), goes through two convolutions. Agents that
-    share the network are told apart by a one-hot place, since symmetric greedy policies deadlock otherwise.
+    Vectors are concatenated; each image leaf, (H, W, C) or (C, H, W), goes through two convolutions. Agents
+    that share the network are told apart by a one-hot place, since symmetric greedy policies deadlock
+    otherwise.
 
     Args:
         observation: Space of each leaf.
@@ -43,7 +44,9 @@ class Encoder(nn.Module):
         super().__init__()
         self._images = {name: space for name, space in observation.items() if len(space.shape) == 3}
         self._depth = {name: len(space.shape) for name, space in observation.items()}
-        self.convolutions = nn.ModuleDict({f"image_{k}": _convolution(s) for k, s in enumerate(self._images.values())})
+        self.convolutions = nn.ModuleDict(
+            {f"image_{k}": _convolution(s) for k, s in enumerate(self._images.values())}
+        )
         vectors = sum(int(np.prod(s.shape)) for name, s in observation.items() if name not in self._images)
         self._identity = agents if agents > 1 else 0
         self.size = vectors + 64 * len(self._images) + self._identity
@@ -87,7 +90,13 @@ def _convolution(space: Box) -> nn.Sequential:
         height, width, channels = space.shape
     # Small images get smaller steps, so that something is left after two layers.
     stride = 2 if min(height, width) >= 24 else 1
-    layers = [nn.Conv2d(channels, 16, 4, stride), nn.ReLU(), nn.Conv2d(16, 32, 3, stride), nn.ReLU(), nn.Flatten()]
+    layers = [
+        nn.Conv2d(channels, 16, 4, stride),
+        nn.ReLU(),
+        nn.Conv2d(16, 32, 3, stride),
+        nn.ReLU(),
+        nn.Flatten(),
+    ]
     with torch.no_grad():
         width_out = nn.Sequential(*layers)(torch.zeros(1, channels, height, width)).shape[-1]
     return nn.Sequential(*layers, nn.Linear(width_out, 64), nn.ReLU())
@@ -125,6 +134,8 @@ class StackedPerceptrons:
             for network in networks
         }
         weightless = all(
-            isinstance(layer, nn.Linear) or not list(layer.parameters()) for n in networks for layer in n.children()
+            isinstance(layer, nn.Linear) or not list(layer.parameters())
+            for n in networks
+            for layer in n.children()
         )
         return len(shapes) == 1 and weightless

@@ -17,7 +17,9 @@ class Game(MultiAgentEnv):
     length = 10
     ends = False
 
-    def __init__(self, config: dict[str, Any] | None = None, *, agents: int = 2, actions: int = 2, width: int = 1):
+    def __init__(
+        self, config: dict[str, Any] | None = None, *, agents: int = 2, actions: int = 2, width: int = 1
+    ):
         super().__init__()
         self.possible_agents = self.agents = [f"agent_{i}" for i in range(agents)]
         self.observation_spaces = {a: Box(-1.0, 1.0, (width,), np.float32) for a in self.agents}
@@ -46,14 +48,14 @@ class Game(MultiAgentEnv):
 
 
 class Constant(Game):
-    """G1: reward 1 each step, cut at 10. With gamma 0.9 every value is 10; 5.26 or 4.28 if cuts count as ends."""
+    """G1: reward 1 each step, cut at 10. At gamma 0.9 values are 10; 5.26 or 4.28 if cuts are ends."""
 
     def reward(self, actions):
         return [1.0] * len(actions)
 
 
 class Cues(Game):
-    """G2: r_i = 1[a_i = c_i] - 2 * 1[a_j = c_j], 4 cues. Own rewards lead to hits 1.0; a team sum or a swap to 0."""
+    """G2: r_i = 1[a_i = c_i] - 2 * 1[a_j = c_j], 4 cues. Own rewards: hits 1.0; sum, swap: 0."""
 
     cues = 4
 
@@ -95,14 +97,16 @@ class Target(Game):
 
     def step(self, action_dict):
         # The Box of shape (1,) becomes a number before `Game.step` would make it an integer.
-        rewards = [-float((action_dict[a][0] / 2 - 1 - c) ** 2) for a, c in zip(self.agents, self.cue, strict=True)]
+        rewards = [
+            -float((action_dict[a][0] / 2 - 1 - c) ** 2) for a, c in zip(self.agents, self.cue, strict=True)
+        ]
         self.t += 1
         over = {"__all__": self.t >= self.length}
         return self.observe(), dict(zip(self.agents, rewards, strict=True)), {"__all__": False}, over, {}
 
 
 class TwoStep(MultiAgentEnv):
-    """QMIX's two-step game: agent 0 picks the matrix, then 7 everywhere, or [[0, 1], [1, 8]]. QMIX 8, VDN 7."""
+    """QMIX's two-step game: agent 0 picks the matrix, all 7 or [[0, 1], [1, 8]]. QMIX 8, VDN 7."""
 
     matrices = (((7, 7), (7, 7)), ((0, 1), (1, 8)))
 
@@ -137,7 +141,8 @@ class TwoStep(MultiAgentEnv):
 class Ragged(MultiAgentEnv):
     """Late arrivals, deaths, truncations, unflagged leaves, time limits and crashes, at random.
 
-    Observations are (serial number of the life, its step, time of the episode): nothing can be taken for another.
+    Observations are (serial number of the life, its step, time of the episode): nothing can be taken for
+    another.
     """
 
     crash = 0.03
@@ -192,9 +197,9 @@ class Ragged(MultiAgentEnv):
 
     def _arrive(self, chance, ended=()):
         for agent in self.agents:
-            if agent not in self.lives and agent not in self.gone and agent not in ended:
-                if self.rng.random() < chance:
-                    self.lives[agent] = self._birth()
+            free = agent not in self.lives and agent not in self.gone and agent not in ended
+            if free and self.rng.random() < chance:
+                self.lives[agent] = self._birth()
 
     def _see(self, lives):
         return {a: np.array([*life, self.t], np.float32) for a, life in lives.items()}

@@ -9,7 +9,9 @@ from algorithms.registry import Actions
 
 
 def test_listing_names_imports_neither_torch_nor_ray():
-    code = "import sys, algorithms; algorithms.names(); print(*{'torch', 'ray', 'gymnasium'} & set(sys.modules))"
+    code = (
+        "import sys, algorithms; algorithms.names(); print(*{'torch', 'ray', 'gymnasium'} & set(sys.modules))"
+    )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == ""
 

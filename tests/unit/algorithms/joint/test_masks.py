@@ -35,7 +35,7 @@ def value_of(observation):
 
 
 class Logged(Ragged):
-    """A ragged game that keeps every life of every episode: rows of (observation, reward, next, kind of end)."""
+    """A ragged game that keeps every life: rows of (observation, reward, next, end)."""
 
     log: list[list[tuple]] = []  # noqa: RUF012 - one log for all copies, emptied by the test
 
@@ -174,5 +174,3 @@ def test_joint_observations_hold_zeros_for_the_dead():
     joint = view.flat().joint_observations().reshape(-1, 3, 3)
     assert (joint[~view.alive.flatten(0, 1)] == 0).all()
     assert view.flat().global_state().shape[-1] == spec.state_size
-
-

@@ -4,11 +4,11 @@ import os
 import signal
 import time
 
-import algorithms
 import numpy as np
 import pytest
 from games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
+import algorithms
 from algorithms.errors import CheckpointError, EnvironmentFailure, SpaceError, UnknownSettingError
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -121,7 +121,9 @@ def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alo
 
 def test_an_evaluation_group_plays_the_same_episodes_as_the_local_runner(build):
     alone = build(small().evaluation(evaluation_duration=5))
-    beside = build(small().evaluation(evaluation_interval=1, evaluation_num_env_runners=1, evaluation_duration=5))
+    beside = build(
+        small().evaluation(evaluation_interval=1, evaluation_num_env_runners=1, evaluation_duration=5)
+    )
     group = beside.evaluate()["env_runners"]
     assert group["num_episodes"] == 5
     assert group["episode_return_mean"] == alone.evaluate()["env_runners"]["episode_return_mean"]
