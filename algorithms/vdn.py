@@ -42,7 +42,7 @@ class VDNLearner(DQNLearner):
 
     def team_reward(self, batch: ReplayBatch) -> Tensor:
         """Return the team's reward (M,)."""
-        total = batch.rewards.sum(-1)
+        total = torch.where(batch.alive, batch.rewards, 0).sum(-1)
         if self.config.team_reward == "mean":
             return total / batch.alive.sum(-1).clamp(min=1)
         return total

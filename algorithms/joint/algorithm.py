@@ -120,7 +120,7 @@ class JointAlgorithm(Algorithm):
     def _ask(self) -> list[Reply]:
         """Return the replies of runners that answer in time; others are killed and come back."""
         group = self.env_runner_group
-        state = self._runner_state()
+        state = self.runner_state()
         steps = int(self.config.rollout_fragment_length)
         if not self.config.num_env_runners:
             return [group.local_env_runner.request(state, steps)]
@@ -142,7 +142,8 @@ class JointAlgorithm(Algorithm):
         self.metrics.log_value(KILLED, len(hung), reduce="lifetime_sum")
         return list(replies)
 
-    def _runner_state(self) -> dict[str, Any]:
+    def runner_state(self) -> dict[str, Any]:
+        """Return weights and counters as runners take them over."""
         weights = self.learner_group.get_state(
             components=f"{COMPONENT_LEARNER}/{COMPONENT_RL_MODULE}", inference_only=True
         )[COMPONENT_LEARNER]

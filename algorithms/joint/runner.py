@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,9 +32,9 @@ from ray.tune.registry import ENV_CREATOR, _global_registry
 
 from algorithms.errors import AlgorithmError, EnvironmentFailure
 from algorithms.joint.adapter import JointVector
-from algorithms.joint.env import VectorJointEnv, is_vector_env
+from algorithms.joint.env import Ints, VectorJointEnv, is_vector_env
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.sampler import Episode, Policies, Sampler
+from algorithms.joint.sampler import Episode, EvaluatedStep, Policies, Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.joint.threads import torch_threads
 
@@ -133,6 +133,16 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 steps = -(-num_timesteps // int(self.config.num_envs_per_env_runner or 1))
             return [self._sample_fragment(steps)]
         return self._evaluate(num_episodes, explore, restart=force_reset or self.worker_index == 0)
+
+    def play(
+        self, worlds: Ints, *, explore: bool, on_step: Callable[[EvaluatedStep], None] | None = None
+    ) -> list[Episode]:
+        """Play one episode in each world, in an environment of its own, so open training episodes survive."""
+        if self._evaluator is None:
+            self._evaluator = self._new_sampler(self._new_env())
+        exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)._replace(explore=explore)
+        with torch_threads(self.config.torch_threads):
+            return self._evaluator.episodes(worlds, exploration, on_step)
 
     def get_metrics(self) -> Any:
         """Return and clear what was logged since the last call."""
@@ -270,20 +280,15 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         if count == 0:  # stock evaluation asks for none where there are more runners than episodes
             self.metrics.log_value(NUM_EPISODES, 0, reduce="sum")
             return []
-        if self._evaluator is None:
-            # An environment of its own, so that open training episodes survive an evaluation.
-            self._evaluator = self._new_sampler(self._new_env())
         self._evaluated = 0 if restart else self._evaluated
         runners, place = max(self.num_workers or 0, 1), max(self.worker_index - 1, 0)
         worlds = EVALUATION_WORLDS + place + runners * (self._evaluated + np.arange(count))
         self._evaluated += count
         explore = self._explores_in_evaluation() if explore is None else explore
-        exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)
-        with torch_threads(self.config.torch_threads):
-            episodes = self._evaluator.episodes(worlds, exploration._replace(explore=explore))
+        episodes = self.play(worlds, explore=explore)
         self._log_episodes(episodes, episodes)
         if self.config.evaluate_sampled and not explore:
-            sampled = self._evaluator.episodes(worlds, exploration._replace(explore=True))
+            sampled = self.play(worlds, explore=True)
             mean = float(np.mean([episode.returns.sum() for episode in sampled]))
             self.metrics.log_value(("sampled", EPISODE_RETURN_MEAN), mean, window=1)
         self.metrics.log_value(NUM_ENV_STEPS_SAMPLED, sum(e.length for e in episodes), reduce="sum")

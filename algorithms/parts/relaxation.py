@@ -20,4 +20,4 @@ def straight_through_gumbel(
     gumbel = -torch.empty_like(logits).exponential_(generator=generator).log()
     relaxed = torch.softmax((logits + gumbel) / temperature, -1)
     hard = torch.zeros_like(relaxed).scatter_(-1, relaxed.argmax(-1, keepdim=True), 1.0)
-    return hard + relaxed - relaxed.detach()
+    return hard + (relaxed - relaxed.detach())  # the bracket is exactly zero
