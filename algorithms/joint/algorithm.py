@@ -95,7 +95,7 @@ class JointAlgorithm(Algorithm):
         super().set_state(state)
         if state.get(SAMPLERS):
             self.env_runner_group.foreach_env_runner(
-                partial(_restore_sampler, samplers=state[SAMPLERS]),
+                partial(_restore_sampler, samplers=state[SAMPLERS], steps=self._steps()),
                 local_env_runner=not self.config.num_env_runners,
                 timeout_seconds=self.config.sample_timeout_s,
             )
@@ -186,8 +186,8 @@ def _sampler_state(runner: Any) -> dict[Any, Any]:
     return runner.get_state().get(SAMPLERS, {})
 
 
-def _restore_sampler(runner: Any, samplers: dict[Any, Any]) -> None:
-    runner.set_state({SAMPLERS: samplers})
+def _restore_sampler(runner: Any, samplers: dict[Any, Any], steps: int) -> None:
+    runner.set_state({NUM_ENV_STEPS_SAMPLED_LIFETIME: steps, SAMPLERS: samplers})
 
 
 def _stored_identity(file: Path) -> dict[str, Any] | None:

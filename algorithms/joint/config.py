@@ -6,8 +6,7 @@ import inspect
 from collections.abc import Mapping
 from typing import Any, Self
 
-import gymnasium as gym
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Discrete
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
@@ -15,7 +14,7 @@ from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.runner import SPEC, JointEnvRunner
-from algorithms.joint.spec import Group, JointSpec, Sharing
+from algorithms.joint.spec import Group, JointSpec, Sharing, agent_spaces
 from algorithms.parts.distributions import Exploration
 from algorithms.registry import ALGORITHMS, Actions, Entry
 
@@ -120,7 +119,7 @@ class JointConfig(AlgorithmConfig):
         self, spec: JointSpec, group: Group, module: type[JointModule] = JointModule
     ) -> RLModuleSpec:
         """Describe a policy network of a group."""
-        observation, action = group_spaces(group)
+        observation, action = agent_spaces(group)
         return RLModuleSpec(
             module_class=module,
             observation_space=observation,
@@ -132,7 +131,7 @@ class JointConfig(AlgorithmConfig):
         self, spec: JointSpec, module: type[LearnerModule], group: Group | None = None
     ) -> RLModuleSpec:
         """Describe a network that only learners hold, of one group or of all agents."""
-        observation, action = group_spaces(group or spec.groups[0])
+        observation, action = agent_spaces(group or spec.groups[0])
         return RLModuleSpec(
             module_class=module,
             observation_space=observation,
@@ -287,13 +286,6 @@ class OffPolicyConfig(JointConfig):
     updates_per_step: float
     tau: float
     checkpoint_replay: bool
-
-
-def group_spaces(group: Group) -> tuple[gym.Space, gym.Space]:
-    """Return (observation space, action space) of one agent of the group."""
-    leaves: Mapping[str, Box] = group.observation
-    observation = leaves[""] if list(leaves) == [""] else gym.spaces.Dict(dict(leaves))
-    return observation, group.action
 
 
 def _unused_mapping(agent_id: str, episode: Any = None, **kwargs: Any) -> str:

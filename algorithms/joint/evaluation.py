@@ -32,6 +32,7 @@ def evaluate(
         episodes: How many; episode k plays world `first_world + k`, whatever the number of copies or runners.
         explore: Sample actions as in training, or act greedily.
         on_step: Called with every step of all copies, sampling distributions included.
+        first_world: World of the first episode.
 
     Returns:
         The episodes in the order of their worlds.

@@ -35,7 +35,7 @@ from algorithms.joint.adapter import JointVector
 from algorithms.joint.env import Ints, VectorJointEnv, is_vector_env
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.sampler import Episode, EvaluatedStep, Policies, Sampler
-from algorithms.joint.spec import JointSpec
+from algorithms.joint.spec import JointSpec, agent_spaces
 from algorithms.joint.threads import torch_threads
 
 if TYPE_CHECKING:
@@ -76,7 +76,6 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         super().__init__(config=config, **kwargs)
         self.worker_index = self.worker_index or 0
         self._given_spaces = kwargs.get("spaces")
-        self._incarnation = int(bool(kwargs.get("recreated_worker")))
         self._sampler: Sampler | None = None
         self._evaluator: Sampler | None = None
         self._policies: Policies | None = None
@@ -139,7 +138,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     ) -> list[Episode]:
         """Play one episode in each world, in an environment of its own, so open training episodes survive."""
         if self._evaluator is None:
-            self._evaluator = self._new_sampler(self._new_env())
+            self._evaluator = self._new_sampler(self._new_env(), incarnation=0)
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)._replace(explore=explore)
         with torch_threads(self.config.torch_threads):
             return self._evaluator.episodes(worlds, exploration, on_step)
@@ -150,9 +149,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
 
     def get_spaces(self) -> dict[str, Any]:
         """Return {group: (observation space, action space)}, and the `JointSpec` under its own key."""
-        from algorithms.joint.config import group_spaces
-
-        return {SPEC: (self.spec, None), **{g.id: group_spaces(g) for g in self.spec.groups}}
+        return {SPEC: (self.spec, None), **{g.id: agent_spaces(g) for g in self.spec.groups}}
 
     def assert_healthy(self) -> None:
         """Raise if the runner cannot sample."""
@@ -245,13 +242,13 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         if self._sampler is None:
             if self.env is None:
                 self.env = self._new_env()
-            self._sampler = self._new_sampler(self.env)
+            # Ray restarts an actor with its first arguments, so only the steps made so far tell a restarted
+            # runner from a new one; it must not replay its predecessor's episodes and noise.
+            self._sampler = self._new_sampler(self.env, incarnation=self.num_env_steps_sampled_lifetime)
         return self._sampler
 
-    def _new_sampler(self, env: VectorJointEnv) -> Sampler:
+    def _new_sampler(self, env: VectorJointEnv, incarnation: int) -> Sampler:
         self.make_module()
-        # A restarted runner and one in a run that goes on draw other numbers than those before them.
-        incarnation = 1 + self.num_env_steps_sampled_lifetime if self._incarnation else 0
         worker = max(self.worker_index - 1, 0)
         return Sampler(
             env,

@@ -276,9 +276,9 @@ class Sampler:
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on where `get_state` was called; with new episodes if the environments have no state."""
         self._generator.set_state(torch.tensor(state["generator"]))
-        self._source = state["source"]
         if state["env"] is None or state["now"] is None:
             return
+        self._source = state["source"]
         self.env.set_state(state["env"])  # type: ignore[attr-defined]
         self._now, self.progress = _copied(state["now"]), copy.deepcopy(state["progress"])
 

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
 from algorithms.joint.env import Action, Ints, JointSpaces
@@ -105,6 +106,13 @@ class JointSpec:
 def observation_size(leaves: Mapping[str, Box]) -> int:
     """Return the number of floats of one agent's flattened observation."""
     return sum(int(np.prod(space.shape)) for space in leaves.values())
+
+
+def agent_spaces(group: Group) -> tuple[gym.Space, gym.Space]:
+    """Return (observation space, action space) of one agent of the group, as RLlib's modules are described."""
+    leaves = group.observation
+    observation = leaves[""] if list(leaves) == [""] else Dict(dict(leaves))
+    return observation, group.action
 
 
 def action_size(action: Action) -> int:

@@ -86,6 +86,7 @@ def test_a2c_is_ppo_with_one_minibatch():
             torch.testing.assert_close(weight, second[module][name], rtol=0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_value_of_a_constant_reward_is_ten_where_time_limits_cut():
     rig = Rig("ppo", Constant, gamma=0.9, lr=2e-2, epochs=4, minibatch_size=None)
     for _ in range(100):

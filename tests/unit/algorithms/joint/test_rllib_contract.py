@@ -22,7 +22,7 @@ FAST = {
 def small(name="ppo", env=Cues, runners=0, env_config=None, **settings):
     config = algorithms.config(name).environment(env, env_config=env_config or {})
     config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
-    return config.debugging(seed=3).training(hidden=(16,), **{**FAST[name], **settings})
+    return config.debugging(seed=3).training(**{"hidden": (16,), **FAST[name], **settings})
 
 
 def weights(algo):
@@ -59,7 +59,7 @@ def train(algo, iterations):
     return result
 
 
-@pytest.mark.parametrize("env", [Cues, Ragged])
+@pytest.mark.parametrize("env", [Cues, pytest.param(Ragged, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["ppo", "dqn"])
 def test_restored_training_equals_uninterrupted_training(build, tmp_path, name, env):
     algo = build(small(name, env))
@@ -119,6 +119,7 @@ def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alo
     assert_same(weights(algo), weights(control))
 
 
+@pytest.mark.slow
 def test_an_evaluation_group_plays_the_same_episodes_as_the_local_runner(build):
     alone = build(small().evaluation(evaluation_duration=5))
     beside = build(
@@ -223,3 +224,31 @@ def test_own_evaluation_hands_over_every_step_and_plays_fixed_worlds(build):
         np.testing.assert_allclose(probabilities.sum(-1), 1, rtol=1e-5)
     again = evaluate(algo, 3)
     assert [e.returns.tolist() for e in again] == [e.returns.tolist() for e in episodes[:3]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_runs_under_tune_with_its_own_class_and_settings(name, tmp_path):
+    from ray import tune
+
+    config = small(name, hidden=tune.grid_search([(8,), (16,)]))
+    tuner = tune.Tuner(
+        config.algo_class,
+        param_space=config,
+        run_config=tune.RunConfig(stop={"training_iteration": 2}, storage_path=str(tmp_path), verbose=0),
+        tune_config=tune.TuneConfig(max_concurrent_trials=1),
+    )
+    results = tuner.fit()
+    assert not results.errors
+    assert sorted(r.config["hidden"] for r in results) == [(8,), (16,)]
+    assert all(r.metrics["env_runners"]["num_env_steps_sampled_lifetime"] == 64 for r in results)
+
+
+def test_pettingzoo_environments_run_through_rllibs_wrapper(build):
+    from games.zoo import ZooCues
+    from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
+    from ray.tune import register_env
+
+    register_env("zoo_cues", lambda config: ParallelPettingZooEnv(ZooCues()))
+    result = train(build(small(env="zoo_cues")), 2)
+    assert result["env_runners"]["episode_len_mean"] == 10
