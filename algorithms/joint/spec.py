@@ -109,7 +109,7 @@ def observation_size(leaves: Mapping[str, Box]) -> int:
 
 
 def agent_spaces(group: Group) -> tuple[gym.Space, gym.Space]:
-    """Return (observation space, action space) of one agent of the group, as RLlib's modules are described."""
+    """Return (observation space, action space) of one agent of the group, as RLlib wants them."""
     leaves = group.observation
     observation = leaves[""] if list(leaves) == [""] else Dict(dict(leaves))
     return observation, group.action
