@@ -1,7 +1,7 @@
 """Value decomposition networks (VDN): the team's value is the sum of the agents' values.
 
 Sunehag et al. 2018, "Value-Decomposition Networks for Cooperative Multi-Agent Learning", eq. 3: Q_tot = sum_i
-Q_i(o_i, a_i), learned end to end from the team's reward by the double-Q temporal difference of DQN.
+Q_i(o_i, a_i), learned end to end from the team's reward by the squared double-Q temporal difference.
 
 Deviations: no recurrence; absent agents contribute zero, and the team's reward is the sum (or mean) over
 those present.
@@ -10,7 +10,7 @@ those present.
 from __future__ import annotations
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from algorithms.dqn import DQN, DQNConfig, DQNLearner
 from algorithms.joint.batch import JointView, ReplayBatch
@@ -35,7 +35,8 @@ class VDNLearner(DQNLearner):
             value = self.mix(torch.where(following.alive, batch.join(best), 0), following, target=True)
             value = torch.where(following.alive.any(-1), value, 0)
             target = self.config.reward_scale * self.team_reward(batch) + self.gamma * value
-        loss = self.mean(nn.functional.smooth_l1_loss(total, target, reduction="none"), batch.alive.any(-1))
+        # Squared, not Huber's: a sum fits most games only on average, and it is the mean that is meant.
+        loss = self.mean((total - target).square(), batch.alive.any(-1))
         self.step_optimizer(loss, *self.trained())
         self.log(self.groups[0].id, "td_loss", loss)
         self.track(*self.trained(), tau=self.config.tau)

@@ -49,6 +49,9 @@ class JointReplay:
         t, b = np.nonzero(acted.any(-1))
         t, b = t[-self.capacity :], b[-self.capacity :]
         following = rollout.views[t + 1, b]
+        # Row t + 1 of a copy that was reset is another episode: after a terminal step nobody is there.
+        for array in _view_arrays("", following).values():
+            array[rollout.reset[t, b]] = 0
         _overwrite(following, rollout, t, b)
         rows = (self._place + np.arange(len(t))) % self.capacity
         incoming = _arrays(

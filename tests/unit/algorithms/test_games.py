@@ -71,5 +71,5 @@ def test_continuous_actions_follow_their_cue(name, steps, seed):
 def test_qmix_represents_the_two_step_game_and_vdn_does_not(seed):
     """QMIX 8, VDN 7: half of it per agent, over two steps."""
     explore = {"epsilon": (1.0, 1.0), "gamma": 0.99, "lr": 2e-3}
-    assert 4 * score("qmix", TwoStep, 6_000, seed, **explore).mean() == pytest.approx(8, abs=0.1)
-    assert 4 * score("vdn", TwoStep, 6_000, seed, **explore).mean() == pytest.approx(7, abs=0.1)
+    assert 4 * score("qmix", TwoStep, 3_000, seed, **explore).mean() == pytest.approx(8, abs=0.1)
+    assert 4 * score("vdn", TwoStep, 3_000, seed, **explore).mean() == pytest.approx(7, abs=0.1)

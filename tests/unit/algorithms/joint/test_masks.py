@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from games.games import Ragged
+from games.games import Constant, Ragged
 
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.batch import JointView
@@ -131,6 +131,31 @@ def test_replayed_next_observations_are_the_true_ones():
         if end != "end":
             np.testing.assert_array_equal(following[m, i], expected)
             assert batch.next.alive[m, i]
+
+
+class Ending(Constant):
+    """Ends for good after ten steps; the observation is the time."""
+
+    ends = True
+
+    def observe(self):
+        return {a: np.full(1, self.t / 10, np.float32) for a in self.agents}
+
+
+def test_nobody_is_there_after_the_last_step_of_a_game_that_ends_for_all():
+    """Nothing of the next episode: a team's value, valued by who is there next, would grow without bound."""
+    env = JointVector(lambda b: Ending(), 2)
+    spec = JointSpec.build(env.spaces)
+    replay = JointReplay(spec, 1000)
+    replay.add(Sampler(env, Uniform(), spec, seed=0, max_failures=0).fragment(35, None))
+    batch = replay.sample(np.random.default_rng(0), 500)
+    last = batch.observations[0][""][..., 0] > 0.85
+    assert last.any()
+    assert torch.equal(batch.next.alive, ~last)
+    assert torch.equal(batch.bootstrap, ~last)
+    torch.testing.assert_close(
+        batch.next.observations[0][""][..., 0], torch.where(last, 0, batch.observations[0][""][..., 0] + 0.1)
+    )
 
 
 def test_masks_by_hand():

