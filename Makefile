@@ -21,7 +21,7 @@ help:  ## list the targets
 install: $(INSTALLED)  ## create .venv and install everything
 
 run: $(INSTALLED)  ## build a scenario and run its traffic
-	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/intersection.png
+	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/traffic/intersection.png
 
 test: $(INSTALLED)  ## run all tests
 	$(BIN)/python -m pytest -q -n 2
@@ -32,7 +32,7 @@ test-fast: $(INSTALLED)  ## run the tests that take seconds
 check: $(INSTALLED)  ## format, lint, types and fast tests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(MAKE) --no-print-directory test-fast
 
 format: $(INSTALLED)  ## format the code

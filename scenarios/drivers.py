@@ -26,7 +26,10 @@ patient_car = t.TrafficActor(
 MIXED = {impatient_car: 0.5, patient_car: 0.5}
 IMPATIENT = {impatient_car: 1.0}
 
-START_VARIATION = t.StartVariation(offset=5.0, speed=(0.0, 5.0))
+START_IN_TOWN = t.StartVariation(offset=5.0, speed=(0.0, 5.0))
+START_ON_A_ROAD = t.StartVariation(offset=5.0, speed=(5.0, 10.0))
+START_ON_A_FAST_ROAD = t.StartVariation(offset=5.0, speed=(10.0, 15.0))
+"""Not from standstill: traffic of 80 km/h that comes up behind could not stop in time."""
 
 SPACING = 40
 """Distance between the places where a filled road gets its first vehicles [m]."""
@@ -82,7 +85,9 @@ def traffic(
 
 def _along_the_road(flow: t.Flow, filled: Mapping[str, float]) -> Iterator[t.Flow]:
     """Yield flows of a moment that stand for the vehicles which would have entered before time 0."""
-    road, lane, offset = flow.route.begin if isinstance(flow.route, t.Route) else (None, 0, None)
+    if not isinstance(flow.route, t.Route):
+        return
+    road, lane, offset = flow.route.begin
     if road not in filled or offset != "base":
         return
     rate = flow.rate * SPACING / (TYPICAL_SPEED * FILLING_TIME)

@@ -5,6 +5,17 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LONGEST_MESSAGE = 1000
+"""How many characters of a problem, place or remedy are shown; scenario files can raise megabytes."""
+
+
+def shortened(text: str, limit: int = LONGEST_MESSAGE) -> str:
+    """Return a text with what is in the middle left out, if it is longer than `limit` characters."""
+    if len(text) <= limit:
+        return text
+    tail = limit // 4
+    return f"{text[: limit - tail - 5]} ... {text[len(text) - tail :]}"
+
 
 class SmartsError(Exception):
     """Something the user can mend.
@@ -20,10 +31,10 @@ class SmartsError(Exception):
     exit_code = 2
 
     def __init__(self, problem: str, *, place: str = "", remedy: str = "") -> None:
-        self.problem = problem
-        self.place = place
-        self.remedy = remedy
-        super().__init__(problem, place, remedy)
+        self.problem = shortened(problem)
+        self.place = shortened(place)
+        self.remedy = shortened(remedy)
+        super().__init__(self.problem, self.place, self.remedy)
 
     def __reduce__(self):
         # Keyword-only arguments do not survive the default pickling, and errors cross process borders.

@@ -77,7 +77,7 @@ def violations(file: Path, imports: set[str]) -> list[str]:
         top = imported.split(".")[0]
         if top in THIRD_PARTY and not place.startswith(THIRD_PARTY[top]):
             found.append(f"{imported}: only {THIRD_PARTY[top]} may import it")
-        if top not in ("smarts", "algorithms", "benchmark") or there == here or there not in LAYER | {ALIASES: 0}:
+        if there == here or there not in LAYER | {ALIASES: 0}:
             continue
         if there == ALIASES:
             found.append(f"{imported}: aliases are for scenario files only")

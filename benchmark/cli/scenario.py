@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="List, build, show and run scenarios.", no_args_is_help=True)
 
+FORMATS = (".png", ".jpg", ".pdf", ".svg")
+DAY = 86_400.0
+
 Names = Annotated[
     list[str] | None,
     typer.Argument(
@@ -32,7 +35,14 @@ Name = Annotated[
         show_default=False,
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of every random draw.")]
+Seed = Annotated[int, typer.Option(help="Seed of the traffic.")]
+BuildSeed = Annotated[
+    int | None,
+    typer.Option(
+        help="Seed of what is drawn while building; by default the scenario file's own, else 42.",
+        show_default=False,
+    ),
+]
 Traffic = Annotated[
     str | None,
     typer.Option(help="Traffic variation; by default the scenario's last, its fullest.", show_default=False),
@@ -54,7 +64,7 @@ def list_scenarios() -> None:
 def build(
     scenarios: Names = None,
     everything: Annotated[bool, typer.Option("--all", help="Build the whole suite.")] = False,
-    seed: Seed = 42,
+    seed: BuildSeed = None,
 ) -> None:
     """Build scenarios by hand; running one builds it, too, when it is new or changed."""
     from smarts.sstudio.build import build_scenario
@@ -81,7 +91,9 @@ def show(
     ),
     everything: Annotated[bool, typer.Option("--all", help="Draw the whole suite on one sheet.")] = False,
     traffic: Traffic = None,
-    seconds: Annotated[float, typer.Option(help="Moment of the traffic to draw [s].", min=0.0)] = 0.0,
+    seconds: Annotated[
+        float, typer.Option(help="Moment of the traffic to draw, in seconds.", min=0.0, max=DAY)
+    ] = 0.0,
     seed: Seed = 42,
 ) -> None:
     """Draw map, lanes, missions, flows, bubbles and a moment of traffic to a picture."""
@@ -92,7 +104,7 @@ def show(
     _check_picture(out)
     pictures = []
     for name in names:
-        built = build_scenario(name, seed=seed)
+        built = build_scenario(name)
         chosen = _traffic_of(built, traffic)
         pictures.append((built, chosen, _moment(built, chosen, seconds, seed)))
     if len(pictures) == 1:
@@ -106,7 +118,7 @@ def show(
 def run(
     scenario: Name,
     traffic: Traffic = None,
-    seconds: Annotated[float, typer.Option(help="Simulated time [s].", min=0.1)] = 60.0,
+    seconds: Annotated[float, typer.Option(help="Simulated time, in seconds.", min=0.1, max=DAY)] = 60.0,
     seed: Seed = 42,
     out: Annotated[
         Path | None, typer.Option(help="Picture of the last moment to write.", show_default=False)
@@ -121,7 +133,7 @@ def run(
 
     if out is not None:
         _check_picture(out)
-    built = build_scenario(scenario, seed=seed)
+    built = build_scenario(scenario)
     chosen = _traffic_of(built, traffic)
     typer.echo(f"{built.name}, {chosen or 'no traffic'}, seed {seed}")
     speed_sum, vehicle_steps, steps, most, stepping = 0.0, 0, round(seconds / 0.1), 0, 0.0
@@ -175,12 +187,9 @@ def _moment(built: BuiltScenario, traffic: str | None, seconds: float, seed: int
 
 def _check_picture(out: Path) -> None:
     """Refuse a picture that cannot be written before the work is done, not after."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    known = sorted(FigureCanvasAgg.get_supported_filetypes())
-    if out.suffix.lstrip(".").lower() not in known:
+    if out.suffix.lower() not in FORMATS:
         raise SmartsError(
-            f"no picture format is called {out.suffix!r}", place=str(out), remedy=f"use {', '.join(known)}"
+            f"no picture format is called {out.suffix!r}", place=str(out), remedy=f"use {', '.join(FORMATS)}"
         )
     if out.is_dir() or any(parent.is_file() for parent in out.parents):
         raise SmartsError(

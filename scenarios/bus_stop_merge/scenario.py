@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from scenarios.drivers import IMPATIENT, MIXED, START_VARIATION, Drivers, flow, traffic
+from scenarios.drivers import IMPATIENT, MIXED, START_IN_TOWN, Drivers, flow, traffic
 from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
 
@@ -37,7 +37,7 @@ gen_scenario(
     t.Scenario(
         traffic=social(),
         ego_missions=missions,
-        start_variation=START_VARIATION,
+        start_variation=START_IN_TOWN,
         held_out={
             "dense": t.Variation("More vehicles.", traffic=social(1.3)),
             "sparse_impatient": t.Variation("Fewer vehicles, all impatient.", traffic=social(0.6, IMPATIENT)),

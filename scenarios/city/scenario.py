@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from scenarios.drivers import IMPATIENT, MIXED, START_VARIATION, Drivers, traffic
+from scenarios.drivers import IMPATIENT, MIXED, START_IN_TOWN, Drivers, traffic
 from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
 
@@ -14,7 +14,7 @@ def social(density: float = 1.0, drivers: Drivers = MIXED) -> dict[str, t.Traffi
     flows = []
     for _ in range(ROUTES):
         route = t.RandomRoute()
-        for rate, end in ((1000, RUSH), (28, 3600)):
+        for rate, end in ((1200, RUSH), (28, 3600)):
             flows.append(
                 t.Flow(route=route, rate=rate * density, end=end, actors=drivers, randomly_spaced=True)
             )
@@ -38,7 +38,7 @@ gen_scenario(
     t.Scenario(
         traffic=social(),
         ego_missions=missions,
-        start_variation=START_VARIATION,
+        start_variation=START_IN_TOWN,
         held_out={
             "dense": t.Variation("More vehicles.", traffic=social(1.2)),
             "sparse_impatient": t.Variation("Fewer vehicles, all impatient.", traffic=social(0.6, IMPATIENT)),

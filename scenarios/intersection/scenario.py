@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from scenarios.drivers import IMPATIENT, MIXED, START_VARIATION, Drivers, flow, traffic
+from scenarios.drivers import IMPATIENT, MIXED, START_IN_TOWN, Drivers, flow, traffic
 from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
 
@@ -53,16 +53,18 @@ gen_scenario(
     t.Scenario(
         traffic=social(),
         ego_missions=missions,
-        start_variation=START_VARIATION,
+        start_variation=START_IN_TOWN,
         held_out={
-            "dense": t.Variation("More vehicles.", traffic=social(1.25)),
+            "dense": t.Variation("More vehicles.", traffic=social(1.12)),
             "sparse_impatient": t.Variation("Fewer vehicles, all impatient.", traffic=social(0.6, IMPATIENT)),
             "mirrored": t.Variation("The missions, turned by 180 degrees.", ego_missions=mirrored),
-            "left_turns": t.Variation("Every ego turns left.", ego_missions=left_turns),
+            "left_turns": t.Variation(
+                "Every ego turns left, among fewer vehicles.", traffic=social(0.65), ego_missions=left_turns
+            ),
             "three_lanes": t.Variation(
                 "Three lanes a direction.",
                 map_spec=t.MapSpec(source="three_lanes"),
-                traffic=social(1.2, lanes=3),
+                traffic=social(lanes=3),
                 ego_missions=three_lanes,
             ),
         },

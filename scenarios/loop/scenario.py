@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from scenarios.drivers import MIXED, START_VARIATION, Drivers, impatient_car, traffic
+from scenarios.drivers import MIXED, START_ON_A_ROAD, Drivers, impatient_car, traffic
 from smarts.sstudio import gen_scenario
 from smarts.sstudio import types as t
 
@@ -42,7 +42,7 @@ gen_scenario(
     t.Scenario(
         traffic=traffic([], WARM_UP, trips=vehicles(26)),
         ego_missions=missions(),
-        start_variation=START_VARIATION,
+        start_variation=START_ON_A_ROAD,
         held_out={
             "dense": t.Variation("More vehicles.", traffic=traffic([], WARM_UP, trips=vehicles(36))),
             "sparse_impatient": t.Variation(

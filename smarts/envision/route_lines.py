@@ -9,20 +9,26 @@ from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import types as t
+from smarts.sstudio.placement import arc_length
+from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
 
 Floats = NDArray[np.float64]
 Place = tuple[str, int, float | str]
 
 ANY_VEHICLE = frozenset({LaneKind.CAR, LaneKind.BUS})
+CAR_LENGTH = 5.0
+"""Offsets of starts say where the front bumper is; this is how far the car reaches behind it [m]."""
 LANE_CHANGE = 25.0
 """Length of a lane change in a picture [m]."""
 
 
 def start_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, float] | None:
-    """Return x, y [m], heading [rad] of a mission's start; None if it is drawn anew in every episode."""
+    """Return x, y [m], heading [rad] of a car's centre at a mission's start; None for a random route."""
     if isinstance(mission, t.EndlessMission):
-        return _pose(roads, mission.begin)
-    return _pose(roads, mission.route.begin) if isinstance(mission.route, t.Route) else None
+        return _pose(roads, mission.begin, behind=CAR_LENGTH / 2)
+    if isinstance(mission.route, t.Route):
+        return _pose(roads, mission.route.begin, behind=CAR_LENGTH / 2)
+    return None
 
 
 def goal_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, float] | None:
@@ -38,8 +44,7 @@ def route_line(roads: LaneGraph, route: t.Route) -> Floats:
     Where lanes have to be changed, the line does so half-way along the road.
     """
     begin, end = route.begin, route.end
-    first, last = roads.lane_number(begin[0], begin[1]), roads.lane_number(end[0], end[1])
-    s0, s1 = _offset(roads, first, begin[2]), _offset(roads, last, end[2])
+    (first, s0), (last, s1) = place_on_map(roads, begin), place_on_map(roads, end)
     lap = begin[0] == end[0] and s1 <= s0
     edges = shortest_route(roads, begin[0], end[0], route.via, lap=lap, kinds=ANY_VEHICLE)
     legs = _lanes_along(roads, route_corridor(roads, edges, ANY_VEHICLE), first, last)
@@ -98,12 +103,15 @@ def _between(roads: LaneGraph, lane: int, s0: float, s1: float) -> Floats:
     return np.concatenate([[ends[0]], roads.point_xy[rows][inside], [ends[1]]])
 
 
-def _pose(roads: LaneGraph, place: Place) -> tuple[float, float, float]:
-    lane = roads.lane_number(place[0], place[1])
-    return roads.pose_at(lane, _offset(roads, lane, place[2]))
+def _pose(roads: LaneGraph, place: Place, behind: float = 0.0) -> tuple[float, float, float]:
+    lane, s = place_on_map(roads, place)
+    return roads.pose_at(lane, s - behind)
 
 
-def _offset(roads: LaneGraph, lane: int, offset: float | str) -> float:
-    """Return an offset in metres; a random one is drawn in the middle of the lane."""
-    named = {"base": 0.0, "max": float(roads.length[lane]), "random": float(roads.length[lane]) / 2}
-    return named[offset] if isinstance(offset, str) else float(offset)
+def place_on_map(roads: LaneGraph, place: Place) -> tuple[int, float]:
+    """Return the lane and arc length [m] of a scenario's place; a random one is taken to be in the middle."""
+    edge, index, offset = place
+    lane = roads.lane_number(edge, index)
+    length = float(roads.length[lane])
+    named = {BASE_OFFSET: 0.0, MAX_OFFSET: length, RANDOM_OFFSET: length / 2}
+    return lane, named[offset] if isinstance(offset, str) else arc_length(roads, lane, float(offset))

@@ -18,7 +18,8 @@ from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as Outline
 from numpy.typing import NDArray
 
-from smarts.envision.route_lines import goal_pose, route_line, start_pose
+from smarts.envision.route_lines import CAR_LENGTH, goal_pose, place_on_map, route_line, start_pose
+from smarts.errors import SmartsError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sstudio import types as t
 from smarts.sstudio.built import BuiltScenario
@@ -37,10 +38,17 @@ BUBBLE = "#9467bd"
 STOP = "#2ca02c"
 EGOS = ("#d62728", "#ff7f0e", "#9e2a6b", "#8c564b")
 CAR = "#2c5f8a"
-LARGE_VEHICLES = {VehicleKind.BUS: "#1b7f5c", VehicleKind.COACH: "#1b7f5c", VehicleKind.TRUCK: "#4d4d4d"}
-EGO_SIZE = (5.0, 2.0)
-SHEET_ASPECT = 2.4
-"""Width over height of one scenario on the sheet."""
+BUS = "#1b7f5c"
+TRUCK = "#4d4d4d"
+LARGE_VEHICLES = {
+    VehicleKind.BUS: BUS,
+    VehicleKind.COACH: BUS,
+    VehicleKind.TRUCK: TRUCK,
+    VehicleKind.TRAILER: TRUCK,
+}
+EGO_SIZE = (CAR_LENGTH, 2.0)
+FLATTEST, MOST_UPRIGHT = 0.12, 0.5
+"""Limits to the height over the width of one scenario on a sheet."""
 
 Picture = tuple[BuiltScenario, str | None, VehicleStates | None]
 """A scenario, the variation of its traffic, and a moment of it."""
@@ -55,21 +63,26 @@ def scenario_picture(picture: Picture, out: Path, *, dpi: int = 150) -> None:
     axes.set_title(f"{built.name}, {traffic or 'no traffic'}", loc="left")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    figure.legend(handles=_legend(picture), loc="outside lower center", ncols=6, frameon=False)
+    figure.legend(handles=_legend([picture]), loc="outside lower center", ncols=6, frameon=False)
     _write(figure, out, dpi)
 
 
 def scenario_sheet(pictures: Sequence[Picture], out: Path, *, columns: int = 2, dpi: int = 100) -> None:
     """Draw many scenarios side by side, closely round their missions' roads, to one file."""
-    rows = -(-len(pictures) // columns)
-    figure = Figure(figsize=(7.5 * columns, 7.5 / SHEET_ASPECT * rows + 0.5), layout="constrained")
-    for axes, picture in zip(figure.subplots(rows, columns, squeeze=False).flat, pictures, strict=False):
+    windows = [_mission_window(built) for built, _, _ in pictures]
+    aspects = [height / width for _, _, width, height in windows]
+    rows = [max(aspects[first : first + columns]) for first in range(0, len(aspects), columns)]
+    width = 15.0 / columns
+    figure = Figure(figsize=(15.0, sum(rows) * width + 0.3 * len(rows) + 0.5), layout="constrained")
+    grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=rows)
+    for axes, picture, (x, y, window_width, window_height) in zip(grid.flat, pictures, windows, strict=False):
         _draw_all(axes, picture)
-        _zoom_to_missions(axes, picture[0])
+        axes.set_xlim(x - window_width / 2, x + window_width / 2)
+        axes.set_ylim(y - window_height / 2, y + window_height / 2)
         axes.set_title(picture[0].name, fontsize=11)
     for axes in figure.axes:
         axes.set_axis_off()
-    figure.legend(handles=_legend(), loc="outside lower center", ncols=6, frameon=False)
+    figure.legend(handles=_legend(pictures), loc="outside lower center", ncols=6, frameon=False)
     _write(figure, out, dpi)
 
 
@@ -100,10 +113,10 @@ def draw_flows(axes: Axes, roads: LaneGraph, traffic: t.Traffic) -> None:
             axes.plot(*line.T, color=FLOW, linewidth=0.8, alpha=0.5, zorder=3)
             _arrow_head(axes, line, FLOW)
         for stop in flow.stops:
-            lane = roads.lane_number(stop.road_id, stop.lane_index)
-            begin = max(stop.offset - stop.length, 0.0)
-            bay = [roads.pose_at(lane, s, 0.45 * roads.width[lane])[:2] for s in (begin, stop.offset)]
-            axes.plot(*zip(*bay, strict=True), color=STOP, linewidth=3, solid_capstyle="butt", zorder=3)
+            lane, end = place_on_map(roads, (stop.road_id, stop.lane_index, stop.offset))
+            kerb = -0.5 * roads.width[lane]
+            ends = [roads.pose_at(lane, s, kerb)[:2] for s in (max(end - stop.length, 0.0), end)]
+            axes.plot(*zip(*ends, strict=True), color=STOP, linewidth=3, solid_capstyle="butt", zorder=3)
 
 
 def draw_missions(axes: Axes, roads: LaneGraph, missions: Iterable[t.AnyMission]) -> None:
@@ -166,32 +179,36 @@ def _draw_all(axes: Axes, picture: Picture) -> None:
     axes.autoscale_view()
 
 
-def _zoom_to_missions(axes: Axes, built: BuiltScenario, margin: float = 15.0) -> None:
-    """Show what the missions' routes span and a margin [m], in the sheet's proportions."""
+def _mission_window(built: BuiltScenario, margin: float = 12.0) -> tuple[float, float, float, float]:
+    """Return the middle, width and height [m] of what the missions' routes span."""
     roads = built.roads()
-    routes = [
-        m.route for m in expand(built.scenario.ego_missions or ()) if not isinstance(m, t.EndlessMission)
-    ]
+    missions = expand(built.scenario.ego_missions or ())
+    routes = [mission.route for mission in missions if not isinstance(mission, t.EndlessMission)]
     lines = [route_line(roads, route) for route in routes if isinstance(route, t.Route)]
     points = np.concatenate(lines) if lines else roads.point_xy
     low, high = points.min(0) - margin, points.max(0) + margin
-    middle, (width, height) = (low + high) / 2, high - low
-    half = max(width, height * SHEET_ASPECT) / 2
-    axes.set_xlim(middle[0] - half, middle[0] + half)
-    axes.set_ylim(middle[1] - half / SHEET_ASPECT, middle[1] + half / SHEET_ASPECT)
+    (x, y), (width, height) = (low + high) / 2, high - low
+    width = max(width, height / MOST_UPRIGHT)
+    return float(x), float(y), float(width), float(max(height, width * FLATTEST))
 
 
-def _legend(picture: Picture | None = None) -> list[Patch]:
-    entries = [
-        Patch(facecolor=EGOS[0], label="ego, its route and goal"),
-        Patch(facecolor=CAR, label="car"),
-        Patch(facecolor=LARGE_VEHICLES[VehicleKind.BUS], label="bus"),
-        Patch(facecolor=FLOW, alpha=0.5, label="flow of traffic"),
-        Patch(facecolor=STOP, label="bus stop"),
+def _legend(pictures: Sequence[Picture]) -> list[Patch]:
+    """Explain what is in the pictures, and nothing else."""
+    scenarios = [built.scenario for built, _, _ in pictures]
+    flows = [
+        flow for built, name, _ in pictures if name for flow in (built.scenario.traffic or {})[name].flows
     ]
-    if picture is None or picture[0].scenario.bubbles:
-        entries.append(Patch(facecolor=BUBBLE, alpha=0.4, label="bubble"))
-    return entries
+    kinds = {int(kind) for _, _, states in pictures if states for kind in states.kind[states.alive]}
+    entries = {
+        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(s.ego_missions for s in scenarios),
+        Patch(facecolor=CAR, label="car"): bool(kinds - set(LARGE_VEHICLES)),
+        Patch(facecolor=BUS, label="bus"): bool(kinds & {VehicleKind.BUS, VehicleKind.COACH}),
+        Patch(facecolor=TRUCK, label="truck"): bool(kinds & {VehicleKind.TRUCK, VehicleKind.TRAILER}),
+        Patch(facecolor=FLOW, alpha=0.5, label="flow of traffic"): bool(flows),
+        Patch(facecolor=STOP, label="bus stop"): any(flow.stops for flow in flows),
+        Patch(facecolor=BUBBLE, alpha=0.4, label="bubble"): any(s.bubbles for s in scenarios),
+    }
+    return [entry for entry, shown in entries.items() if shown]
 
 
 def _strip(roads: LaneGraph, lane: int) -> Floats:
@@ -233,5 +250,14 @@ def _aspect(roads: LaneGraph) -> float:
 
 def _write(figure: Figure, out: Path, dpi: int) -> None:
     FigureCanvasAgg(figure)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(out, dpi=dpi)
+    # Beside the target first, so that a full disk leaves no half of a picture.
+    partial = out.with_name(f".partial-{out.name}")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(partial, dpi=dpi, format=out.suffix.lstrip(".").lower())
+        partial.replace(out)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise SmartsError(
+            f"the picture cannot be written: {error.strerror}", place=str(out), remedy="choose another --out"
+        ) from error

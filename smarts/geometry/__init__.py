@@ -1,1 +1,1 @@
-"""Geometry in the plane, arrays in and arrays out: frames, polylines, segments, spatial grids."""
+"""Geometry in the plane, arrays in and arrays out: frames, polylines, segments, boxes, spatial grids."""

@@ -6,12 +6,13 @@ the line's reach of the cell. One look into the cell of a point therefore finds 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import cell_number
 
 Floats = NDArray[np.float64]
@@ -61,19 +62,28 @@ def build_grid(
     return Grid(origin, size, columns, rows, *runs, boxes[0], boxes[1][:, 0].copy())
 
 
-def _count_then_fill(kernel, cells: int, arguments: tuple, width: int) -> tuple[Ints, Ints]:
-    """Run a listing kernel twice: once to count each cell's entries, once to write them."""
+def _count_then_fill(listing: Callable, cells: int, arguments: tuple, width: int) -> tuple[Ints, Ints]:
+    """Run a listing kernel twice: to count each cell's entries, and to write them."""
     start = np.zeros(cells + 1, np.int32)
     nothing = np.empty((0, width), np.int32)
-    kernel(*arguments, start[1:], nothing)
+    listing(*arguments, start[1:], nothing)
     np.cumsum(start, out=start)
     entries = np.empty((int(start[-1]), width), np.int32)
-    kernel(*arguments, start[:-1].copy(), entries)
+    listing(*arguments, start[:-1].copy(), entries)
     return start, entries
 
 
-@njit(cache=True)
-def _list_runs(line_start, points, reach, origin, size, columns, cursor, entries):
+@kernel
+def _list_runs(
+    line_start: Ints,
+    points: Floats,
+    reach: Floats,
+    origin: Floats,
+    size: float,
+    columns: int,
+    cursor: Ints,
+    entries: Ints,
+) -> None:
     """Count each cell's runs in `cursor`, or, with room in `entries`, write them from `cursor` on."""
     cells = len(cursor)
     open_line = np.full(cells, -1, np.int32)
@@ -101,8 +111,16 @@ def _list_runs(line_start, points, reach, origin, size, columns, cursor, entries
                     open_point[cell] = point + 1
 
 
-@njit(cache=True)
-def _list_outlines(outline_start, outlines, origin, size, columns, cursor, entries):
+@kernel
+def _list_outlines(
+    outline_start: Ints,
+    outlines: Floats,
+    origin: Floats,
+    size: float,
+    columns: int,
+    cursor: Ints,
+    entries: Ints,
+) -> None:
     """Count each cell's outlines in `cursor`, or, with room in `entries`, write them from `cursor` on."""
     for outline in range(len(outline_start) - 1):
         vertices = outlines[outline_start[outline] : outline_start[outline + 1]]

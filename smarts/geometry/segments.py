@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
-from smarts.geometry import frames
+from smarts.geometry.compiling import kernel
 
-Floats = np.ndarray
-
-wrap_angle = njit(cache=True)(frames.wrap_angle)
+Floats = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def project(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, float]:
     """Project a point onto the segment from a to b.
 
@@ -31,7 +29,7 @@ def project(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> t
     return share, ex * ex + ey * ey, dx * py - dy * px
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def inside_outline(x: float, y: float, outline: Floats, first: int, last: int) -> bool:
     """Tell whether a point lies in the polygon of vertices `outline[first:last]`, by the even-odd rule."""
     inside = False
@@ -45,13 +43,24 @@ def inside_outline(x: float, y: float, outline: Floats, first: int, last: int) -
     return inside
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def interpolate_angle(a: float, b: float, share: float) -> float:
-    """Return the angle at `share` of the shorter turn from a to b, in (-pi, pi] [rad]."""
-    return wrap_angle(a + share * wrap_angle(b - a))
+    """Return the angle at `share` of the shorter turn from a to b, all three in (-pi, pi] [rad]."""
+    # Both sums stay within a turn of the interval, and comparing is several times faster than a modulo.
+    turn = b - a
+    if turn > math.pi:
+        turn -= 2.0 * math.pi
+    elif turn <= -math.pi:
+        turn += 2.0 * math.pi
+    angle = a + share * turn
+    if angle > math.pi:
+        angle -= 2.0 * math.pi
+    elif angle <= -math.pi:
+        angle += 2.0 * math.pi
+    return angle
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def segment_at(stations: Floats, first: int, last: int, s: float) -> int:
     """Return the segment that holds arc length `s`, of the polyline of points `first` to `last - 1`.
 
@@ -67,7 +76,7 @@ def segment_at(stations: Floats, first: int, last: int, s: float) -> int:
     return low
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cell_number(value: float, origin: float, size: float) -> int:
     """Return the number of the cell of width `size` that holds a coordinate; it may be negative."""
     return math.floor((value - origin) / size)

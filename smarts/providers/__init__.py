@@ -11,6 +11,6 @@ alone issues and withdraws slots. (Considered instead: one call per transfer, wh
 places; and one proposal array per provider for an arbiter to merge, which copies every row once more.)
 
 `traffic_provider` names what the simulation may ask of any traffic provider and what it gives to it;
-`sumo_traffic` is the one that SUMO drives, `sumo_shadows` shows SUMO the vehicles of others, `sumo_library`
-loads independent copies of libsumo.
+`sumo_traffic` is the one that SUMO drives, `sumo_rows` writes SUMO's vehicles into the world, `sumo_shadows`
+shows SUMO the vehicles of others, `sumo_library` loads independent copies of libsumo.
 """

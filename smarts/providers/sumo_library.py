@@ -20,8 +20,8 @@ import tempfile
 import threading
 import types
 import weakref
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ _EXTENSION = "_libsumo.so"
 _FILE = "/proc/self/fd/{}"
 
 
-def is_sumo_error(error: Exception) -> bool:
+def _is_from_sumo(error: Exception) -> bool:
     """Return whether libsumo raised this; by name, for it may carry the class of another copy."""
     return type(error).__name__ in _SUMO_ERRORS
 
@@ -45,9 +45,8 @@ class SumoLibrary:
     """One copy of libsumo, held until `close`.
 
     Args:
-        index: Which copy to hold; by default the lowest that is free in this process. Simulations do not
-        depend
-            on it, so it only matters to those who look at the cache.
+        index: Which copy to hold, by default the lowest that is free in this process; no simulation depends
+        on it.
 
     Attributes:
         vehicle: libsumo's functions by domain; so are `lane`, `simulation`, `trafficlight` and `vehicletype`.
@@ -97,11 +96,34 @@ class SumoLibrary:
         try:
             yield
         except Exception as error:
-            if not is_sumo_error(error):
+            if not _is_from_sumo(error):
                 raise
-            raise self.error(what, error) from None
+            raise self._named(what, error) from None
 
-    def error(self, what: str, error: Exception) -> TrafficError:
+    def accepts(self, call: Callable[..., object], *arguments: object) -> bool:
+        """Make a call and return whether SUMO complied."""
+        try:
+            call(*arguments)
+        except Exception as error:
+            if not _is_from_sumo(error):
+                raise
+            return False
+        return True
+
+    def route_ahead(self, name: str) -> tuple[str, ...]:
+        """Return the edges that a vehicle has yet to drive, its own first."""
+        # The index is -1 before departure.
+        return self.vehicle.getRoute(name)[max(self.vehicle.getRouteIndex(name), 0) :]
+
+    def close(self) -> None:
+        """End the simulation and give the copy back to the process."""
+        if self._closer.alive:
+            with self.errors("failed to stop"):
+                self.simulation.close()
+            self._close_log()
+            self._closer()
+
+    def _named(self, what: str, error: Exception) -> TrafficError:
         """Return the error to raise for one of SUMO's own, with the reason that SUMO logged."""
         logged = os.pread(self._log, 4096, 0).decode(errors="replace").strip() if self._log >= 0 else ""
         said = str(error).strip()
@@ -112,21 +134,12 @@ class SumoLibrary:
             remedy="mend the traffic of the scenario and build it again; other simulations are not affected",
         )
 
-    def close(self) -> None:
-        """End the simulation and give the copy back to the process."""
-        if self._closer.alive:
-            with self.errors("failed to stop"):
-                self.simulation.close()
-            self._close_log()
-            self._closer()
-
     def _flush_log(self) -> None:
         """Make SUMO write its log after a failed start, which it does only when the next simulation ends."""
         net = os.memfd_create("empty-net")
         os.write(net, b'<net version="1.20"/>')
-        with suppress(Exception):
-            self.simulation.load(["--net-file", _FILE.format(net), "--no-step-log", "--no-warnings"])
-            self.simulation.close()
+        self.simulation.load(["--net-file", _FILE.format(net), "--no-step-log", "--no-warnings"])
+        self.simulation.close()
         os.close(net)
 
     def _close_log(self) -> None:
@@ -162,7 +175,8 @@ def _load(index: int) -> types.ModuleType:
     """Import copy `index`; a copy once loaded stays loaded, since no extension module can be unloaded."""
     name = f"_smarts_libsumo_{index}"
     if name not in sys.modules:
-        installed = _installed_package()
+        installed = _installed_package("libsumo")
+        _point_to_projections()
         package = types.ModuleType(name)
         package.__path__ = [str(_copy_of_extension(index, installed)), str(installed)]
         sys.modules[name] = package
@@ -177,12 +191,19 @@ def _load(index: int) -> types.ModuleType:
         ) from error
 
 
-def _installed_package() -> Path:
+def _installed_package(name: str) -> Path:
     # `find_spec` does not run the package, which would load a copy that nobody uses.
-    spec = importlib.util.find_spec("libsumo")
+    spec = importlib.util.find_spec(name)
     if spec is None or not spec.submodule_search_locations:
-        raise TrafficError("libsumo is not installed", remedy="pip install libsumo==1.28.0")
+        raise TrafficError(f"{name} is not installed", remedy="pip install libsumo==1.28.0")
     return Path(spec.submodule_search_locations[0])
+
+
+def _point_to_projections() -> None:
+    """Say where maps with a projection find its data, as libsumo's package does."""
+    if not os.environ.get("PROJ_LIB") and not os.environ.get("PROJ_DATA"):
+        data = str(_installed_package("sumo_data") / "data" / "proj")
+        os.environ["PROJ_LIB"] = os.environ["PROJ_DATA"] = data
 
 
 def _copy_of_extension(index: int, installed: Path) -> Path:

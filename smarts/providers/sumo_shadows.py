@@ -16,8 +16,10 @@ two. What SUMO needs help with, found by experiment (the tests in `test_sumo_sha
   straight on.
 - SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. It is told
   instead.
-- A vehicle that moves against its lane is met by its rear as SUMO counts, and at no speed worth trusting:
-  it is put with its rear where its front is, and said to stand.
+- A vehicle that moves against its lane would be taken for a leader that drives away; it is said to stand.
+- SUMO goes on with a change of lane that it has begun when a vehicle is taken over, and crashes if the
+  vehicle is by then in a lane with none beside. Such a change is brought to its end, in SUMO's books, within
+  the first step.
 - SUMO would change a shadow's lane and ask others to make room for that, so lane changing is off meanwhile.
 """
 
@@ -29,7 +31,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from smarts.geometry.frames import compass_from_heading
-from smarts.providers.sumo_library import SumoLibrary, is_sumo_error
+from smarts.providers.sumo_library import SumoLibrary
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
@@ -43,7 +45,16 @@ _CLASSES = {
 }
 
 _MAY_LEAVE_NET = 2
+_MATCH_WITHIN = 20.0
+"""Where SUMO looks for lanes [m]; its default of 100 m takes twice the time."""
 _NO_LANE_CHANGES = 0
+_SUMO_LANE_CHANGES = 0b011001010101
+"""Lane-change modes: nothing, and SUMO's default."""
+_SIDEWAYS = "laneChangeModel.lcMaxSpeedLatStanding"
+_AT_ONCE = 1e4
+"""A limit to the speed of lane changes [m/s] that ends one in a step; `_SIDEWAYS` is its other half."""
+_CENTRING = 0.1
+"""How far a vehicle that SUMO has got back moves to the middle of its lane in a step [m]."""
 _OFF_THE_NET = -1e6
 """Both coordinates of a place that is on no map [m]."""
 
@@ -66,18 +77,20 @@ class _Shadow:
     id: str
     route: tuple[str, ...]
     """Where it is bound for; empty if nobody said."""
-    lane_change_mode: int | None
-    """To be restored when SUMO drives again; None for vehicles that SUMO never drove."""
     lane: str = ""
     position: float = 0.0
-    against: bool = False
-    """Whether it moves against its lane."""
+    """Of the front along the lane [m]."""
+    offset: float = 0.0
+    """Of the front to the left of the lane's centre [m]."""
     side: int = 0
     """Where it reaches into another lane: 1 left, -1 right, 0 nowhere."""
     noted_side: int = 0
     """The side that SUMO has noted."""
     entry: _Entry | None = None
     """How to enter it anew in the coming step."""
+    own_type: str = ""
+    own_sideways: str = ""
+    """Type and `_SIDEWAYS`, to be restored after its change of lane was ended; empty if there was none."""
 
 
 class SumoShadows:
@@ -86,6 +99,7 @@ class SumoShadows:
     def __init__(self, library: SumoLibrary) -> None:
         self._library = library
         self._shadows: dict[int, _Shadow] = {}
+        self._returned: dict[int, _Shadow] = {}
         self._types: set[str] = set()
         self._ways_on: dict[str, list[str]] = {}
 
@@ -96,19 +110,30 @@ class SumoShadows:
         """Forget all; SUMO has begun anew."""
         self._roads = roads
         self._shadows.clear()
+        self._returned.clear()
         self._types.clear()
         self._ways_on.clear()
 
     def create(self, slot: int, name: str, states: VehicleStates, route: Sequence[str]) -> None:
         """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""
         self._library.vehicle.add(name, "", typeID=self._type_of(slot, states))
-        self._take(slot, name, tuple(route), None)
+        self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
+        self._shadows[slot] = _Shadow(name, tuple(route))
 
     def take_over(self, slot: int, name: str) -> None:
         """Let a vehicle of SUMO's be a shadow from the next step on."""
         vehicle = self._library.vehicle
-        route = vehicle.getRoute(name)[max(vehicle.getRouteIndex(name), 0) :]
-        self._take(slot, name, tuple(route), vehicle.getLaneChangeMode(name))
+        vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
+        route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
+        shadow = _Shadow(name, route, lane, vehicle.getLanePosition(name))
+        if slot in self._returned:
+            shadow.noted_side = self._returned.pop(slot).noted_side
+        if vehicle.getLateralSpeed(name):
+            shadow.own_type = vehicle.getTypeID(name)
+            shadow.own_sideways = vehicle.getParameter(name, _SIDEWAYS)
+            vehicle.setMaxSpeedLat(name, _AT_ONCE)
+            vehicle.setParameter(name, _SIDEWAYS, str(_AT_ONCE))
+        self._shadows[slot] = shadow
 
     def hand_back(self, slot: int) -> bool:
         """Let SUMO drive a shadow on towards its destination; return whether SUMO can.
@@ -120,21 +145,22 @@ class SumoShadows:
         vehicle = self._library.vehicle
         if not vehicle.getLaneID(shadow.id):
             return False
-        vehicle.setLaneChangeMode(
-            shadow.id, 1621 if shadow.lane_change_mode is None else shadow.lane_change_mode
-        )
+        vehicle.setLaneChangeMode(shadow.id, _SUMO_LANE_CHANGES)
         self._restore_route(shadow)
+        self._returned[slot] = shadow
         return True
 
     def forget(self, slot: int) -> None:
         """Drop the shadow in a slot, if there is one."""
         self._shadows.pop(slot, None)
+        self._returned.pop(slot, None)
 
     def set_route(self, slot: int, edges: Sequence[str]) -> None:
         """Say where a shadow is bound for."""
         shadow = self._shadows[slot]
         shadow.route = tuple(edges)
-        shadow.lane = ""
+        if shadow.lane:
+            self._show_way_on(shadow, shadow.lane)
 
     def place(self, states: VehicleStates) -> None:
         """Say where every shadow is at the end of the coming step."""
@@ -142,42 +168,44 @@ class SumoShadows:
         for slot, shadow in self._shadows.items():
             if shadow.entry and not self._enter_anew(shadow):
                 shadow.entry = _Entry.OFF_THE_NET
-                move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET)
+                move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
             heading = float(states.heading[slot])
             x, y = states.position[slot].tolist()
             to_front = float(states.length[slot]) / 2
-            if shadow.against:
-                heading += math.pi
             x, y = x + to_front * math.cos(heading), y + to_front * math.sin(heading)
-            move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET)
+            move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET, _MATCH_WITHIN)
+        for slot in [*self._returned]:
+            if self._is_centred(self._returned[slot]):
+                del self._returned[slot]
 
     def settle(self, states: VehicleStates) -> None:
         """See where SUMO has put the shadows, and find out what it got wrong."""
         vehicle = self._library.vehicle
         for slot, shadow in self._shadows.items():
             lane = vehicle.getLaneID(shadow.id)
+            speed = float(states.speed[slot])
             if lane:
-                self._settle_on_lane(shadow, lane, float(states.width[slot]))
+                position = vehicle.getLanePosition(shadow.id)
+                if lane == shadow.lane and position < shadow.position:
+                    speed = 0.0
+                self._settle_on_lane(shadow, lane, position, float(states.width[slot]))
             else:
                 shadow.lane, shadow.entry = "", None
-            vehicle.setPreviousSpeed(
-                shadow.id, 0.0 if shadow.against else max(float(states.speed[slot]), 0.0)
-            )
+            vehicle.setPreviousSpeed(shadow.id, max(speed, 0.0))
+            if shadow.own_type:
+                vehicle.setType(shadow.id, shadow.own_type)
+                vehicle.setParameter(shadow.id, _SIDEWAYS, shadow.own_sideways)
+                shadow.own_type = ""
 
-    def _settle_on_lane(self, shadow: _Shadow, lane: str, width: float) -> None:
-        vehicle = self._library.vehicle
-        position = vehicle.getLanePosition(shadow.id)
-        offset = vehicle.getLateralLanePosition(shadow.id)
-        shadow.side = self._straddled_side(lane, offset, width)
-        # SUMO has noted the side whenever it has moved the shadow to this lane from another or from off the
+    def _settle_on_lane(self, shadow: _Shadow, lane: str, position: float, width: float) -> None:
+        shadow.offset = self._library.vehicle.getLateralLanePosition(shadow.id)
+        shadow.side = self._straddled_side(lane, shadow.offset, width)
+        # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
         # net.
         is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE
         if lane != shadow.lane:
-            shadow.against = False
             self._show_way_on(shadow, lane)
-        elif abs(position - shadow.position) > 0.01:
-            shadow.against = position < shadow.position
         shadow.lane, shadow.position = lane, position
         if shadow.entry is _Entry.AND_BACK:
             shadow.noted_side = 0
@@ -187,24 +215,41 @@ class SumoShadows:
         if shadow.side != shadow.noted_side or self._is_out_of_order(shadow):
             shadow.entry = _Entry.BESIDE if shadow.side else _Entry.AND_BACK
 
+    def _is_centred(self, shadow: _Shadow) -> bool:
+        """Ease a vehicle that was handed to SUMO to the middle of its lane; return whether that is over.
+
+        SUMO would leave it where it is, with what it has noted of it, until it changes lanes.
+        """
+        vehicle = self._library.vehicle
+        if abs(vehicle.getLateralLanePosition(shadow.id) - shadow.offset) > 1e-6:
+            return True  # SUMO has begun to change lanes.
+        shadow.offset -= math.copysign(min(abs(shadow.offset), _CENTRING), shadow.offset)
+        vehicle.setLateralLanePosition(shadow.id, shadow.offset)
+        if shadow.offset:
+            return False
+        if shadow.side or shadow.noted_side:
+            shadow.lane, shadow.position = vehicle.getLaneID(shadow.id), vehicle.getLanePosition(shadow.id)
+            shadow.entry = _Entry.AND_BACK
+            self._enter_anew(shadow)
+        return True
+
     def _enter_anew(self, shadow: _Shadow) -> bool:
         """Take a shadow out of its lane and in again; return whether there was a lane beside to do it by."""
+        beside = self._lane_beside(shadow)
+        if not beside:
+            return False
+        # SUMO refuses where the lane is not on the route that it has given to the shadow.
+        move, accepts = self._library.vehicle.moveTo, self._library.accepts
+        return accepts(move, shadow.id, beside, shadow.position) and (
+            shadow.entry is _Entry.BESIDE or accepts(move, shadow.id, shadow.lane, shadow.position)
+        )
+
+    def _lane_beside(self, shadow: _Shadow) -> str:
+        """Return the lane that a shadow straddles into, or else any lane beside its own, "" without one."""
         number = self._roads.lane_of_id(shadow.lane)
         left, right = int(self._roads.left[number]), int(self._roads.right[number])
         beside = left if shadow.side > 0 or right < 0 else right
-        if beside < 0:
-            return False
-        move = self._library.vehicle.moveTo
-        try:
-            move(shadow.id, self._roads.lane_ids[beside], shadow.position)
-            if shadow.entry is _Entry.AND_BACK:
-                move(shadow.id, shadow.lane, shadow.position)
-        except Exception as error:
-            # The lane is not on the route that SUMO has given to the shadow.
-            if not is_sumo_error(error):
-                raise
-            return False
-        return True
+        return self._roads.lane_ids[beside] if beside >= 0 else ""
 
     def _straddled_side(self, lane: str, offset: float, width: float) -> int:
         """Return 1 or -1 if a vehicle so far left of the centreline reaches into the lane on that side."""
@@ -213,10 +258,6 @@ class SumoShadows:
             return 0
         beside = self._roads.left if offset > 0 else self._roads.right
         return (1 if offset > 0 else -1) if beside[number] >= 0 else 0
-
-    def _take(self, slot: int, name: str, route: tuple[str, ...], lane_change_mode: int | None) -> None:
-        self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
-        self._shadows[slot] = _Shadow(name, route, lane_change_mode)
 
     def _is_out_of_order(self, shadow: _Shadow) -> bool:
         """Return whether SUMO's order on the lane is not that of the positions around the shadow."""
@@ -238,8 +279,10 @@ class SumoShadows:
             ahead = list(shadow.route)
         else:
             ahead = [edge, *self._way_on(lane)]
-        if tuple(ahead) != self._library.vehicle.getRoute(shadow.id):
-            self._library.vehicle.setRoute(shadow.id, ahead)
+        if tuple(ahead) != self._library.route_ahead(shadow.id):
+            # Where SUMO refuses, because the vehicle may not use a lane, it sees no way on; nothing else is
+            # lost.
+            self._library.accepts(self._library.vehicle.setRoute, shadow.id, ahead)
 
     def _way_on(self, lane: str) -> list[str]:
         """Return the edge that a lane leads into, the one straight on where there are several."""
@@ -250,22 +293,20 @@ class SumoShadows:
         return self._ways_on[lane]
 
     def _restore_route(self, shadow: _Shadow) -> None:
-        vehicle = self._library.vehicle
-        present = vehicle.getRoute(shadow.id)
-        index = max(vehicle.getRouteIndex(shadow.id), 0)
-        # Inside a junction the edge behind it is settled already.
-        settled = list(present[index : index + (2 if vehicle.getRoadID(shadow.id).startswith(":") else 1)])
+        """Send a vehicle on to its destination: along its own route, or else by the fastest way."""
         if not shadow.route:
             return
-        if settled[-1] in shadow.route:
-            ahead = list(shadow.route[shadow.route.index(settled[-1]) :])
+        vehicle = self._library.vehicle
+        present = self._library.route_ahead(shadow.id)
+        # Inside a junction the edge behind it is settled already.
+        settled = present[: 2 if vehicle.getRoadID(shadow.id).startswith(":") else 1]
+        here, destination = settled[-1], shadow.route[-1]
+        if here in shadow.route:
+            ahead = shadow.route[shadow.route.index(here) :]
         else:
-            ahead = list(
-                self._library.simulation.findRoute(
-                    settled[-1], shadow.route[-1], vehicle.getTypeID(shadow.id)
-                ).edges
-            )
-        if ahead and (*settled[:-1], *ahead) != present[index:]:
+            find = self._library.simulation.findRoute
+            ahead = tuple(find(here, destination, vehicle.getTypeID(shadow.id)).edges)
+        if ahead and (*settled[:-1], *ahead) != present:
             vehicle.setRoute(shadow.id, [*settled[:-1], *ahead])
 
     def _type_of(self, slot: int, states: VehicleStates) -> str:
@@ -279,9 +320,7 @@ class SumoShadows:
             vehicletype.setVehicleClass(name, _CLASSES[kind])
             vehicletype.setLength(name, length)
             vehicletype.setWidth(name, width)
-            # Limits bind the owner, not the shadow.
-            vehicletype.setMaxSpeed(name, 100.0)
+            # With a spread, the type would draw from SUMO's random stream.
             vehicletype.setSpeedDeviation(name, 0.0)
-            vehicletype.setSpeedFactor(name, 10.0)
             self._types.add(name)
         return name

@@ -6,13 +6,13 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from smarts.geometry.grid import Grid, build_grid
 from smarts.roads import kernels
-from smarts.roads.corridors import Corridor, free_corridor, route_corridor
-from smarts.roads.kernels import Roads, RouteTable
+from smarts.roads.arrays import RouteTable
+from smarts.roads.corridors import free_corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.packing import pack_roads, pack_routes
 from smarts.roads.waypoints import WaypointPaths, write_waypoints
 
 Floats = NDArray[np.float64]
@@ -21,10 +21,6 @@ Bools = NDArray[np.bool_]
 
 ROAD_LANES = frozenset({LaneKind.CAR, LaneKind.BUS})
 """The lanes that are road to a motor vehicle."""
-
-_CELL = 6.0
-"""Side of a grid cell [m]; a lane's width or two, so that a cell lists few lanes."""
-_MOST_CELLS = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +51,7 @@ class RoadAtlas:
 
     def __init__(self, graphs: Sequence[LaneGraph]) -> None:
         self.graphs = tuple(graphs)
-        self.roads = _concatenate(self.graphs)
+        self.roads = pack_roads(self.graphs)
         self.no_routes = self.route_table(())
 
     def route_table(
@@ -68,7 +64,7 @@ class RoadAtlas:
         """
         free = [(world, free_corridor(graph, kinds)) for world, graph in enumerate(self.graphs)]
         own = [(world, route_corridor(self.graphs[world], tuple(route), kinds)) for world, route in routes]
-        return _table(free, own, self.roads.lane_base)
+        return pack_routes(free, own, self.roads.lane_base)
 
     def locate(
         self,
@@ -92,18 +88,17 @@ class RoadAtlas:
             kinds: The lanes that count.
             out: Buffers to write into.
         """
+        if routes is not None and table is None:
+            raise TypeError("locate() needs the table that the routes are numbers of")
         count = len(maps)
         out = LanePositions.allocate(count) if out is None else out
-        heading = np.full(count, np.nan) if heading is None else heading
-        routes = np.full(count, -1, np.int32) if routes is None else routes
-        table = self.no_routes if table is None else table
         kernels.locate(
             self.roads,
-            table,
-            maps,
-            position,
-            heading,
-            routes,
+            self.no_routes if table is None else table,
+            _ints(maps),
+            _floats(position),
+            np.full(count, np.nan) if heading is None else _floats(heading),
+            np.full(count, -1, np.int32) if routes is None else _ints(routes),
             _mask(kinds),
             out.lane,
             out.s,
@@ -115,13 +110,13 @@ class RoadAtlas:
     def project(self, maps: Ints, lane: Ints, position: Floats) -> tuple[Floats, Floats]:
         """Return s and t [m] of positions with respect to given lanes, NaN where the lane is -1."""
         s, t = np.empty(len(maps)), np.empty(len(maps))
-        kernels.project_on_lanes(self.roads, maps, lane, position, s, t)
+        kernels.project_on_lanes(self.roads, _ints(maps), _ints(lane), _floats(position), s, t)
         return s, t
 
     def poses(self, maps: Ints, lane: Ints, s: Floats, t: Floats) -> tuple[Floats, Floats]:
         """Return positions [m], shape (E, 2), and headings [rad] at given places on lanes."""
         position, heading = np.empty((len(maps), 2)), np.empty(len(maps))
-        kernels.poses_at(self.roads, maps, lane, s, t, position, heading)
+        kernels.poses_at(self.roads, _ints(maps), _ints(lane), _floats(s), _floats(t), position, heading)
         return position, heading
 
     def on_road(
@@ -134,7 +129,7 @@ class RoadAtlas:
     ) -> Bools:
         """Return whether points lie on a lane of these kinds, or, if wanted, inside a junction's outline."""
         result = np.empty(len(maps), np.bool_)
-        kernels.on_road(self.roads, maps, position, _mask(kinds), junctions, result)
+        kernels.on_road(self.roads, _ints(maps), _floats(position), _mask(kinds), junctions, result)
         return result
 
     def corners_on_road(
@@ -151,7 +146,15 @@ class RoadAtlas:
         """Return how many corners of each vehicle's footprint are on the road, 0 to 4; see `on_road`."""
         result = np.empty(len(maps), np.int8)
         kernels.corners_on_road(
-            self.roads, maps, position, heading, length, width, _mask(kinds), junctions, result
+            self.roads,
+            _ints(maps),
+            _floats(position),
+            _floats(heading),
+            _floats(length),
+            _floats(width),
+            _mask(kinds),
+            junctions,
+            result,
         )
         return result
 
@@ -170,9 +173,11 @@ class RoadAtlas:
                 comes by the same lane twice. Without it, the first time.
         """
         count = len(maps)
-        hint = np.full(count, np.nan) if hint is None else hint
+        hint = np.full(count, np.nan) if hint is None else _floats(hint)
         done, remaining = np.empty(count), np.empty(count)
-        kernels.route_distances(self.roads, table, maps, routes, lane, s, hint, done, remaining)
+        kernels.route_distances(
+            self.roads, table, _ints(maps), _ints(routes), _ints(lane), _floats(s), hint, done, remaining
+        )
         return done, remaining
 
     def waypoints(
@@ -206,100 +211,35 @@ class RoadAtlas:
             out: Buffers to write into, whose shape then overrides `paths` and `lookahead`.
         """
         out = WaypointPaths.allocate(len(maps), paths, lookahead) if out is None else out
-        hint = np.full(len(maps), np.nan) if hint is None else hint
-        write_waypoints(self.roads, table, maps, position, lane, routes, hint, _mask(kinds), spacing, out)
+        hint = np.full(len(maps), np.nan) if hint is None else _floats(hint)
+        write_waypoints(
+            self.roads,
+            table,
+            _ints(maps),
+            _floats(position),
+            _ints(lane),
+            _ints(routes),
+            hint,
+            _mask(kinds),
+            spacing,
+            out,
+        )
         return out
+
+
+def _ints(values: Ints) -> Ints:
+    return _plain(values, np.int32)
+
+
+def _floats(values: Floats) -> Floats:
+    return _plain(values, np.float64)
+
+
+def _plain(values: NDArray, dtype: type) -> NDArray:
+    """Return contiguous, writable numbers: to numba any other kind of array is another kernel to compile."""
+    array = np.ascontiguousarray(values, dtype)
+    return array if array.flags.writeable else array.copy()
 
 
 def _mask(kinds: Iterable[LaneKind]) -> int:
     return sum(1 << kind for kind in set(kinds))
-
-
-def _concatenate(graphs: Sequence[LaneGraph]) -> Roads:
-    grids = [_grid(graph) for graph in graphs]
-
-    def joined(arrays: Iterable[ArrayLike]) -> NDArray:
-        return np.concatenate([np.asarray(array) for array in arrays])
-
-    def stacked(starts: Iterable[Ints]) -> Ints:
-        """Join CSR starts: each map's numbers go on where those of the map before end."""
-        counts = joined(np.diff(start) for start in starts)
-        return np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
-
-    lane_base = _bases(len(graph.lane_ids) for graph in graphs)
-    point_base = _bases(len(graph.point_s) for graph in graphs)
-    junction_base = _bases(len(graph.junction_ids) for graph in graphs)
-    shifts = np.stack((lane_base, point_base, point_base), axis=1)
-    return Roads(
-        lane_base=lane_base,
-        lane_index=joined(graph.lane_index for graph in graphs),
-        lane_width=joined(graph.width for graph in graphs),
-        lane_speed=joined(graph.speed_limit for graph in graphs),
-        lane_kind=joined(graph.kind for graph in graphs),
-        lane_inside=joined(graph.is_internal for graph in graphs),
-        point_start=stacked(graph.point_start for graph in graphs),
-        point_xy=joined(graph.point_xy for graph in graphs),
-        point_heading=joined(graph.point_heading for graph in graphs),
-        point_s=joined(graph.point_s for graph in graphs),
-        grid_origin=np.array([grid.origin for grid in grids]),
-        grid_size=np.array([grid.size for grid in grids]),
-        grid_shape=np.array([(grid.columns, grid.rows) for grid in grids], np.int32),
-        cell_base=_bases(grid.columns * grid.rows for grid in grids),
-        run_start=stacked(grid.run_start for grid in grids),
-        run=joined(grid.run + shift for grid, shift in zip(grids, shifts, strict=False)).astype(np.int32),
-        outline_start=stacked(grid.outline_start for grid in grids),
-        outline=joined(g.outline + base for g, base in zip(grids, junction_base, strict=False)).astype(
-            np.int32
-        ),
-        vertex_start=stacked(graph.junction_start for graph in graphs),
-        vertex=joined(graph.junction_xy for graph in graphs),
-    )
-
-
-def _grid(graph: LaneGraph) -> Grid:
-    extent = np.ptp(graph.point_xy, axis=0) + 2 * graph.width.max()
-    size = max(_CELL, float(np.sqrt(extent[0] * extent[1] / _MOST_CELLS)))
-    # The graph's own arrays are read-only, which would be another signature to compile.
-    return build_grid(
-        np.array(graph.point_start),
-        np.array(graph.point_xy),
-        # A lane inside a junction counts up to its whole width to either side, see `kernels.locate`.
-        np.array(graph.width),
-        np.array(graph.junction_start),
-        np.array(graph.junction_xy),
-        size,
-    )
-
-
-def _bases(counts: Iterable[int]) -> Ints:
-    return np.cumsum([0, *counts]).astype(np.int32)
-
-
-def _table(
-    free: Sequence[tuple[int, Corridor]], own: Sequence[tuple[int, Corridor]], lane_base: Ints
-) -> RouteTable:
-    worlds = [world for world, _ in (*free, *own)]
-    corridors = [corridor for _, corridor in (*free, *own)]
-    row_base = _bases(len(corridor.lane) for corridor in corridors)
-    group_base = _bases(int(corridor.group.max(initial=-1)) + 1 for corridor in corridors)
-
-    def joined(parts: Iterable[NDArray], dtype: type = np.int32) -> NDArray:
-        return np.concatenate(list(parts)).astype(dtype)
-
-    counts = joined(np.diff(corridor.onward_start) for corridor in corridors)
-    return RouteTable(
-        free=len(free),
-        start=row_base,
-        lane=joined(c.lane + lane_base[world] for c, world in zip(corridors, worlds, strict=True)),
-        group=joined(c.group + base for c, base in zip(corridors, group_base, strict=False)),
-        begin=joined((c.begin for c in corridors), np.float64),
-        end=joined((c.end for c in corridors), np.float64),
-        onward_start=_bases(counts),
-        onward=joined(c.onward + base for c, base in zip(corridors, row_base, strict=False)),
-        before=joined(
-            np.where(c.before >= 0, c.before + base, -1) for c, base in zip(corridors, row_base, strict=False)
-        ),
-        by_lane=joined(
-            np.argsort(c.lane, kind="stable") + base for c, base in zip(corridors, row_base, strict=False)
-        ),
-    )

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import re
-import subprocess
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
 from smarts.errors import MapError
+from smarts.roads.children import TIME_LIMIT_VARIABLE, run_child, time_limit
 from smarts.roads.dropped import dropped_parts
+from smarts.roads.foreign import check_sources
 from smarts.roads.sources import MapKind, MapSource
 from smarts.roads.validation import validate_net
 
@@ -35,7 +37,7 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         "opendrive.curve-resolution": "1",
         # Shoulders and sidewalks stay, closed to cars, so that lanes keep their place on the road.
         "opendrive.import-all-lanes": "true",
-        "opendrive.internal-shapes": "true",
+        # `opendrive.internal-shapes` stays off: it leaves gaps of metres and folded lanes in real maps.
         "output.original-names": "true",
     },
     "osm": {
@@ -85,26 +87,45 @@ def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
     if source.kind == "sumo_net":
         net = _read_bytes(source.files[0])
         return _publish(net, (), source, out)
-    with tempfile.TemporaryDirectory(prefix="smarts-map-") as folder:
-        product = Path(folder) / "map.net.xml"
+    check_sources(source)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        # Beside the map to be, so that nothing stays where nobody clears up, and one disk needs room only.
+        folder = tempfile.TemporaryDirectory(
+            prefix=".partial-map-", dir=out.parent, ignore_cleanup_errors=True
+        )
+    except OSError as error:
+        raise _cannot_write(out, error) from error
+    with folder as name:
+        product = Path(name) / "map.net.xml"
         notes = _convert(source, product)
         net = _GENERATED_COMMENT.sub(b"", _read_bytes(product), count=1)
         notes += dropped_parts(source, net)
     return _publish(net, notes, source, out)
 
 
+def _cannot_write(out: Path, error: OSError) -> MapError:
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return MapError(
+        f"cannot write the compiled map: {error.strerror}",
+        place=str(out.parent if full else out),
+        remedy="make room on that disk" if full else "make its folder writable",
+    )
+
+
 def _publish(net: bytes, notes: tuple[str, ...], source: MapSource, out: Path) -> tuple[str, ...]:
-    notes += validate_net(net, source)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=out.parent, prefix=f".{out.name}.", delete=False) as file:
-        temporary = Path(file.name)
-        try:
-            file.write(net)
-            file.close()
-            temporary.chmod(0o644)
-            os.replace(temporary, out)
-        finally:
-            temporary.unlink(missing_ok=True)
+    """Check the network, and put it into place in one step."""
+    validate_net(net, source)
+    temporary = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(net)
+        os.replace(temporary, out)
+    except OSError as error:
+        raise _cannot_write(out, error) from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
     return notes
 
 
@@ -117,26 +138,66 @@ def _read_bytes(path: Path) -> bytes:
 
 def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
     tool = "netgenerate" if source.kind == "netgenerate" else "netconvert"
-    command = [str(_sumo_folder() / "bin" / tool), *_arguments(source), "--output-file", str(product)]
-    try:
-        run = subprocess.run(
-            command, env=_environment(), capture_output=True, text=True, errors="replace", check=False
-        )
-    except OSError as error:
-        raise MapError(
-            f"{tool} does not start: {error.strerror}",
-            place=command[0],
-            remedy="reinstall SUMO: pip install --force-reinstall eclipse-sumo",
-        ) from error
-    messages = _messages(run.stderr, source.files)
-    if run.returncode != 0 or not product.is_file():
+    command = [
+        str(_sumo_folder() / "bin" / tool),
+        *_arguments(source),
+        "--output-file",
+        str(product.resolve()),
+    ]
+    place = str(source.files[0])
+    code, said = _run(tool, command, source)
+    messages = _messages(said)
+    if code != 0 or not product.is_file():
         errors = [text.removeprefix("Error: ") for text in messages if not text.startswith("Warning: ")]
         raise MapError(
-            f"{tool} refused the map: {' '.join(errors) or f'exit code {run.returncode}'}",
-            place=str(source.files[0]),
-            remedy=f"mend the file; {tool} --help explains the options that a .netccfg file may set",
+            f"{tool} refused the map: {' '.join(errors) or f'exit code {code}'}",
+            place=place,
+            remedy=_remedy(source, tool),
         )
-    return tuple(text.removeprefix("Warning: ") for text in messages)
+    if not _ends_whole(product):
+        raise MapError(
+            f"{tool} could not write the whole network to {product.parent.parent}",
+            place=place,
+            remedy="make room on that disk",
+        )
+    return tuple(text.removeprefix("Warning: ").removeprefix("Error: ") for text in messages)
+
+
+def _run(tool: str, command: list[str], source: MapSource) -> tuple[int, str]:
+    """Return the tool's exit code, and what it says about errors."""
+    with tempfile.TemporaryFile() as said:
+        try:
+            # In the map's folder file names are enough: SUMO splits paths at commas, and repeats them.
+            code = run_child(command, cwd=source.files[0].parent, env=_environment(), stderr=said)
+        except TimeoutError as error:
+            raise MapError(
+                f"{tool} was still at work after {time_limit():g} s",
+                place=str(source.files[0]),
+                remedy=f"give a smaller map, or set {TIME_LIMIT_VARIABLE} to more seconds",
+            ) from error
+        except OSError as error:
+            raise MapError(
+                f"{tool} does not start: {error.strerror}",
+                place=command[0],
+                remedy="reinstall SUMO: pip install --force-reinstall eclipse-sumo",
+            ) from error
+        said.seek(0)
+        return code, said.read().decode(errors="replace")
+
+
+def _ends_whole(product: Path) -> bool:
+    # On a full disk netconvert stops writing and says nothing.
+    with open(product, "rb") as file:
+        file.seek(max(product.stat().st_size - 64, 0))
+        return file.read().rstrip().endswith(b"</net>")
+
+
+def _remedy(source: MapSource, tool: str) -> str:
+    if source.kind in ("opendrive", "osm"):
+        options = source.files[0].name.partition(".")[0] + ".netccfg"
+        entry = '<configuration><ignore-errors value="true"/></configuration>'
+        return f"mend the file, or import what is sound in it: write {entry} to {options} beside it"
+    return f"mend the file; {tool} --help lists the options"
 
 
 def _sumo_folder() -> Path:
@@ -158,12 +219,12 @@ def _arguments(source: MapSource) -> list[str]:
     """Return the command line: the user's options file, then our choices for what it leaves open."""
     config = source.files[0] if source.kind == "netgenerate" else source.options
     chosen = _configured_options(config) if config else set()
-    arguments = ["--configuration-file", str(config)] if config else []
+    arguments = ["--configuration-file", config.name] if config else []
     if source.kind != "netgenerate":
         for file in source.files:
             option = next((o for suffix, o in _INPUT_OPTIONS.items() if file.name.endswith(suffix)), None)
             if option:
-                arguments += [f"--{option}", str(file)]
+                arguments += [f"--{option}", file.name]
     for option, value in (_COMMON | _DEFAULTS[source.kind]).items():
         if option not in chosen:
             arguments += [f"--{option}", value]
@@ -178,10 +239,8 @@ def _configured_options(config: Path) -> set[str]:
     return {element.tag for element in tree.iter() if "value" in element.attrib or "v" in element.attrib}
 
 
-def _messages(stderr: str, files: Iterable[Path]) -> list[str]:
-    """Return each distinct message once, without the paths of this machine."""
-    for folder in sorted({f"{file.parent}{os.sep}" for file in files}, key=len, reverse=True):
-        stderr = stderr.replace(folder, "")
+def _messages(stderr: str) -> list[str]:
+    """Return each distinct message once."""
     messages: list[str] = []
     for line in stderr.splitlines():
         text = " ".join(line.split())

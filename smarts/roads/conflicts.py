@@ -15,6 +15,8 @@ Ints = NDArray[np.int32]
 
 LEAST_OVERLAP = 0.25
 """Lanes that share less area than this only touch, as neighbours in a bend do [m^2]."""
+SIMPLIFICATION = 0.01
+"""How far the lines may be from the centrelines here [m]; with fewer points the search is faster."""
 
 _MOTOR_TRAFFIC = (LaneKind.CAR, LaneKind.BUS)
 
@@ -53,7 +55,8 @@ def find_conflicts(areas: LaneAreas) -> Conflicts:
     """
     inside = np.flatnonzero((areas.junction >= 0) & np.isin(areas.kind, _MOTOR_TRAFFIC))
     lines = np.array([shapely.LineString(areas.centrelines[lane]) for lane in inside], object)
-    shapes = shapely.buffer(lines, areas.width[inside] / 2, cap_style="flat")
+    lines = shapely.simplify(lines, SIMPLIFICATION)
+    shapes = shapely.buffer(lines, areas.width[inside] / 2, cap_style="flat", join_style="mitre")
     a, b = _candidates(areas, inside, shapes)
     overlap = shapely.intersection(shapes[a], shapes[b])
     kept = shapely.area(overlap) > LEAST_OVERLAP

@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.memory import remembered
 from smarts.roads.routes import CARS, edge_graph
 
 Floats = NDArray[np.float64]
@@ -40,7 +41,12 @@ class Corridor:
     """CSR of the rows that a row leads into without leaving the route, shape (R + 1,)."""
     onward: Ints
 
-    @property
+    @cached_property
+    def by_lane(self) -> Ints:
+        """Rows in ascending order of lane, and along the route where lanes are equal."""
+        return np.argsort(self.lane, kind="stable").astype(np.int32)
+
+    @cached_property
     def before(self) -> Ints:
         """Row of the lane before within the same group, -1 where none is: the ways through a junction."""
         source = np.repeat(np.arange(len(self.lane), dtype=np.int32), np.diff(self.onward_start))
@@ -65,7 +71,7 @@ class _Row:
     """Lanes of the rows that follow."""
 
 
-@lru_cache(maxsize=1024)
+@remembered(most=1024)
 def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[LaneKind] = CARS) -> Corridor:
     """Return the (remembered) corridor of a route.
 
@@ -99,7 +105,7 @@ def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[La
     return _corridor(rows)
 
 
-@lru_cache(maxsize=64)
+@remembered(most=8)
 def free_corridor(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Corridor:
     """Return the corridor of going anywhere: row i is lane i, and every usable exit of a junction is open.
 
@@ -107,11 +113,11 @@ def free_corridor(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Corridor:
     """
     lanes = np.arange(len(graph.lane_ids), dtype=np.int32)
     usable = np.isin(graph.kind, list(kinds))
-    onward = [[int(lane) for lane in graph.successors(int(lane)) if usable[lane]] for lane in lanes]
+    kept = usable[graph.successor]
+    # How many of the links before each lane's own are kept.
+    start = np.concatenate(([0], np.cumsum(kept)))[graph.successor_start].astype(np.int32)
     unknown = np.full(len(lanes), np.nan)
-    start = np.cumsum([0, *(len(lanes) for lanes in onward)]).astype(np.int32)
-    flat = np.array([lane for lanes in onward for lane in lanes], np.int32)
-    return Corridor(lanes, graph.lane_edge.copy(), unknown, unknown, start, flat)
+    return Corridor(lanes, graph.lane_edge, unknown, unknown, start, graph.successor[kept])
 
 
 def _chains(graph: LaneGraph, lanes: Sequence[int], edge: int, usable: NDArray[np.bool_]) -> list[list[int]]:

@@ -1,18 +1,17 @@
 """Compiled questions about places on the road, for batches of poses on several maps at once.
 
-Axis letters: E queries, M maps. Lanes are numbered within their own map at the kernels' edge, and across
-all maps inside. Every kernel writes into arrays that the caller gives; a slice of them is a range of rows.
+Axis letters: E queries, M maps. Lanes are numbered within their own map at the kernels' edge, and across all
+maps inside. Every kernel writes into arrays that the caller gives; a slice of them is a range of rows.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import (
     cell_number,
     inside_outline,
@@ -20,9 +19,11 @@ from smarts.geometry.segments import (
     project,
     segment_at,
 )
+from smarts.roads.arrays import Roads, RouteTable
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Bools = NDArray[np.bool_]
 
 HEADING_COST = 10.0
 """What a lane of exactly the opposite direction costs among lanes that overlap [m of distance]."""
@@ -36,75 +37,8 @@ FARTHEST = 1e7
 _MOST_CANDIDATES = 64
 
 
-class Roads(NamedTuple):
-    """The lanes of several maps in a row, L in all, and a spatial grid for each map."""
-
-    lane_base: Ints
-    """First lane of each map, shape (M + 1,)."""
-    lane_index: Ints
-    """Place across the road, 0 is the rightmost, shape (L,)."""
-    lane_width: Floats
-    """[m], shape (L,)."""
-    lane_speed: Floats
-    """Limit [m/s], shape (L,)."""
-    lane_kind: NDArray[np.int8]
-    """A `LaneKind`, shape (L,)."""
-    lane_inside: NDArray[np.bool_]
-    """Whether the lane is inside a junction, shape (L,)."""
-    point_start: Ints
-    """CSR of the centrelines, shape (L + 1,)."""
-    point_xy: Floats
-    """[m], shape (P, 2)."""
-    point_heading: Floats
-    """[rad], shape (P,)."""
-    point_s: Floats
-    """[m], shape (P,)."""
-    grid_origin: Floats
-    """[m], shape (M, 2)."""
-    grid_size: Floats
-    """Side of a cell [m], shape (M,)."""
-    grid_shape: Ints
-    """Columns and rows, shape (M, 2)."""
-    cell_base: Ints
-    """First cell of each map, shape (M,)."""
-    run_start: Ints
-    """CSR of the runs of each cell."""
-    run: Ints
-    """Rows (lane, first point, last point)."""
-    outline_start: Ints
-    """CSR of the junctions of each cell."""
-    outline: Ints
-    """Junctions."""
-    vertex_start: Ints
-    """CSR of the junctions' outlines."""
-    vertex: Floats
-    """[m]."""
-
-
-class RouteTable(NamedTuple):
-    """The corridors of several routes in a row: first one without a route for each map, then the routes."""
-
-    free: int
-    """M, the number of corridors without a route."""
-    start: Ints
-    """CSR of the rows of each corridor."""
-    lane: Ints
-    """Numbered across all maps."""
-    group: Ints
-    """Rows with the same number are side by side; unique across the table."""
-    begin: Floats
-    end: Floats
-    onward_start: Ints
-    onward: Ints
-    """Rows of this table."""
-    before: Ints
-    """Row of the lane before on the same way through a junction, -1 where the way begins."""
-    by_lane: Ints
-    """Within each corridor its rows in ascending order of lane."""
-
-
-@njit(cache=True, error_model="numpy")
-def find_row(table, corridor, lane, hint):
+@kernel
+def find_row(table: RouteTable, corridor: int, lane: int, hint: float) -> int:
     """Return the row of a lane in a corridor, -1 if it has none.
 
     Of several rows (a route that comes by twice) it is the one whose distances are nearest to `hint` [m]; the
@@ -120,7 +54,7 @@ def find_row(table, corridor, lane, hint):
             high = middle
     best, best_gap = -1, np.inf
     while low < last and table.lane[table.by_lane[low]] == lane:
-        row = table.by_lane[low]
+        row = int(table.by_lane[low])
         gap = max(0.0, table.begin[row] - hint, hint - table.end[row])
         if best < 0 or gap < best_gap:
             best, best_gap = row, gap
@@ -128,14 +62,14 @@ def find_row(table, corridor, lane, hint):
     return best
 
 
-@njit(cache=True, error_model="numpy")
-def _is_somewhere(x, y):
+@kernel
+def _is_somewhere(x: float, y: float) -> bool:
     """Tell whether a position can be reckoned with; NaN compares false."""
     return abs(x) < FARTHEST and abs(y) < FARTHEST
 
 
-@njit(cache=True, error_model="numpy")
-def _cell_at(roads, world, x, y):
+@kernel
+def _cell_at(roads: Roads, world: int, x: float, y: float) -> int:
     """Return the number across all maps of the cell that holds a point, -1 outside the grid."""
     column = cell_number(x, roads.grid_origin[world, 0], roads.grid_size[world])
     row = cell_number(y, roads.grid_origin[world, 1], roads.grid_size[world])
@@ -145,8 +79,8 @@ def _cell_at(roads, world, x, y):
     return roads.cell_base[world] + row * columns + column
 
 
-@njit(cache=True, error_model="numpy")
-def _nearest_in_run(roads, run, x, y):
+@kernel
+def _nearest_in_run(roads: Roads, run: int, x: float, y: float) -> tuple[int, float]:
     """Return the segment of a run nearest to a point, and the square of its distance [m^2]."""
     best, best_square = -1, np.inf
     for point in range(roads.run[run, 1], roads.run[run, 2]):
@@ -157,8 +91,8 @@ def _nearest_in_run(roads, run, x, y):
     return best, best_square
 
 
-@njit(cache=True, error_model="numpy")
-def _place_on(roads, lane, point, x, y):
+@kernel
+def _place_on(roads: Roads, lane: int, point: int, x: float, y: float) -> tuple[float, float, float]:
     """Return s, t [m] and overshoot [m] of a position projected onto the segment that begins at `point`.
 
     The overshoot is how far the position lies before the begin or behind the end of the whole lane.
@@ -177,15 +111,17 @@ def _place_on(roads, lane, point, x, y):
     return roads.point_s[point] + min(1.0, max(0.0, share)) * span, t, overshoot
 
 
-@njit(cache=True, error_model="numpy")
-def _heading_at(roads, point, s):
+@kernel
+def _heading_at(roads: Roads, point: int, s: float) -> float:
     span = roads.point_s[point + 1] - roads.point_s[point]
     share = min(1.0, max(0.0, (s - roads.point_s[point]) / span))
     return interpolate_angle(roads.point_heading[point], roads.point_heading[point + 1], share)
 
 
-@njit(cache=True, error_model="numpy")
-def _gather(roads, cell, x, y, mask, lanes, points, squares):
+@kernel
+def _gather(
+    roads: Roads, cell: int, x: float, y: float, mask: int, lanes: Ints, points: Ints, squares: Floats
+) -> int:
     """List the lanes near a cell, each with its segment nearest to the point; return how many."""
     count = 0
     for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
@@ -203,8 +139,19 @@ def _gather(roads, cell, x, y, mask, lanes, points, squares):
     return count
 
 
-@njit(cache=True, error_model="numpy")
-def _choose(roads, table, corridor, heading, x, y, count, lanes, points, squares):
+@kernel
+def _choose(
+    roads: Roads,
+    table: RouteTable,
+    corridor: int,
+    heading: float,
+    x: float,
+    y: float,
+    count: int,
+    lanes: Ints,
+    points: Ints,
+    squares: Floats,
+) -> int:
     """Return the place in the list of the lane that a vehicle at this pose is on, -1 if it is on none."""
     on_road_lane = False
     for place in range(count):
@@ -235,8 +182,8 @@ def _choose(roads, table, corridor, heading, x, y, count, lanes, points, squares
     return best
 
 
-@njit(cache=True, error_model="numpy")
-def _nearest_anywhere(roads, world, x, y, mask):
+@kernel
+def _nearest_anywhere(roads: Roads, world: int, x: float, y: float, mask: int) -> tuple[int, int]:
     """Return the lane and the segment nearest to a point however far it is, (-1, -1) if there is no lane."""
     origin, size = roads.grid_origin[world], roads.grid_size[world]
     columns, rows = roads.grid_shape[world]
@@ -271,8 +218,20 @@ def _nearest_anywhere(roads, world, x, y, mask):
     return best_lane, best_point
 
 
-@njit(cache=True, error_model="numpy")
-def locate(roads, table, maps, position, heading, route, mask, lane, s, t, distance):
+@kernel
+def locate(
+    roads: Roads,
+    table: RouteTable,
+    maps: Ints,
+    position: Floats,
+    heading: Floats,
+    route: Ints,
+    mask: int,
+    lane: Ints,
+    s: Floats,
+    t: Floats,
+    distance: Floats,
+) -> None:
     """Find the lane that each pose is on, or the nearest one if it is on none.
 
     A pose is on a lane if it lies within its width and between its ends. Where several lanes overlap, the
@@ -317,8 +276,8 @@ def locate(roads, table, maps, position, heading, route, mask, lane, s, t, dista
         distance[i] = math.hypot(t[i], overshoot) if overshoot > 0.0 else abs(t[i])
 
 
-@njit(cache=True, error_model="numpy")
-def project_on_lanes(roads, maps, lane, position, s, t):
+@kernel
+def project_on_lanes(roads: Roads, maps: Ints, lane: Ints, position: Floats, s: Floats, t: Floats) -> None:
     """Write s and t [m] of positions with respect to given lanes, NaN where the lane is -1; shapes (E,)."""
     for i in range(len(maps)):
         s[i], t[i] = np.nan, np.nan
@@ -336,8 +295,10 @@ def project_on_lanes(roads, maps, lane, position, s, t):
             s[i], t[i], _ = _place_on(roads, number, best, x, y)
 
 
-@njit(cache=True, error_model="numpy")
-def poses_at(roads, maps, lane, s, t, position, heading):
+@kernel
+def poses_at(
+    roads: Roads, maps: Ints, lane: Ints, s: Floats, t: Floats, position: Floats, heading: Floats
+) -> None:
     """Write position [m] and heading [rad] at s, t [m] of given lanes, NaN where the lane is -1.
 
     Beyond its ends a lane goes on straight.
@@ -353,16 +314,16 @@ def poses_at(roads, maps, lane, s, t, position, heading):
         position[i, 1] = y + t[i] * math.cos(heading[i])
 
 
-@njit(cache=True, error_model="numpy")
-def centre_at(roads, point, s):
+@kernel
+def centre_at(roads: Roads, point: int, s: float) -> tuple[float, float, float]:
     """Return x, y [m] and heading [rad] at arc length s on the line of the segment that begins at `point`."""
     a, b = roads.point_xy[point], roads.point_xy[point + 1]
     share = (s - roads.point_s[point]) / (roads.point_s[point + 1] - roads.point_s[point])
     return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), _heading_at(roads, point, s)
 
 
-@njit(cache=True, error_model="numpy")
-def _is_on_road(roads, world, x, y, mask, junctions):
+@kernel
+def _is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctions: bool) -> bool:
     cell = _cell_at(roads, world, x, y) if _is_somewhere(x, y) else -1
     if cell < 0:
         return False
@@ -382,15 +343,25 @@ def _is_on_road(roads, world, x, y, mask, junctions):
     return False
 
 
-@njit(cache=True, error_model="numpy")
-def on_road(roads, maps, position, mask, junctions, result):
+@kernel
+def on_road(roads: Roads, maps: Ints, position: Floats, mask: int, junctions: bool, result: Bools) -> None:
     """Write whether points lie on a lane of the masked kinds or, if wanted, in a junction; shape (E,)."""
     for i in range(len(maps)):
         result[i] = _is_on_road(roads, maps[i], position[i, 0], position[i, 1], mask, junctions)
 
 
-@njit(cache=True, error_model="numpy")
-def corners_on_road(roads, maps, position, heading, length, width, mask, junctions, result):
+@kernel
+def corners_on_road(
+    roads: Roads,
+    maps: Ints,
+    position: Floats,
+    heading: Floats,
+    length: Floats,
+    width: Floats,
+    mask: int,
+    junctions: bool,
+    result: NDArray[np.int8],
+) -> None:
     """Write how many of each footprint's four corners are on the road, 0 to 4; shape (E,)."""
     for i in range(len(maps)):
         forward_x, forward_y = math.cos(heading[i]), math.sin(heading[i])
@@ -403,8 +374,18 @@ def corners_on_road(roads, maps, position, heading, length, width, mask, junctio
             result[i] += _is_on_road(roads, maps[i], x, y, mask, junctions)
 
 
-@njit(cache=True, error_model="numpy")
-def route_distances(roads, table, maps, route, lane, s, hint, done, remaining):
+@kernel
+def route_distances(
+    roads: Roads,
+    table: RouteTable,
+    maps: Ints,
+    route: Ints,
+    lane: Ints,
+    s: Floats,
+    hint: Floats,
+    done: Floats,
+    remaining: Floats,
+) -> None:
     """Write the distance gone along each route and that still to go to its end [m], NaN off the route.
 
     `hint` [m] is where the vehicle was along its route before, for routes that use a lane twice; NaN if new.

@@ -229,7 +229,7 @@ class LaneGraph:
     def pose_at(self, lane: int, s: float, t: float = 0.0) -> tuple[float, float, float]:
         """Return x, y [m] and heading [rad] at arc length `s` [m], `t` [m] to the left of the centreline.
 
-        Beyond either end the lane goes on straight.
+        The offset is square to the smoothed heading. Beyond either end the lane goes on straight.
         """
         rows = slice(int(self.point_start[lane]), int(self.point_start[lane + 1]))
         stations, points, directions = self.point_s[rows], self.point_xy[rows], self.point_heading[rows]

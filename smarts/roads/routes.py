@@ -5,13 +5,13 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.memory import remembered
 
 Cost = Literal["length", "time"]
 
@@ -128,7 +128,7 @@ def random_route(
     return tuple(graph.edge_ids[edge] for edge in route)
 
 
-@lru_cache(maxsize=16)
+@remembered(most=8)
 def edge_graph(graph: LaneGraph, kinds: frozenset[LaneKind] = CARS, cost: Cost = "length") -> EdgeGraph:
     """Return the (remembered) edge graph of a map for users of certain lanes."""
     return EdgeGraph(graph, kinds, cost)

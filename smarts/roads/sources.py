@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -107,7 +108,24 @@ def _from_stem(folder: Path, stem: str, only: MapKind | None = None) -> MapSourc
 def _companions(kind: MapKind, folder: Path, stem: str) -> list[Path]:
     suffixes = {"sumo_plain": (*_PLAIN_EXTRAS, _OPTIONS), "opendrive": (_OPTIONS,), "osm": (_OPTIONS,)}
     candidates = [folder / f"{stem}{suffix}" for suffix in suffixes.get(kind, ())]
-    return [file for file in candidates if file.is_file()]
+    configured = _configured(folder / f"{stem}{'.netgcfg' if kind == 'netgenerate' else _OPTIONS}")
+    if kind == "sumo_net":
+        configured = []
+    return list(dict.fromkeys(file for file in (*candidates, *configured) if file.is_file()))
+
+
+def _configured(options: Path) -> list[Path]:
+    """Return the files that a file of options makes SUMO's tools read, as `type-files` does."""
+    try:
+        elements = list(ElementTree.parse(options).iter())
+    except (OSError, ElementTree.ParseError):
+        return []  # that it is broken is for the compiler to say
+    values = [
+        element.get("value", element.get("v", ""))
+        for element in elements
+        if element.tag.endswith(("-files", "-file")) and not element.tag.startswith("output")
+    ]
+    return [options.parent / name.strip() for value in values for name in value.split(",") if name.strip()]
 
 
 def _expected(stem: str, only: MapKind | None = None) -> str:

@@ -32,22 +32,33 @@ class _Edge:
     lanes: list[ElementTree.Element]
 
 
-def read_net(net: Path) -> LaneGraph:
+def read_net(net: Path, place: str | None = None) -> LaneGraph:
     """Return the lane graph of a compiled network.
+
+    Args:
+        net: The file.
+        place: What it was compiled from, for errors; unless given, the file itself.
 
     Raises:
         MapError: The file is missing or not a SUMO network.
     """
+    place = place or str(net)
     try:
         root = ElementTree.parse(net).getroot()
         if root.tag != "net":
-            raise MapError(f"not a SUMO network: its outermost element is <{root.tag}>", place=str(net))
+            raise MapError(f"not a SUMO network: its outermost element is <{root.tag}>", place=place)
         return _NetReader(root).graph()
     except OSError as error:
-        raise MapError(f"cannot read the network: {error.strerror}", place=str(net)) from error
-    except (ElementTree.ParseError, KeyError, ValueError, IndexError) as error:
+        raise MapError(f"cannot read the network: {error.strerror}", place=place) from error
+    except (ElementTree.ParseError, ValueError, IndexError) as error:
         raise MapError(
-            f"not a sound SUMO network: {error}", place=str(net), remedy="compile it again with netconvert"
+            f"not a sound SUMO network: {error}", place=place, remedy="compile it again with netconvert"
+        ) from error
+    except KeyError as error:
+        raise MapError(
+            f"not a sound SUMO network: something needs {error}, which is missing",
+            place=place,
+            remedy="compile it again with netconvert",
         ) from error
 
 
@@ -213,10 +224,10 @@ def _points(shape: str) -> Floats:
 
 
 def _stub(point: Floats, line_before: Floats) -> Floats:
-    """Return a line of 2 cm at `point`: SUMO draws some lanes inside junctions without any length."""
+    """Return a line of 1 mm at `point`: SUMO draws some lanes inside junctions without any length."""
     step = line_before[-1] - line_before[-2] if len(line_before) > 1 else np.array([1.0, 0.0])
     direction = step / np.hypot(*step)
-    return np.array([point - 0.01 * direction, point + 0.01 * direction])
+    return np.array([point - 0.0005 * direction, point + 0.0005 * direction])
 
 
 def _outline(junction: ElementTree.Element) -> Floats:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, find_row
 
 Floats = NDArray[np.float64]
@@ -71,10 +72,10 @@ class WaypointPaths(NamedTuple):
         )
 
 
-@njit(cache=True, error_model="numpy")
-def _foot(roads, lane, x, y):
+@kernel
+def _foot(roads: Roads, lane: int, x: float, y: float) -> float:
     """Return the arc length of the point of a lane's centreline that is nearest to a position [m]."""
-    best, best_square, best_share = -1, np.inf, 0.0
+    best, best_square, best_share = roads.point_start[lane], np.inf, 0.0
     for point in range(roads.point_start[lane], roads.point_start[lane + 1] - 1):
         a, b = roads.point_xy[point], roads.point_xy[point + 1]
         share, square, _ = project(x, y, a[0], a[1], b[0], b[1])
@@ -84,8 +85,8 @@ def _foot(roads, lane, x, y):
     return roads.point_s[best] + min(1.0, max(0.0, best_share)) * span
 
 
-@njit(cache=True, error_model="numpy")
-def _start(roads, table, row, x, y):
+@kernel
+def _start(roads: Roads, table: RouteTable, row: int, x: float, y: float) -> float:
     """Return where on a row's lane a path beside the vehicle begins [m], or -1 if it begins on another row.
 
     A way through a junction may have two lanes, one after the other; the path begins on the second as soon as
@@ -101,8 +102,20 @@ def _start(roads, table, row, x, y):
     return s
 
 
-@njit(cache=True, error_model="numpy")
-def _follow(roads, table, row, s, spacing, base, e, first_path, paths, forks, fork_s):
+@kernel
+def _follow(
+    roads: Roads,
+    table: RouteTable,
+    row: int,
+    s: float,
+    spacing: float,
+    base: int,
+    e: int,
+    first_path: int,
+    paths: WaypointPaths,
+    forks: Ints,
+    fork_s: Floats,
+) -> int:
     """Write the paths that begin at `s` of a row; return the number of paths after them.
 
     `forks` (rows, first waypoint, path that it copies) and `fork_s` are room for branches still to follow.
@@ -125,15 +138,15 @@ def _follow(roads, table, row, s, spacing, base, e, first_path, paths, forks, fo
                     forks[open_forks, 0], forks[open_forks, 1] = table.onward[entry], i
                     forks[open_forks, 2], fork_s[open_forks] = path, s
                     open_forks += 1
-            row = table.onward[first] if last > first else -1
+            row = int(table.onward[first]) if last > first else -1
         paths.waypoint_count[e, path] = i
         _clear(paths, e, path, i)
         path += 1
     return path
 
 
-@njit(cache=True, error_model="numpy")
-def _clear(paths, e, path, first):
+@kernel
+def _clear(paths: WaypointPaths, e: int, path: int, first: int) -> None:
     """Set the waypoints of a path to zero from number `first` on."""
     for i in range(first, paths.heading.shape[2]):
         paths.position[e, path, i, 0], paths.position[e, path, i, 1] = 0.0, 0.0
@@ -141,8 +154,8 @@ def _clear(paths, e, path, first):
         paths.lane[e, path, i], paths.lane_index[e, path, i], paths.lane_offset[e, path, i] = 0, 0, 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def _copy_waypoints(paths, e, source, target, count):
+@kernel
+def _copy_waypoints(paths: WaypointPaths, e: int, source: int, target: int, count: int) -> None:
     for i in range(count):
         paths.position[e, target, i, 0] = paths.position[e, source, i, 0]
         paths.position[e, target, i, 1] = paths.position[e, source, i, 1]
@@ -154,11 +167,21 @@ def _copy_waypoints(paths, e, source, target, count):
         paths.lane_offset[e, target, i] = paths.lane_offset[e, source, i]
 
 
-@njit(cache=True, error_model="numpy")
-def _walk_lane(roads, lane, s, i, spacing, base, e, path, paths):
+@kernel
+def _walk_lane(
+    roads: Roads,
+    lane: int,
+    s: float,
+    i: int,
+    spacing: float,
+    base: int,
+    e: int,
+    path: int,
+    paths: WaypointPaths,
+) -> tuple[int, float]:
     """Write waypoints from `s` to the lane's end; return the next one's number and its overhang [m]."""
     point, last_point = roads.point_start[lane], roads.point_start[lane + 1] - 2
-    length = roads.point_s[last_point + 1]
+    length = float(roads.point_s[last_point + 1])
     lookahead = paths.heading.shape[2]
     while i < lookahead and s <= length:
         while point < last_point and roads.point_s[point + 1] <= s:
@@ -176,8 +199,19 @@ def _walk_lane(roads, lane, s, i, spacing, base, e, path, paths):
     return i, s - length
 
 
-@njit(cache=True, error_model="numpy")
-def write_waypoints(roads, table, maps, position, lane, route, hint, mask, spacing, paths):
+@kernel
+def write_waypoints(
+    roads: Roads,
+    table: RouteTable,
+    maps: Ints,
+    position: Floats,
+    lane: Ints,
+    route: Ints,
+    hint: Floats,
+    mask: int,
+    spacing: float,
+    paths: WaypointPaths,
+) -> None:
     """Write the waypoint paths of each vehicle; see `WaypointPaths` for what they are.
 
     Args:

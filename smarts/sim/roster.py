@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from smarts.errors import TrafficError
@@ -27,6 +29,8 @@ class Roster:
         self.reserved = reserved
         self._names: list[str] = [""] * states.capacity
         self._taken: set[str] = set()
+        columns = {field.name: getattr(states, field.name) for field in dataclasses.fields(states)}
+        self._cleared = [column for name, column in columns.items() if name != "generation"]
 
     def reset(self) -> None:
         """Empty the world, and begin to count generations and names anew."""
@@ -74,14 +78,9 @@ class Roster:
 
     def dismiss(self, slot: int) -> None:
         """Take a vehicle out of the world and clear its row, except for the generation."""
-        states = self.states
-        states.alive[slot] = False
-        states.owner[slot] = Owner.NOBODY
-        states.lane[slot] = -1
-        for column in (states.kind, states.position, states.heading, states.speed, states.acceleration):
+        for column in self._cleared:
             column[slot] = 0
-        for column in (states.length, states.width, states.lane_position, states.desired_speed):
-            column[slot] = 0
+        self.states.lane[slot] = -1
         self._names[slot] = ""
 
     def name(self, slot: int) -> str:

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from smarts.errors import ScenarioError
 from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.sources import MapSource
 from smarts.roads.sumo_net import read_net
-from smarts.sstudio.built import LANES, MANIFEST, NET, SCENARIO
+from smarts.sstudio.built import LANES, NET, SCENARIO
+from smarts.sstudio.cache import MANIFEST, damaged_file, file_table
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description
 from smarts.sstudio.sstypes.traffic import Traffic
@@ -44,7 +44,8 @@ def write_artefacts(
         MapError: The map is broken.
     """
     scenario, seed = description.scenario, description.seed
-    map_notes = _compile(source, folder) if like is None else _share(like, folder)
+    shared = like is not None and not damaged_file(like, thorough=True)
+    map_notes = _share(like, folder) if like is not None and shared else _compile(source, folder)
     roads = LaneGraph.load(folder / LANES)
     validate(scenario, roads, place)
     (folder / "traffic").mkdir()
@@ -60,13 +61,14 @@ def write_artefacts(
         "held_out": {name: held.description for name, held in (scenario.held_out or {}).items()},
         "map_notes": map_notes,
         "notes": notes,
+        "files": file_table(folder),
     }
     _write_json(folder / MANIFEST, manifest)
 
 
 def _compile(source: MapSource, folder: Path) -> list[str]:
     notes = compile_map(source, folder / NET)
-    read_net(folder / NET).save(folder / LANES)
+    read_net(folder / NET, place=str(source.files[0])).save(folder / LANES)
     return list(notes)
 
 
@@ -98,12 +100,6 @@ def _notes(description: Description) -> list[str]:
     spec = description.scenario.map_spec
     if spec is None:
         return []
-    if spec.builder_fn is not None:
-        raise ScenarioError(
-            "maps cannot be built by a function of one's own",
-            place="map_spec.builder_fn",
-            remedy="leave it out, and give the map as a SUMO, OpenDRIVE or OSM file",
-        )
     unused = {
         "default_lane_width": spec.default_lane_width is not None,
         "shift_to_origin": spec.shift_to_origin,

@@ -1,13 +1,12 @@
 """Builds scenarios, at once if they are up to date: artefacts are found by a hash of all that they depend on.
 
-The inputs are the scenario file, data files beside it, the seed and this program; they lead through the index
-to a key, the hash of what the scenario says and of its map. So a changed comment runs the scenario file again
-but writes nothing.
+The inputs are the scenario file, the seed and this program; they lead through the index to a key, the hash of
+what the scenario says and of its map, and to the hashes of all other files that the scenario file imported or
+opened under its folder. So a changed comment runs the scenario file again but writes nothing.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterable
 from dataclasses import replace
@@ -20,10 +19,12 @@ from smarts.errors import MapError, ScenarioError, nearest_names
 from smarts.roads.sources import MapSource, find_map_source
 from smarts.sstudio.artefacts import write_artefacts
 from smarts.sstudio.built import BuiltScenario
-from smarts.sstudio.cache import BuildCache
+from smarts.sstudio.cache import BuildCache, file_hash
+from smarts.sstudio.checks import Checks
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description, run_scenario_file
+from smarts.sstudio.failures import named_failures
 from smarts.sstudio.locating import SCRIPT, Location, locate, suite
 from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
@@ -34,9 +35,11 @@ __all__ = ["build_described", "build_scenario", "suite"]
 
 DESCRIBED = "described"
 """The entry of the index with a scenario that was handed over by hand."""
-DATA_SUFFIXES = {".json", ".yaml", ".yml", ".toml", ".csv"}
-"""Files beside a scenario file that it may read: it is run again when they change."""
 PACKAGE = Path(__file__).resolve().parents[1]
+CODE = ("errors.py", "types", "geometry", "roads", "sstudio")
+"""The parts of the package that decide what artefacts look like: what the build imports."""
+LIBRARIES = ("eclipse-sumo", "numpy", "shapely")
+"""Packages whose versions do."""
 
 
 def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenario:
@@ -52,14 +55,15 @@ def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenari
         MapError: The map is missing or broken.
         UnknownNameError: There is no such scenario or variation.
     """
-    location = locate(path)
-    inputs = _fingerprint_inputs(location, seed)
-    for root in location.builds:
-        built = _up_to_date(BuildCache(root), location, inputs)
-        if built is not None:
-            return built
-    description = _describe(location, seed)
-    return _build(location, inputs, description)
+    with named_failures("building the scenario", os.fspath(path)):
+        _check_seed(seed, "seed")
+        location = locate(path)
+        inputs = _fingerprint_inputs(location, seed)
+        for root in location.builds:
+            built = _up_to_date(BuildCache(root), location, inputs)
+            if built is not None:
+                return built
+        return _build(location, inputs, _describe(location, seed))
 
 
 def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:
@@ -67,24 +71,32 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
 
     `build_scenario` finds it again, unless the folder has a scenario file, which counts before it.
     """
-    location = Location(directory.name, directory, described_only=True)
-    described = _portable(scenario, directory)
-    BuildCache.writable(location.builds).write(DESCRIBED, {"scenario": encode(described), "seed": seed})
-    return _build(location, _fingerprint_inputs(location, None), Description(described, seed))
+    with named_failures("building the scenario", str(directory)):
+        location = Location(directory.name, directory, described_only=True)
+        _check_seed(seed, str(directory))
+        described = _portable(scenario, location)
+        BuildCache.writable(location.builds).write(DESCRIBED, {"scenario": encode(described), "seed": seed})
+        return _build(location, _fingerprint_inputs(location, None), Description(described, seed))
+
+
+def _check_seed(seed: Any, place: str) -> None:
+    if seed is not None and (not isinstance(seed, int) or seed < 0):
+        raise ScenarioError(f"{seed!r} is not a seed", place=place, remedy="use 0, 1, 2, ...")
 
 
 def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScenario | None:
-    entry = cache.read(inputs)
-    if entry is None:
+    entry = cache.read(inputs) or {}
+    key, files = entry.get("key"), entry.get("files")
+    if not isinstance(key, str) or not isinstance(files, dict) or "map" not in entry:
         return None
-    artefacts = cache.artefacts(entry["key"])
-    if artefacts is None or entry["files"] != _hashes(location.directory, entry["files"]):
+    artefacts = cache.artefacts(key)
+    if artefacts is None or files != _hashes(location.directory, files):
         return None
     try:
         source = find_map_source(location.directory, entry["map"])
     except MapError:
         return None  # found again, and reported, by the build
-    if not set(_relative(location.directory, source.files)) <= set(entry["files"]):
+    if not set(_relative(location.directory, source.files)) <= set(files):
         return None
     return BuiltScenario(location.label, location.directory, artefacts)
 
@@ -93,25 +105,27 @@ def _build(location: Location, inputs: str, description: Description) -> BuiltSc
     directory, spec = location.directory, description.scenario.map_spec
     map_name = None if spec is None else spec.source
     source = find_map_source(directory, map_name)
+    _check_seed(description.seed, f"{_place(location)}: seed")
     map_key = _fingerprint_map(source)
     key = digest([encode(description.scenario), map_key, description.seed, _toolchain()], size=8)
     entry = {"key": key, "map": map_name}
-    entry["files"] = _hashes(directory, _relative(directory, (*source.files, *description.modules)))
+    entry["files"] = _hashes(directory, _relative(directory, (*source.files, *description.files)))
     cache = BuildCache.writable(location.builds)
     with cache.lock():
         if cache.artefacts(key) is None:
             twin = (cache.read(f"map-{map_key}") or {}).get("key")
-            like = cache.artefacts(twin) if twin else None
+            like = cache.artefacts(twin) if isinstance(twin, str) else None
             with cache.publish(key) as folder:
                 write_artefacts(folder, description, source, like, _place(location))
             cache.write(f"map-{map_key}", {"key": key})
+            cache.prune()
         cache.write(inputs, entry)
     return BuiltScenario(location.label, directory, cache.root / key)
 
 
 def _describe(location: Location, seed: int | None) -> Description:
     description = _described_base(location, DEFAULT_SEED if seed is None else seed)
-    scenario = _portable(description.scenario, location.directory)
+    scenario = _portable(description.scenario, location)
     description = replace(description, scenario=scenario, seed=description.seed if seed is None else seed)
     if location.variation is None:
         return description
@@ -120,7 +134,7 @@ def _describe(location: Location, seed: int | None) -> Description:
         raise ScenarioError(
             f"there is no held-out variation {location.variation!r}",
             place=_place(location),
-            remedy=nearest_names(location.variation, held_out),
+            remedy=nearest_names(location.variation, held_out) if held_out else "it has none: leave out @...",
         )
     return _varied(description, held_out[location.variation])
 
@@ -160,24 +174,31 @@ def _varied(description: Description, variation: Variation) -> Description:
     )
 
 
-def _portable(scenario: Scenario, directory: Path) -> Scenario:
+def _portable(scenario: Scenario, location: Location) -> Scenario:
     """Return the scenario with its paths relative to its folder, so that it can be moved with it."""
-    spec = _portable_spec(scenario.map_spec, directory)
+    checks = Checks(_place(replace(location, variation=None)))
+    spec = _portable_spec(scenario.map_spec, location.directory, checks, "map_spec")
     histories = tuple(
-        replace(history, input_path=_from_folder(history.input_path, directory))
+        replace(history, input_path=_from_folder(history.input_path, location.directory))
         if isinstance(history, TrafficHistoryDataset)
         else history
-        for history in scenario.traffic_histories or ()
+        for _, history in checks.listed(scenario.traffic_histories, "traffic_histories")
     )
-    held_out = {
-        name: replace(variation, map_spec=_portable_spec(variation.map_spec, directory))
-        for name, variation in (scenario.held_out or {}).items()
-    }
-    return replace(scenario, map_spec=spec, traffic_histories=histories or None, held_out=held_out or None)
+    held_out = []
+    for where, variation in checks.named(scenario.held_out, "held_out"):
+        checks.type(variation, Variation, where)
+        varied = _portable_spec(variation.map_spec, location.directory, checks, f"{where}.map_spec")
+        held_out.append(replace(variation, map_spec=varied))
+    variations = dict(zip(scenario.held_out or (), held_out, strict=True))
+    return replace(scenario, map_spec=spec, traffic_histories=histories or None, held_out=variations or None)
 
 
-def _portable_spec(spec: MapSpec | None, directory: Path) -> MapSpec | None:
-    return None if spec is None else replace(spec, source=_from_folder(spec.source, directory) or ".")
+def _portable_spec(spec: Any, directory: Path, checks: Checks, where: str) -> MapSpec | None:
+    if spec is None:
+        return None
+    checks.type(spec, MapSpec, where)
+    checks.type(spec.source, str, f"{where}.source")
+    return replace(spec, source=_from_folder(spec.source, directory) or ".")
 
 
 def _from_folder(path: str | None, directory: Path) -> str | None:
@@ -193,22 +214,20 @@ def _place(location: Location) -> str:
     return file if location.variation is None else f"{file}: held_out[{location.variation!r}]"
 
 
-# Fingerprints
-
-
 def _fingerprint_inputs(location: Location, seed: int | None) -> str:
     files: list[Path] = []
     if location.script is not None:
-        beside = sorted(location.directory.iterdir())
-        files = [location.script, *(file for file in beside if file.suffix in DATA_SUFFIXES)]
+        files = [location.script]
     elif location.map_file is None:
         files = [root / "index" / f"{DESCRIBED}.json" for root in location.builds]
-    contents = [(file.name, _hash(file)) for file in files if file.is_file()]
+    contents = [(file.name, file_hash(file)) for file in files if file.is_file()]
     return digest([contents, seed, location.variation, _toolchain()], size=8)
 
 
 def _fingerprint_map(source: MapSource) -> str:
-    return digest([source.kind, [(file.name, _hash(file)) for file in source.files], _toolchain()], size=8)
+    return digest(
+        [source.kind, [(file.name, file_hash(file)) for file in source.files], _toolchain()], size=8
+    )
 
 
 def _relative(directory: Path, files: Iterable[Path]) -> list[str]:
@@ -216,20 +235,17 @@ def _relative(directory: Path, files: Iterable[Path]) -> list[str]:
 
 
 def _hashes(directory: Path, files: Iterable[str]) -> dict[str, Any]:
-    return {file: _hash(directory / file) for file in files}
-
-
-def _hash(file: Path) -> str | None:
-    try:
-        return hashlib.blake2b(file.read_bytes(), digest_size=16).hexdigest()
-    except OSError:
-        return None
+    return {file: file_hash(directory / file) for file in files}
 
 
 @cache
 def _toolchain() -> str:
-    """Return a hash of what turns sources into artefacts: SUMO and this program's own code."""
-    code = sorted(
-        file for part in ("roads", "sstudio", "geometry") for file in (PACKAGE / part).rglob("*.py")
-    )
-    return digest([version("eclipse-sumo"), [_hash(file) for file in code]], size=8)
+    """Return a hash of what turns sources into artefacts: this program's own code, and its libraries."""
+    return fingerprint_program(PACKAGE)
+
+
+def fingerprint_program(package: Path) -> str:
+    """Return a hash of the code in `package` that builds scenarios, and of the versions of what it uses."""
+    code = sorted(file for part in CODE for file in [*(package / part).rglob("*.py"), package / part])
+    hashes = [(file.relative_to(package).as_posix(), file_hash(file)) for file in code]
+    return digest([[version(library) for library in LIBRARIES], hashes], size=8)

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from smarts.errors import ScenarioError, nearest_names
+from smarts.errors import ScenarioError, SmartsError, nearest_names
 from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio.cache import MANIFEST, damaged_file
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.episodes import EpisodePlan, episode_plans
+from smarts.sstudio.failures import named_failures
 from smarts.sstudio.sstypes.scenario import Scenario
 from smarts.types.traffic import TrafficFiles
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-MANIFEST, SCENARIO, NET, LANES = "manifest.json", "scenario.json", "map.net.xml", "lanes.npz"
+SCENARIO, NET, LANES = "scenario.json", "map.net.xml", "lanes.npz"
+
+Content = TypeVar("Content")
 
 
 @dataclass(frozen=True)
@@ -32,14 +38,31 @@ class BuiltScenario:
     directory: Path
     """The folder of its artefacts."""
 
+    def _read(self, name: str, read: Callable[[Path], Content]) -> Content:
+        """Read an artefact; should it turn out to be damaged, see to it that it is built anew next time."""
+        try:
+            with named_failures("reading the built scenario", str(self.directory / name)):
+                return read(self.directory / name)
+        except SmartsError as error:
+            damaged = damaged_file(self.directory, thorough=True)
+            if damaged is None:
+                raise
+            with contextlib.suppress(OSError):
+                (self.directory / MANIFEST).unlink(missing_ok=True)
+            raise ScenarioError(
+                f"the built scenario is damaged: {damaged} is not as it was built",
+                place=f"{self.source}, built in {self.directory}",
+                remedy="start again: it is then built anew by itself",
+            ) from error
+
     @cached_property
     def _manifest(self) -> dict[str, Any]:
-        return json.loads((self.directory / MANIFEST).read_text(encoding="utf-8"))
+        return self._read(MANIFEST, _load_json)
 
     @cached_property
     def scenario(self) -> Scenario:
         """What the scenario says, read from the artefacts."""
-        return decode(json.loads((self.directory / SCENARIO).read_text(encoding="utf-8")))
+        return decode(self._read(SCENARIO, _load_json))
 
     @property
     def net_file(self) -> Path:
@@ -97,11 +120,15 @@ class BuiltScenario:
 
     def roads(self) -> LaneGraph:
         """Return the map; equal artefacts share one in memory."""
-        return _load_roads(self.directory / LANES)
+        return self._read(LANES, _load_roads)
 
     def episodes(self, egos: int, generator: Generator | None = None) -> tuple[EpisodePlan, ...]:
         """Return what an environment with `egos` learning agents cycles through; see `episode_plans`."""
         return episode_plans(self.scenario, egos, generator, place=self.name)
+
+
+def _load_json(file: Path) -> Any:
+    return json.loads(file.read_text(encoding="utf-8"))
 
 
 @lru_cache(maxsize=64)

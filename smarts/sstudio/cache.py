@@ -1,17 +1,23 @@
 """The folder of a scenario's artefacts: complete or absent at any moment, whoever writes and is killed.
 
-build/<key>/                artefacts, never changed once there
+build/<key>/                artefacts, never changed once there; its manifest lists their sizes and hashes
 build/index/<inputs>.json   which artefacts some inputs lead to
 build/.partial-*            being written by the holder of build/.lock, or left behind by the dead
+
+Artefacts that were damaged count as absent. Those that nobody asked for in `KEPT_DAYS` are deleted when new
+ones are built.
 """
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
+import hashlib
 import json
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,6 +27,11 @@ from typing import Any
 from smarts.errors import ScenarioError
 
 PARTIAL = ".partial-"
+MANIFEST = "manifest.json"
+"""The artefact that lists the others."""
+KEPT_DAYS = 14
+"""For how long artefacts are kept that nobody asks for [days]."""
+_DAY = 86400.0
 
 
 @dataclass(frozen=True)
@@ -36,6 +47,11 @@ class BuildCache:
         Raises:
             ScenarioError: None can.
         """
+        if not candidates:
+            raise ScenarioError(
+                "SUMO cannot read files below a folder with a comma in its name",
+                remedy="set XDG_CACHE_HOME to a folder without, and the scenario is built there",
+            )
         for root in candidates:
             try:
                 (root / "index").mkdir(parents=True, exist_ok=True)
@@ -70,12 +86,14 @@ class BuildCache:
         try:
             yield partial
             partial.chmod(0o755)
-            self._rename(partial, self.root / key)
+            self._rename(partial, key)
         finally:
             shutil.rmtree(partial, ignore_errors=True)
 
-    @staticmethod
-    def _rename(partial: Path, complete: Path) -> None:
+    def _rename(self, partial: Path, key: str) -> None:
+        complete = self.root / key
+        if complete.exists() and self.artefacts(key) is None:
+            self._discard(complete)  # damaged
         try:
             partial.rename(complete)
         except OSError:
@@ -84,20 +102,86 @@ class BuildCache:
                 raise
 
     def artefacts(self, key: str) -> Path | None:
-        """Return the folder of artefacts, if there are any under `key`."""
+        """Return the folder of the artefacts under `key`, if they are there and of the right sizes."""
         folder = self.root / key
-        return folder if folder.is_dir() else None
+        with contextlib.suppress(OSError):
+            if time.time() - folder.stat().st_mtime > _DAY:
+                os.utime(folder)
+        return None if damaged_file(folder) else folder
+
+    def prune(self) -> None:
+        """Delete artefacts that nobody has asked for in `KEPT_DAYS`, and entries of the index without any.
+
+        For the holder of the lock.
+        """
+        keys = set()
+        for folder in self.root.iterdir():
+            if folder.name == "index" or folder.name.startswith(".") or not folder.is_dir():
+                continue
+            if time.time() - folder.stat().st_mtime > KEPT_DAYS * _DAY:
+                self._discard(folder)
+            else:
+                keys.add(folder.name)
+        for file in (self.root / "index").glob("*.json"):
+            entry = self.read(file.stem) or {}
+            if "key" in entry and entry["key"] not in keys:
+                file.unlink(missing_ok=True)
+
+    def _discard(self, folder: Path) -> None:
+        """Delete artefacts so that they are never there by half."""
+        away = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=self.root))
+        folder.rename(away / folder.name)
+        shutil.rmtree(away, ignore_errors=True)
 
     def read(self, entry: str) -> dict[str, Any] | None:
-        """Return an entry of the index, None where there is none."""
+        """Return an entry of the index, None where there is none that can be read."""
         try:
-            return json.loads((self.root / "index" / f"{entry}.json").read_text(encoding="utf-8"))
+            content = json.loads((self.root / "index" / f"{entry}.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
+        return content if isinstance(content, dict) else None
 
     def write(self, entry: str, content: dict[str, Any]) -> None:
         """Put an entry into the index, whole or not at all."""
         descriptor, name = tempfile.mkstemp(prefix=PARTIAL, dir=self.root / "index")
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-            json.dump(content, file, indent=1)
-        os.replace(name, self.root / "index" / f"{entry}.json")
+        try:
+            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+                json.dump(content, file, indent=1)
+            os.replace(name, self.root / "index" / f"{entry}.json")
+        finally:
+            Path(name).unlink(missing_ok=True)
+
+
+def file_table(folder: Path) -> dict[str, list[Any]]:
+    """Return size and hash of every file in a folder of artefacts, for its manifest."""
+    files = sorted(file for file in folder.rglob("*") if file.is_file() and file.name != MANIFEST)
+    return {file.relative_to(folder).as_posix(): [file.stat().st_size, file_hash(file)] for file in files}
+
+
+def damaged_file(folder: Path, *, thorough: bool = False) -> str | None:
+    """Return the name of an artefact that is not as it was built, None if all are.
+
+    Args:
+        folder: The folder of the artefacts.
+        thorough: Whether to compare hashes, too, and not only sizes.
+    """
+    try:
+        table = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+        for name, (size, content) in table.items():
+            file = folder / name
+            if file.stat().st_size != size or (thorough and file_hash(file) != content):
+                return name
+    except OSError as error:
+        return Path(error.filename or MANIFEST).name
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return MANIFEST
+    return None
+
+
+def file_hash(file: Path) -> str | None:
+    """Return a fingerprint of a file's content, None for what is not a file that can be read."""
+    try:
+        # What is no regular file might never end.
+        return hashlib.blake2b(file.read_bytes(), digest_size=16).hexdigest() if file.is_file() else None
+    except OSError:
+        return None

@@ -8,6 +8,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from smarts.errors import ScenarioError
 from smarts.sstudio.sstypes.scenario import Scenario
 
 
@@ -19,6 +20,27 @@ class Collection:
     """None until the file calls the first `gen_*` function."""
     seed: int | None = None
     """The seed that the file asks for, if it does."""
+    whole_from: str | None = None
+    """Where the file hands over a whole scenario, if it has."""
+
+    def add_whole(self, scenario: Scenario, seed: int | None, call: str) -> None:
+        """Join a whole scenario to what came before.
+
+        Args:
+            scenario: The scenario.
+            seed: The seed that it asks for, if it does.
+            call: Which line hands it over.
+
+        Raises:
+            ScenarioError: It is the second one.
+        """
+        if self.whole_from is not None:
+            raise ScenarioError(
+                f"the file hands over two scenarios: gen_scenario is called at {self.whole_from} and {call}",
+                remedy="call it once, or hand over parts with gen_traffic, gen_missions, ...",
+            )
+        self.whole_from = call
+        self.add(scenario, seed)
 
     def add(self, part: Scenario, seed: int | None) -> None:
         """Join what one `gen_*` function was given to what came before."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from smarts.errors import ScenarioError
+from smarts.roads.children import TIME_LIMIT_VARIABLE, run_child, time_limit
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.sstypes.scenario import Scenario
 
@@ -22,34 +22,50 @@ class Description:
     scenario: Scenario
     seed: int
     """For what is drawn when the scenario is built."""
-    modules: tuple[Path, ...] = ()
-    """Python files that the scenario file imports: it says something else when they change."""
+    files: tuple[Path, ...] = ()
+    """What the scenario file imports and reads: it may say something else when they change."""
 
 
 def run_scenario_file(script: Path, seed: int) -> Description:
     """Run a scenario file and return what it says.
 
-    The file runs in its own folder and in a process of its own; what it prints is shown.
+    The file runs in its own folder and in a process of its own, for `smarts.roads.children.TIME_LIMIT` at
+    the longest; what it prints is shown, and it cannot ask for input.
 
     Raises:
-        ScenarioError: The file raises (the place is its line), describes no scenario, or one that cannot be
-            written down.
+        ScenarioError: The file raises (the place is its line), takes too long, describes no scenario, or one
+            that cannot be written down.
     """
-    with tempfile.TemporaryDirectory(prefix="smarts-") as folder:
-        answer = Path(folder) / "answer.json"
-        command = [sys.executable, "-m", "smarts.sstudio.runner", str(script), str(answer), str(seed)]
-        code = subprocess.run(command, cwd=script.parent, env=_environment(), check=False).returncode
-        if not answer.is_file():
-            raise ScenarioError(
-                f"the scenario file ended its process with code {code} before it was done",
-                place=str(script),
-                remedy="run it with python to see what happens",
-            )
-        reply = json.loads(answer.read_text(encoding="utf-8"))
+    script = script.resolve()
+    answer, code = _answer(script, seed)
+    if not answer:
+        raise ScenarioError(
+            f"the scenario file ended its process with code {code} before it was done",
+            place=str(script),
+            remedy="run it with python to see what happens",
+        )
+    reply = json.loads(answer)
     if "error" in reply:
         raise ScenarioError(**reply["error"])
-    modules = tuple(Path(file) for file in reply["modules"])
-    return Description(decode(reply["scenario"]), reply["seed"], modules)
+    files = tuple(Path(file) for file in reply["files"])
+    return Description(decode(reply["scenario"]), reply["seed"], files)
+
+
+def _answer(script: Path, seed: int) -> tuple[bytes, int]:
+    """Return what the runner writes into a file without a name, and its exit code."""
+    with tempfile.TemporaryFile() as answer:
+        number = answer.fileno()
+        command = [sys.executable, "-m", "smarts.sstudio.runner", str(script), str(number), str(seed)]
+        try:
+            code = run_child(command, cwd=script.parent, env=_environment(), keep=[number])
+        except TimeoutError as error:
+            raise ScenarioError(
+                f"the scenario file was still running after {time_limit():g} s",
+                place=str(script),
+                remedy=f"make it end, or set {TIME_LIMIT_VARIABLE} to more seconds",
+            ) from error
+        answer.seek(0)
+        return answer.read() if code == 0 else b"", code
 
 
 def _environment() -> dict[str, str]:

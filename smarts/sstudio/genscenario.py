@@ -44,8 +44,13 @@ def gen_scenario(
         seed: For what is drawn when the scenario is built, such as random routes.
         overwrite: Ignored.
         ovewrite: Ignored.
+
+    Raises:
+        ScenarioError: A scenario file calls it twice.
     """
-    _contribute(output_dir, "scenario", scenario, seed)
+    caller = sys._getframe(1)
+    call = f"{Path(caller.f_code.co_filename).name}, line {caller.f_lineno}"
+    _contribute(output_dir, "scenario", scenario, seed, whole_from=call)
 
 
 def gen_traffic(
@@ -228,11 +233,21 @@ _given: dict[Path, dict[str, t.Scenario]] = {}
 """What was handed over by hand in this process, by folder and kind."""
 
 
-def _contribute(folder: str | Path, kind: str, part: t.Scenario, seed: int = DEFAULT_SEED) -> None:
+def _contribute(
+    folder: str | Path,
+    kind: str,
+    part: t.Scenario,
+    seed: int = DEFAULT_SEED,
+    whole_from: str | None = None,
+) -> None:
     collection = current_collection()
     if collection is not None:
         # A file's own seed counts only where it differs from what it would get anyway.
-        collection.add(part, None if seed == DEFAULT_SEED else seed)
+        own_seed = None if seed == DEFAULT_SEED else seed
+        if whole_from is None:
+            collection.add(part, own_seed)
+        else:
+            collection.add_whole(part, own_seed, whole_from)
         return
     # Local: building needs the map's libraries, and a scenario file that is being built never gets here.
     from smarts.sstudio.build import build_described, build_scenario

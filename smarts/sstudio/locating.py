@@ -46,7 +46,8 @@ class Location:
         """Folders for its artefacts: the best first, the others for where that one cannot be written."""
         beside = self.directory / "build"
         apart = _cache_folder() / digest([str(self.directory), self.map_file], size=8)
-        return (apart,) if self.map_file else (beside, apart)
+        # SUMO takes a comma in a path for the end of one path and the begin of the next.
+        return tuple(root for root in ([apart] if self.map_file else [beside, apart]) if "," not in str(root))
 
     @property
     def label(self) -> str:
@@ -56,6 +57,8 @@ class Location:
 
 def locate(path: str | Path) -> Location:
     """Return what `path` means: a folder, a map file or a name of the suite, maybe with "@variation".
+
+    What lies on disk under that name counts before the suite.
 
     Raises:
         UnknownNameError: It is neither; the remedy names the nearest scenarios of the suite.
@@ -71,6 +74,10 @@ def locate(path: str | Path) -> Location:
         found = SUITE / text
     if found.is_dir():
         folder = found.resolve()
+        if (folder / SCRIPT).is_dir():
+            raise ScenarioError(
+                f"{SCRIPT} is a folder", place=str(folder / SCRIPT), remedy="make it a Python file"
+            )
         return Location(folder.name, folder, variation)
     if found.is_file():
         file = found.resolve()

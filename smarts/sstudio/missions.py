@@ -22,7 +22,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.episodes import expand
-from smarts.sstudio.placement import arc_length, blame, lane_of, route_edges
+from smarts.sstudio.placement import arc_length, blame, lane_of, route_edges, via_place
 from smarts.sstudio.random_routes import draw_route
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, MISSING, RANDOM_OFFSET
 
@@ -30,6 +30,8 @@ GAP = 2.5
 """What stays free between egos that start on one lane, bumper to bumper [m]."""
 CAR_LENGTH = 5.0
 """The length of an ego unless told otherwise [m]."""
+ROUNDING = 1e-6
+"""What counts as no overlap yet, since offsets are scaled [m]."""
 TRIES = 100
 """How often a random start is drawn anew to find room."""
 
@@ -222,7 +224,7 @@ def keep_apart(
         The starts, or None if two vehicles overlap where the scenario puts them.
     """
     gaps = [ahead - behind for behind, ahead in pairwise(nominal)]
-    if any(gap < length for gap in gaps):
+    if any(gap < length - ROUNDING for gap in gaps):
         return None
     spacing = [min(gap, length + GAP) for gap in gaps]
     # From the rear, the least that each start can be once those behind it have their room; the scenario's
@@ -301,12 +303,9 @@ def _route(draft: _Draft, roads: LaneGraph) -> tuple[str, ...]:
 
 
 def _via(via: t.Via, roads: LaneGraph, where: str) -> ViaPoint:
-    with blame(where):
-        resolver = via.road_id
-        edge = resolver.to_edge(roads) if isinstance(resolver, t.JunctionEdgeIDResolver) else resolver
-        lane = roads.lane_number(edge, via.lane_index)
+    lane, offset = via_place(roads, via, where)
     within = via.hit_distance if via.hit_distance >= 0 else float(roads.width[lane]) / 2
-    return ViaPoint(LanePoint(lane, arc_length(roads, lane, via.lane_offset)), via.required_speed, within)
+    return ViaPoint(LanePoint(lane, arc_length(roads, lane, offset)), via.required_speed, within)
 
 
 def _start_time(mission: t.AnyMission) -> float:

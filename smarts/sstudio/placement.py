@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any
 
 from smarts.errors import MapError, ScenarioError
@@ -26,6 +27,10 @@ def usable_lanes(vehicle_type: str) -> frozenset[LaneKind]:
     return BUSES if vehicle_type in ("bus", "coach") else CARS
 
 
+# Missions are placed anew at every reset, mostly on the same routes.
+_shortest_route = lru_cache(maxsize=1024)(shortest_route)
+
+
 @contextmanager
 def blame(where: str) -> Iterator[None]:
     """Turn what a map lacks into an error of the scenario's object that asked for it."""
@@ -41,7 +46,8 @@ def lane_of(roads: LaneGraph, place: Sequence[Any], where: str) -> int:
     Raises:
         ScenarioError: The edge or the lane is not on the map, or the offset is off the lane.
     """
-    if isinstance(place, str) or len(place) != 3:
+    given = [type(part) for part in place] if isinstance(place, list | tuple) else []
+    if given[:2] != [str, int] or len(given) != 3:
         raise ScenarioError(
             f"{place!r} is not a place", place=where, remedy="give (edge, lane index, offset)"
         )
@@ -61,7 +67,7 @@ def check_offset(roads: LaneGraph, lane: int, offset: Any, where: str) -> None:
             raise ScenarioError(
                 f"{offset!r} is not an offset", place=where, remedy=f"use a number or {names}"
             )
-    elif not 0 <= offset <= length:  # NaN, too, is off the lane
+    elif not isinstance(offset, int | float) or not 0 <= offset <= length:  # NaN, too, is off the lane
         raise ScenarioError(
             f"offset {offset} is off lane '{roads.lane_ids[lane]}', which is {length:.2f} m long",
             place=where,
@@ -72,6 +78,31 @@ def check_offset(roads: LaneGraph, lane: int, offset: Any, where: str) -> None:
 def arc_length(roads: LaneGraph, lane: int, position: float) -> float:
     """Return the arc length s [m] of SUMO's position [m] on a lane."""
     return position * float(roads.length[lane] / roads.sumo_length[lane])
+
+
+def via_place(roads: LaneGraph, via: t.Via, where: str) -> tuple[int, float]:
+    """Return the row of the lane of a via point and the offset along it [m].
+
+    In a junction an offset may run on into the lane behind a turn's waiting point: where maps put that
+    point, scenarios cannot know.
+
+    Raises:
+        ScenarioError: The edge or the lane is not on the map, or the offset is off the lane.
+    """
+    with blame(f"{where}.road_id"):
+        edge = (
+            via.road_id.to_edge(roads) if isinstance(via.road_id, t.JunctionEdgeIDResolver) else via.road_id
+        )
+    with blame(f"{where}.lane_index"):
+        lane = roads.lane_number(edge, via.lane_index)
+    offset = via.lane_offset
+    while roads.is_internal[lane] and offset > roads.sumo_length[lane]:
+        onward = [int(ahead) for ahead in roads.successors(lane) if roads.is_internal[ahead]]
+        if not onward:
+            break
+        offset, lane = offset - float(roads.sumo_length[lane]), onward[0]
+    check_offset(roads, lane, offset, f"{where}.lane_offset")
+    return lane, offset
 
 
 def route_edges(
@@ -91,7 +122,7 @@ def route_edges(
             remedy="choose another lane, or another vehicle_type",
         )
     with blame(where):
-        return shortest_route(
+        return _shortest_route(
             roads, route.begin[0], route.end[0], tuple(route.via), lap=_comes_round(route), kinds=kinds
         )
 

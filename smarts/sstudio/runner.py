@@ -1,6 +1,6 @@
 """Runs a scenario file in a process of its own and writes down what it says.
 
-    python -m smarts.sstudio.runner SCENARIO_FILE ANSWER_FILE SEED
+    python -m smarts.sstudio.runner SCENARIO_FILE ANSWER_FILE_DESCRIPTOR SEED
 
 A process of its own, so that the file meets the same world every time: fresh modules, a fixed order of
 sets, fixed seeds, its own folder as the working directory; and so that nothing it does stays behind.
@@ -8,40 +8,59 @@ sets, fixed seeds, its own folder as the working directory; and so that nothing 
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import runpy
+import site
 import sys
+import sysconfig
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from smarts.errors import ScenarioError, SmartsError
 from smarts.sstudio.collecting import Collection, collecting
 from smarts.sstudio.encoding import Json, encode
+from smarts.sstudio.failures import named
 from smarts.sstudio.sstypes.drawing import fresh_drawing
 
 PACKAGE = Path(__file__).resolve().parents[1]
+NOT_SOURCES = {"build", "__pycache__"}
+"""Folders beside a scenario file that others write to."""
 
 
 def main(arguments: list[str]) -> None:
     """Run the file and write the answer: what it says, or the error."""
-    script, answer, seed = Path(arguments[0]), Path(arguments[1]), int(arguments[2])
+    script, answer_file, seed = Path(arguments[0]), int(arguments[1]), int(arguments[2])
     sys.dont_write_bytecode = True
     sys.path.insert(0, str(script.parent))
     try:
-        reply = _describe(script, seed)
-    except SmartsError as error:
-        reply = {"error": {"problem": error.problem, "place": error.place, "remedy": error.remedy}}
-    answer.write_text(json.dumps(reply), encoding="utf-8")
+        answer = json.dumps(_describe(script, seed))
+    except BaseException as error:
+        # All of it, even what is meant to end the process: the answer is the only way to tell the user.
+        said = error if isinstance(error, SmartsError) else named(error, "writing it down", str(script))
+        reply = {"problem": said.problem, "place": said.place, "remedy": said.remedy}
+        answer = json.dumps({"error": reply})
+    with open(answer_file, "w", encoding="utf-8") as file:
+        file.write(answer)
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+    os._exit(0)  # at once, whatever threads the file has left running
 
 
 def _describe(script: Path, seed: int) -> Json:
     _seed_global_generators(seed)
+    opened = _record_opened(script.parent)
     with collecting() as collection, fresh_drawing(seed):
         _run(script)
+        read = set(opened)
+        scenario = _encoded(collection, script)
     return {
-        "scenario": _encoded(collection, script),
+        "scenario": scenario,
         "seed": seed if collection.seed is None else collection.seed,
-        "modules": _own_modules(script),
+        "files": sorted((read | _own_modules()) - {str(script)}),
     }
 
 
@@ -54,12 +73,12 @@ def _run(script: Path) -> None:
     except SmartsError as error:
         place = ", ".join(filter(None, (_culprit(error, script), error.place)))
         raise ScenarioError(error.problem, place=place, remedy=error.remedy) from error
-    except Exception as error:
-        problem = f"the scenario file raises {type(error).__name__}: {error}"
+    except BaseException as error:
+        problem = f"the scenario file raises {type(error).__name__}: {error}".removesuffix(": ")
         raise ScenarioError(problem, place=_culprit(error, script)) from error
 
 
-def _culprit(error: Exception, script: Path) -> str:
+def _culprit(error: BaseException, script: Path) -> str:
     """Return the innermost line of the scenario's own files that led to the error."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}, line {error.lineno}"
@@ -81,17 +100,43 @@ def _encoded(collection: Collection, script: Path) -> Json:
         raise ScenarioError(error.problem, place=f"{script}: {error.place}", remedy=error.remedy) from error
 
 
-def _own_modules(script: Path) -> list[str]:
+def _record_opened(folder: Path) -> set[str]:
+    """Return a set that from now on takes in every file under `folder` that is opened for reading.
+
+    Those that are not there count, too: the scenario file may say something else once they are.
+    """
+    opened: set[str] = set()
+    root = str(folder) + os.sep
+
+    def record(event: str, arguments: Sequence[Any]) -> None:
+        if event not in ("open", "sqlite3.connect") or not isinstance(
+            arguments[0], str | bytes | os.PathLike
+        ):
+            return
+        mode = arguments[1] if len(arguments) > 1 else None
+        if isinstance(mode, str) and mode[:1] in ("w", "x", "a"):
+            return
+        path = os.path.realpath(os.fsdecode(arguments[0]))
+        if path.startswith(root) and path[len(root) :].split(os.sep)[0] not in NOT_SOURCES:
+            opened.add(path)
+
+    sys.addaudithook(record)
+    return opened
+
+
+def _own_modules() -> set[str]:
     """Return the files of all imported modules that are neither installed packages nor part of SMARTS."""
-    installed = [Path(prefix).resolve() for prefix in {sys.prefix, sys.base_prefix}]
-    files = []
-    for module in list(sys.modules.values()):
-        name = getattr(module, "__file__", None)
-        file = Path(name).resolve() if name else script
-        foreign = any(file.is_relative_to(prefix) for prefix in (*installed, PACKAGE))
-        if file != script and not foreign and file.is_file():
-            files.append(str(file))
-    return sorted(set(files))
+    paths = sysconfig.get_paths()
+    places = [paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+    places += [*site.getsitepackages(), site.getusersitepackages()]
+    installed = [PACKAGE, *(Path(place).resolve() for place in places)]
+    names = [getattr(module, "__file__", None) for module in list(sys.modules.values())]
+    files = {Path(name).resolve() for name in names if isinstance(name, str)}
+    return {
+        str(file)
+        for file in files
+        if file.is_file() and not any(file.is_relative_to(place) for place in installed)
+    }
 
 
 def _seed_global_generators(seed: int) -> None:

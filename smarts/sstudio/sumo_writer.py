@@ -29,7 +29,7 @@ ROUND_TRIP_EDGES = 2000
 
 
 @dataclass(frozen=True)
-class SumoTraffic:
+class SumoDocuments:
     """The contents of the files for one variation of the traffic."""
 
     routes: str
@@ -40,7 +40,7 @@ class SumoTraffic:
     """What SUMO cannot do of what was asked."""
 
 
-def sumo_traffic(traffic: t.Traffic, roads: LaneGraph, generator: Generator, where: str) -> SumoTraffic:
+def sumo_traffic(traffic: t.Traffic, roads: LaneGraph, generator: Generator, where: str) -> SumoDocuments:
     """Return a variation of the traffic as SUMO's input.
 
     Args:
@@ -108,7 +108,7 @@ class _Writer:
     notes: dict[str, None] = field(default_factory=dict)
     """In order, each once."""
 
-    def write(self, traffic: t.Traffic) -> SumoTraffic:
+    def write(self, traffic: t.Traffic) -> SumoDocuments:
         """Return the files' contents."""
         departures = [
             (flow.begin, element)
@@ -122,7 +122,7 @@ class _Writer:
         departures.sort(key=lambda departure: departure[0])
         routes = [_Element("route", attributes) for attributes in self.routes.values()]
         elements = [*self.types.values(), *routes, *(element for _, element in departures)]
-        return SumoTraffic(
+        return SumoDocuments(
             routes=_document("routes", elements),
             additional=_document("additional", self.stops.values()) if self.stops else "",
             notes=tuple(self.notes),
@@ -218,9 +218,8 @@ class _Writer:
                 f"{where}: no way leads back to '{edges[0]}', so vehicles leave at the end of the route"
             )
             return self._route(edges)
-        circuit = (*edges, *back)
-        if len(circuit) > 1 and circuit[0] == circuit[-1]:
-            circuit = circuit[:-1]  # the next round begins with that edge
+        # A route that ends on its first edge has come round already; the next round begins with that edge.
+        circuit = edges[:-1] if len(edges) > 1 and edges[0] == edges[-1] else (*edges, *back)
         return self._route(circuit, rounds=-(-ROUND_TRIP_EDGES // len(circuit)))
 
     def _ends(self, route: t.Route, speed: float | str) -> dict[str, Any]:

@@ -47,7 +47,7 @@ class Route(Described):
     via: Sequence[str] = ()
     """Edges to pass on the way, in this order."""
     map_spec: MapSpec | None = None
-    """The scenario's map unless said otherwise."""
+    """In the original a map of the route's own; here routes are on the scenario's map, so leave it out."""
 
     @property
     def id(self) -> str:
@@ -75,4 +75,4 @@ class RandomRoute(Described):
 
     id: str = field(default_factory=lambda: drawing().serial("random-route"))
     map_spec: MapSpec | None = None
-    """The scenario's map unless said otherwise."""
+    """In the original a map of the route's own; here routes are on the scenario's map, so leave it out."""

@@ -51,7 +51,8 @@ def test_a_lane_change_on_one_road(roads):
 
 def test_poses_of_missions(roads):
     mission = t.Mission(t.Route(begin=("first", 0, "base"), end=("second", 1, "max")))
-    assert np.allclose(start_pose(roads, mission), [0, -4.8, 0], atol=0.1)
+    # The front bumper is at the lane's begin, so the centre of a car of 5 m is behind it.
+    assert np.allclose(start_pose(roads, mission), [-2.5, -4.8, 0], atol=0.1)
     assert np.allclose(goal_pose(roads, mission), [200, -1.6, 0], atol=0.1)
     assert start_pose(roads, t.Mission(t.RandomRoute())) is None
     assert goal_pose(roads, t.EndlessMission(begin=("first", 0, 5))) is None

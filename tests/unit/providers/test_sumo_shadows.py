@@ -126,6 +126,16 @@ def test_appearing_ahead_inside_a_lane(world, country):
     assert speed(world, "s0") < 0.1
 
 
+def test_appearing_ahead_where_there_is_no_lane_beside(world, country):
+    """The shadow leaves the net for one step instead."""
+    routes = from_arm("w", "e", 60).replace('id="calm"', 'id="calm" maxSpeed="10"')
+    begin(world, country.cross(routes))
+    ego = world.admit(-190.0, -1.6, 0.0, 0.0)
+    world.step(10)
+    drive(world, ego, lambda t: (-80.0, -1.6, 0.0, 0.0), 200)
+    assert speed(world, "s0") < 0.1
+
+
 def test_insertion_ahead_of_traffic(world, country):
     begin(world, country.road(drivers((0, 100, 18), (0, 60, 18))), 2.0)
     ahead = x(world, "s0") + 45
@@ -194,18 +204,41 @@ def test_beside_the_next_lane_stops_only_one(world, country):
     assert speed(world, "s1") == pytest.approx(20.0)
 
 
-@pytest.mark.parametrize("speed_against", [0.0, 4.0])
-def test_head_on_in_the_oncoming_lane(world, country, speed_against):
-    """A driver stops for an ego that comes the wrong way and stops in time itself."""
+@pytest.mark.parametrize(("speed_against", "begin_at"), [(0.0, -60.0), (4.0, -60.0), (12.0, -20.0)])
+def test_head_on_in_the_oncoming_lane(world, country, speed_against, begin_at):
+    """A driver stops for an ego that comes the wrong way and stops itself, without an emergency."""
     begin(world, country.cross(from_arm("w", "e", 20)))
-    ego = world.admit(-60.0, -1.6, math.pi, speed_against)
+    ego = world.admit(begin_at, -1.6, math.pi, speed_against)
+    hardest = 0.0
+    for step in range(1, 301):
+        time = min(step * 0.1, 5.0)
+        world.put(ego, begin_at - speed_against * time, -1.6, math.pi, speed_against if time < 5 else 0.0)
+        world.step()
+        assert not touching(world)
+        hardest = min(hardest, world.states.acceleration[world.slot("s0")])
+    assert speed(world, "s0") < 0.1
+    assert hardest > -4.6
 
-    def motion(t):
-        moving = t < 5
-        return -60 - speed_against * min(t, 5), -1.6, math.pi, speed_against if moving else 0.0
 
-    drive(world, ego, motion, 300)
-    assert speed(world, "s0") < 0.5
+def test_nobody_makes_room_for_a_lane_change_that_is_only_planned(world, country):
+    """SUMO knows that this ego must change lanes for its route; its drivers must not."""
+    nodes = "".join(
+        f'<node id="{name}" x="{x}" y="{y}"/>'
+        for name, x, y in (("a", 0, 0), ("b", 500, 0), ("c", 900, -50), ("d", 900, 50))
+    )
+    edges = '<edge id="ab" from="a" to="b" numLanes="2" speed="20"/>' + "".join(
+        f'<edge id="b{to}" from="b" to="{to}" numLanes="1" speed="20"/>' for to in "cd"
+    )
+    fork = country.net("fork", (f"<nodes>{nodes}</nodes>", f"<edges>{edges}</edges>"))
+    routes = drivers(*((1, 200 - 30 * number, 10) for number in range(4))).replace("ab bc", "ab bd")
+    begin(world, country.files(fork, routes))
+    ego = world.admit(250.0, RIGHT, 0.0, 8.0)
+    world.traffic.set_route(ego, ("ab", "bd"))
+    for step in range(1, 250):
+        world.put(ego, 250 + 0.8 * step, RIGHT, 0.0, 8.0)
+        world.step()
+        if step > 50:
+            assert speed(world, "s3") == pytest.approx(20.0)
 
 
 def test_reversing_in_the_lane(world, country):

@@ -17,7 +17,7 @@ from smarts.providers.sumo_traffic import sumo_options
 from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import Owner, VehicleKind
 
-from .conftest import front_of
+from .conftest import BUSY_ROAD, front_of
 
 ONE_CAR = '<vehicle id="a" depart="0" departPos="100" departSpeed="10"><route edges="ab bc"/></vehicle>'
 
@@ -192,6 +192,23 @@ def test_a_full_world_holds_departures_back(new_world, country):
     assert not world.states.alive[:2].any()
 
 
+def test_the_last_free_slot_may_go_to_an_ego(new_world, country):
+    """Also when SUMO lets another vehicle depart in the same step."""
+    world = new_world(capacity=8)
+    world.reset(country.road(BUSY_ROAD.replace('vehsPerHour="700"', 'vehsPerHour="3000"')))
+    entered = 0
+    for step in range(600):
+        if step % 25 == 0:
+            for slot in np.flatnonzero(world.states.owner == Owner.AGENT).tolist():
+                world.roster.dismiss(slot)
+        if world.states.alive.sum() == 7:
+            world.admit(900.0, 30.0, 0.0, 0.0)
+            entered += 1
+        world.step()
+    assert entered > 10
+    assert world.traffic.is_full
+
+
 def test_a_wide_enough_world_is_never_full(world, country):
     world.reset(country.cross(ONE_CAR.replace("ab bc", "wc ce")))
     world.step(50)
@@ -230,7 +247,10 @@ def test_routes_are_told(world, country):
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda files: files.net.write_text(files.net.read_text()[:3000]), "unexpected end of input"),
+        (
+            lambda files: files.net.write_text(files.net.read_text().replace("</net>", "")),
+            "input ended before all started tags",
+        ),
         (lambda files: files.routes[0].write_text("<routes><vehicle"), "rou.xml"),
         (lambda files: files.routes[0].write_text('<routes><flow id="a" from="ab"/></routes>'), "flow 'a'"),
         (lambda files: files.routes[0].unlink(), "not accessible"),

@@ -1,9 +1,11 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from smarts.errors import MapError
+from smarts.roads.atlas import RoadAtlas
 from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.routes import shortest_route
@@ -99,6 +101,7 @@ def test_osm(tmp_path):
         ({"netgcfg": "<configuration/>"}, "netgenerate refused the map: "),
         ({"net": "<net></net>"}, "none of the map's 0 lanes is open to cars"),
         ({"net": "<routes></routes>"}, "outermost element is <routes>"),
+        ({"net": '<net lefthand="true"></net>'}, "keeps to the left"),
         ({"net": "not xml"}, "not a SUMO network: syntax error"),
         ({"net": ""}, "not a SUMO network: no element found"),
     ],
@@ -133,8 +136,62 @@ def test_a_map_for_pedestrians_only(tmp_path):
 def test_a_net_without_lanes_inside_junctions(tmp_path):
     options = '<configuration><no-internal-links value="true"/></configuration>'
     error = error_of(maps.write(tmp_path, netccfg=options, **maps.cross()))
-    assert "no lanes inside" in error.problem
+    assert "16 connections jump up to 2" in error.problem
     assert "netconvert" in error.remedy
+
+
+def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
+    """Old nets have such junctions in the middle of straight roads."""
+    lane = '<lane id="{0}_0" index="0" speed="10" length="50" shape="{1}"/>'
+    edges = [
+        f'<edge id="{name}" from="{begin}" to="{end}">{lane.format(name, shape)}</edge>'
+        for name, begin, end, shape in (("one", "a", "b", "0,0 50,0"), ("two", "b", "c", "50,0 100,0"))
+    ]
+    junctions = [f'<junction id="{name}" type="priority" x="0" y="0"/>' for name in "abc"]
+    link = '<connection from="one" to="two" fromLane="0" toLane="0" dir="s" state="M"/>'
+    (tmp_path / "map.net.xml").write_text(f"<net>{''.join(edges + junctions)}{link}</net>")
+    out, notes = compiled(tmp_path)
+    graph = read_net(out)
+    assert notes == ()
+    assert shortest_route(graph, "one", "two") == ("one", "two")
+    atlas = RoadAtlas([graph])
+    table = atlas.route_table([(0, ("one", "two"))])
+    world = np.zeros(1, np.int32)
+    paths = atlas.waypoints(table, world, np.array([[45.0, 0.0]]), world, world, lookahead=12)
+    np.testing.assert_allclose(paths.position[0, 0, :, 0], 45 + np.arange(12))
+
+
+def test_errors_in_a_foreign_map_can_be_ignored(tmp_path):
+    text = (DATA / "bend.xodr").read_text()
+    loose = """<junction id="50" name="loose">
+        <connection id="0" incomingRoad="2" connectingRoad="3" contactPoint="start">
+            <laneLink from="-1" to="-1"/>
+        </connection></junction></OpenDRIVE>"""
+    (tmp_path / "map.xodr").write_text(text.replace("</OpenDRIVE>", loose))
+    error = error_of(tmp_path)
+    assert "ignore-errors" in error.remedy
+    assert "map.netccfg" in error.remedy
+    options = '<configuration><ignore-errors value="true"/></configuration>'
+    (tmp_path / "map.netccfg").write_text(options)
+    out, notes = compiled(tmp_path)
+    assert error.problem.removeprefix("netconvert refused the map: ") in " ".join(notes)
+    assert set(read_net(out).road_edges) == {"1", "-1"}
+
+
+def test_names_that_trouble_command_lines(tmp_path, monkeypatch):
+    folder = maps.write(tmp_path / "two maps, --really", **maps.cross())
+    (folder / "map.netccfg").write_text('<configuration><no-turnarounds value="false"/></configuration>')
+    out, _ = compiled(folder)
+    monkeypatch.chdir(folder.parent)
+    again, _ = compiled(Path(folder.name), Path("again.net.xml"))
+    assert again.read_bytes() == out.read_bytes()
+
+
+def test_an_output_that_cannot_be_written(tmp_path):
+    folder = maps.write(tmp_path, **maps.cross())
+    with pytest.raises(MapError, match="cannot write the compiled map") as caught:
+        compiled(folder, folder / "map.nod.xml" / "out.net.xml")
+    assert "out.net.xml" in caught.value.place
 
 
 def test_an_existing_output_survives_a_failure(tmp_path):

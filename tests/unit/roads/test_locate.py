@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from smarts.roads import kernels
 from smarts.roads.atlas import LanePositions, RoadAtlas
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.sumo_net import read_net
@@ -158,6 +159,22 @@ def test_route_distances_on_the_second_time_round(graphs):
     done, _ = ring.route_distances(table, world(3), world(3), lane, np.full(3, 5.0), hint)
     assert done[0] == done[1] < 10
     assert done[2] > 100
+
+
+def test_any_kind_of_array_will_do(atlas):
+    everything = np.array([[-50, -4.0, 0.0, 9.9], [-50, -1.0, 0.0, 9.9]], np.float32)
+    everything.flags.writeable = False
+    compiled = len(kernels.locate.signatures)
+    found = atlas.locate(
+        np.array([0, 0]), everything[:, :2], everything[:, 2], np.array([-1, -1]), atlas.no_routes
+    )
+    assert [atlas.graphs[0].lane_ids[lane] for lane in found.lane] == ["west_in_0", "west_in_1"]
+    assert len(kernels.locate.signatures) == max(1, compiled)
+
+
+def test_routes_without_their_table(atlas):
+    with pytest.raises(TypeError, match="table"):
+        atlas.locate(world(), np.zeros((1, 2)), routes=world())
 
 
 def test_buffers_are_written_in_place(atlas):

@@ -72,5 +72,5 @@ def test_lengths_are_those_of_the_shapes(case):
     graph, oracle, *_ = case
     for name, line in zip(oracle.ids, oracle.lines, strict=True):
         lane = graph.lane_of_id(name)
-        assert graph.length[lane] == pytest.approx(max(line.length, 0.0), abs=0.021)
+        assert graph.length[lane] == pytest.approx(line.length, abs=0.0011)
         assert graph.sumo_length[lane] == pytest.approx(oracle.lanes[name].getLength())

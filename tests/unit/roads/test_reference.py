@@ -10,7 +10,7 @@ from smarts.roads.routes import random_route
 
 from . import maps, reference
 
-POSES = 150
+POSES = 100
 NAMES = tuple(maps.MAPS)
 
 

@@ -77,6 +77,14 @@ def test_centrelines(graphs):
         assert (graph.point_heading > -math.pi).all()
 
 
+def test_lanes_begin_where_those_before_end(graphs):
+    for graph in graphs.values():
+        for lane in range(len(graph.lane_ids)):
+            for after in graph.successors(lane):
+                gap = graph.centreline(after)[0] - graph.centreline(lane)[-1]
+                assert np.hypot(*gap) < 0.01
+
+
 def test_signals(cross, graphs):
     assert cross.signal_ids == ("centre",)
     links = []

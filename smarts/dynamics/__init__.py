@@ -1,0 +1,63 @@
+"""How vehicles move: from throttle, brake and steering to poses, all vehicles of all simulations in one call.
+
+    fleet = Fleet(simulations=B, egos=N)                   # row b * N + i is ego i of simulation b
+    fleet.spawn(row, "passenger", (x, y), heading, speed)  # a car in Bullet; or model="dynamic", "kinematic"
+    fleet.road.friction[row] = 0.4                         # kept until written again; also normal, offset
+    fleet.set_fault(row, 0, FLAT_TYRE)                     # front left
+    fleet.place_boxes(b, {key: Box(...)})                  # road users near an ego that others drive
+    motion = fleet.step(controls)                          # (E, 3) -> poses of all sub-steps, velocities
+    fleet.wheels.slip[row]                                 # also spin, slip angle, load, forces
+
+Data flow of one step, for cars in Bullet ten times over:
+
+    controls, road, faults, the bodies' motion
+      -> chassis.advance   one kernel call for all rows: suspension, steering, drive, brakes, tyres
+      -> BulletWorld       one per simulation: takes velocities, integrates, resolves contacts, gives motion
+      -> record_poses      footprints after the sub-step
+
+State is arrays with one row per vehicle; records of constants and of wheel state are packed for the kernels
+(`layout`). A row's result depends on nothing but its own simulation: alone or in a batch, its bits are equal.
+
+Two alternatives were weighed. An object per vehicle with its own step is simpler, but its kernel calls alone
+would cost as much as Bullet. Calling Bullet's C interface from the kernel would save what Python's reading
+back costs, about a third, but hangs on symbols that pybullet does not promise. One kernel call per sub-step
+over all rows costs a tenth of the step and keeps Bullet behind its public door.
+
+Not modelled: unsprung masses, gearbox and clutch, delay of the brakes, self-aligning torque, camber, wind,
+trailers, and the lean of motorcycles.
+"""
+
+from smarts.dynamics.bullet import Box
+from smarts.dynamics.fleet import (
+    FLAT_TYRE,
+    MODELS,
+    SOUND_TYRE,
+    ControlError,
+    Fleet,
+    Motion,
+    MotionError,
+    Road,
+    TyreFault,
+    Wheels,
+)
+from smarts.dynamics.layout import TYRE_MODELS
+from smarts.dynamics.parameters import VehicleParameters, VehicleParametersError, vehicle, vehicle_names
+
+__all__ = [
+    "FLAT_TYRE",
+    "MODELS",
+    "SOUND_TYRE",
+    "TYRE_MODELS",
+    "Box",
+    "ControlError",
+    "Fleet",
+    "Motion",
+    "MotionError",
+    "Road",
+    "TyreFault",
+    "VehicleParameters",
+    "VehicleParametersError",
+    "Wheels",
+    "vehicle",
+    "vehicle_names",
+]

@@ -1,0 +1,178 @@
+"""The one door to Bullet: the rigid bodies of one simulation.
+
+Every simulation has a client (world) of its own. Measured against one shared client, that costs 0.7 us a sub-
+step and simulation, and it is what makes a simulation's bits independent of its neighbours in the batch.
+
+The world has no ground and no gravity: `chassis.advance` turns all forces into velocities, and Bullet
+integrates the motion and resolves contacts. A velocity per body and sub-step is one call where force and
+torque are two. Reading a body back costs two calls of 1 us each and cannot be had for less.
+"""
+
+from __future__ import annotations
+
+import struct
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from smarts.dynamics.layout import BODY_SIZE
+
+EGO, BOX = 1, 2
+"""Collision groups: egos meet egos and boxes; boxes, which follow their own script, do not meet each
+other."""
+BOX_MASS = 1e7
+"""Of a box [kg]: to a car, a wall that moves."""
+FRICTION = 0.3
+"""Of a body against a body."""
+RESTITUTION = 0.1
+
+_ROW = struct.Struct(f"{BODY_SIZE}d")
+
+
+@dataclass(frozen=True)
+class Box:
+    """A road user that Bullet does not drive but that egos can hit."""
+
+    position: tuple[float, float, float]
+    """Centre [m]."""
+    heading: float
+    """[rad]."""
+    speed: float
+    """Along the heading [m/s]."""
+    length: float
+    width: float
+    height: float
+
+
+class BulletWorld:
+    """The bodies of one simulation.
+
+    Args:
+        bodies: Motion of all vehicles of all simulations, shape (E, 13); rows of this world's bodies are
+            written.
+        dt: Sub-step [s].
+    """
+
+    def __init__(self, bodies: NDArray[np.float64], dt: float) -> None:
+        self._motion = bodies.reshape(-1).data.cast("B")
+        self._dt = dt
+        self._client = pybullet.connect(pybullet.DIRECT)
+        self._close = weakref.finalize(self, pybullet.disconnect, self._client)
+        self.clear()
+
+    def close(self) -> None:
+        """Free the world; its bodies are gone."""
+        self._close()
+
+    def clear(self) -> None:
+        """Remove every body, and with them all that Bullet remembers of the past."""
+        client = self._client
+        # By keyword: its first positional argument is flags, and a client given there resets client 0.
+        pybullet.resetSimulation(physicsClientId=client)
+        pybullet.setTimeStep(self._dt, client)
+        pybullet.setGravity(0.0, 0.0, 0.0, client)
+        # Without it the order of contacts, and so the last bits, depend on memory addresses.
+        pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=client)
+        self._shapes: dict[tuple[float, ...], int] = {}
+        self._egos: dict[int, int] = {}
+        self._boxes: dict[int, tuple[int, tuple[float, ...]]] = {}
+        self._egos_in_order: list[tuple[int, int]] = []
+
+    def add(self, row: int, car: NDArray[np.void], motion: NDArray[np.float64]) -> None:
+        """Put a vehicle into the world.
+
+        Args:
+            row: Of the vehicle in `bodies`.
+            car: Its record of `layout.PARAMETERS`.
+            motion: Shape (13,).
+        """
+        offset = (-float(car["centre_to_cog"]), 0.0, float(car["box_height"]))
+        shape = self._shape(tuple(map(float, car["half_size"])), offset)
+        body = self._body(shape, float(car["mass"]), tuple(map(float, car["inertia"])), EGO, EGO | BOX)
+        pybullet.resetBasePositionAndOrientation(
+            body, motion[0:3].tolist(), motion[3:7].tolist(), self._client
+        )
+        pybullet.resetBaseVelocity(body, motion[7:10].tolist(), motion[10:13].tolist(), self._client)
+        self._egos[row] = body
+        self._egos_in_order = sorted(self._egos.items())
+
+    def remove(self, row: int) -> None:
+        """Take a vehicle out of the world."""
+        pybullet.removeBody(self._egos.pop(row), self._client)
+        self._egos_in_order = sorted(self._egos.items())
+
+    def place_boxes(self, boxes: Mapping[int, Box]) -> None:
+        """Say which boxes there are from now on.
+
+        Args:
+            boxes: By a key that stays with the road user. A key seen before is moved, one missing now is
+                removed. Boxes keep their velocity through the sub-steps.
+        """
+        client = self._client
+        for key in self._boxes.keys() - boxes.keys():
+            pybullet.removeBody(self._boxes.pop(key)[0], client)
+        for key, box in boxes.items():
+            size = (0.5 * box.length, 0.5 * box.width, 0.5 * box.height)
+            if key in self._boxes and self._boxes[key][1] != size:
+                pybullet.removeBody(self._boxes.pop(key)[0], client)
+            if key not in self._boxes:
+                inertia = (BOX_MASS * 10.0,) * 3
+                body = self._body(self._shape(size, (0.0, 0.0, 0.0)), BOX_MASS, inertia, BOX, EGO)
+                self._boxes[key] = body, size
+            body = self._boxes[key][0]
+            half, cos, sin = 0.5 * box.heading, np.cos(box.heading), np.sin(box.heading)
+            quaternion = (0.0, 0.0, float(np.sin(half)), float(np.cos(half)))
+            velocity = (float(box.speed * cos), float(box.speed * sin), 0.0)
+            pybullet.resetBasePositionAndOrientation(body, box.position, quaternion, client)
+            pybullet.resetBaseVelocity(body, velocity, (0.0, 0.0, 0.0), client)
+
+    def substep(self, velocities: list[list[list[float]]]) -> None:
+        """Give the bodies their velocities, let Bullet go on by one sub-step, and read the bodies back.
+
+        Args:
+            velocities: Linear and angular velocity by row, nested lists of shape (E, 2, 3).
+        """
+        client, motion = self._client, self._motion
+        set_velocity = pybullet.resetBaseVelocity
+        read_pose, read_velocity = pybullet.getBasePositionAndOrientation, pybullet.getBaseVelocity
+        for row, body in self._egos_in_order:
+            linear, angular = velocities[row]
+            set_velocity(body, linear, angular, client)
+        pybullet.stepSimulation(client)
+        for row, body in self._egos_in_order:
+            position, quaternion = read_pose(body, client)
+            linear, angular = read_velocity(body, client)
+            _ROW.pack_into(motion, row * _ROW.size, *position, *quaternion, *linear, *angular)
+
+    def _shape(self, half_size: tuple[float, ...], offset: tuple[float, ...]) -> int:
+        """Return a box shape, shared by all bodies of that size."""
+        key = (*half_size, *offset)
+        if key not in self._shapes:
+            self._shapes[key] = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX,
+                halfExtents=half_size,
+                collisionFramePosition=offset,
+                physicsClientId=self._client,
+            )
+        return self._shapes[key]
+
+    def _body(self, shape: int, mass: float, inertia: tuple[float, ...], group: int, mask: int) -> int:
+        client = self._client
+        body = pybullet.createMultiBody(mass, shape, physicsClientId=client)
+        pybullet.changeDynamics(
+            body,
+            -1,
+            # Bullet's default damping stops a car 45% early.
+            linearDamping=0.0,
+            angularDamping=0.0,
+            localInertiaDiagonal=inertia,
+            lateralFriction=FRICTION,
+            restitution=RESTITUTION,
+            physicsClientId=client,
+        )
+        pybullet.setCollisionFilterGroupMask(body, -1, group, mask, client)
+        return body

@@ -1,0 +1,223 @@
+"""The cheap vehicles: a body in the plane on one wheel per axle, all sub-steps in one kernel call, no Bullet.
+
+Both take the same parameters, controls and friction as the car in Bullet and write the same state. The
+kinematic one goes where its front wheel points (Rajamani, Vehicle Dynamics and Control, 2nd ed. 2012, section
+2.2). The dynamic one (section 2.3) slides: lateral forces come from the chosen tyre model through the same
+bristle as the car's, load moves between the axles, and braking and driving use up grip. Neither has wheel
+spin (ABS and traction control are implied), sides (a flat tyre slows and weakens its axle but does not pull),
+slopes, or contact with other bodies.
+"""
+
+from __future__ import annotations
+
+import math
+
+from smarts.dynamics.chassis import rotation, steer
+from smarts.dynamics.tyre_models import characteristics, side_share
+from smarts.dynamics.wheel import BREAKAWAY_SPEED, DAMPING_SPEED, DAMPING_TIME, LEAST_FRICTION
+from smarts.geometry.compiling import kernel
+
+FRONT, REAR = 0, 2
+"""The wheels that stand for their axles."""
+
+
+@kernel
+def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt):
+    """Advance kinematic vehicles by all sub-steps of one step.
+
+    Args:
+        rows: Vehicles to advance, shape (R,).
+        cars: Shape (E,), dtype `layout.PARAMETERS`.
+        states: Shape (E,), dtype `layout.STATE`; written.
+        bodies: Shape (E, 13); written.
+        controls: Throttle, brake, steering, shape (E, 3).
+        road: Shape (E, 8); only the friction at the wheels counts.
+        poses: Centre of the footprint and heading after each sub-step, shape (E, S, 3); written.
+        dt: Sub-step [s].
+    """
+    for row in rows:
+        car, state, body = cars[row], states[row], bodies[row]
+        heading, speed, _, _ = planar_motion(body)
+        load_front, load_rear = _axle_loads(car, 0.0)
+        grip_front = _axle_tyre(car, state, FRONT, load_front, road[row, 0:2])[0]
+        grip_rear = _axle_tyre(car, state, REAR, load_rear, road[row, 2:4])[0]
+        for substep in range(poses.shape[1]):
+            steer(car, state, controls[row, 2], dt)
+            front = _axle_request(car, state, FRONT, load_front, grip_front, controls[row], speed)
+            rear = _axle_request(car, state, REAR, load_rear, grip_rear, controls[row], speed)
+            gain = dt * (front[0] + rear[0] - car.drag * abs(speed) * speed) / car.mass
+            speed = _resist(speed + gain, dt * (front[1] + rear[1]) / car.mass)
+            yaw_rate = speed * math.tan(state.steering) / (car.cog_to_front_axle + car.cog_to_rear_axle)
+            _move(body, heading, speed, car.cog_to_rear_axle * yaw_rate, yaw_rate, dt)
+            heading += dt * yaw_rate
+            record_pose(car, body, poses[row, substep])
+            _show_axle(car, state, FRONT, load_front, speed, _net(front, speed), 0.0)
+            _show_axle(car, state, REAR, load_rear, speed, _net(rear, speed), 0.0)
+
+
+@kernel
+def advance_dynamic(rows, cars, states, bodies, controls, road, poses, dt):
+    """Advance dynamic single-track vehicles by all sub-steps of one step; see `advance_kinematic`."""
+    for row in rows:
+        for substep in range(poses.shape[1]):
+            _advance_dynamic(cars[row], states[row], bodies[row], controls[row], road[row], dt)
+            record_pose(cars[row], bodies[row], poses[row, substep])
+
+
+@kernel
+def _advance_dynamic(car, state, body, controls, road, dt):
+    """Advance one dynamic single-track vehicle by one sub-step."""
+    heading, vx, vy, yaw_rate = planar_motion(body)
+    steer(car, state, controls[2], dt)
+    cos, sin = math.cos(state.steering), math.sin(state.steering)
+    load_front, load_rear = _axle_loads(car, 2.0 * (state.force_x[FRONT] + state.force_x[REAR]))
+    tyre_front = _axle_tyre(car, state, FRONT, load_front, road[0:2])
+    tyre_rear = _axle_tyre(car, state, REAR, load_rear, road[2:4])
+    front = _axle_request(car, state, FRONT, load_front, tyre_front[0], controls, vx)
+    rear = _axle_request(car, state, REAR, load_rear, tyre_rear[0], controls, vx)
+    front_vy, rear_vy = vy + car.cog_to_front_axle * yaw_rate, vy - car.cog_to_rear_axle * yaw_rate
+    front_y = _axle_side_force(
+        car,
+        state,
+        FRONT,
+        tyre_front,
+        _net(front, vx),
+        vx * cos + front_vy * sin,
+        front_vy * cos - vx * sin,
+        dt,
+    )
+    rear_y = _axle_side_force(car, state, REAR, tyre_rear, _net(rear, vx), vx, rear_vy, dt)
+
+    drag = car.drag * math.sqrt(vx * vx + vy * vy)
+    free_vx = vx + dt * (front[0] * cos - front_y * sin + rear[0] - drag * vx) / car.mass
+    loss = dt * (front[1] * cos + rear[1]) / car.mass
+    new_vx = _resist(free_vx, loss)
+    # Of the resistance only what was needed to stop has acted; more would turn a standing car by its front
+    # wheels.
+    acted = (free_vx - new_vx) / loss if loss > 0.0 else 0.0
+    front_x, rear_x = front[0] - acted * front[1], rear[0] - acted * rear[1]
+    side = front_x * sin + front_y * cos
+    new_vy = vy + dt * (side + rear_y - drag * vy) / car.mass
+    turn = (car.cog_to_front_axle * side - car.cog_to_rear_axle * rear_y) / car.inertia[2]
+    _move(body, heading, new_vx, new_vy, yaw_rate + dt * turn, dt)
+    _show_axle(car, state, FRONT, load_front, new_vx, front_x, front_y)
+    _show_axle(car, state, REAR, load_rear, new_vx, rear_x, rear_y)
+
+
+@kernel
+def planar_motion(body):
+    """Return heading [rad], velocity forward and left [m/s], and yaw rate [rad/s] of a body."""
+    forward, _, _ = rotation(body)
+    heading = math.atan2(forward[1], forward[0])
+    cos, sin = math.cos(heading), math.sin(heading)
+    return heading, body[7] * cos + body[8] * sin, body[8] * cos - body[7] * sin, body[12]
+
+
+@kernel
+def record_pose(car, body, pose):
+    """Write the centre of a body's footprint [m] and its heading in (-pi, pi] [rad], shape (3,).
+
+    The footprint lies where the body's centre line meets the road, so that a car which rolls in a bend stays
+    put.
+    """
+    forward, _, up = rotation(body)
+    pose[0] = body[0] - car.centre_to_cog * forward[0] - car.cog_height * up[0]
+    pose[1] = body[1] - car.centre_to_cog * forward[1] - car.cog_height * up[1]
+    # Adding a zero turns -0.0 into 0.0, for which atan2 gives pi and not -pi.
+    pose[2] = math.atan2(forward[1] + 0.0, forward[0])
+
+
+@kernel
+def _axle_loads(car, push):
+    """Return the loads of one front and one rear wheel [N] while the tyres push forward with `push` [N]."""
+    moved = 0.5 * push * car.cog_height / (car.cog_to_front_axle + car.cog_to_rear_axle)
+    return max(car.static_load[FRONT] - moved, 1.0), max(car.static_load[REAR] + moved, 1.0)
+
+
+@kernel
+def _axle_tyre(car, state, wheel, load, friction):
+    """Return the `characteristics` of one of an axle's tyres at the mean of both sides' grip."""
+    grip = 0.5 * (friction[0] * state.grip_factor[wheel] + friction[1] * state.grip_factor[wheel + 1])
+    return characteristics(car, wheel, load, max(grip, LEAST_FRICTION))
+
+
+@kernel
+def _axle_request(car, state, wheel, load, peak, controls, speed):
+    """Return an axle's drive force and its resisting force [N].
+
+    Both are cut to the grip of two tyres with the largest force `peak` [N], the drive force also to its
+    power.
+    """
+    limit = 2.0 * peak
+    force = car.drive_force
+    if force * abs(speed) > car.drive_power:
+        force = car.drive_power / abs(speed)
+    drive = controls[0] * force * 2.0 * car.drive_share[wheel]
+    rolling = 2.0 * car.rolling_resistance + state.extra_resistance[wheel] + state.extra_resistance[wheel + 1]
+    resistance = controls[1] * 2.0 * car.brake_torque[wheel] / car.radius[wheel] + rolling * load
+    return min(max(drive, -limit), limit), min(resistance, limit)
+
+
+@kernel
+def _net(request, speed):
+    """Return the force [N] of an axle's drive and resistance; nothing resists a standing vehicle."""
+    return request[0] - (math.copysign(request[1], speed) if speed != 0.0 else 0.0)
+
+
+@kernel
+def _resist(speed, loss):
+    """Return a speed after a resistance that would take `loss` [m/s] of it, but never turns it round."""
+    return max(speed - loss, 0.0) if speed > 0.0 else min(speed + loss, 0.0)
+
+
+@kernel
+def _axle_side_force(car, state, wheel, tyre, force_x, vx, vy, dt):
+    """Return an axle's lateral force [N] beside the longitudinal force `force_x` [N].
+
+    Args:
+        car: Parameters.
+        state: Deflection and slip angle of the axle's wheels are written.
+        wheel: `FRONT` or `REAR`.
+        tyre: From `_axle_tyre`.
+        force_x: Of both tyres [N].
+        vx: Velocity of the contact along the wheel [m/s].
+        vy: To its left [m/s].
+        dt: [s].
+    """
+    peak_x, peak_y, _, stiffness, _, curvature = tyre
+    carcass = car.carcass_y[wheel] * 0.5 * (state.stiffness_factor[wheel] + state.stiffness_factor[wheel + 1])
+    kept = 1.0 / (1.0 + dt * abs(vx) * car.carcass_y[wheel] / stiffness)
+    damping = DAMPING_TIME * max(0.0, 1.0 - abs(vx) / DAMPING_SPEED) ** 2
+    stretch = car.peak_slip * (1.0 + abs(vy) / BREAKAWAY_SPEED) * peak_y / carcass
+    deflection = min(max(kept * (state.deflection_y[wheel] - dt * vy), -stretch), stretch)
+    for side in range(wheel, wheel + 2):
+        state.deflection_y[side] = deflection
+        state.slip_angle[side] = math.atan(carcass * deflection / stiffness)
+    pull = carcass * (deflection - damping * vy)
+    share = side_share(car, pull / peak_y, curvature)
+    used = min(abs(force_x) / (2.0 * peak_x), 0.98)
+    return 2.0 * share * pull * math.sqrt(1.0 - used * used)
+
+
+@kernel
+def _move(body, heading, vx, vy, yaw_rate, dt):
+    """Write velocities given in the body's frame at `heading`, and the pose that they lead to after `dt`."""
+    cos, sin = math.cos(heading), math.sin(heading)
+    body[7], body[8], body[9] = vx * cos - vy * sin, vx * sin + vy * cos, 0.0
+    body[10], body[11], body[12] = 0.0, 0.0, yaw_rate
+    body[0] += dt * body[7]
+    body[1] += dt * body[8]
+    half = 0.5 * (heading + dt * yaw_rate)
+    body[3], body[4], body[5], body[6] = 0.0, 0.0, math.sin(half), math.cos(half)
+
+
+@kernel
+def _show_axle(car, state, wheel, load, speed, force_x, force_y):
+    """Write an axle's read-out into both of its wheels."""
+    for side in range(wheel, wheel + 2):
+        state.load[side] = load
+        state.spin[side] = speed / (car.radius[side] * state.radius_factor[side])
+        state.force_x[side] = 0.5 * force_x
+        state.force_y[side] = 0.5 * force_y
+        state.slip[side] = 0.0
+        state.slip_angle[side] = state.slip_angle[wheel]

@@ -1,0 +1,77 @@
+"""Small checks of values, each of which raises an error that names the value and where it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from smarts.errors import ScenarioError, nearest_names
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Checks of the values of one file.
+
+    In every method `where` is what the value is called in the file, as "traffic['dense'].flows[2].rate".
+
+    Raises:
+        ScenarioError: In every method, if the value is not what it should be.
+    """
+
+    place: str
+    """The file."""
+
+    def at(self, where: str) -> str:
+        """Return the place of an error: file and object."""
+        return f"{self.place}: {where}"
+
+    def error(self, where: str, problem: str, remedy: str) -> ScenarioError:
+        """Return an error for the caller to raise, where the message is costly to make."""
+        return ScenarioError(problem, place=self.at(where), remedy=remedy)
+
+    def require(self, holds: bool, where: str, problem: str, remedy: str) -> None:
+        """Require that something holds."""
+        if not holds:
+            raise self.error(where, problem, remedy)
+
+    def number(self, value: Any, where: str, above: float | None = None) -> None:
+        """Require a finite number: 0 or more, or above a bound."""
+        bound = "0 or more" if above is None else f"above {above:g}"
+        numeric = isinstance(value, int | float) and math.isfinite(value)
+        holds = numeric and (value >= 0 if above is None else value > above)
+        self.require(holds, where, f"{value!r} is not a number {bound}", f"use a number {bound}")
+
+    def count(self, value: Any, where: str) -> None:
+        """Require a whole number from 1."""
+        whole = isinstance(value, int) and value >= 1
+        self.require(whole, where, f"{value!r} is not a count", "use 1, 2, 3, ...")
+
+    def order(self, first: float, last: float, where: str, name: str) -> None:
+        """Require that a span does not end before it begins, at what is called `name`."""
+        self.require(last >= first, where, f"{last} is before {name}, {first}", "exchange the two")
+
+    def choice(self, value: Any, known: Collection[str], where: str) -> None:
+        """Require one of the known names."""
+        if value not in known:
+            raise self.error(where, f"there is no {value!r}", nearest_names(str(value), known))
+
+    def type(self, value: Any, expected: type | tuple[type, ...], where: str) -> None:
+        """Require a value of a type."""
+        if not isinstance(value, expected):
+            kinds = expected if isinstance(expected, tuple) else (expected,)
+            names = " or ".join(kind.__name__ for kind in kinds)
+            raise self.error(where, f"a {type(value).__name__}: {value!r}", f"use a {names}")
+
+    def named(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
+        """Require a dict by name, or None, and return what its items are called, and the items."""
+        if not isinstance(value, Mapping | None) or not all(isinstance(name, str) for name in value or ()):
+            raise self.error(where, f"not a dict by name: {value!r}", 'use {"name": ...}')
+        return ((f"{where}[{name!r}]", item) for name, item in (value or {}).items())
+
+    def listed(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
+        """Require a list, or None, and return what its items are called, and the items."""
+        if not isinstance(value, list | tuple | None):
+            raise self.error(where, f"not a list: {value!r}", "use [...]")
+        return ((f"{where}[{number}]", item) for number, item in enumerate(value or ()))

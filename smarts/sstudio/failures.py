@@ -1,0 +1,54 @@
+"""The one place where failures that nobody named become errors that name their place."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from smarts.errors import ScenarioError, SmartsError
+
+_REMEDIES = {
+    errno.ENOSPC: "make room on that disk, and build again",
+    errno.EDQUOT: "make room on that disk, and build again",
+    errno.EFBIG: "raise the limit on file sizes (ulimit -f), and build again",
+    errno.EACCES: "give yourself access to it",
+    errno.EPERM: "give yourself access to it",
+    errno.ENAMETOOLONG: "use a shorter name",
+    errno.EMFILE: "raise the limit on open files (ulimit -n)",
+}
+
+
+@contextmanager
+def named_failures(doing: str, place: str) -> Iterator[None]:
+    """Turn every failure into an error that says what was being done, and for which file of the user.
+
+    Args:
+        doing: What fails then, as "building the scenario".
+        place: The user's file or folder.
+
+    Raises:
+        SmartsError: As it was, where it has a name already.
+        ScenarioError: In place of all else, interruptions excepted.
+    """
+    try:
+        yield
+    except SmartsError:
+        raise
+    except Exception as error:
+        raise named(error, doing, place) from error
+
+
+def named(error: BaseException, doing: str, place: str) -> ScenarioError:
+    """Return the error that says what happened to the user's file."""
+    if isinstance(error, OSError):
+        where = f" ({error.filename})" if error.filename and str(error.filename) != place else ""
+        problem = f"{doing} failed: {error.strerror or error}{where}"
+        return ScenarioError(problem, place=place, remedy=_REMEDIES.get(error.errno or 0, ""))
+    if isinstance(error, RecursionError):
+        remedy = "look for a list or dict that contains itself"
+        return ScenarioError(f"{doing} failed: something is nested too deeply", place=place, remedy=remedy)
+    if isinstance(error, MemoryError):
+        return ScenarioError(f"{doing} failed: not enough memory", place=place)
+    said = f": {error}" if str(error) else ""
+    return ScenarioError(f"{doing} failed: {type(error).__name__}{said}", place=place)

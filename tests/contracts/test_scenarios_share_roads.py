@@ -1,0 +1,73 @@
+"""Egos and hand-overs of every kind, in every scenario: SUMO's traffic copes with all of it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.providers.sumo_traffic import SumoTraffic
+from smarts.sim.roster import Roster
+from smarts.sstudio.build import build_scenario, suite
+from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+
+EGOS = 4
+STEPS = 600
+
+
+class Wanderers:
+    """Agents that drive along at their speed, turn a little now and then, and jump to a lane when lost."""
+
+    def __init__(self, states, roads, rng):
+        self.states, self.roads, self.rng = states, roads, rng
+        self.lanes = np.flatnonzero(~roads.is_internal)
+
+    def start(self, slot):
+        lane = int(self.rng.choice(self.lanes))
+        s = self.rng.uniform(0, self.roads.length[lane])
+        x, y, heading = self.roads.pose_at(lane, s, self.rng.uniform(-2, 2))
+        self.states.position[slot] = x, y
+        self.states.heading[slot] = heading
+        self.states.speed[slot] = self.rng.uniform(0, 15)
+
+    def move(self):
+        states = self.states
+        for slot in np.flatnonzero(states.owner == Owner.AGENT):
+            if self.rng.random() < 0.01:
+                self.start(slot)
+            heading = states.heading[slot] + self.rng.normal(0, 0.02)
+            states.heading[slot] = heading
+            states.position[slot] += (
+                0.1 * states.speed[slot] * np.array([math.cos(heading), math.sin(heading)])
+            )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", suite())
+def test_wild_agents_and_hand_overs(name):
+    built = build_scenario(name)
+    roads = built.roads()
+    states = VehicleStates.allocate(1024)
+    roster = Roster(states, reserved=EGOS)
+    rng = np.random.Generator(np.random.Philox(3))
+    wanderers = Wanderers(states, roads, rng)
+    for slot in range(EGOS):
+        kind, length, width = (VehicleKind.PASSENGER, 4.5, 1.8) if slot else (VehicleKind.BUS, 12.0, 2.5)
+        roster.admit("ego", Owner.AGENT, kind, length, width, slot=slot)
+        wanderers.start(slot)
+    traffic = SumoTraffic()
+    traffic.reset(built.traffic["random_social_vehicles"], 1, states, roster, roads)
+    for step in range(STEPS):
+        wanderers.move()
+        for slot in np.flatnonzero(states.alive)[EGOS:]:
+            if rng.random() < 0.01:
+                states.owner[slot] = Owner.AGENT if states.owner[slot] == Owner.TRAFFIC else Owner.TRAFFIC
+        agents = np.flatnonzero(states.owner == Owner.AGENT)
+        before = states.position[agents].copy(), states.heading[agents].copy(), states.speed[agents].copy()
+        traffic.step(states)
+        after = states.position[agents], states.heading[agents], states.speed[agents]
+        assert all((a == b).all() for a, b in zip(before, after, strict=True)), f"step {step} moved an agent"
+        assert states.alive[agents].all(), f"step {step} removed an agent"
+        moving = states.alive & (states.owner == Owner.TRAFFIC)
+        assert np.isfinite(states.position[moving]).all()
+        assert (states.speed[moving] >= 0).all()
+    traffic.close()

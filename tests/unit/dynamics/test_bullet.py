@@ -1,0 +1,144 @@
+"""Bullet against mechanics: free flight, collisions, cars on their side."""
+
+import numpy as np
+import pytest
+
+from smarts.dynamics import Box, Fleet, layout
+from smarts.dynamics.bullet import BulletWorld
+
+DT = 0.01
+
+
+def rotation_matrix(q):
+    x, y, z, w = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def tumble(inertia, rates, seconds, h=1e-3):
+    """Torque-free rotation by fourth-order Runge-Kutta: quaternion and angular velocity in the world."""
+
+    def rate(state):
+        (x, y, z, w), (p, q, r) = state[:4], state[4:]
+        turn = 0.5 * np.array(
+            [w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p, -x * p - y * q - z * r]
+        )
+        return np.concatenate([turn, np.cross(inertia * state[4:], state[4:]) / inertia])
+
+    state = np.array([0.0, 0.0, 0.0, 1.0, *rates])
+    for _ in range(round(seconds / h)):
+        a = rate(state)
+        b = rate(state + 0.5 * h * a)
+        c = rate(state + 0.5 * h * b)
+        state = state + h / 6.0 * (a + 2.0 * b + 2.0 * c + rate(state + h * c))
+    return state[:4], rotation_matrix(state[:4]) @ state[4:]
+
+
+def fly(start, seconds, dt):
+    bodies = np.zeros((1, layout.BODY_SIZE))
+    bodies[0] = start
+    world = BulletWorld(bodies, dt)
+    world.add(0, layout.pack("passenger", "pacejka"), bodies[0])
+    for _ in range(round(seconds / dt)):
+        world.substep([[bodies[0, 7:10].tolist(), bodies[0, 10:13].tolist()]])
+    world.close()
+    return bodies[0]
+
+
+def test_free_flight_against_an_independent_integrator():
+    inertia = np.array(layout.pack("passenger", "pacejka")["inertia"])
+    start = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0, 3.0, -2.0, 1.0, 0.4, 0.3, 0.8])
+    quaternion, spin = tumble(inertia, start[10:], 2.0)
+    errors = []
+    for dt in (0.01, 0.005):
+        end = fly(start, 2.0, dt)
+        assert end[0:3] == pytest.approx([6.0, -4.0, 7.0])
+        assert end[7:10] == pytest.approx([3.0, -2.0, 1.0])
+        errors.append(np.abs(end[3:7] - quaternion).max() + np.abs(end[10:13] - spin).max())
+        momentum = rotation_matrix(end[3:7]) @ (inertia * (rotation_matrix(end[3:7]).T @ end[10:13]))
+        assert momentum == pytest.approx(inertia * start[10:], abs=8.0 * dt / 0.01)
+    assert errors[0] < 0.01
+    assert errors[1] < 0.6 * errors[0], "first order in the sub-step"
+
+
+def test_a_dropped_car_falls_freely_and_lands_on_its_wheels():
+    with Fleet(1, 1, step=DT, substeps=1) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 10.0)
+        fleet.road.offset[0] = -1.0
+        airborne = 0
+        for _ in range(400):
+            fleet.step(np.zeros((1, 3)))
+            airborne += fleet.wheels.load[0].max() == 0.0
+        # 1 m less the springs' extension of up to 0.12 m: 0.42 s to 0.45 s, and perhaps a bounce.
+        assert 0.40 < airborne * DT < 0.75
+        assert fleet.wheels.load[0] == pytest.approx([2958.4, 2958.4, 2404.2, 2404.2], rel=0.02)
+
+
+def test_rear_end_collision_keeps_momentum():
+    with Fleet(1, 2, step=DT, substeps=1) as fleet:
+        fleet.road.friction[:] = 0.01
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 12.0)
+        fleet.spawn(1, "passenger", (6.0, 0.0), 0.0, 4.0)
+        for _ in range(60):
+            fleet.step(np.zeros((2, 3)))
+        first, second = fleet.motion.velocity[:, 0]
+        assert first + second == pytest.approx(16.0, rel=0.01)
+        # Restitution 0.1 of both bodies: the product at most 0.1 of the closing speed remains.
+        assert 0.0 <= second - first < 1.0
+        assert fleet.motion.position[1, 0] - fleet.motion.position[0, 0] > 4.508 - 0.05
+
+
+def test_a_box_pushes_and_is_not_pushed():
+    with Fleet(1, 1) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 0.0)
+        front, ahead = -2.0, []
+        for _ in range(30):
+            fleet.place_boxes(0, {3: Box((0.0, front - 6.0, 1.5), np.pi / 2, 10.0, 12.0, 2.5, 3.0)})
+            fleet.step(np.zeros((1, 3)))
+            front += 1.0
+            ahead.append(fleet.motion.position[0, 1] - front)
+        # Pushed sideways by a bus at 10 m/s, which hits it again whenever the tyres have slowed it.
+        assert 0.5 * 1.61 - 0.05 < min(ahead[5:]) < max(ahead[5:]) < 0.5 * 1.61 + 1.0
+
+
+def test_boxes_leave_and_change():
+    with Fleet(1, 1) as fleet:
+        wall = Box((20.0, 0.0, 1.0), 0.0, 0.0, 4.0, 8.0, 2.0)
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 20.0)
+        fleet.place_boxes(0, {1: wall, 2: wall})
+        fleet.step(np.zeros((1, 3)))
+        fleet.place_boxes(0, {})
+        for _ in range(20):
+            fleet.step(np.zeros((1, 3)))
+        assert fleet.motion.position[0, 0] > 35.0
+
+
+@pytest.mark.parametrize("speed", [5.0, 15.0, 30.0])
+def test_fast_cars_do_not_tunnel_through_a_wall(speed):
+    with Fleet(1, 1) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.3), 0.0, speed)
+        fleet.place_boxes(0, {1: Box((15.0, 0.0, 1.0), 0.0, 0.0, 1.0, 20.0, 2.0)})
+        for _ in range(40):
+            fleet.step(np.zeros((1, 3)))
+            assert fleet.motion.position[0, 0] < 15.0
+        assert np.isfinite(fleet.motion.velocity[0]).all()
+
+
+def test_a_car_on_its_side_slides_to_a_stop_on_the_road():
+    start = np.zeros((1, layout.BODY_SIZE))
+    with Fleet(1, 1) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 0.0)
+        start[0] = 0.0, 0.0, 1.2, np.sin(0.85), 0.0, 0.0, np.cos(0.85), 10.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        fleet.put_body(0, start[0])
+        for _ in range(50):
+            motion = fleet.step(np.array([[1.0, 0.0, 0.0]]))
+        assert fleet.wheels.load[0].max() == 0.0
+        assert np.abs(motion.velocity[0]).max() < 0.3
+        # From 10 m/s with a friction of 0.6: 8.5 m, and it rests near the road.
+        assert 5.0 < motion.position[0, 0] < 20.0
+        assert 0.5 < fleet.body(0)[2] < 1.0

@@ -1,0 +1,233 @@
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.dynamics import FLAT_TYRE, MODELS, Box, ControlError, Fleet, MotionError, vehicle
+from smarts.errors import UnknownNameError
+
+
+def wild_controls(rows, steps, seed=3):
+    rng = np.random.Generator(np.random.Philox(key=seed))
+    return rng.uniform(-1.0, 1.0, (steps, rows, 3))
+
+
+def fingerprint(fleet, rows):
+    parts = (
+        fleet.motion.substeps[rows],
+        fleet.motion.velocity[rows],
+        fleet.motion.yaw_rate[rows],
+        fleet.wheels.slip[rows],
+    )
+    return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()
+
+
+def fill(fleet, simulation, row0):
+    """Four vehicles that come near each other, one faulty, beside a box."""
+    for i, (name, model) in enumerate(
+        [("passenger", "bullet"), ("bus", "bullet"), ("truck", "dynamic"), ("motorcycle", "kinematic")]
+    ):
+        fleet.spawn(row0 + i, name, (0.0, 6.0 * i), 0.1 * i, 5.0 + i, model=model)
+    fleet.set_fault(row0, 1, FLAT_TYRE)
+    fleet.place_boxes(simulation, {5: Box((14.0, 1.0, 0.8), 0.3, 2.0, 4.5, 1.8, 1.6)})
+
+
+def test_row_of_a_batch_is_the_vehicle_alone_to_the_bit():
+    controls = wild_controls(4, 60)
+    with Fleet(1, 4) as alone, Fleet(3, 4) as batch:
+        fill(alone, 0, 0)
+        for simulation in range(3):
+            fill(batch, simulation, 4 * simulation)
+        others = wild_controls(12, 60, seed=4)
+        for step in range(60):
+            alone.step(controls[step])
+            others[step, 4:8] = controls[step]
+            batch.step(others[step])
+            assert fingerprint(alone, slice(0, 4)) == fingerprint(batch, slice(4, 8))
+
+
+def test_cleared_simulation_is_a_fresh_one_to_the_bit_and_its_neighbour_goes_on():
+    controls = wild_controls(8, 40)
+    seen = set()
+    with Fleet(2, 4) as fleet:
+        fill(fleet, 0, 0)
+        for _ in range(3):
+            fill(fleet, 1, 4)
+            for step in range(40):
+                fleet.step(controls[step])
+            seen.add(fingerprint(fleet, slice(4, 8)))
+            fleet.clear(1)
+            assert fleet.motion.active.tolist() == [True] * 4 + [False] * 4
+    assert len(seen) == 1
+
+
+def test_vehicles_that_never_meet_do_not_disturb_each_other():
+    controls = wild_controls(2, 50)
+    with Fleet(1, 2) as both, Fleet(1, 2) as one:
+        both.spawn(0, "passenger", (0.0, 0.0), 0.0, 10.0)
+        both.spawn(1, "bus", (0.0, 500.0), 0.0, 10.0)
+        one.spawn(0, "passenger", (0.0, 0.0), 0.0, 10.0)
+        for step in range(50):
+            both.step(controls[step])
+            one.step(controls[step])
+        assert fingerprint(both, slice(0, 1)) == fingerprint(one, slice(0, 1))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_spawn_shows_the_pose_it_was_given(model):
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(1, "bus", (12.0, -3.0), 2.5, 8.0, model=model)
+        assert fleet.motion.active.tolist() == [False, True]
+        assert fleet.motion.position[1].tolist() == [12.0, -3.0]
+        assert fleet.motion.heading[1] == 2.5
+        assert fleet.motion.velocity[1].tolist() == [8.0, 0.0]
+        fleet.step(np.zeros((2, 3)))
+        moved = 0.8 * np.array([np.cos(2.5), np.sin(2.5)])
+        assert fleet.motion.position[1] == pytest.approx(np.array([12.0, -3.0]) + moved, abs=0.01)
+        assert fleet.motion.heading[1] == pytest.approx(2.5)
+
+
+def test_wheels_stand_under_the_car():
+    car = vehicle("bus")
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(1, "bus", (100.0, 50.0), np.pi / 2)
+        front = 50.0 + 0.5 * car.length - car.front_overhang
+        half = 0.5 * car.front.track
+        assert fleet.wheels.position[1, 0] == pytest.approx([100.0 - half, front])
+        assert fleet.wheels.position[1, 1] == pytest.approx([100.0 + half, front])
+        rear = fleet.wheels.position[1, 2:].mean(axis=0)
+        assert rear == pytest.approx([100.0, front - car.wheelbase])
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_heading_stays_in_its_range_through_west(model):
+    with Fleet(1, 1) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), np.pi, 5.0, model=model)
+        fleet.step(np.zeros((1, 3)))
+        assert fleet.motion.heading[0] == pytest.approx(np.pi)
+        headings = []
+        for _ in range(200):
+            fleet.step(np.array([[0.1, 0.0, 0.8]]))
+            headings.extend(fleet.motion.substeps[0, :, 2])
+        assert min(headings) > -np.pi
+        assert max(headings) <= np.pi
+        assert np.ptp(headings) > 6.0
+
+
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_nan_controls_are_refused_before_anything_moves(column):
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 5.0)
+        fleet.spawn(1, "passenger", (0.0, 9.0), 0.0, 5.0)
+        controls = np.zeros((2, 3))
+        controls[1, column] = np.nan
+        with pytest.raises(ControlError, match=r"row 1.*nan"):
+            fleet.step(controls)
+        assert fleet.motion.position[0].tolist() == [0.0, 0.0]
+        fleet.step(np.zeros((2, 3)))
+        assert fleet.motion.position[0, 0] == pytest.approx(0.5, abs=0.01)
+
+
+def test_nan_for_an_empty_row_is_nobodys_business():
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 5.0)
+        fleet.step(np.array([[0.0, 0.0, 0.0], [np.nan] * 3]))
+
+
+def test_controls_out_of_range_are_clipped():
+    with Fleet(2, 1) as fleet:
+        for row in range(2):
+            fleet.spawn(row, "passenger", (0.0, 0.0), 0.0, 5.0)
+        for _ in range(10):
+            fleet.step(np.array([[7.0, -3.0, np.inf], [1.0, 0.0, 1.0]]))
+        assert fingerprint(fleet, slice(0, 1)) == fingerprint(fleet, slice(1, 2))
+
+
+@pytest.mark.parametrize("model", ["bullet", "dynamic"])
+def test_a_road_that_is_not_a_number_is_a_named_error_and_can_be_cleared(model):
+    with Fleet(2, 1) as fleet:
+        for _ in range(2):
+            fleet.spawn(1, "passenger", (0.0, 0.0), 0.0, 5.0, model=model)
+            fleet.road.friction[1] = np.nan
+            with pytest.raises(MotionError, match="row 1"):
+                fleet.step(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.5]]))
+            fleet.clear(1)
+        fleet.spawn(1, "passenger", (0.0, 0.0), 0.0, 5.0, model=model)
+        fleet.step(np.zeros((2, 3)))
+        assert fleet.motion.position[1] == pytest.approx([0.5, 0.0], abs=0.01)
+
+
+def test_controls_of_another_shape_are_refused():
+    with Fleet(1, 2) as fleet, pytest.raises(ControlError, match=r"\(1, 3\)"):
+        fleet.step(np.zeros((1, 3)))
+
+
+def test_an_empty_fleet_steps():
+    with Fleet(2, 2) as fleet:
+        assert not fleet.step(np.zeros((4, 3))).active.any()
+
+
+def test_another_process_gives_the_same_bits():
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1])\nimport test_fleet as t\n"
+        "fleet = t.Fleet(1, 4); t.fill(fleet, 0, 0)\n"
+        "for row in t.wild_controls(4, 60): fleet.step(row)\n"
+        "print(t.fingerprint(fleet, slice(0, 4)))"
+    )
+    command = [sys.executable, "-c", program, str(Path(__file__).parent)]
+    other = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[-1]
+    with Fleet(1, 4) as fleet:
+        fill(fleet, 0, 0)
+        for row in wild_controls(4, 60):
+            fleet.step(row)
+        assert fingerprint(fleet, slice(0, 4)) == other
+
+
+def test_a_road_without_friction_lets_it_slide():
+    with Fleet(1, 1) as fleet:
+        fleet.road.friction[:] = 0.0
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 10.0)
+        for _ in range(20):
+            fleet.step(np.array([[0.0, 1.0, 1.0]]))
+        assert fleet.motion.velocity[0, 0] > 9.5
+        assert abs(fleet.motion.heading[0]) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "error"),
+    [
+        ((0, "submarine", (0.0, 0.0), 0.0), {}, UnknownNameError),
+        ((0, "bus", (0.0, 0.0), 0.0), {"model": "magic"}, UnknownNameError),
+        ((0, "bus", (0.0, 0.0), 0.0), {"tyres": "pacejca"}, UnknownNameError),
+        ((0, "bus", (np.nan, 0.0), 0.0), {}, ControlError),
+        ((0, "bus", (0.0, 0.0), 0.0, np.inf), {}, ControlError),
+        ((1, "bus", (0.0, 0.0), 0.0), {}, ControlError),
+    ],
+)
+def test_impossible_spawns_are_refused_and_leave_no_trace(arguments, options, error):
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(1, "passenger", (0.0, 20.0), 0.0)
+        with pytest.raises(error):
+            fleet.spawn(*arguments, **options)
+        assert fleet.motion.active.tolist() == [False, True]
+
+
+def test_despawn_frees_the_row():
+    with Fleet(1, 1) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0)
+        fleet.set_fault(0, 0, FLAT_TYRE)
+        fleet.despawn(0)
+        with pytest.raises(ControlError):
+            fleet.despawn(0)
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 20.0)
+        for _ in range(20):
+            fleet.step(np.zeros((1, 3)))
+        assert fleet.motion.position[0, 1] == pytest.approx(0.0, abs=1e-6), "the fault went with the vehicle"
+
+
+def test_motion_cannot_be_written():
+    with Fleet(1, 1) as fleet, pytest.raises(ValueError, match="read-only"):
+        fleet.motion.heading[0] = 1.0

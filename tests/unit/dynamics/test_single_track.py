@@ -1,0 +1,55 @@
+import math
+
+import numpy as np
+import pytest
+
+from smarts.dynamics import Fleet, vehicle
+from smarts.dynamics.layout import GRAVITY, pack
+
+
+@pytest.mark.parametrize("model", ["dynamic", "kinematic"])
+@pytest.mark.parametrize("friction", [0.9, 0.4])
+def test_stopping_distance(rig, model, friction):
+    assert rig(speed=20.0, friction=friction, model=model).stop() == pytest.approx(
+        400.0 / (2.0 * friction * GRAVITY), rel=0.03
+    )
+
+
+@pytest.mark.parametrize("model", ["dynamic", "kinematic"])
+def test_stands_still_under_the_brake(rig, model):
+    car = rig(speed=3.0, model=model).drive(3.0, brake=1.0, steering=0.5)
+    before = car.position.copy()
+    car.drive(10.0, brake=1.0)
+    assert np.linalg.norm(car.position - before) < 1e-3
+    assert car.speed == pytest.approx(0.0, abs=1e-9)
+
+
+def test_steady_cornering_is_the_linear_theory(rig):
+    """Yaw rate = v delta / (L + K v^2) with the understeer gradient of Rajamani (2012), equation 3.3."""
+    speed, car, record = 15.0, vehicle("passenger"), pack("passenger", "linear")
+    front, rear = 2.0 * record["linear_y"][[0, 2]]
+    gradient = car.mass / car.wheelbase * (car.cog_to_rear_axle / front - car.cog_to_front_axle / rear)
+    drive = rig(speed=speed, model="dynamic", tyres="linear").hold(speed, 6.0, steering=0.02)
+    expected = drive.speed * drive.steering / (car.wheelbase + gradient * drive.speed**2)
+    assert drive.yaw_rate == pytest.approx(expected, rel=0.02)
+
+
+def test_agrees_with_the_car_in_bullet_in_a_gentle_lane_change():
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 15.0)
+        fleet.spawn(1, "passenger", (0.0, 50.0), 0.0, 15.0, model="dynamic")
+        for step in range(60):
+            steering = 0.04 * math.sin(2.0 * math.pi * min(step / 40.0, 1.0))
+            fleet.step(np.array([[0.1, 0.0, steering]] * 2))
+        bullet, single = fleet.motion.position
+        # The single track has no wheels to spin up, which are 6% of a car's inertia.
+        assert single[0] == pytest.approx(bullet[0], abs=0.6)
+        assert single[1] - 50.0 == pytest.approx(bullet[1], abs=0.15)
+        assert bullet[1] > 1.5
+
+
+def test_slides_where_grip_ends(rig):
+    car = rig(speed=20.0, friction=0.3, model="dynamic").drive(3.0, steering=1.0)
+    assert car.speed * car.yaw_rate < 0.3 * GRAVITY * 1.05
+    kinematic = rig(speed=20.0, friction=0.3, model="kinematic").drive(3.0, steering=1.0)
+    assert kinematic.speed * kinematic.yaw_rate > 3.0 * GRAVITY, "the kinematic one knows no grip sideways"

@@ -1,0 +1,115 @@
+import math
+
+import numpy as np
+import pytest
+
+from smarts.dynamics import TYRE_MODELS, layout, tyre_models
+from smarts.dynamics.layout import peak_slip
+from smarts.dynamics.parameters import tyre
+from smarts.dynamics.tyre_models import pacejka
+
+
+@pytest.fixture(params=TYRE_MODELS)
+def car(request):
+    return layout.pack("passenger", request.param).reshape(1).view(np.recarray)[0]
+
+
+def force(car, load, friction, slip, slip_angle, wheel=0):
+    return tyre_models.steady_forces(car, wheel, load, friction, slip, slip_angle)
+
+
+def published_force_x(load, slip):
+    """Pure longitudinal Magic Formula of the 205/60 R15 set, as its publisher writes it, at its own
+    friction."""
+    excess = (load - 4000.0) / 4000.0
+    peak = (1.0422 - 0.08285 * excess) * load
+    stiffness = load * (21.687 + 13.728 * excess) * math.exp(-0.4098 * excess)
+    curvature = 0.11113 + 0.3143 * excess
+    b = stiffness / (1.579 * peak)
+    return peak * math.sin(1.579 * math.atan(b * slip - curvature * (b * slip - math.atan(b * slip))))
+
+
+def published_force_y(load, slip_angle):
+    """Pure lateral Magic Formula of the same set."""
+    excess = (load - 4000.0) / 4000.0
+    peak = (0.8785 - 0.06452 * excess) * load
+    stiffness = 15.324 * 4000.0 * math.sin(2.0005 * math.atan(load / (1.715 * 4000.0)))
+    curvature = -0.8057 - 0.6046 * excess
+    b, x = stiffness / (1.338 * peak), math.tan(slip_angle)
+    return peak * math.sin(1.338 * math.atan(b * x - curvature * (b * x - math.atan(b * x))))
+
+
+@pytest.mark.parametrize("load", [1500.0, 2958.4, 4000.0, 6000.0])
+@pytest.mark.parametrize("slip", [-1.0, -0.1, 0.01, 0.05, 0.3])
+def test_pure_slip_is_the_published_magic_formula(load, slip):
+    car = layout.pack("passenger", "pacejka").reshape(1).view(np.recarray)[0]
+    own_friction = float(car.static_grip[0])
+    assert force(car, load, own_friction, slip, 0.0) == pytest.approx((published_force_x(load, slip), 0.0))
+    assert force(car, load, own_friction, 0.0, slip) == pytest.approx((0.0, published_force_y(load, slip)))
+
+
+def test_hand_evaluated_point():
+    # At nominal load D = 4168.8 N, K = 86748 N, B = K / (C D) = 13.1785. B * 0.05 = 0.65893, its arc tangent
+    # 0.58262; less E = 0.11113 of their difference 0.07630, 0.65045, whose arc tangent is 0.57669.
+    assert published_force_x(4000.0, 0.05) == pytest.approx(4168.8 * math.sin(1.579 * 0.57669), rel=1e-4)
+
+
+def test_force_never_leaves_the_friction_ellipse_and_reaches_it(car):
+    load, friction = 3000.0, 0.8
+    peak_x, peak_y, *_ = tyre_models.characteristics(car, 0, load, friction)
+    used = [
+        math.hypot(fx / peak_x, fy / peak_y)
+        for slip in np.linspace(-1.0, 1.0, 41)
+        for angle in np.linspace(-1.2, 1.2, 41)
+        for fx, fy in [force(car, load, friction, slip, angle)]
+    ]
+    assert max(used) <= 1.0 + 1e-12
+    assert max(used) > 0.99
+
+
+def test_braking_takes_side_force(car):
+    _, alone = force(car, 3000.0, 0.9, 0.0, 0.05)
+    _, braked = force(car, 3000.0, 0.9, -0.3, 0.05)
+    assert 0.0 < braked < 0.5 * alone
+
+
+def test_grip_grows_less_than_load():
+    car = layout.pack("passenger", "pacejka").reshape(1).view(np.recarray)[0]
+    light, heavy = (
+        max(force(car, load, 0.9, slip, 0.0)[0] / load for slip in np.linspace(0, 0.5, 501))
+        for load in (2000.0, 6000.0)
+    )
+    assert heavy < light
+    assert light == pytest.approx(0.9, rel=0.03)
+
+
+def test_static_load_grips_as_the_road_says():
+    car = layout.pack("passenger", "pacejka").reshape(1).view(np.recarray)[0]
+    load = float(car.static_load[0])
+    peak = max(force(car, load, 0.5, slip, 0.0)[0] for slip in np.linspace(0.0, 0.5, 5001))
+    assert peak == pytest.approx(0.5 * load, rel=1e-5)
+
+
+def test_linear_is_linear_until_it_slides():
+    car = layout.pack("passenger", "linear").reshape(1).view(np.recarray)[0]
+    small, _ = force(car, 3000.0, 0.9, 0.01, 0.0)
+    assert force(car, 3000.0, 0.9, 0.02, 0.0)[0] == pytest.approx(2.0 * small)
+    assert force(car, 3000.0, 0.9, 0.9, 0.0)[0] == pytest.approx(2700.0)
+
+
+def test_both_models_agree_at_small_slip():
+    forces = [
+        force(layout.pack("bus", model).reshape(1).view(np.recarray)[0], 32710.45, 0.8, 1e-4, 1e-4)
+        for model in TYRE_MODELS
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["passenger_205_60_r15", "truck_315_80_r22_5"])
+def test_peak_slip_is_where_the_curve_is_largest(name):
+    curve = tyre(name).longitudinal
+    found = peak_slip(curve.pcx1, curve.pex1)
+    slips = np.linspace(0.01, 10.0, 100_000)
+    values = [pacejka.curve(slip, curve.pcx1, curve.pex1) for slip in slips]
+    assert found == pytest.approx(slips[int(np.argmax(values))], rel=0.01)
+    assert pacejka.curve(found, curve.pcx1, curve.pex1) == pytest.approx(1.0)

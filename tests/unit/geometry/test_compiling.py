@@ -1,0 +1,132 @@
+import subprocess
+import sys
+
+import pytest
+
+LENGTHS = """
+from smarts.geometry.compiling import kernel
+METRES = {metres}
+
+@kernel
+def double(x):
+    return {factor} * x
+"""
+TOTALS = """
+from smarts.geometry.compiling import kernel
+from fresh.lengths import double, METRES
+
+@kernel
+def total(x):
+    return double(x) + METRES
+"""
+CONSTANTS = """
+METRES = {metres}
+"""
+DERIVED = """
+from .constants import METRES
+FEET = 3 * METRES
+"""
+LENGTH_OF_ONE = """
+from smarts.geometry.compiling import kernel
+{statement}
+
+@kernel
+def scaled(x):
+    return {constant} * x
+"""
+FIELDS = """
+from typing import NamedTuple
+class Box(NamedTuple):
+    {first}: float
+    {second}: float
+"""
+BOXES = """
+from smarts.geometry.compiling import kernel
+from fresh.fields import Box
+
+@kernel
+def width_of(box: Box):
+    return box.width
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    folder = tmp_path / "fresh"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    return folder
+
+
+def evaluate(package, code):
+    command = [sys.executable, "-c", code]
+    run = subprocess.run(command, cwd=package.parent, capture_output=True, text=True, check=True)
+    return run.stdout.strip()
+
+
+def test_a_kernel_follows_changes_of_the_kernels_and_constants_that_it_uses(package):
+    (package / "totals.py").write_text(TOTALS)
+    results = []
+    for metres, factor in ((1, 2), (1, 3), (5, 3), (1, 2)):
+        (package / "lengths.py").write_text(LENGTHS.format(metres=metres, factor=factor))
+        results.append(evaluate(package, "from fresh.totals import total; print(total(10))"))
+    assert results == ["21", "31", "35", "21"]
+
+
+WAYS_TO_IMPORT_A_CONSTANT = [
+    ("from fresh.constants import METRES", "METRES", 1),
+    ("from .constants import METRES as M", "M", 1),
+    ("from fresh.constants import *", "METRES", 1),
+    ("import fresh.constants", "fresh.constants.METRES", 1),
+    ("try:\n    from fresh import constants\nfinally:\n    pass", "constants.METRES", 1),
+    ("from fresh.derived import FEET", "FEET", 3),
+    ("from . import derived", "derived.FEET", 3),
+]
+
+
+def test_a_kernel_follows_changes_of_a_constant_imported_alone(package):
+    (package / "derived.py").write_text(DERIVED)
+    code = "import importlib\nfor i in range(7):\n"
+    code += "    scaled = importlib.import_module(f'fresh.way{i}').scaled\n"
+    code += "    print(scaled(10), sum(scaled.stats.cache_hits.values()))"
+    for number, (statement, constant, _) in enumerate(WAYS_TO_IMPORT_A_CONSTANT):
+        source = LENGTH_OF_ONE.format(statement=statement, constant=constant)
+        (package / f"way{number}.py").write_text(source)
+    # The third time, the first time's machine code is still there.
+    for metres, hits in ((1, 0), (2, 0), (1, 1)):
+        (package / "constants.py").write_text(CONSTANTS.format(metres=metres))
+        expected = [f"{10 * unit * metres} {hits}" for _, _, unit in WAYS_TO_IMPORT_A_CONSTANT]
+        assert evaluate(package, code).splitlines() == expected
+
+
+def test_a_change_that_a_kernel_does_not_import_leaves_it_alone(package):
+    (package / "constants.py").write_text(CONSTANTS.format(metres=1))
+    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
+    code = "import fresh.constants; from fresh.lengths import double; double(1); "
+    code += "print(sum(double.stats.cache_hits.values()))"
+    first = evaluate(package, code)
+    (package / "constants.py").write_text(CONSTANTS.format(metres=2))
+    assert [first, evaluate(package, code)] == ["0", "1"]
+
+
+def test_modules_that_import_each_other(package):
+    lengths = LENGTHS.format(metres=1, factor=2)
+    for feet, hits in ((3, "0"), (4, "0"), (3, "1")):
+        (package / "derived.py").write_text(f"import fresh.lengths\nFEET = {feet}\n")
+        (package / "lengths.py").write_text("import fresh.derived\n" + lengths)
+        code = "from fresh.lengths import double; double(1); print(sum(double.stats.cache_hits.values()))"
+        assert evaluate(package, code) == hits
+
+
+def test_a_kernel_follows_changes_of_named_tuples(package):
+    (package / "boxes.py").write_text(BOXES)
+    code = "from fresh.boxes import *; print(width_of(Box(width=2.0, length=5.0)))"
+    for first, second in (("width", "length"), ("length", "width")):
+        (package / "fields.py").write_text(FIELDS.format(first=first, second=second))
+        assert evaluate(package, code) == "2.0"
+
+
+def test_unchanged_kernels_come_from_the_cache(package):
+    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
+    code = "from fresh.lengths import double; double(1); print(sum(double.stats.cache_hits.values()))"
+    assert [evaluate(package, code) for _ in range(2)] == ["0", "1"]

@@ -1,0 +1,236 @@
+"""Vehicles change hands between SUMO and an agent: one SUMO id for life, no jump in pose or speed."""
+
+import numpy as np
+import pytest
+
+from smarts.geometry.frames import wrap_angle
+from smarts.types.vehicles import Owner
+
+from .test_sumo_shadows import LEFT, RIGHT, begin, drive, drivers, from_arm, speed, x
+
+
+def coast(world, slot, steps, turn=0.0):
+    """Drive a vehicle on as an agent, at its present speed and heading."""
+    states = world.states
+    for _ in range(steps):
+        heading = states.heading[slot] + turn
+        v = states.speed[slot]
+        step = v * 0.1 * np.array([np.cos(heading), np.sin(heading)])
+        world.put(slot, *(states.position[slot] + step), heading, v)
+        world.step()
+
+
+class Watch:
+    """Checks, step by step, that a vehicle moves by what its speed allows."""
+
+    def __init__(self, world, slot):
+        self.world, self.slot = world, slot
+        self.worst_step = self.worst_speed = self.worst_turn = self.worst_aside = 0.0
+        self.keep()
+
+    def keep(self):
+        states = self.world.states
+        self.position = states.position[self.slot].copy()
+        self.speed = states.speed[self.slot]
+        self.heading = states.heading[self.slot]
+
+    def step(self, count):
+        for _ in range(count):
+            self.world.step()
+            states = self.world.states
+            moved = states.position[self.slot] - self.position
+            along = moved @ [np.cos(self.heading), np.sin(self.heading)]
+            aside = moved @ [-np.sin(self.heading), np.cos(self.heading)]
+            self.worst_step = max(self.worst_step, abs(along - states.speed[self.slot] * 0.1))
+            self.worst_aside = max(self.worst_aside, abs(aside))
+            self.worst_speed = max(self.worst_speed, abs(states.speed[self.slot] - self.speed))
+            self.worst_turn = max(self.worst_turn, abs(wrap_angle(states.heading[self.slot] - self.heading)))
+            self.keep()
+
+
+def test_there_and_back_on_the_road(world, country):
+    begin(world, country.road(drivers((0, 100, 10), (0, 60, 10))), 3.0)
+    slot = world.slot("s0")
+    generation = world.states.generation[slot]
+    world.states.owner[slot] = Owner.AGENT
+    coast(world, slot, 50)
+    assert world.traffic.route(slot) == ("ab", "bc")
+    watch = Watch(world, slot)
+    world.states.owner[slot] = Owner.TRAFFIC
+    watch.step(50)
+    # At most 2.6 m/s^2 up and 4.5 m/s^2 down for a calm driver.
+    assert watch.worst_speed < 0.46
+    assert watch.worst_step < 1e-6
+    assert watch.worst_aside < 1e-6
+    assert world.slot("s0") == slot
+    assert world.states.generation[slot] == generation
+    assert world.traffic._ids[slot] == "s0"
+    world.step(1000)
+    assert "s0" not in world.names()
+
+
+@pytest.mark.parametrize("offset", [0.6, -0.9, 1.5])
+def test_return_beside_the_middle_of_the_lane(world, country, offset):
+    begin(world, country.road(drivers((0, 100, 10))), 3.0)
+    slot = world.slot("s0")
+    world.states.owner[slot] = Owner.AGENT
+    for step in range(1, 31):
+        position = world.states.position[slot]
+        world.put(slot, position[0] + 1.2, RIGHT + offset * step / 30, 0.0, 12.0)
+        world.step()
+    watch = Watch(world, slot)
+    world.states.owner[slot] = Owner.TRAFFIC
+    watch.step(100)
+    assert watch.worst_step < 1e-6
+    assert watch.worst_aside < 0.1 + 1e-6
+    assert watch.worst_speed < 0.46
+    assert world.states.position[slot, 1] == pytest.approx(RIGHT)
+
+
+def test_return_across_the_line_leaves_no_ghost(world, country):
+    begin(world, country.road(drivers((0, 100, 10), (1, 20, 10))), 3.0)
+    slot = world.slot("s0")
+    world.states.owner[slot] = Owner.AGENT
+    for step in range(1, 31):
+        world.put(slot, world.states.position[slot, 0] + 0.3, RIGHT + 1.4 * step / 30, 0.0, 3.0)
+        world.step()
+    world.traffic._library.vehicle.setMaxSpeed("s0", 3.0)
+    world.states.owner[slot] = Owner.TRAFFIC
+    world.step(200)
+    assert x(world, "s1") > x(world, "s0") + 20
+    assert speed(world, "s1") == pytest.approx(20.0)
+
+
+def begin_lane_change(world, country):
+    """Return the slot of a driver in the middle of a change to the left lane, behind a slow one."""
+    routes = drivers((0, 150, 3), (0, 60, 15)).replace('lcSpeedGain="0"', 'lcSpeedGain="5"')
+    slow = '<vType id="slow" maxSpeed="3"/><vehicle id="s0" type="slow"'
+    begin(world, country.road(routes.replace('<vehicle id="s0" type="calm"', slow)))
+    slot = world.slot("s1")
+    while not RIGHT + 0.5 < world.states.position[slot, 1] < LEFT - 1.0:
+        world.step()
+    return slot
+
+
+@pytest.mark.parametrize("to", [None, RIGHT, LEFT])
+def test_taken_over_in_mid_lane_change(world, country, to):
+    """SUMO ends its change of lane at once, wherever the agent goes; it used to crash for the left lane."""
+    slot = begin_lane_change(world, country)
+    vehicle = world.traffic._library.vehicle
+    before = vehicle.getTypeID("s1"), vehicle.getSpeedFactor("s1"), vehicle.getMaxSpeedLat("s1")
+    world.states.owner[slot] = Owner.AGENT
+    start, y = world.states.position[slot].tolist()
+    y = y if to is None else to
+    drive(world, slot, lambda t: (start + 2 * t, y, 0.0, 2.0), 50)
+    assert (vehicle.getTypeID("s1"), vehicle.getSpeedFactor("s1"), vehicle.getMaxSpeedLat("s1")) == before
+    # Without the slow vehicle ahead there is no reason to begin another change.
+    world.roster.dismiss(world.slot("s0"))
+    watch = Watch(world, slot)
+    world.states.owner[slot] = Owner.TRAFFIC
+    watch.step(100)
+    # SUMO remembers the direction of its change, and turns the vehicle by 6 degrees about its front bumper.
+    assert watch.worst_step < 0.02
+    assert watch.worst_turn < 0.12
+    assert watch.worst_aside < 0.4
+    assert world.states.position[slot, 1] == pytest.approx(to or RIGHT, abs=0.01)
+
+
+def test_return_off_its_route_takes_another_way(world, country):
+    """Bound straight on, taken to the left: SUMO finds no way back to the east, so it drives to the road's
+    end."""
+    begin(world, country.cross(from_arm("w", "e", 150)))
+    slot = world.slot("s0")
+    world.states.owner[slot] = Owner.AGENT
+    world.put(slot, 1.6, 30.0, np.pi / 2, 8.0)
+    world.step()
+    watch = Watch(world, slot)
+    world.states.owner[slot] = Owner.TRAFFIC
+    watch.step(50)
+    assert watch.worst_step < 1e-6
+    assert world.traffic.route(slot) == ("cn", "nc", "ce")
+    while world.traffic.route(slot) != ("ce",):
+        world.step()
+
+
+def test_return_on_its_route_after_a_detour(world, country):
+    begin(world, country.road(drivers((0, 100, 10))))
+    slot = world.slot("s0")
+    world.states.owner[slot] = Owner.AGENT
+    world.put(slot, 500.0, 1.6, np.pi, 5.0)
+    world.step(3)
+    world.put(slot, 700.0, LEFT, 0.0, 5.0)
+    world.step(3)
+    world.states.owner[slot] = Owner.TRAFFIC
+    world.step(10)
+    assert world.traffic.route(slot) == ("ab", "bc")
+    world.step(600)
+    assert world.traffic.route(slot) == ("bc",)
+
+
+def test_return_inside_a_junction(world, country):
+    begin(world, country.cross(from_arm("w", "e", 150)))
+    slot = world.slot("s0")
+    while not world.roads.lane_ids[world.states.lane[slot]].startswith(":"):
+        world.step()
+    world.states.owner[slot] = Owner.AGENT
+    coast(world, slot, 3)
+    watch = Watch(world, slot)
+    world.states.owner[slot] = Owner.TRAFFIC
+    watch.step(50)
+    assert watch.worst_step < 0.01
+    assert world.roads.lane_ids[world.states.lane[slot]] == "ce_0"
+
+
+def test_return_off_the_road_leaves_the_world(world, country):
+    begin(world, country.road(drivers((0, 100, 10))))
+    slot = world.slot("s0")
+    world.states.owner[slot] = Owner.AGENT
+    world.put(slot, 200.0, -40.0, 0.0, 5.0)
+    world.step()
+    world.states.owner[slot] = Owner.TRAFFIC
+    world.step()
+    assert world.names() == []
+    world.step(10)
+
+
+def test_an_ego_becomes_traffic(world, country):
+    """A vehicle that SUMO has never seen takes the route that it was given."""
+    begin(world, country.cross())
+    ego = world.admit(-100.0, -1.6, 0.0, 10.0)
+    world.traffic.set_route(ego, ("wc", "cn"))
+    for step in range(1, 11):
+        world.put(ego, -100.0 + step, -1.6, 0.0, 10.0)
+        world.step()
+    world.states.owner[ego] = Owner.TRAFFIC
+    watch = Watch(world, ego)
+    watch.step(20)
+    assert watch.worst_speed < 0.5
+    assert world.traffic.route(ego) == ("wc", "cn")
+    assert world.states.desired_speed[ego] == pytest.approx(15.0)
+
+
+def test_traffic_admitted_by_others_is_driven_by_sumo(world, country):
+    begin(world, country.cross(from_arm("e", "w")))
+    slot = world.admit(-100.0, -1.6, 0.0, 10.0, Owner.TRAFFIC)
+    world.traffic.set_route(slot, ("wc", "ce"))
+    world.step()
+    assert world.states.position[slot] == pytest.approx([-100.0, -1.6])
+    watch = Watch(world, slot)
+    watch.step(30)
+    assert watch.worst_step < 1e-6
+    assert world.states.position[slot, 0] > -72
+    assert world.states.owner[slot] == Owner.TRAFFIC
+
+
+def test_followers_keep_their_distance_across_hand_overs(world, country):
+    begin(world, country.road(drivers((0, 100, 10), (0, 80, 10))), 2.0)
+    slot = world.slot("s0")
+    for _ in range(10):
+        for owner in (Owner.AGENT, Owner.TRAFFIC):
+            world.states.owner[slot] = owner
+            if owner == Owner.AGENT:
+                coast(world, slot, 10)
+            else:
+                world.step(10)
+            assert x(world, "s0") - x(world, "s1") > 7
+    assert speed(world, "s1") > 10

@@ -1,0 +1,179 @@
+"""Copies of libsumo: independent, shared between processes, made by several at once."""
+
+import multiprocessing
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from smarts.errors import TrafficError
+from smarts.providers import sumo_library
+from smarts.providers.sumo_library import SumoLibrary
+
+OPTIONS = ["--step-length", "0.1", "--no-step-log", "--no-warnings", "--xml-validation", "never"]
+
+
+def run(net, routes, seed=1):
+    """Return where every vehicle is after 20 s."""
+    library = SumoLibrary()
+    library.start(["-n", str(net), "-r", str(routes), "--seed", str(seed), *OPTIONS])
+    library.simulation.step(20.0)
+    poses = [(name, library.vehicle.getPosition(name)) for name in library.vehicle.getIDList()]
+    library.close()
+    return poses
+
+
+def test_the_lowest_free_copy_is_used_again():
+    first, second = SumoLibrary(), SumoLibrary()
+    assert second.index == first.index + 1
+    first.close()
+    first.close()
+    third = SumoLibrary()
+    assert third.index == first.index
+    second.close()
+    third.close()
+
+
+def test_a_copy_in_use_is_refused():
+    library = SumoLibrary()
+    with pytest.raises(TrafficError, match="in use"):
+        SumoLibrary(library.index)
+    library.close()
+
+
+def test_a_forgotten_copy_is_free_again():
+    index = SumoLibrary().index
+    library = SumoLibrary()
+    assert library.index == index
+    library.close()
+
+
+def test_copies_do_not_share_a_simulation(country):
+    files = country.road()
+    one, other = SumoLibrary(), SumoLibrary()
+    for library, seed in ((one, 1), (other, 2)):
+        library.start(["-n", str(files.net), "-r", str(files.routes[0]), "--seed", str(seed), *OPTIONS])
+    one.simulation.step(10.0)
+    assert (one.simulation.getTime(), other.simulation.getTime()) == (10.0, 0.0)
+    one.close()
+    other.simulation.step(0.0)
+    other.close()
+
+
+def test_errors_carry_sumos_reason_and_place(country):
+    files = country.road()
+    library = SumoLibrary()
+    with pytest.raises(
+        TrafficError, match=r"here: SUMO failed to start: File '/no.net.xml' is not accessible"
+    ):
+        library.start(["-n", "/no.net.xml", *OPTIONS], place="here")
+    library.start(["-n", str(files.net), *OPTIONS])
+    with (
+        pytest.raises(TrafficError, match="failed to ask: Vehicle 'nobody' is not known"),
+        library.errors("failed to ask"),
+    ):
+        library.vehicle.getSpeed("nobody")
+    library.close()
+
+
+def test_no_file_descriptors_are_left(country):
+    files = country.road()
+    run(files.net, files.routes[0])
+    before = len(os.listdir("/proc/self/fd"))
+    for seed in range(5):
+        run(files.net, files.routes[0], seed)
+    assert len(os.listdir("/proc/self/fd")) == before
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
+def test_child_processes_compute_the_same(country, method):
+    """Also while the parent has a simulation of its own, which goes on undisturbed."""
+    files = country.road()
+    expected = run(files.net, files.routes[0])
+    parent = SumoLibrary()
+    parent.start(["-n", str(files.net), "-r", str(files.routes[0]), "--seed", "1", *OPTIONS])
+    parent.simulation.step(10.0)
+    with multiprocessing.get_context(method).Pool(1) as pool:
+        assert pool.apply(run, (files.net, files.routes[0])) == expected
+    parent.simulation.step(20.0)
+    assert [(name, parent.vehicle.getPosition(name)) for name in parent.vehicle.getIDList()] == expected
+    parent.close()
+
+
+ASK = """
+import sys
+from smarts.providers.sumo_library import SumoLibrary
+libraries = [SumoLibrary() for _ in range(2)]
+print([library.index for library in libraries])
+"""
+
+
+def ask(cache: Path) -> subprocess.Popen:
+    """Start a process that uses two copies out of a cache folder."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
+    return subprocess.Popen(
+        [sys.executable, "-c", ASK],
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def copies(cache: Path) -> list[Path]:
+    return sorted(cache.rglob("_libsumo.so"))
+
+
+@pytest.mark.slow
+def test_eight_processes_fill_the_cache_at_once(tmp_path):
+    processes = [ask(tmp_path) for _ in range(8)]
+    for process in processes:
+        printed, errors = process.communicate(timeout=120)
+        assert (printed.strip(), errors) == ("[0, 1]", "")
+    assert len(copies(tmp_path)) == 2
+    assert not list(tmp_path.rglob("partial"))
+
+
+def test_what_a_killed_process_left_is_replaced(tmp_path):
+    assert ask(tmp_path).communicate(timeout=60)[0].strip() == "[0, 1]"
+    first, second = copies(tmp_path)
+    whole = first.stat().st_size
+    first.write_bytes(second.read_bytes()[:1000])
+    second.unlink()
+    (first.parents[1] / "partial").write_bytes(b"half")
+    assert ask(tmp_path).communicate(timeout=60)[0].strip() == "[0, 1]"
+    assert [copy.stat().st_size for copy in copies(tmp_path)] == [whole, whole]
+
+
+def test_what_does_not_load_names_the_packages_to_install(tmp_path):
+    ask(tmp_path).communicate(timeout=60)
+    for copy in copies(tmp_path):
+        copy.write_bytes(b"\0" * copy.stat().st_size)
+    errors = ask(tmp_path).communicate(timeout=60)[1]
+    assert "libsumo does not load" in errors
+    assert "apt-get install -y libgl1 libx11-6" in errors
+
+
+def test_without_a_cache_folder_the_temporary_one_serves(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    monkeypatch.setattr(sumo_library.tempfile, "gettempdir", lambda: str(tmp_path))
+    assert sumo_library._cache_folder() == tmp_path / f"smarts-bench-{os.getuid()}"
+
+
+def test_maps_with_a_projection_load_in_silence(country):
+    net = country.folder / "projected.net.xml"
+    projection = 'projParameter="+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"'
+    plain = country.road().net.read_text()
+    net.write_text(plain.replace('projParameter="!"', projection))
+    assert projection in net.read_text()
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PROJ_")}
+    script = (
+        "import sys; from smarts.providers.sumo_library import SumoLibrary;"
+        " library = SumoLibrary(); library.start(sys.argv[1:]); library.simulation.step(0.0); library.close()"
+    )
+    command = [sys.executable, "-c", script, "-n", str(net), *OPTIONS]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert (ran.stdout, ran.stderr) == ("", "")

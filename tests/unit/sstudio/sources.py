@@ -1,0 +1,84 @@
+"""Map and scenario sources that the tests build from."""
+
+from itertools import pairwise
+from pathlib import Path
+
+NODES = """<nodes>
+    <node id="centre" x="0" y="0" type="priority"/>
+    <node id="west" x="-110" y="0"/>
+    <node id="east" x="110" y="0"/>
+    <node id="north" x="0" y="110"/>
+    <node id="south" x="0" y="-110"/>
+</nodes>"""
+EDGES = (
+    "<edges>"
+    + "".join(
+        f'<edge id="from_{way}" from="{way}" to="centre" numLanes="2" speed="13.89"/>'
+        f'<edge id="to_{way}" from="centre" to="{way}" numLanes="2" speed="13.89"/>'
+        for way in ("west", "east", "north", "south")
+    )
+    + "</edges>"
+)
+
+SCRIPT = """
+from pathlib import Path
+
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import types as t
+
+car = t.TrafficActor("car")
+flow = t.Flow(t.Route(("from_west", 0, 10), ("to_east", 0, "max")), rate=600, actors={car: 1})
+gen_scenario(
+    t.Scenario(
+        traffic={"through": t.Traffic(flows=[flow])},
+        ego_missions=[t.Mission(t.Route(("from_south", 0, 20), ("to_north", 0, 50)))],
+    ),
+    output_dir=Path(__file__).parent,
+)
+"""
+
+
+def scenario(body: str) -> str:
+    """Return a scenario file that calls `gen_scenario(t.Scenario(<body>))`."""
+    return f"""
+from pathlib import Path
+
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import types as t
+
+car = t.TrafficActor("car")
+west_east = t.Route(("from_west", 0, 10), ("to_east", 0, "max"))
+south_north = t.Route(("from_south", 0, 20), ("to_north", 0, 50))
+agent = t.SocialAgentActor("agent", "zoo:agent-v0")
+
+
+def flow(route=west_east, rate=600, **more):
+    return t.Flow(route, rate, **({{"actors": {{car: 1}}}} | more))
+
+
+gen_scenario(t.Scenario({body}), output_dir=Path(__file__).parent)
+"""
+
+
+def write_cross(folder: Path) -> Path:
+    """Write the crossing's sources into a new folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "map.nod.xml").write_text(NODES)
+    (folder / "map.edg.xml").write_text(EDGES)
+    return folder
+
+
+CORNERS = {"south_west": (0, 0), "south_east": (80, 0), "north_east": (80, 80), "north_west": (0, 80)}
+
+
+def write_ring(folder: Path) -> Path:
+    """Write the sources of a square ring of one lane, driven counter-clockwise: south, east, north, west."""
+    folder.mkdir(parents=True, exist_ok=True)
+    nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in CORNERS.items())
+    sides = zip(("south", "east", "north", "west"), pairwise([*CORNERS, "south_west"]), strict=True)
+    edges = "".join(
+        f'<edge id="{side}" from="{begin}" to="{end}" speed="13.89"/>' for side, (begin, end) in sides
+    )
+    (folder / "map.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
+    (folder / "map.edg.xml").write_text(f"<edges>{edges}</edges>")
+    return folder

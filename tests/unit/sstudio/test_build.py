@@ -1,0 +1,343 @@
+"""Building: implicit, cached by content, byte-identical, and safe whatever happens meanwhile."""
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from smarts.errors import ScenarioError
+from smarts.sstudio import gen_bubbles, gen_missions, gen_scenario, gen_traffic
+from smarts.sstudio import types as t
+from smarts.sstudio.build import build_scenario, suite
+from smarts.sstudio.locating import SUITE
+
+from . import sources
+
+CAR = t.TrafficActor("car")
+WEST_EAST = t.Route(("from_west", 0, 10), ("to_east", 0, "max"))
+
+
+def contents(built) -> dict[str, str]:
+    """Return the hash of every artefact by its name."""
+    files = sorted(file for file in built.directory.rglob("*") if file.is_file())
+    return {
+        str(file.relative_to(built.directory)): hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in files
+    }
+
+
+def ages(folder) -> dict[Path, int]:
+    return {file: file.stat().st_mtime_ns for file in (folder / "build").rglob("*") if file.is_file()}
+
+
+class TestArtefacts:
+    def test_what_is_built(self, scenario_folder):
+        folder = scenario_folder()
+        built = build_scenario(folder)
+        assert (built.name, built.source) == ("cross", folder)
+        assert built.directory.parent == folder / "build"
+        assert sorted(contents(built)) == [
+            "lanes.npz",
+            "manifest.json",
+            "map.net.xml",
+            "scenario.json",
+            "traffic/through.rou.xml",
+        ]
+        files = built.traffic["through"]
+        assert files.net == built.net_file
+        assert files.routes == (built.directory / "traffic" / "through.rou.xml",)
+        assert (files.additional, files.warm_up) == ((), 0)
+        assert built.roads().edge_number("from_west") >= 0
+        assert built.roads() is build_scenario(folder).roads()
+
+    def test_the_scenario_is_read_from_the_artefacts(self, scenario_folder):
+        folder = scenario_folder()
+        built = build_scenario(folder)
+        (folder / "scenario.py").write_text("broken")
+        assert built.scenario.ego_missions == (
+            t.Mission(t.Route(("from_south", 0, 20), ("to_north", 0, 50))),
+        )
+        assert list(built.scenario.traffic["through"].flows[0].actors) == [CAR]
+
+    def test_same_sources_and_seed_give_the_same_bytes_anywhere(self, scenario_folder, monkeypatch):
+        traffic = 'traffic={"x y/z": t.Traffic([flow(t.RandomRoute()) for _ in range(9)])}'
+        spec = "map_spec=t.MapSpec(str(Path(__file__).parent))"
+        here = scenario_folder(sources.scenario(f"{traffic}, {spec}"))
+        monkeypatch.setenv("PYTHONHASHSEED", "7")
+        there = scenario_folder(sources.scenario(f"{traffic}, map_spec=t.MapSpec('.')"), name="deep/er")
+        one, other = build_scenario(here), build_scenario(there)
+        assert contents(one) == contents(other)
+        assert one.directory.name == other.directory.name
+        assert str(here.parent) not in "".join(
+            file.read_text() for file in one.directory.rglob("*") if file.suffix in (".json", ".xml")
+        )
+        assert one.traffic["x y/z"].routes[0].is_file()
+
+    def test_another_seed_gives_other_random_routes(self, scenario_folder):
+        body = 'traffic={"x": t.Traffic([flow(t.RandomRoute()) for _ in range(9)])}'
+        folder = scenario_folder(sources.scenario(body))
+        routes = [build_scenario(folder, seed=seed).traffic["x"].routes[0].read_text() for seed in (1, 2, 1)]
+        assert routes[0] == routes[2] != routes[1]
+        assert build_scenario(folder, seed=42).directory == build_scenario(folder).directory
+
+    def test_a_seed_in_the_file_counts_unless_another_is_asked_for(self, scenario_folder):
+        script = sources.SCRIPT.replace("output_dir=", "seed=7, output_dir=")
+        folder = scenario_folder(script)
+        assert build_scenario(folder).seed == 7
+        assert build_scenario(folder, seed=3).seed == 3
+
+    def test_files_that_draw_from_global_generators_say_the_same_each_time(self, scenario_folder):
+        script = "import random\nimport numpy.random\n" + sources.SCRIPT.replace(
+            "rate=600", "rate=random.uniform(1, 9) + numpy.random.uniform(1, 9)"
+        )
+        (one, other) = (build_scenario(scenario_folder(script, name=name)) for name in ("a", "b"))
+        assert contents(one) == contents(other)
+
+    def test_stops_become_additional_files(self, scenario_folder):
+        body = 'traffic={"x": t.Traffic([flow(stops=[t.Stop("to_east", 0, 50, 9)])], warm_up=12)}'
+        files = build_scenario(scenario_folder(sources.scenario(body))).traffic["x"]
+        assert [file.name for file in files.additional] == ["x.add.xml"]
+        assert files.warm_up == 12
+
+    def test_traffic_of_another_engine_is_refused_when_it_is_run(self, scenario_folder):
+        body = 'traffic={"x": t.Traffic([flow()], engine="SMARTS")}'
+        built = build_scenario(scenario_folder(sources.scenario(body)))
+        assert built.traffic == {}
+        with pytest.raises(ScenarioError, match="for the engine 'SMARTS', which does not run yet"):
+            built.traffic_files("x")
+
+    def test_unknown_traffic_is_refused(self, scenario_folder):
+        built = build_scenario(scenario_folder())
+        with pytest.raises(ScenarioError, match="did you mean 'through'"):
+            built.traffic_files("trough")
+        assert built.traffic_files(None).routes == ()
+
+    def test_maps_alone_are_scenarios(self, scenario_folder, tmp_path):
+        folder = scenario_folder(script=None)
+        built = build_scenario(folder)
+        assert (built.name, built.traffic, built.scenario) == ("cross", {}, t.Scenario())
+        net = shutil.copy(built.net_file, tmp_path / "town.net.xml")
+        from_file = build_scenario(net)
+        assert from_file.name == "town"
+        assert from_file.net_file.read_bytes() == built.net_file.read_bytes()
+        assert sorted(file.name for file in tmp_path.glob("town*")) == ["town.net.xml"]
+        assert from_file.directory.is_relative_to(tmp_path / "cache")
+
+    def test_notes(self, scenario_folder):
+        spec, traffic = "t.MapSpec('.', shift_to_origin=True)", "t.Traffic([flow(repeat_route=True)])"
+        body = f"map_spec={spec}, traffic={{'x': {traffic}}}"
+        notes = build_scenario(scenario_folder(sources.scenario(body))).notes
+        assert "map_spec.shift_to_origin has no effect: the map is taken as it is" in notes
+        assert any("traffic['x'].flows[0]: no way leads back" in note for note in notes)
+
+
+class TestVariations:
+    BODY = """
+        traffic={"x": t.Traffic([flow()])},
+        ego_missions=[t.Mission(south_north)],
+        held_out={
+            "seed": t.Variation("Other seed.", seed=5),
+            "dense": t.Variation("Dense.", traffic={"x": t.Traffic([flow(rate=1200)])}),
+            "free": t.Variation("Free.", ego_missions=[t.EndlessMission(("from_west", 0, 9))]),
+        },"""
+
+    def test_each_changes_what_it_says(self, scenario_folder):
+        folder = scenario_folder(sources.scenario(self.BODY))
+        base = build_scenario(folder)
+        assert base.held_out == ("seed", "dense", "free")
+        seed, dense, free = (build_scenario(f"{folder}@{name}") for name in base.held_out)
+        assert (dense.name, dense.held_out) == ("cross@dense", ())
+        assert (base.seed, seed.seed, dense.seed) == (42, 5, 42)
+        assert "1200" in dense.traffic["x"].routes[0].read_text()
+        assert dense.scenario.ego_missions == base.scenario.ego_missions
+        assert free.scenario.traffic == base.scenario.traffic
+        assert free.scenario.ego_missions == (t.EndlessMission(("from_west", 0, 9)),)
+        assert dense.net_file.read_bytes() == base.net_file.read_bytes()
+
+    def test_another_map(self, scenario_folder):
+        body = 'held_out={"ring": t.Variation("Ring.", map_spec=t.MapSpec("../ring"))}'
+        folder = scenario_folder(sources.scenario(body))
+        sources.write_ring(folder.parent / "ring")
+        assert build_scenario(f"{folder}@ring").roads().road_edges == ("east", "north", "south", "west")
+
+
+class TestUpToDate:
+    def test_nothing_is_written_when_nothing_changed(self, scenario_folder):
+        folder = scenario_folder()
+        built = build_scenario(folder)
+        before = ages(folder)
+        assert build_scenario(folder) == built
+        assert ages(folder) == before
+
+    @pytest.mark.parametrize("change", ["scenario", "map", "module", "data", "options"])
+    def test_changes_lead_to_other_artefacts(self, scenario_folder, change):
+        script = (
+            "import json\nfrom pathlib import Path\nfrom rates import RATE\n"
+            "factor = json.loads((Path(__file__).parent / 'factor.json').read_text())\n"
+            + sources.SCRIPT.replace("rate=600", "rate=RATE * factor")
+        )
+        folder = scenario_folder(script, rates="RATE = 600\n")
+        (folder / "factor.json").write_text("1")
+        first = build_scenario(folder)
+        files = {
+            "scenario": ("scenario.py", script.replace("0, 20", "0, 21")),
+            "map": ("map.edg.xml", sources.EDGES.replace("13.89", "16.67")),
+            "module": ("rates.py", "RATE = 700\n"),
+            "data": ("factor.json", "2"),
+            "options": ("map.netccfg", '<configuration><junctions.corner-detail value="9"/></configuration>'),
+        }
+        name, text = files[change]
+        (folder / name).write_text(text)
+        second = build_scenario(folder)
+        assert second.directory != first.directory
+        assert first.directory.is_dir()  # whoever runs it goes on
+
+    def test_what_says_the_same_leads_to_the_same_artefacts(self, scenario_folder):
+        folder = scenario_folder()
+        first = build_scenario(folder)
+        (folder / "scenario.py").write_text("# A comment.\n" + sources.SCRIPT)
+        assert build_scenario(folder).directory == first.directory
+
+    def test_a_failed_build_leaves_the_old_artefacts(self, scenario_folder):
+        folder = scenario_folder()
+        first = build_scenario(folder)
+        (folder / "scenario.py").write_text(sources.SCRIPT.replace("from_west", "from_waste"))
+        with pytest.raises(ScenarioError):
+            build_scenario(folder)
+        (folder / "scenario.py").write_text(sources.SCRIPT)
+        assert build_scenario(folder) == first
+
+    def test_folders_can_be_moved(self, scenario_folder):
+        folder = scenario_folder()
+        build_scenario(folder)
+        moved = folder.rename(folder.parent / "moved")
+        before = ages(moved)
+        assert build_scenario(moved).directory.is_relative_to(moved)
+        assert ages(moved) == before
+
+    def test_deleted_artefacts_are_built_again(self, scenario_folder):
+        folder = scenario_folder()
+        built = build_scenario(folder)
+        expected = contents(built)
+        shutil.rmtree(built.directory)
+        assert contents(build_scenario(folder)) == expected
+
+    def test_folders_that_cannot_be_written_build_into_the_cache(self, scenario_folder, tmp_path):
+        folder = scenario_folder()
+        (folder / "build").write_text("A file in the way, which even root cannot make a folder in.")
+        built = build_scenario(folder)
+        assert built.directory.is_relative_to(tmp_path / "cache")
+        assert build_scenario(folder) == built
+
+    def test_no_place_at_all(self, scenario_folder, tmp_path):
+        folder = scenario_folder()
+        for name in (folder / "build", tmp_path / "cache"):
+            name.write_text("in the way")
+        with pytest.raises(ScenarioError, match="XDG_CACHE_HOME"):
+            build_scenario(folder)
+
+
+BUILD = """
+import sys
+from smarts.sstudio.build import build_scenario
+print(build_scenario(sys.argv[1]).directory)
+"""
+
+
+def start_build(folder):
+    return subprocess.Popen(
+        [sys.executable, "-c", BUILD, str(folder)], stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+class TestProcesses:
+    def test_eight_at_once(self, scenario_folder):
+        folder = scenario_folder()
+        processes = [start_build(folder) for _ in range(8)]
+        outputs = {process.communicate()[0] for process in processes}
+        assert [process.returncode for process in processes] == [0] * 8
+        assert len(outputs) == 1
+        built = build_scenario(folder)
+        assert outputs == {f"{built.directory}\n"}
+        assert sorted(entry.name for entry in (folder / "build").iterdir()) == sorted(
+            [".lock", "index", built.directory.name]
+        )
+
+    @pytest.mark.slow
+    def test_killed_at_any_moment(self, scenario_folder):
+        folder = scenario_folder()
+        old = build_scenario(folder)
+        old_contents = contents(old)
+        expected = contents(build_scenario(scenario_folder(self.changed(0), name="reference")))
+        begin = time.monotonic()
+        start_build(folder).communicate()
+        duration = time.monotonic() - begin
+        for attempt in range(24):
+            (folder / "scenario.py").write_text(self.changed(attempt))
+            (folder / "map.edg.xml").write_text(sources.EDGES.replace("13.89", f"{13 + attempt / 100}"))
+            process = start_build(folder)
+            time.sleep(1.5 * duration * attempt / 24)
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            assert contents(old) == old_contents
+            for artefacts in (folder / "build").glob("[0-9a-f]*"):
+                assert {"lanes.npz", "manifest.json", "map.net.xml", "scenario.json"} <= {
+                    file.name for file in artefacts.iterdir()
+                }
+                json.loads((artefacts / "manifest.json").read_text())
+        (folder / "scenario.py").write_text(self.changed(0))
+        (folder / "map.edg.xml").write_text(sources.EDGES)
+        assert contents(build_scenario(folder)) == expected
+        assert not list((folder / "build").rglob(".partial-*"))
+
+    @staticmethod
+    def changed(attempt):
+        return sources.SCRIPT.replace("rate=600", f"rate={700 + attempt}")
+
+
+class TestByHand:
+    def test_running_the_file_builds_it(self, scenario_folder):
+        folder = scenario_folder("print('drawn up')\n" + sources.SCRIPT)
+        done = subprocess.run(
+            [sys.executable, "scenario.py"], cwd=folder, capture_output=True, text=True, check=True
+        )
+        assert "drawn up" in done.stdout
+        before = ages(folder)
+        assert build_scenario(folder).traffic.keys() == {"through"}
+        assert ages(folder) == before
+
+    def test_calls_from_elsewhere_add_up_and_replace(self, scenario_folder):
+        folder = scenario_folder(script=None)
+        mission = t.Mission(WEST_EAST)
+        gen_traffic(folder, t.Traffic([t.Flow(WEST_EAST, 60, actors={CAR: 1})]), name="a")
+        gen_missions(folder, [mission, mission])
+        gen_missions(str(folder), [mission])
+        gen_traffic(folder, t.Traffic([]), name="b")
+        gen_bubbles(folder, [t.Bubble(t.PositionalZone((0, 0), (9, 9)), t.SocialAgentActor("x", "z:x-v0"))])
+        built = build_scenario(folder)
+        assert list(built.traffic) == ["a", "b"]
+        assert built.scenario.ego_missions == (mission,)
+        assert built.scenario.bubbles is not None
+
+    def test_a_whole_scenario_from_elsewhere(self, scenario_folder):
+        folder = scenario_folder(script=None)
+        gen_scenario(t.Scenario(ego_missions=[t.Mission(WEST_EAST)]), output_dir=str(folder), ovewrite=True)
+        assert build_scenario(folder).scenario.ego_missions == (t.Mission(WEST_EAST),)
+        assert build_scenario(f"{folder}").directory == build_scenario(folder).directory
+
+
+class TestSuite:
+    def test_the_list_names_folders(self):
+        assert {name for name in suite() if not (SUITE / name / "scenario.py").is_file()} == set()
+        assert all(suite().values())
+
+    def test_names_are_found(self, monkeypatch, tmp_path):
+        monkeypatch.chdir(tmp_path)
+        assert build_scenario("intersection").source == SUITE / "intersection"

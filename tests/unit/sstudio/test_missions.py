@@ -1,0 +1,249 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smarts.errors import ScenarioError
+from smarts.sstudio import types as t
+from smarts.sstudio.episodes import episode_plans, expand, mission_sets
+from smarts.sstudio.missions import GAP, keep_apart, place_missions
+from smarts.types.streams import Purpose, stream
+
+
+def generator(seed=0):
+    return stream(seed, Purpose.STARTS)
+
+
+def mission(begin=("from_west", 0, 20), end=("to_east", 0, 50), **more):
+    return t.Mission(t.Route(begin, end), **more)
+
+
+def place(roads, *missions, seed=0, **more):
+    return place_missions(missions, roads, generator(seed), **more)
+
+
+class TestPlacing:
+    def test_a_fixed_mission(self, roads):
+        (placed,) = place(roads, mission())
+        lane = roads.lane_number("from_west", 0)
+        assert (placed.start.lane, placed.start.s) == (lane, 20)
+        # The offset is the front bumper's, so the centre is half a car's length before it.
+        assert placed.pose == pytest.approx(roads.pose_at(lane, 17.5))
+        assert placed.goal is not None
+        assert (placed.goal.lane, placed.goal.s) == (roads.lane_number("to_east", 0), pytest.approx(50))
+        assert placed.route == ("from_west", "to_east")
+        assert (placed.speed, placed.start_time, placed.via) == (0, 0, ())
+
+    def test_named_offsets(self, roads):
+        begin, end = (
+            roads.length[roads.lane_number("from_west", 0)],
+            roads.length[roads.lane_number("to_east", 0)],
+        )
+        (base,) = place(roads, mission(("from_west", 0, "base"), ("to_east", 0, "base")))
+        assert (base.start.s, base.goal.s) == (5, 0)  # the car is just wholly on the lane
+        (last,) = place(roads, mission(("from_west", 0, "max"), ("to_east", 0, "max")))
+        assert (last.start.s, last.goal.s) == pytest.approx((begin, end))
+        drawn = [
+            place(roads, mission(("from_west", 0, "random"), ("to_east", 0, "random")), seed=s)[0]
+            for s in range(50)
+        ]
+        starts, goals = [d.start.s for d in drawn], [d.goal.s for d in drawn]
+        assert 5 <= min(starts) < 15
+        assert begin - 10 < max(starts) <= begin
+        assert 0 <= min(goals) < 10
+        assert end - 10 < max(goals) <= end
+
+    def test_random_routes(self, roads):
+        routes = {place(roads, t.Mission(t.RandomRoute()), seed=seed)[0].route for seed in range(20)}
+        assert len(routes) > 5
+        assert all(len(route) == 2 and route[0].startswith("from_") for route in routes)
+
+    def test_the_same_generator_places_the_same(self, roads):
+        missions = [t.Mission(t.RandomRoute("a")), mission(("from_south", 1, "random"))]
+        variation = t.StartVariation()
+        assert place(roads, *missions, variation=variation) == place(roads, *missions, variation=variation)
+
+    def test_endless(self, roads):
+        (placed,) = place(roads, t.EndlessMission(("from_west", 1, 30)))
+        assert (placed.goal, placed.route) == (None, ("from_west",))
+
+    def test_vias(self, roads):
+        via = (
+            t.Via("from_west", 0, 40, required_speed=5),
+            t.Via(t.JunctionEdgeIDResolver("from_west", 0, "to_south", 0), 0, 2, 3, hit_distance=4),
+        )
+        (placed,) = place(roads, mission(end=("to_south", 0, 9), via=via))
+        first, second = placed.via
+        lane = roads.lane_number("from_west", 0)
+        assert (first.point.lane, first.point.s, first.required_speed) == (lane, 40, 5)
+        assert first.hit_distance == pytest.approx(roads.width[lane] / 2)
+        assert roads.is_internal[second.point.lane]
+        assert second.hit_distance == 4
+
+    @pytest.mark.parametrize(
+        ("arguments", "time"),
+        [
+            ({}, 0),
+            ({"start_time": 3}, 3),
+            ({"entry_tactic": t.TrapEntryTactic(4)}, 4),
+            ({"start_time": 3, "entry_tactic": t.TrapEntryTactic(4)}, 3),
+            ({"start_time": 3, "entry_tactic": t.TrapEntryTactic(wait_to_hijack_limit_s=1)}, 3),
+        ],
+    )
+    def test_start_times(self, roads, arguments, time):
+        assert place(roads, mission(**arguments))[0].start_time == time
+
+    def test_speeds(self, roads):
+        variation = t.StartVariation(speed=(2, 4))
+        speeds = [place(roads, mission(), seed=seed, variation=variation)[0].speed for seed in range(50)]
+        assert 2 <= min(speeds) < 2.3
+        assert 3.7 < max(speeds) <= 4
+        named = mission(("from_west", 0, 1), ("to_west", 0, 1), task=t.UTurn(initial_speed=7))
+        assert place(roads, named, variation=variation)[0].speed == 7
+        trapped = mission(entry_tactic=t.TrapEntryTactic(default_entry_speed=6))
+        assert place(roads, trapped, variation=variation)[0].speed == 6
+
+    def test_a_u_turn_is_its_own_way(self, roads):
+        turn = mission(("from_west", 0, 1), ("to_west", 0, 1), task=t.UTurn())
+        assert place(roads, turn)[0].route == ("from_west", "to_west")
+
+    def test_what_is_off_the_map_is_named(self, roads):
+        with pytest.raises(ScenarioError) as caught:
+            place(roads, mission(), mission(("from_west", 3, 1)), place="cross")
+        assert str(caught.value).startswith("cross: mission 1: edge 'from_west' has no lane 3")
+
+
+class TestStarts:
+    def test_starts_vary_within_reach(self, roads):
+        drawn = [
+            place(roads, mission(), seed=seed, variation=t.StartVariation(offset=5))[0].start.s
+            for seed in range(200)
+        ]
+        assert 15 <= min(drawn) < 15.5
+        assert 24.5 < max(drawn) <= 25
+
+    def test_starts_stay_on_their_lane(self, roads):
+        length = roads.length[roads.lane_number("from_west", 0)]
+        for seed in range(50):
+            front, rear = place(
+                roads,
+                mission(("from_west", 0, 6)),
+                mission(("from_west", 1, "max")),
+                seed=seed,
+                variation=t.StartVariation(),
+            )
+            assert front.start.s >= 5
+            assert rear.start.s <= length
+
+    def test_egos_on_one_lane_keep_order_and_gap(self, roads):
+        missions = [mission(("from_west", 0, offset)) for offset in (25, 10, 40)]
+        for seed in range(200):
+            middle, rear, front = (
+                placed.start.s for placed in place(roads, *missions, seed=seed, variation=t.StartVariation())
+            )
+            assert rear + 5 + GAP <= middle + 1e-9
+            assert middle + 5 + GAP <= front + 1e-9
+
+    def test_random_starts_find_room(self, roads):
+        missions = [mission(("from_west", 0, "random")) for _ in range(4)]
+        for seed in range(30):
+            starts = sorted(placed.start.s for placed in place(roads, *missions, seed=seed))
+            assert np.diff(starts).min() >= 5 + GAP
+
+    def test_too_many_random_starts_are_refused(self, roads):
+        with pytest.raises(ScenarioError, match="no room"):
+            place(roads, *[mission(("from_west", 0, "random")) for _ in range(30)])
+
+    def test_overlapping_starts_are_refused(self, roads):
+        with pytest.raises(ScenarioError, match="starts at 20 m on lane 'from_west_0', and another at 22 m"):
+            place(roads, mission(), mission(("from_west", 0, 22)))
+
+    @given(
+        gaps=st.lists(st.floats(5, 30), max_size=5),
+        first=st.floats(0, 20),
+        reach=st.floats(0, 10),
+        slack=st.floats(0, 10),
+        data=st.data(),
+    )
+    def test_kept_apart_whatever_is_drawn(self, gaps, first, reach, slack, data):
+        nominal = [first + sum(gaps[:rank]) for rank in range(len(gaps) + 1)]
+        lane_length = nominal[-1] + slack
+        drawn = [start + data.draw(st.floats(-reach, reach)) for start in nominal]
+        starts = keep_apart(nominal, drawn, reach, lane_length, 5.0)
+        assert starts is not None
+        for start, wanted in zip(starts, nominal, strict=True):
+            assert (
+                wanted - reach - 1e-9 <= start <= min(max(wanted + reach, wanted), lane_length) + reach + 1e-9
+            )
+            assert min(wanted, 5.0) - 1e-9 <= start <= lane_length + 1e-9
+        for rank, gap in enumerate(gaps):
+            assert starts[rank + 1] - starts[rank] >= min(gap, 5 + GAP) - 1e-6
+
+
+class TestLaps:
+    @pytest.mark.parametrize(
+        ("begin", "end", "laps", "route"),
+        [
+            (("south", 0, 30), ("south", 0, 60), 1, "south"),
+            (("south", 0, 30), ("south", 0, 60), 2, "south east north west south"),
+            (("south", 0, 30), ("south", 0, 10), 1, "south east north west south"),
+            (("south", 0, 30), ("south", 0, 10), 2, "south east north west south east north west south"),
+            (("south", 0, 30), ("east", 0, 10), 1, "south east"),
+            (("south", 0, 30), ("east", 0, 10), 2, "south east north west south east"),
+            (("south", 0, 30), ("west", 0, 10), 2, "south east north west south east north west"),
+        ],
+    )
+    def test_laps_go_round(self, ring, begin, end, laps, route):
+        (placed,) = place(ring, t.LapMission(t.Route(begin, end), num_laps=laps))
+        assert " ".join(placed.route) == route
+
+    def test_groups_start_on_a_grid(self):
+        group = t.GroupedLapMission(t.Route(("a", 1, 50), ("b", 0, 20)), 10, 2, actor_count=3, num_laps=4)
+        starts = [(lap.route.begin, lap.route.end, lap.num_laps) for lap in expand([group])]
+        assert starts == [
+            (("a", 1, 50), ("b", 0, 20), 4),
+            (("a", 0, 40), ("b", 1, 20), 4),
+            (("a", 1, 30), ("b", 0, 20), 4),
+        ]
+
+
+class TestEpisodes:
+    scenario = t.Scenario(
+        traffic={"none": t.Traffic(flows=[]), "some": t.Traffic(flows=[])},
+        ego_missions=[mission(("from_west", 0, offset)) for offset in (10, 20, 30)],
+    )
+
+    def test_one_agent_takes_turns_with_missions_and_traffic(self):
+        plans = episode_plans(self.scenario, 1)
+        assert [(plan.traffic, plan.missions[0].route.begin[2]) for plan in plans] == [
+            (name, offset) for name in ("none", "some") for offset in (10, 20, 30)
+        ]
+
+    def test_as_many_agents_as_missions_share_them_out(self):
+        plans = episode_plans(self.scenario, 3)
+        assert [plan.traffic for plan in plans] == ["none", "some"]
+        assert list(plans[0].missions) == self.scenario.ego_missions
+
+    def test_fewer_agents_reach_every_mission(self):
+        sets = mission_sets(self.scenario.ego_missions, 2)
+        assert [[m.route.begin[2] for m in missions] for missions in sets] == [[10, 20], [30, 10]]
+
+    def test_more_agents_than_missions_are_refused(self):
+        with pytest.raises(ScenarioError, match="4 egos, but only 3 missions"):
+            episode_plans(self.scenario, 4)
+
+    def test_without_missions_everyone_roams(self):
+        (plan,) = episode_plans(t.Scenario(), 2)
+        assert plan.traffic is None
+        assert len(set(plan.missions)) == 2
+        assert all(isinstance(mission.route, t.RandomRoute) for mission in plan.missions)
+
+    def test_no_agents(self):
+        assert [plan.missions for plan in episode_plans(self.scenario, 0)] == [(), ()]
+
+    def test_a_generator_shuffles_all_of_them(self):
+        plain = episode_plans(self.scenario, 1)
+        shuffled = episode_plans(self.scenario, 1, generator(3))
+        assert shuffled == episode_plans(self.scenario, 1, generator(3))
+        assert shuffled != plain
+        assert sorted(map(repr, shuffled)) == sorted(map(repr, plain))

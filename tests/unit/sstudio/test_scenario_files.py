@@ -1,0 +1,352 @@
+"""Whole scenario files as people write them: the paper's listing, and the original's two styles."""
+
+from collections import Counter
+from xml.etree import ElementTree
+
+import pytest
+
+from smarts.core.colors import Colors
+from smarts.sstudio import types as t
+from smarts.sstudio.build import build_scenario
+
+MERGE_NODES = """<nodes>
+    <node id="north" x="0" y="60"/> <node id="south" x="0" y="-60"/> <node id="join" x="120" y="0"/>
+    <node id="split" x="320" y="0"/> <node id="up" x="420" y="50"/> <node id="down" x="420" y="-50"/>
+</nodes>"""
+MERGE_EDGES = """<edges>
+    <edge id="top_left" from="north" to="join" speed="13.89"/>
+    <edge id="down_left" from="south" to="join" speed="13.89"/>
+    <edge id="merge" from="join" to="split" numLanes="2" speed="13.89"/>
+    <edge id="top_right" from="split" to="up" speed="13.89"/>
+    <edge id="down_right" from="split" to="down" speed="13.89"/>
+</edges>"""
+
+PAPER = """
+import os
+from smarts.sstudio import gen_missions, gen_traffic
+from smarts.sstudio.types import *
+
+scenario = os.path.dirname(os.path.realpath(__file__))
+
+# 1. agent mission initialization and generation
+agent_missions = [
+    Mission(Route(begin=("top_left", 0, 10), end=("down_right", 0, 30))),
+]
+
+gen_missions(scenario=scenario, missions=agent_missions)
+
+# 2. define social vehicle with diverse behavior
+impatient_car = TrafficActor(
+    name="car",
+    speed=Distribution(sigma=0.2, mean=1.0),
+    lane_changing_model=LaneChangingModel(impatience=1, cooperative=0.25),
+    junction_model=JunctionModel(
+        drive_after_red_time=1.5,
+        drive_after_yellow_time=1.0,
+        impatience=1.0
+    ),
+)
+
+patient_car = TrafficActor(
+    name="car",
+    speed=Distribution(sigma=0.2, mean=0.8),
+    lane_changing_model=LaneChangingModel(impatience=0, cooperative=0.5),
+    junction_model=JunctionModel(drive_after_yellow_time=1.0, impatience=0.5)
+)
+
+# 3. traffic flow customization
+traffic = Traffic(
+    flows=[
+        Flow(
+            route=Route(begin=("down_left", 0, 30), end=("merge", 0, 150),),
+            rate=1.,
+            actors={impatient_car: 0.5, patient_car: 0.5},
+        ),
+    ]
+)
+
+gen_traffic(scenario, traffic, name="example")
+"""
+
+
+@pytest.fixture
+def merge_folder(tmp_path):
+    """Return a function that makes a scenario folder on the paper's map."""
+
+    def make(script):
+        (tmp_path / "map.nod.xml").write_text(MERGE_NODES)
+        (tmp_path / "map.edg.xml").write_text(MERGE_EDGES)
+        (tmp_path / "scenario.py").write_text(script)
+        return tmp_path
+
+    return make
+
+
+def test_the_papers_listing(merge_folder):
+    built = build_scenario(merge_folder(PAPER))
+    (mission,) = built.scenario.ego_missions
+    assert mission == t.Mission(t.Route(begin=("top_left", 0, 10), end=("down_right", 0, 30)))
+    root = ElementTree.parse(built.traffic["example"].routes[0]).getroot()
+    kinds = {kind.attrib["speedFactor"]: kind.attrib for kind in root.iter("vType")}
+    assert kinds.keys() == {"normc(1,0.2,0.2,2)", "normc(0.8,0.2,0.2,2)"}
+    impatient, patient = kinds["normc(1,0.2,0.2,2)"], kinds["normc(0.8,0.2,0.2,2)"]
+    assert (impatient["lcImpatience"], impatient["lcCooperative"], impatient["impatience"]) == (
+        "1",
+        "0.25",
+        "1",
+    )
+    assert (impatient["jmDriveAfterRedTime"], impatient["jmDriveAfterYellowTime"]) == ("1.5", "1")
+    assert (patient["lcImpatience"], patient["impatience"]) == ("0", "0.5")
+    assert "jmDriveAfterRedTime" not in patient
+    (mixture,) = root.iter("vTypeDistribution")
+    assert Counter(mixture.attrib["probabilities"].split()) == {"0.5": 2}
+    (flow,) = root.iter("flow")
+    assert (flow.attrib["vehsPerHour"], flow.attrib["arrivalPos"]) == ("1", "150")
+    (route,) = root.iter("route")
+    assert route.attrib["edges"] == "down_left merge"
+
+
+# The first generation: smarts.sstudio.types, edges, overwrite flags, functions for each part.
+
+FIRST_FUNCTIONS = """
+import os
+from pathlib import Path
+
+from smarts.sstudio import gen_bubbles, gen_friction_map, gen_missions, gen_social_agent_missions, gen_traffic
+from smarts.sstudio import types as t
+from smarts.sstudio.types import JunctionEdgeIDResolver, Mission, Route, Via
+
+scenario = os.path.dirname(os.path.realpath(__file__))
+assert os.getcwd() == scenario
+
+traffic = t.Traffic(
+    flows=[
+        t.Flow(route=t.RandomRoute(), rate=50, actors={t.TrafficActor("car"): 1})
+        for _ in range(3)
+    ]
+)
+gen_traffic(scenario, traffic, "basic", None, 42, True)
+gen_missions(
+    scenario,
+    [
+        Mission(
+            Route(("from_west", 0, "base"), ("to_south", 0, 30), via=()),
+            via=(
+                Via("from_west", lane_offset=20, lane_index=0, required_speed=7),
+                Via(
+                    edge_id=JunctionEdgeIDResolver("from_west", 0, "to_south", 0),
+                    lane_offset=2,
+                    lane_index=0,
+                    required_speed=3,
+                ),
+            ),
+            start_time=0.1,
+            entry_tactic=t.TrapEntryTactic(
+                wait_to_hijack_limit_s=3,
+                zone=t.MapZone(start=("from_west", 0, 5), length=20, n_lanes=2),
+                exclusion_prefixes=("bus",),
+            ),
+        ),
+        Mission(Route(("from_west", 1, 30), ("to_west", 0, 30)), task=t.UTurn(initial_speed=20)),
+        t.EndlessMission(begin=("from_south", 0, "random")),
+    ],
+    seed=3,
+    overwrite=True,
+)
+laner = t.SocialAgentActor(name="laner", agent_locator="zoo.policies:keep-lane-agent-v0", initial_speed=20)
+gen_social_agent_missions(
+    scenario, social_agent_actor=laner, name=f"s-agent-{laner.name}", missions=[Mission(t.RandomRoute())]
+)
+gen_bubbles(
+    scenario,
+    [
+        t.Bubble(
+            zone=t.MapZone(start=("to_east", 0, 10), length=30, n_lanes=2),
+            margin=5,
+            actor=t.BoidAgentActor("boid", "zoo.policies:boid-v0", capacity=t.BubbleLimits(1, 2)),
+            keep_alive=True,
+        )
+    ],
+)
+gen_friction_map(scenario, [t.RoadSurfacePatch(t.PositionalZone((0, 0), (9, 9)), 0, 20, 0.2)])
+"""
+
+
+def test_the_first_generation_with_a_function_for_each_part(scenario_folder):
+    scenario = build_scenario(scenario_folder(FIRST_FUNCTIONS)).scenario
+    assert list(scenario.traffic) == ["basic"]
+    trapped, turning, endless = scenario.ego_missions
+    assert trapped.via[1].road_id == t.JunctionEdgeIDResolver("from_west", 0, "to_south", 0)
+    assert trapped.entry_tactic.wait_to_hijack_limit_s == 3
+    assert (trapped.start_time, turning.task) == (0.1, t.UTurn(initial_speed=20))
+    assert endless == t.EndlessMission(("from_south", 0, "random"))
+    actors, missions = scenario.social_agent_missions["s-agent-laner"]
+    assert (actors[0].initial_speed, missions[0].route) == (20, t.RandomRoute("random-route-4"))
+    assert (scenario.bubbles[0].id, scenario.bubbles[0].is_boid) == ("bubble-1", True)
+    assert scenario.friction_maps[0].friction_coefficient == 0.2
+
+
+FIRST_WHOLE = """
+from pathlib import Path
+
+import smarts.sstudio.types as t
+from smarts.sstudio.genscenario import gen_scenario
+
+car = t.TrafficActor(name="car", speed=t.Distribution(sigma=0.2, mean=1.0))
+routes = {"straight": [("west", "east"), ("east", "west")], "turns": [("west", "south")]}
+traffic = {
+    name: t.Traffic(
+        flows=[
+            t.Flow(
+                route=t.Route(begin=(f"from_{begin}", 0, "random"), end=(f"to_{end}", 0, "random")),
+                rate=1,
+                actors={car: 0.5, t.TrafficActor(name="car", vehicle_type="bus"): 0.5},
+            )
+            for begin, end in pairs
+        ]
+    )
+    for name, pairs in routes.items()
+}
+gen_scenario(
+    t.Scenario(
+        traffic=traffic,
+        ego_missions=[t.GroupedLapMission(t.Route(("from_west", 0, 60), ("to_east", 0, 50)), 20, 2, 3, 1)],
+        social_agent_missions={
+            "group": (
+                [
+                    t.SocialAgentActor("one", "zoo:one-v0"),
+                    t.SocialAgentActor("two", "zoo:two-v0", {"speed": 5}),
+                ],
+                [t.Mission(t.Route(("from_south", 0, 5), ("to_north", 0, "max")))],
+            )
+        },
+    ),
+    output_dir=Path(__file__).parent,
+    ovewrite=True,
+)
+"""
+
+
+def test_the_first_generation_as_a_whole(scenario_folder):
+    built = build_scenario(scenario_folder(FIRST_WHOLE))
+    assert list(built.traffic) == ["straight", "turns"]
+    assert [len(plan.missions) for plan in built.episodes(3)] == [3, 3]
+    (actors, _) = built.scenario.social_agent_missions["group"]
+    assert actors[1].policy_kwargs == {"speed": 5}
+
+
+SECOND = """
+import random
+from itertools import combinations, product
+from pathlib import Path
+
+from numpy import random as numpy_random
+
+from smarts.core.colors import Colors
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import sstypes
+from smarts.sstudio.sstypes import (
+    Bubble, ConfigurableZone, Distribution, Flow, IdEntryTactic, LaneChangingModel, MapSpec, MapZone, Mission,
+    PositionalZone, RandomRoute, Route, Scenario, ScenarioMetadata, SmartsLaneChangingModel, SocialAgentActor,
+    TimeWindowCondition, Traffic, TrafficActor, TrafficEngineActor, TrapEntryTactic, Trip,
+)
+from smarts.sstudio.sstypes.entry_tactic import IdEntryTactic
+from smarts.sstudio.sstypes.route import RandomRoute
+from smarts.sstudio.sstypes.traffic import Trip
+
+cars = [
+    TrafficActor(
+        name=f"car_{kind}",
+        vehicle_type=kind,
+        speed=Distribution(mean=random.uniform(0.5, 1), sigma=0.1),
+        lane_changing_model=SmartsLaneChangingModel(cutin_prob=1, assertive=10, dogmatic=True),
+    )
+    for kind in ("passenger", "coach", "truck", "trailer")
+]
+ways = list(product(("from_west", "from_south"), ("to_east", "to_north")))
+traffic = {
+    f"{name}": Traffic(
+        engine=engine,
+        flows=[
+            Flow(
+                route=Route(begin=(begin, random.randint(0, 1), "random"), end=(end, 0, "max")),
+                rate=60 * numpy_random.uniform(5, 10),
+                begin=random.uniform(0, 5),
+                end=60 * 15,
+                actors={car: numpy_random.randint(1, 5) for car in cars},
+                randomly_spaced=True,
+                repeat_route=True,
+            )
+            for begin, end in chosen
+        ],
+        trips=[Trip("leader", route=RandomRoute(), depart=0.5), Trip("other", RandomRoute(), "bus")],
+    )
+    for name, (engine, chosen) in enumerate(product(("SUMO", "SMARTS"), combinations(ways, 3)))
+}
+agent = SocialAgentActor(name="keep-lane-agent", agent_locator="zoo.policies:keep-lane-agent-v0")
+
+gen_scenario(
+    scenario=Scenario(
+        map_spec=MapSpec(source=f"{Path(__file__).parent}", lanepoint_spacing=1.0),
+        traffic=traffic,
+        ego_missions=[
+            Mission(
+                Route(("from_west", 0, 30), ("to_east", 0, "max")),
+                entry_tactic=TrapEntryTactic(
+                    start_time=12, wait_to_hijack_limit_s=1, zone=MapZone(("from_west", 0, 1), 20, 1)
+                ),
+            )
+        ],
+        social_agent_missions={
+            "all": (
+                [agent],
+                [
+                    Mission(
+                        route=RandomRoute(),
+                        entry_tactic=IdEntryTactic(
+                            start_time=0.1, actor_id="other", condition=TimeWindowCondition(0.1, 20.0)
+                        ),
+                    )
+                ],
+            )
+        },
+        bubbles=[
+            Bubble(
+                zone=PositionalZone(pos=(50, 0), size=(10, 15)),
+                margin=5,
+                actor=agent,
+                follow_actor_id=Bubble.to_actor_id(agent, mission_group="all"),
+                follow_offset=(-7, 10),
+            ),
+            Bubble(
+                zone=ConfigurableZone(ext_coordinates=[(0, 0), (20, 40)]),
+                actor=TrafficEngineActor("engine"),
+                active_condition=TimeWindowCondition(1, 9).trigger(delay_seconds=2),
+            ),
+        ],
+        scenario_metadata=ScenarioMetadata(
+            actor_of_interest_re_filter=r"^(leader)|(other)$",
+            actor_of_interest_color=Colors.Blue,
+            scenario_difficulty=0.5,
+            scenario_duration=40,
+        ),
+    ),
+    output_dir=Path(__file__).parent,
+    seed=40,
+)
+"""
+
+
+def test_the_second_generation(scenario_folder):
+    built = build_scenario(scenario_folder(SECOND))
+    scenario = built.scenario
+    assert len(scenario.traffic) == 8
+    assert list(built.traffic) == ["0", "1", "2", "3"]
+    assert scenario.map_spec.source == "."
+    assert scenario.scenario_metadata["actor_of_interest_color"] is Colors.Blue
+    assert scenario.bubbles[0].follow_actor_id == "social-agent-all-keep-lane-agent"
+    assert scenario.ego_missions[0].entry_tactic.start_time == 12
+    root = ElementTree.parse(built.traffic["0"].routes[0]).getroot()
+    assert {trip.attrib["id"] for trip in root.iter("vehicle")} == {"leader", "other"}
+    assert all(flow.attrib["period"].startswith("exp(") for flow in root.iter("flow"))
+    assert built.seed == 40
