@@ -33,7 +33,7 @@ def check_vector_env(env: VectorJointEnv, *, steps: int = 200, seed: int = 0) ->
 
 
 def _play(env: VectorJointEnv, worlds: Ints, steps: int, seed: int) -> list[JointStep]:
-    rng = np.random.default_rng(seed)
+    rng = np.random.Generator(np.random.Philox(seed))
     now = copy.deepcopy(env.reset(seed, worlds))
     _check_shapes(env, now, 0)
     history = [now]

@@ -63,7 +63,7 @@ class JointTorchLearner(TorchLearner):
         self.spec: JointSpec = self.net(next(iter(self.module.keys()))).spec
         self.groups: tuple[Group, ...] = self.spec.groups
         self.generator = torch.Generator().manual_seed(self.config.seed or 0)
-        self.rng = np.random.default_rng([self.config.seed or 0, 1])
+        self.rng = np.random.Generator(np.random.Philox(np.random.SeedSequence([self.config.seed or 0, 1])))
         self.gamma = float(self.config.gamma or 0)
         self.updates = 0
         self._parameters = {mid: self.net(mid).trained_parameters() for mid in self.module.keys()}  # noqa: SIM118

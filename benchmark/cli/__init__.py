@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from benchmark.cli import scenario
+from benchmark.cli import algorithms, scenario
 from smarts.errors import SmartsError
 
 app = typer.Typer(
@@ -16,6 +16,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(scenario.app, name="scenario")
+app.command("algorithms")(algorithms.list_algorithms)
 
 
 @app.callback()

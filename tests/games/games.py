@@ -141,8 +141,8 @@ class TwoStep(MultiAgentEnv):
 class Ragged(MultiAgentEnv):
     """Late arrivals, deaths, truncations, unflagged leaves, time limits and crashes, at random.
 
-    Observations are (serial number of the life, its step, time of the episode): nothing can be taken for
-    another.
+    Observations are (number of the life in (0, 1], its step, time of the episode): nothing can be taken
+    for another.
     """
 
     crash = 0.03
@@ -193,7 +193,7 @@ class Ragged(MultiAgentEnv):
         return self._see(seen), rewards, ends, cuts, {}
 
     def _birth(self):
-        return [float(self.rng.integers(1, 1_000_000)), 0.0]
+        return [float(1 - self.rng.random()), 0.0]
 
     def _arrive(self, chance, ended=()):
         for agent in self.agents:
