@@ -242,13 +242,31 @@ def test_stacked_policies_act_like_separate_ones(name):
     torch.testing.assert_close(stacked.distribution, separate.distribution, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize("sharing", ["none", "all", {"odd": ["b"], "even": ["a", "c"]}])
+@pytest.mark.parametrize(
+    "sharing",
+    [
+        pytest.param("none", marks=pytest.mark.slow),
+        pytest.param("all", marks=pytest.mark.slow),
+        {"odd": ["b"], "even": ["a", "c"]},
+    ],
+)
 @pytest.mark.parametrize("name", algorithms.names())
 def test_every_kind_of_sharing_learns_on_ragged_games(name, sharing):
     rig = Rig(name, Ragged, sharing=sharing, **settings_of(name))
     before, after = update(rig, rig.rollout(40, epsilon=0.5))
     assert moved(before, after) == set(before)
     assert all(torch.isfinite(w).all() for part in after.values() for w in part.values())
+
+
+@pytest.mark.parametrize("name", algorithms.names())
+def test_a_restored_learner_continues_exactly(name):
+    rig, other = (Rig(name, Cues, seed=seed, **settings_of(name)) for seed in (1, 2))
+    rollout = rig.rollout(epsilon=1.0)
+    rig.learner.update_joint(rollout)
+    other.learner.set_state(rig.learner.get_state())
+    for one in (rig, other):
+        one.learner.update_joint(rollout)
+    assert moved(rig.weights(), other.weights()) == set()
 
 
 def test_groups_are_put_together_in_the_order_of_columns():
