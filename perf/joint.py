@@ -13,11 +13,13 @@ import argparse
 import logging
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import ray
 import torch
 from gymnasium.spaces import Box, Discrete
+from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.algorithms.ppo import PPOConfig as StockPPOConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
@@ -40,7 +42,7 @@ class NullEnv(MultiAgentEnv):
         self.observation_spaces = {a: Box(-np.inf, np.inf, (WIDTH,), np.float32) for a in NAMES}
         self.action_spaces = {a: Discrete(ACTIONS) for a in NAMES}
         rng = np.random.default_rng(0)
-        self.seen = {a: rng.standard_normal(WIDTH, np.float32) for a in NAMES}
+        self.seen: dict[Any, Any] = {a: rng.standard_normal(WIDTH, np.float32) for a in NAMES}
         self.t = 0
 
     def reset(self, *, seed=None, options=None):
@@ -51,7 +53,10 @@ class NullEnv(MultiAgentEnv):
     def step(self, action_dict):
         """Count."""
         self.t += 1
-        return self.seen, dict.fromkeys(NAMES, 1.0), {"__all__": False}, {"__all__": self.t >= LENGTH}, {}
+        rewards: dict[Any, Any] = dict.fromkeys(NAMES, 1.0)
+        ends: dict[Any, Any] = {"__all__": False}
+        cuts: dict[Any, Any] = {"__all__": self.t >= LENGTH}
+        return self.seen, rewards, ends, cuts, {}
 
 
 class NullVector:
@@ -98,12 +103,19 @@ def rate(run: Callable[[], int], seconds: float) -> float:
     return done / (time.perf_counter() - start)
 
 
+def local_runner(algo: Algorithm) -> Any:
+    """Return the runner in this process."""
+    if algo.env_runner_group is None:
+        raise RuntimeError("the algorithm was built without environment runners")
+    return algo.env_runner_group.local_env_runner
+
+
 def joint(env, sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
     """Return (sampling, training) agent-steps/s of the joint core."""
     config = algorithms.config("ppo").environment(env)
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=COPIES, rollout_fragment_length=FRAGMENT)
     algo = config.training(sharing=sharing, epochs=epochs, minibatch_size=128).build_algo()
-    runner = algo.env_runner_group.local_env_runner
+    runner = local_runner(algo)
     sampling = rate(lambda: runner.sample()[0].agent_steps(), seconds)
 
     def iteration() -> int:
@@ -134,7 +146,7 @@ def stock(sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
         )
     )
     algo = config.build_algo()
-    runner = algo.env_runner_group.local_env_runner
+    runner = local_runner(algo)
 
     def sample() -> int:
         return sum(e.agent_steps() for e in runner.sample(num_timesteps=FRAGMENT * COPIES))
