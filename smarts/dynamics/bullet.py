@@ -16,10 +16,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from smarts.dynamics.layout import BODY_SIZE
+from smarts.dynamics.quiet_pybullet import pybullet
 
 EGO, BOX = 1, 2
 """Collision groups: egos meet egos and boxes; boxes, which follow their own script, do not meet each

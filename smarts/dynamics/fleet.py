@@ -171,7 +171,12 @@ class Fleet:
             world.close()
 
     def clear(self, simulation: int) -> None:
-        """Take everything out of a simulation, forget its past, and make its road level and dry."""
+        """Take everything out of a simulation, forget its past, and make its road level and dry.
+
+        Raises:
+            ControlError: There is no such simulation.
+        """
+        self._require_simulation(simulation)
         rows = slice(simulation * self._egos, (simulation + 1) * self._egos)
         self._worlds[simulation].clear()
         self._model[rows] = -1
@@ -192,6 +197,9 @@ class Fleet:
     ) -> None:
         """Put a vehicle on the road as if it had always rolled there: wheels at speed, suspension settled.
 
+        Whether the place is free is for the caller to know: bodies that overlap in Bullet are pushed apart
+        within a few steps, at speeds of their own.
+
         Args:
             row: Of the vehicle; must be free.
             name: Of the vehicle type, one of `parameters.vehicle_names`.
@@ -204,9 +212,10 @@ class Fleet:
             tyres: One of `layout.TYRE_MODELS`.
 
         Raises:
-            ControlError: The row holds a vehicle, or a number is not finite.
+            ControlError: There is no such row, it holds a vehicle, or a number is not finite.
             UnknownNameError: A name is unknown.
         """
+        self._require_row(row)
         place = f"vehicle in row {row}"
         for kind, given, known in (("model", model, MODELS), ("tyre model", tyres, layout.TYRE_MODELS)):
             if given not in known:
@@ -242,8 +251,7 @@ class Fleet:
         Raises:
             ControlError: There is none.
         """
-        if self._model[row] < 0:
-            raise ControlError("there is no vehicle", place=f"row {row}", remedy="despawn a vehicle once")
+        self._require_vehicle(row)
         if self._model[row] == MODELS.index("bullet"):
             self._worlds[row // self._egos].remove(row)
         self._model[row] = -1
@@ -256,7 +264,15 @@ class Fleet:
             row: Of the vehicle.
             wheel: 0 front left, 1 front right, 2 rear left, 3 rear right.
             fault: What is wrong.
+
+        Raises:
+            ControlError: There is no such vehicle or wheel.
         """
+        self._require_vehicle(row)
+        if not 0 <= wheel < layout.WHEELS:
+            raise ControlError(
+                f"there is no wheel {wheel}", place=f"vehicle in row {row}", remedy="wheels are 0 to 3"
+            )
         names = ("radius_factor", "stiffness_factor", "grip_factor", "extra_resistance")
         for name, value in zip(names, astuple(fault), strict=True):
             self._states[name][row, wheel] = value
@@ -269,16 +285,37 @@ class Fleet:
             abs: Whether brakes hold the wheels at the slip of largest force instead of locking them.
             traction_control: Whether the engine does so instead of spinning them. Single-track vehicles have
                 both.
+
+        Raises:
+            ControlError: There is no such vehicle.
         """
+        self._require_vehicle(row)
         self._cars["abs"][row] = abs
         self._cars["traction_control"][row] = traction_control
 
     def body(self, row: int) -> Floats:
-        """Return a copy of a vehicle's spatial motion, shape (13,), as `layout.BODY_SIZE` says."""
+        """Return a copy of a vehicle's spatial motion, shape (13,), as `layout.BODY_SIZE` says.
+
+        Raises:
+            ControlError: There is no such vehicle.
+        """
+        self._require_vehicle(row)
         return self._bodies[row].copy()
 
     def put_body(self, row: int, body: Floats) -> None:
-        """Give a vehicle in Bullet another spatial motion, as `layout.BODY_SIZE` says; wheels keep theirs."""
+        """Give a vehicle in Bullet another spatial motion, as `layout.BODY_SIZE` says; wheels keep theirs.
+
+        Raises:
+            ControlError: There is no such vehicle, it is not in Bullet, or a number is not finite.
+        """
+        self._require_vehicle(row)
+        body = np.asarray(body, np.float64)
+        if self._model[row] != MODELS.index("bullet") or not np.isfinite(body).all():
+            raise ControlError(
+                f"body {body.tolist()} for a vehicle of model '{MODELS[self._model[row]]}'",
+                place=f"vehicle in row {row}",
+                remedy="give finite numbers, to a vehicle of model 'bullet'",
+            )
         world = self._worlds[row // self._egos]
         world.remove(row)
         self._bodies[row] = body
@@ -291,7 +328,11 @@ class Fleet:
             simulation: b.
             boxes: By a key that stays with the road user. Name those near an ego only, and where they are
                 now: each costs two calls a step, coming and going 0.1 ms.
+
+        Raises:
+            ControlError: There is no such simulation.
         """
+        self._require_simulation(simulation)
         self._worlds[simulation].place_boxes(boxes)
 
     def step(self, controls: Floats) -> Motion:
@@ -361,6 +402,23 @@ class Fleet:
             place=f"vehicle in row {row}",
             remedy="see that the road is of finite numbers, then clear the simulation",
         )
+
+    def _require_row(self, row: int) -> None:
+        # A negative number would be another row to NumPy, but not to Bullet.
+        if not 0 <= row < len(self._model):
+            raise ControlError(f"there is no row {row}", remedy=f"rows go from 0 to {len(self._model) - 1}")
+
+    def _require_vehicle(self, row: int) -> None:
+        self._require_row(row)
+        if self._model[row] < 0:
+            raise ControlError("there is no vehicle", place=f"row {row}", remedy="spawn one first")
+
+    def _require_simulation(self, simulation: int) -> None:
+        if not 0 <= simulation < len(self._worlds):
+            raise ControlError(
+                f"there is no simulation {simulation}",
+                remedy=f"simulations go from 0 to {len(self._worlds) - 1}",
+            )
 
     def _level(self, rows: slice) -> None:
         self.road.friction[rows] = DRY_ASPHALT

@@ -14,6 +14,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
+MOST_CANDIDATES = 1024
+"""How many runs a cell of the grid may list. `packing.pack_roads` refuses maps with more, so that kernels
+drop none silently; the densest junction of the benchmark's maps has 17."""
+
+
 class Roads(NamedTuple):
     """The lanes of several maps in a row, L in all, and a spatial grid for each map."""
 

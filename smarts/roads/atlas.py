@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.errors import MapError
 from smarts.roads import kernels
+from smarts.roads.arguments import FLOAT, INT, NOT_GIVEN, floats, ints, require_buffers, require_numbers
 from smarts.roads.arrays import RouteTable
 from smarts.roads.corridors import free_corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph, LaneKind
@@ -46,13 +48,20 @@ class RoadAtlas:
     """Several road maps. A pose belongs to the map that its map number names.
 
     All methods take and return arrays over E poses, write into the buffers of `out` where given, and take
-    lanes by their number within the pose's own map. Routes are numbers in a `RouteTable` of this atlas.
+    lanes by their number within the pose's own map. Routes are numbers in a `RouteTable` of this atlas. They
+    raise `ValueError` for a map, lane or route that there is not, and for arrays of unequal length.
+
+    Raises:
+        ValueError: There is no map.
+        MapError: A map has more lanes in one place than the kernels have room for.
     """
 
     def __init__(self, graphs: Sequence[LaneGraph]) -> None:
         self.graphs = tuple(graphs)
+        if not self.graphs:
+            raise ValueError("graphs is empty, but an atlas has at least one map")
         self.roads = pack_roads(self.graphs)
-        self.no_routes = self.route_table(())
+        self.no_routes = self._latest_table = self.route_table(())
 
     def route_table(
         self, routes: Iterable[tuple[int, Sequence[str]]], kinds: frozenset[LaneKind] = ROAD_LANES
@@ -60,11 +69,35 @@ class RoadAtlas:
         """Return a table of routes, each a map number and the ids of its road edges; route i is the i-th.
 
         Raises:
-            MapError: A route has an unknown edge or a gap.
+            MapError: A route has no edge, an unknown one, one without lanes of these kinds, or a gap.
+            ValueError: There is no map of a route's number.
         """
         free = [(world, free_corridor(graph, kinds)) for world, graph in enumerate(self.graphs)]
-        own = [(world, route_corridor(self.graphs[world], tuple(route), kinds)) for world, route in routes]
+        own = []
+        for number, (world, route) in enumerate(routes):
+            if not 0 <= world < len(self.graphs):
+                raise ValueError(
+                    f"route {number} is on map {world}, but maps go from 0 to {len(self.graphs) - 1}"
+                )
+            if not route:
+                raise MapError(
+                    "a route without edges",
+                    place=f"route {number} of the table",
+                    remedy="leave it out; whoever has no route has route number -1",
+                )
+            own.append((world, route_corridor(self.graphs[world], tuple(route), kinds)))
         return pack_routes(free, own, self.roads.lane_base)
+
+    def _require_own(self, table: RouteTable) -> None:
+        """Refuse another atlas's table: its lanes have other numbers, which may be beyond this one's."""
+        if table is self._latest_table or table is self.no_routes:
+            return
+        own = table.free == len(self.graphs) and np.array_equal(
+            table.start[: table.free + 1], self.roads.lane_base
+        )
+        if not own:
+            raise ValueError("table is not of this atlas, but its route numbers are meant to be")
+        self._latest_table = table
 
     def locate(
         self,
@@ -90,15 +123,26 @@ class RoadAtlas:
         """
         if routes is not None and table is None:
             raise TypeError("locate() needs the table that the routes are numbers of")
+        table = self.no_routes if table is None else table
+        self._require_own(table)
         count = len(maps)
-        out = LanePositions.allocate(count) if out is None else out
+        maps = ints("maps", maps, count)
+        position = floats("position", position, count, 2)
+        heading = np.full(count, np.nan) if heading is None else floats("heading", heading, count)
+        route = np.full(count, -1, np.int32) if routes is None else ints("routes", routes, count)
+        require_numbers(maps, NOT_GIVEN, route, self.roads.lane_base, table)
+        if out is None:
+            out = LanePositions.allocate(count)
+        else:
+            buffers = (out.lane, out.s, out.t, out.distance)
+            require_buffers(_POSITION_NAMES, buffers, _POSITION_TYPES, [(count,)] * 4)
         kernels.locate(
             self.roads,
-            self.no_routes if table is None else table,
-            _ints(maps),
-            _floats(position),
-            np.full(count, np.nan) if heading is None else _floats(heading),
-            np.full(count, -1, np.int32) if routes is None else _ints(routes),
+            table,
+            maps,
+            position,
+            heading,
+            route,
             _mask(kinds),
             out.lane,
             out.s,
@@ -109,14 +153,19 @@ class RoadAtlas:
 
     def project(self, maps: Ints, lane: Ints, position: Floats) -> tuple[Floats, Floats]:
         """Return s and t [m] of positions with respect to given lanes, NaN where the lane is -1."""
-        s, t = np.empty(len(maps)), np.empty(len(maps))
-        kernels.project_on_lanes(self.roads, _ints(maps), _ints(lane), _floats(position), s, t)
+        count = len(maps)
+        maps, lane = self._lanes(maps, lane)
+        s, t = np.empty(count), np.empty(count)
+        kernels.project_on_lanes(self.roads, maps, lane, floats("position", position, count, 2), s, t)
         return s, t
 
     def poses(self, maps: Ints, lane: Ints, s: Floats, t: Floats) -> tuple[Floats, Floats]:
         """Return positions [m], shape (E, 2), and headings [rad] at given places on lanes."""
-        position, heading = np.empty((len(maps), 2)), np.empty(len(maps))
-        kernels.poses_at(self.roads, _ints(maps), _ints(lane), _floats(s), _floats(t), position, heading)
+        count = len(maps)
+        maps, lane = self._lanes(maps, lane)
+        s, t = floats("s", s, count), floats("t", t, count)
+        position, heading = np.empty((count, 2)), np.empty(count)
+        kernels.poses_at(self.roads, maps, lane, s, t, position, heading)
         return position, heading
 
     def on_road(
@@ -128,8 +177,10 @@ class RoadAtlas:
         junctions: bool = True,
     ) -> Bools:
         """Return whether points lie on a lane of these kinds, or, if wanted, inside a junction's outline."""
+        maps = self._maps(maps)
+        position = floats("position", position, len(maps), 2)
         result = np.empty(len(maps), np.bool_)
-        kernels.on_road(self.roads, _ints(maps), _floats(position), _mask(kinds), junctions, result)
+        kernels.on_road(self.roads, maps, position, _mask(kinds), bool(junctions), result)
         return result
 
     def corners_on_road(
@@ -144,16 +195,18 @@ class RoadAtlas:
         junctions: bool = True,
     ) -> NDArray[np.int8]:
         """Return how many corners of each vehicle's footprint are on the road, 0 to 4; see `on_road`."""
-        result = np.empty(len(maps), np.int8)
+        maps = self._maps(maps)
+        count = len(maps)
+        result = np.empty(count, np.int8)
         kernels.corners_on_road(
             self.roads,
-            _ints(maps),
-            _floats(position),
-            _floats(heading),
-            _floats(length),
-            _floats(width),
+            maps,
+            floats("position", position, count, 2),
+            floats("heading", heading, count),
+            floats("length", length, count),
+            floats("width", width, count),
             _mask(kinds),
-            junctions,
+            bool(junctions),
             result,
         )
         return result
@@ -172,12 +225,18 @@ class RoadAtlas:
             hint: The distance gone when last asked [m], NaN if never; settles which time it is where a route
                 comes by the same lane twice. Without it, the first time.
         """
+        self._require_own(table)
         count = len(maps)
-        hint = np.full(count, np.nan) if hint is None else _floats(hint)
-        done, remaining = np.empty(count), np.empty(count)
-        kernels.route_distances(
-            self.roads, table, _ints(maps), _ints(routes), _ints(lane), _floats(s), hint, done, remaining
+        maps, lane, routes = (
+            ints("maps", maps, count),
+            ints("lane", lane, count),
+            ints("routes", routes, count),
         )
+        require_numbers(maps, lane, routes, self.roads.lane_base, table)
+        hint = np.full(count, np.nan) if hint is None else floats("hint", hint, count)
+        s = floats("s", s, count)
+        done, remaining = np.empty(count), np.empty(count)
+        kernels.route_distances(self.roads, table, maps, routes, lane, s, hint, done, remaining)
         return done, remaining
 
     def waypoints(
@@ -206,40 +265,60 @@ class RoadAtlas:
             hint: As in `route_distances`.
             paths: K, the most paths of a vehicle.
             lookahead: W, the most waypoints of a path, the one beside the vehicle included.
-            spacing: Between waypoints [m].
+            spacing: Between waypoints [m], above 0.
             kinds: The lanes beside the vehicle that have paths.
             out: Buffers to write into, whose shape then overrides `paths` and `lookahead`.
         """
-        out = WaypointPaths.allocate(len(maps), paths, lookahead) if out is None else out
-        hint = np.full(len(maps), np.nan) if hint is None else _floats(hint)
-        write_waypoints(
-            self.roads,
-            table,
-            _ints(maps),
-            _floats(position),
-            _ints(lane),
-            _ints(routes),
-            hint,
-            _mask(kinds),
-            spacing,
-            out,
-        )
+        if not 0.0 < spacing < kernels.FARTHEST:
+            raise ValueError(f"spacing is {spacing}, but waypoints lie ahead of each other: above 0 m")
+        self._require_own(table)
+        count = len(maps)
+        maps, lane = ints("maps", maps, count), ints("lane", lane, count)
+        position, routes = floats("position", position, count, 2), ints("routes", routes, count)
+        hint = np.full(count, np.nan) if hint is None else floats("hint", hint, count)
+        require_numbers(maps, lane, routes, self.roads.lane_base, table)
+        out = _waypoint_buffers(out, count, paths, lookahead)
+        mask, spacing = _mask(kinds), float(spacing)
+        write_waypoints(self.roads, table, maps, position, lane, routes, hint, mask, spacing, out)
         return out
 
+    def _maps(self, maps: Ints) -> Ints:
+        """Return map numbers that have been checked."""
+        maps = ints("maps", maps, len(maps))
+        require_numbers(maps, NOT_GIVEN, NOT_GIVEN, self.roads.lane_base, self.no_routes)
+        return maps
 
-def _ints(values: Ints) -> Ints:
-    return _plain(values, np.int32)
+    def _lanes(self, maps: Ints, lane: Ints) -> tuple[Ints, Ints]:
+        """Return map and lane numbers that have been checked."""
+        count = len(maps)
+        maps, lane = ints("maps", maps, count), ints("lane", lane, count)
+        require_numbers(maps, lane, NOT_GIVEN, self.roads.lane_base, self.no_routes)
+        return maps, lane
 
 
-def _floats(values: Floats) -> Floats:
-    return _plain(values, np.float64)
+def _waypoint_buffers(out: WaypointPaths | None, vehicles: int, paths: int, lookahead: int) -> WaypointPaths:
+    """Return buffers for the paths of E vehicles: the given ones, checked, or new ones."""
+    if out is None:
+        for name, size in (("paths", paths), ("lookahead", lookahead)):
+            if size < 1:
+                raise ValueError(f"{name} is {size}, but at least 1 is needed")
+        return WaypointPaths.allocate(vehicles, paths, lookahead)
+    if out.heading.ndim != 3:
+        raise ValueError(f"out.heading has shape {out.heading.shape}, but three axes are needed")
+    each = (vehicles, *out.heading.shape[1:])
+    shapes = [each[:1], each[:2], (*each, 2), each, each, each, each, each, each]
+    require_buffers(out._fields, out, _PATH_TYPES, shapes)
+    return out
 
 
-def _plain(values: NDArray, dtype: type) -> NDArray:
-    """Return contiguous, writable numbers: to numba any other kind of array is another kernel to compile."""
-    array = np.ascontiguousarray(values, dtype)
-    return array if array.flags.writeable else array.copy()
+_POSITION_NAMES = ("lane", "s", "t", "distance")
+_POSITION_TYPES = [INT, FLOAT, FLOAT, FLOAT]
+_PATH_TYPES = [INT, INT, FLOAT, FLOAT, FLOAT, FLOAT, INT, INT, FLOAT]
+"""Of the buffers of `LanePositions` and `WaypointPaths`, in their order."""
 
 
 def _mask(kinds: Iterable[LaneKind]) -> int:
-    return sum(1 << kind for kind in set(kinds))
+    return _ROAD_MASK if kinds is ROAD_LANES else sum(1 << kind for kind in set(kinds))
+
+
+_ROAD_MASK = sum(1 << kind for kind in ROAD_LANES)

@@ -90,10 +90,9 @@ def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
     check_sources(source)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        # Beside the map to be, so that nothing stays where nobody clears up, and one disk needs room only.
-        folder = tempfile.TemporaryDirectory(
-            prefix=".partial-map-", dir=out.parent, ignore_cleanup_errors=True
-        )
+        # Beside the map to be, where leftovers are cleared up; but SUMO mistakes commas in paths.
+        beside = None if "," in str(out.resolve()) else out.parent
+        folder = tempfile.TemporaryDirectory(prefix=".partial-map-", dir=beside, ignore_cleanup_errors=True)
     except OSError as error:
         raise _cannot_write(out, error) from error
     with folder as name:

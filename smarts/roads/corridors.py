@@ -81,7 +81,7 @@ def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[La
         kinds: The lanes that belong to it.
 
     Raises:
-        MapError: An edge does not exist, or does not lead into the one after it.
+        MapError: An edge does not exist, has no lane of these kinds, or does not lead into the one after it.
     """
     edges = edge_graph(graph, kinds, "length")
     numbers = [graph.edge_number(name) for name in route]
@@ -89,6 +89,11 @@ def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[La
     rows: list[_Row] = []
     station = 0.0
     for leg, edge in enumerate(numbers):
+        if not np.isfinite(edges.cost[edge]):
+            raise MapError(
+                f"edge '{route[leg]}' has no lane of kind {', '.join(sorted(kind.name for kind in kinds))}",
+                remedy="choose an edge that is open to the route's vehicles",
+            )
         following = numbers[leg + 1] if leg + 1 < len(numbers) else None
         between = 0.0 if following is None else edges.onward[edge].get(following)
         if between is None:

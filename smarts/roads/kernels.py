@@ -19,7 +19,7 @@ from smarts.geometry.segments import (
     project,
     segment_at,
 )
-from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -33,8 +33,6 @@ END_TOLERANCE = 1e-6
 """How far beyond its end a lane still holds a point [m]; against rounding where two lanes meet."""
 FARTHEST = 1e7
 """Coordinates beyond this are taken for nonsense, such as NaN [m]."""
-
-_MOST_CANDIDATES = 64
 
 
 @kernel
@@ -133,7 +131,7 @@ def _gather(
         if count and lanes[count - 1] == lane:
             if square < squares[count - 1]:
                 points[count - 1], squares[count - 1] = point, square
-        elif count < _MOST_CANDIDATES:
+        elif count < MOST_CANDIDATES:
             lanes[count], points[count], squares[count] = lane, point, square
             count += 1
     return count
@@ -251,9 +249,9 @@ def locate(
         t: Written: offset from the centreline, positive to the left [m], shape (E,).
         distance: Written: from the centreline [m]; larger than |t| behind a lane's end, shape (E,).
     """
-    lanes = np.empty(_MOST_CANDIDATES, np.int32)
-    points = np.empty(_MOST_CANDIDATES, np.int32)
-    squares = np.empty(_MOST_CANDIDATES)
+    lanes = np.empty(MOST_CANDIDATES, np.int32)
+    points = np.empty(MOST_CANDIDATES, np.int32)
+    squares = np.empty(MOST_CANDIDATES)
     for i in range(len(maps)):
         lane[i], s[i], t[i], distance[i] = -1, np.nan, np.nan, np.nan
         x, y = position[i, 0], position[i, 1]

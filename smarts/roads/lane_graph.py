@@ -229,7 +229,9 @@ class LaneGraph:
     def pose_at(self, lane: int, s: float, t: float = 0.0) -> tuple[float, float, float]:
         """Return x, y [m] and heading [rad] at arc length `s` [m], `t` [m] to the left of the centreline.
 
-        The offset is square to the smoothed heading. Beyond either end the lane goes on straight.
+        The offset is square to the smoothed heading. Beyond either end the lane goes on straight. For many
+        poses there is `RoadAtlas.poses`; this one needs no compiled code, whose import takes longer than
+        building a scenario from the cache.
         """
         rows = slice(int(self.point_start[lane]), int(self.point_start[lane + 1]))
         stations, points, directions = self.point_s[rows], self.point_xy[rows], self.point_heading[rows]

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.errors import MapError
 from smarts.geometry.grid import Grid, build_grid
-from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
 from smarts.roads.corridors import Corridor
 from smarts.roads.lane_graph import LaneGraph
 
@@ -21,7 +22,11 @@ _MOST_CELLS = 2_000_000
 
 
 def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
-    """Return the lanes of all graphs in a row, and a grid over each."""
+    """Return the lanes of all graphs in a row, and a grid over each.
+
+    Raises:
+        MapError: Too many lanes of a graph overlap.
+    """
     grids = [_grid(graph) for graph in graphs]
 
     def joined(arrays: Iterable[ArrayLike]) -> NDArray:
@@ -64,7 +69,7 @@ def _grid(graph: LaneGraph) -> Grid:
     extent = np.ptp(graph.point_xy, axis=0) + 2 * graph.width.max()
     size = max(_CELL, float(np.sqrt(extent[0] * extent[1] / _MOST_CELLS)))
     # The graph's own arrays are read-only, which would be another signature to compile.
-    return build_grid(
+    grid = build_grid(
         np.array(graph.point_start),
         np.array(graph.point_xy),
         # A lane inside a junction counts up to its whole width to either side, see `kernels.locate`.
@@ -73,6 +78,16 @@ def _grid(graph: LaneGraph) -> Grid:
         np.array(graph.junction_xy),
         size,
     )
+    listed = np.diff(grid.run_start)
+    if listed.max() > MOST_CANDIDATES:
+        row, column = divmod(int(listed.argmax()), grid.columns)
+        x, y = grid.origin + (np.array((column, row)) + 0.5) * size
+        raise MapError(
+            f"{listed.max()} lanes overlap within {size:.0f} m; at most {MOST_CANDIDATES} may",
+            place=f"x = {x:.1f}, y = {y:.1f} on the map",
+            remedy="remove the duplicates from the map's source",
+        )
+    return grid
 
 
 def _bases(counts: Iterable[int]) -> Ints:
@@ -87,7 +102,7 @@ def pack_routes(
     corridors = [corridor for _, corridor in (*free, *own)]
     row_base = _bases(len(corridor.lane) for corridor in corridors)
     onward_base = _bases(len(corridor.onward) for corridor in corridors)
-    group_base = _bases(int(corridor.group[-1]) + 1 for corridor in corridors)
+    group_base = _bases(int(corridor.group.max(initial=-1)) + 1 for corridor in corridors)
 
     def joined(parts: Iterable[NDArray], bases: Ints | None = None) -> NDArray:
         """Join arrays, raising the numbers in each by its base; -1 stays, since it means none."""

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, find_row
+from smarts.roads.kernels import FARTHEST, centre_at, find_row
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-
-_MOST_FORKS = 64
 
 
 class WaypointPaths(NamedTuple):
@@ -118,15 +116,17 @@ def _follow(
 ) -> int:
     """Write the paths that begin at `s` of a row; return the number of paths after them.
 
-    `forks` (rows, first waypoint, path that it copies) and `fork_s` are room for branches still to follow.
+    `forks` (rows, first waypoint, path that it copies) and `fork_s` are room for as many branches still to
+    follow as a vehicle has paths. They are a stack that forgets its oldest branches where it is full: each
+    branch followed is a path, so there is no room for what is forgotten.
     """
     capacity, lookahead = paths.heading.shape[1], paths.heading.shape[2]
     forks[0, 0], forks[0, 1], forks[0, 2], fork_s[0] = row, 0, -1, s
     open_forks, path = 1, first_path
     while open_forks > 0 and path < capacity:
         open_forks -= 1
-        row, i, parent = forks[open_forks, 0], forks[open_forks, 1], forks[open_forks, 2]
-        s = fork_s[open_forks]
+        place = open_forks % len(forks)
+        row, i, parent, s = forks[place, 0], forks[place, 1], forks[place, 2], fork_s[place]
         _copy_waypoints(paths, e, parent, path, i)
         while row >= 0:
             i, s = _walk_lane(roads, table.lane[row], s, i, spacing, base, e, path, paths)
@@ -134,10 +134,10 @@ def _follow(
                 break
             first, last = table.onward_start[row], table.onward_start[row + 1]
             for entry in range(last - 1, first, -1):
-                if open_forks < len(forks):
-                    forks[open_forks, 0], forks[open_forks, 1] = table.onward[entry], i
-                    forks[open_forks, 2], fork_s[open_forks] = path, s
-                    open_forks += 1
+                place = open_forks % len(forks)
+                forks[place, 0], forks[place, 1], forks[place, 2] = table.onward[entry], i, path
+                fork_s[place] = s
+                open_forks += 1
             row = int(table.onward[first]) if last > first else -1
         paths.waypoint_count[e, path] = i
         _clear(paths, e, path, i)
@@ -218,7 +218,7 @@ def write_waypoints(
         roads: The maps' lanes.
         table: The routes.
         maps: Map of each vehicle, shape (E,).
-        position: [m], shape (E, 2).
+        position: [m], shape (E, 2); where it is not finite, there are no paths.
         lane: Lane within its map that the vehicle is on, -1 for none, shape (E,).
         route: Number of its route, -1 for none, shape (E,).
         hint: Distance gone along the route before [m], NaN if unknown; for routes that use a lane twice.
@@ -226,13 +226,14 @@ def write_waypoints(
         spacing: Between waypoints [m].
         paths: Written.
     """
-    forks = np.empty((_MOST_FORKS, 3), np.int32)
-    fork_s = np.empty(_MOST_FORKS)
+    most_forks = max(1, paths.heading.shape[1])
+    forks = np.empty((most_forks, 3), np.int32)
+    fork_s = np.empty(most_forks)
     for e in range(len(maps)):
         count = 0
-        if lane[e] >= 0:
+        x, y = position[e, 0], position[e, 1]
+        if lane[e] >= 0 and abs(x) < FARTHEST and abs(y) < FARTHEST:
             base = roads.lane_base[maps[e]]
-            x, y = position[e, 0], position[e, 1]
             row = -1
             if route[e] >= 0:
                 row = find_row(table, table.free + route[e], base + lane[e], hint[e])

@@ -102,6 +102,11 @@ def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScen
 
 
 def _build(location: Location, inputs: str, description: Description) -> BuiltScenario:
+    with named_failures("building the scenario", _place(location)):
+        return _built(location, inputs, description)
+
+
+def _built(location: Location, inputs: str, description: Description) -> BuiltScenario:
     directory, spec = location.directory, description.scenario.map_spec
     map_name = None if spec is None else spec.source
     source = find_map_source(directory, map_name)

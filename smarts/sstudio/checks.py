@@ -6,8 +6,12 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote
 
-from smarts.errors import ScenarioError, nearest_names
+from smarts.errors import ScenarioError, nearest_names, shortened
+
+LONGEST_NAME = 100
+"""How many characters a name may have; it becomes part of file names."""
 
 
 @dataclass(frozen=True)
@@ -36,17 +40,31 @@ class Checks:
         if not holds:
             raise self.error(where, problem, remedy)
 
-    def number(self, value: Any, where: str, above: float | None = None) -> None:
-        """Require a finite number: 0 or more, or above a bound."""
-        bound = "0 or more" if above is None else f"above {above:g}"
-        numeric = isinstance(value, int | float) and math.isfinite(value)
-        holds = numeric and (value >= 0 if above is None else value > above)
-        self.require(holds, where, f"{value!r} is not a number {bound}", f"use a number {bound}")
+    def number(
+        self, value: Any, where: str, above: float | None = None, most: float = math.inf, least: float = 0.0
+    ) -> None:
+        """Require a finite number: from `least`, or above a bound, to at most another."""
+        bound = f"{least:g} or more" if above is None else f"above {above:g}"
+        bound += "" if most == math.inf else f" and at most {most:g}"
+        numeric = is_number(value) and math.isfinite(value)
+        holds = numeric and (value >= least if above is None else value > above) and value <= most
+        if not holds:
+            raise self.error(where, f"{shown(value)} is not a number {bound}", f"use a number {bound}")
+
+    def name(self, value: Any, where: str) -> None:
+        """Require a name that files can have, too."""
+        self.type(value, str, where)
+        fits = (
+            1 <= len(value) <= LONGEST_NAME and value.isprintable() and len(quote(value)) <= 2 * LONGEST_NAME
+        )
+        if not fits:
+            remedy = f"use 1 to {LONGEST_NAME} letters, digits and signs"
+            raise self.error(where, f"{shown(value)} is not a name", remedy)
 
     def count(self, value: Any, where: str) -> None:
         """Require a whole number from 1."""
-        whole = isinstance(value, int) and value >= 1
-        self.require(whole, where, f"{value!r} is not a count", "use 1, 2, 3, ...")
+        whole = isinstance(value, int) and not isinstance(value, bool) and value >= 1
+        self.require(whole, where, f"{shown(value)} is not a count", "use 1, 2, 3, ...")
 
     def order(self, first: float, last: float, where: str, name: str) -> None:
         """Require that a span does not end before it begins, at what is called `name`."""
@@ -54,24 +72,34 @@ class Checks:
 
     def choice(self, value: Any, known: Collection[str], where: str) -> None:
         """Require one of the known names."""
-        if value not in known:
-            raise self.error(where, f"there is no {value!r}", nearest_names(str(value), known))
+        if not isinstance(value, str) or value not in known:
+            raise self.error(where, f"there is no {shown(value)}", nearest_names(str(value)[:99], known))
 
     def type(self, value: Any, expected: type | tuple[type, ...], where: str) -> None:
         """Require a value of a type."""
         if not isinstance(value, expected):
             kinds = expected if isinstance(expected, tuple) else (expected,)
             names = " or ".join(kind.__name__ for kind in kinds)
-            raise self.error(where, f"a {type(value).__name__}: {value!r}", f"use a {names}")
+            raise self.error(where, f"a {type(value).__name__}: {shown(value)}", f"use a {names}")
 
     def named(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
         """Require a dict by name, or None, and return what its items are called, and the items."""
         if not isinstance(value, Mapping | None) or not all(isinstance(name, str) for name in value or ()):
-            raise self.error(where, f"not a dict by name: {value!r}", 'use {"name": ...}')
+            raise self.error(where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
         return ((f"{where}[{name!r}]", item) for name, item in (value or {}).items())
 
     def listed(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
         """Require a list, or None, and return what its items are called, and the items."""
         if not isinstance(value, list | tuple | None):
-            raise self.error(where, f"not a list: {value!r}", "use [...]")
+            raise self.error(where, f"not a list: {shown(value)}", "use [...]")
         return ((f"{where}[{number}]", item) for number, item in enumerate(value or ()))
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is a number; True and False are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def shown(value: Any) -> str:
+    """Return a value as messages show it: as Python would, but never long."""
+    return shortened(repr(value), 100)

@@ -121,10 +121,21 @@ def route_edges(
             place=f"{where}.begin",
             remedy="choose another lane, or another vehicle_type",
         )
-    with blame(where):
-        return _shortest_route(
-            roads, route.begin[0], route.end[0], tuple(route.via), lap=_comes_round(route), kinds=kinds
-        )
+    back = _comes_round(route)
+    try:
+        with blame(where):
+            return _shortest_route(
+                roads, route.begin[0], route.end[0], tuple(route.via), lap=back, kinds=kinds
+            )
+    except ScenarioError as error:
+        if not back:
+            raise
+        raise ScenarioError(
+            f"the end lies {route.begin[2] - route.end[2]:g} m before the begin on edge '{route.begin[0]}', "
+            "and no way leads round to it",
+            place=where,
+            remedy="exchange begin and end",
+        ) from error
 
 
 def _comes_round(route: t.Route) -> bool:

@@ -7,22 +7,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
+from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
 from smarts.errors import nearest_names
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.checks import Checks
+from smarts.sstudio.checks import Checks, shown
 from smarts.sstudio.episodes import grid
 from smarts.sstudio.placement import blame, lane_of, route_edges, usable_lanes, via_place
+from smarts.sstudio.sstypes.constants import MISSING
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
 from smarts.types.vehicles import VehicleKind
 
 ENGINES = ("SUMO", "SMARTS")
 VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind)
 DEPART_SPEEDS = ("max", "desired", "random", "speedLimit", "avg", "last")
+LARGEST = 1e6
+"""The largest value of what has no other bound, so that nothing overflows in SUMO."""
+FARTHEST = 1e9
+"""The largest coordinate; those of whole countries are large [m]."""
+LATEST = 1e9
+"""The latest time [s]."""
+LONGEST_WARM_UP = 3600.0
+"""The longest warm-up, which every reset simulates [s]."""
+HIGHEST_RATE = 36_000.0
+"""The highest rate of a flow [vehicles/h]: one in each step of 0.1 s, far more than a road takes."""
 HISTORY_SOURCES = ("NGSIM", "INTERACTION", "Waymo", "Argoverse")
 
 
@@ -54,10 +67,12 @@ class _Validation(Checks):
         )
         for where, traffic in self.named(scenario.traffic, "traffic"):
             self._traffic(traffic, where)
+        for name in scenario.traffic or {}:
+            self.name(name, "traffic")
         for where, mission in self.listed(scenario.ego_missions, "ego_missions"):
             self._mission(mission, where)
-        for where, (actors, missions) in self.named(scenario.social_agent_missions, "social_agent_missions"):
-            self._social_agents(actors, missions, where)
+        for where, group in self.named(scenario.social_agent_missions, "social_agent_missions"):
+            self._social_agents(group, where)
         self._bubbles(scenario.bubbles)
         for where, patch in self.listed(scenario.friction_maps, "friction_maps"):
             self._patch(patch, where)
@@ -68,11 +83,24 @@ class _Validation(Checks):
         for name in scenario.held_out or {}:
             plain = bool(name) and not set(name) & set("@/\\")
             self.require(plain, f"held_out[{name!r}]", "not a name", "leave out @ and /")
+            self.name(name, "held_out")
+        if scenario.start_variation is not None:
+            self._start_variation(scenario.start_variation, "start_variation")
+
+    def _start_variation(self, variation: Any, where: str) -> None:
+        self.type(variation, t.StartVariation, where)
+        self.number(variation.offset, f"{where}.offset", most=LARGEST)
+        speeds = variation.speed
+        if not isinstance(speeds, list | tuple) or len(speeds) != 2:
+            raise self.error(f"{where}.speed", f"not two speeds: {shown(speeds)}", "use (least, largest)")
+        for speed in speeds:
+            self.number(speed, f"{where}.speed", most=LARGEST)
+        self.order(speeds[0], speeds[1], f"{where}.speed", "the least")
 
     def _traffic(self, traffic: t.Traffic, where: str) -> None:
         self.type(traffic, t.Traffic, where)
         self.choice(traffic.engine, ENGINES, f"{where}.engine")
-        self.number(traffic.warm_up, f"{where}.warm_up")
+        self.number(traffic.warm_up, f"{where}.warm_up", most=LONGEST_WARM_UP)
         for at, flow in self.listed(traffic.flows, f"{where}.flows"):
             self._flow(flow, at)
         seen: dict[str, str] = {}
@@ -88,9 +116,9 @@ class _Validation(Checks):
 
     def _flow(self, flow: t.Flow, where: str) -> None:
         self.type(flow, t.Flow, where)
-        self.number(flow.rate, f"{where}.rate")
-        self.number(flow.begin, f"{where}.begin")
-        self.number(flow.end, f"{where}.end")
+        self.number(flow.rate, f"{where}.rate", most=HIGHEST_RATE)
+        self.number(flow.begin, f"{where}.begin", most=LATEST)
+        self.number(flow.end, f"{where}.end", most=LATEST)
         self.order(flow.begin, flow.end, f"{where}.end", "begin")
         self._weights(flow.actors, f"{where}.actors")
         for actor in flow.actors:
@@ -102,19 +130,20 @@ class _Validation(Checks):
         self.require(bool(actors), where, "the flow has no actors", "give actors={TrafficActor('car'): 1}")
         for actor, weight in actors.items():
             self.type(actor, t.TrafficActor, f"{where} key")
-            self.number(weight, f"{where}[{actor.name!r}]")
+            self.name(actor.name, f"{where} key.name")
+            self.number(weight, f"{where}[{actor.name!r}]", most=1e9)
         self.require(sum(actors.values()) > 0, where, "the weights sum to zero", "give one a weight above 0")
 
     def _trip(self, trip: t.Trip, where: str) -> None:
         self.type(trip, t.Trip, where)
-        self.type(trip.vehicle_name, str, f"{where}.vehicle_name")
+        self.name(trip.vehicle_name, f"{where}.vehicle_name")
         self.require(
             bool(trip.vehicle_name) and sumo_id(trip.vehicle_name) == trip.vehicle_name,
             f"{where}.vehicle_name",
             f"{trip.vehicle_name!r} is not a vehicle's name",
             "use letters, digits and the signs - _ . only",
         )
-        self.number(trip.depart, f"{where}.depart")
+        self.number(trip.depart, f"{where}.depart", most=LATEST)
         self._actor(trip.driver, f"{where}.actor")
         self._vehicle_route(trip.route, [trip.driver], trip.stops, where)
 
@@ -135,6 +164,9 @@ class _Validation(Checks):
 
     def _own_map(self, route: t.Route | t.RandomRoute, where: str) -> None:
         self.type(route, (t.Route, t.RandomRoute), where)
+        if isinstance(route, t.Route):
+            for at, edge in self.listed(route.via, f"{where}.via"):
+                self.type(edge, str, at)
         self.require(
             route.map_spec is None,
             f"{where}.map_spec",
@@ -145,8 +177,8 @@ class _Validation(Checks):
     def _stop(self, stop: t.Stop, edges: tuple[str, ...] | None, where: str) -> None:
         self.type(stop, t.Stop, where)
         lane_of(self.roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where))
-        self.number(stop.duration, f"{where}.duration")
-        self.number(stop.length, f"{where}.length", above=0)
+        self.number(stop.duration, f"{where}.duration", most=LATEST)
+        self.number(stop.length, f"{where}.length", above=0, most=LARGEST)
         if edges is None:
             raise self.error(where, "a random route cannot have stops", "use a Route")
         if stop.road_id not in edges:
@@ -156,25 +188,37 @@ class _Validation(Checks):
     def _actor(self, actor: t.TrafficActor, where: str) -> None:
         self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")
         for name in ("accel", "decel", "emergency_decel", "max_speed"):
-            self.number(getattr(actor, name), f"{where}.{name}", above=0)
-        self.number(actor.tau, f"{where}.tau")
+            self.number(getattr(actor, name), f"{where}.{name}", above=0, most=LARGEST)
+        self.number(actor.tau, f"{where}.tau", above=0, most=LARGEST)
+        self.number(actor.sigma, f"{where}.sigma", most=1)
         for name in ("speed", "imperfection", "min_gap"):
-            value = getattr(actor, name)
-            kinds = (t.Distribution, t.UniformDistribution, t.TruncatedDistribution)
-            self.type(value, kinds, f"{where}.{name}")
-            if isinstance(value, t.Distribution):
-                self.number(value.mean, f"{where}.{name}.mean")
-                self.number(value.sigma, f"{where}.{name}.sigma")
+            self._distribution(getattr(actor, name), f"{where}.{name}")
         if isinstance(actor.depart_speed, str):
             self.choice(actor.depart_speed, DEPART_SPEEDS, f"{where}.depart_speed")
         else:
-            self.number(actor.depart_speed, f"{where}.depart_speed")
+            self.number(actor.depart_speed, f"{where}.depart_speed", most=LARGEST)
         ignored = ignored_models(actor)
         models = (("lane_changing_model", LANE_CHANGING), ("junction_model", JUNCTIONS))
         for name, known in models:
             model = getattr(actor, name)
-            for attribute in () if model in ignored else model:
+            self.type(model, t.TrafficModel, f"{where}.{name}")
+            for attribute, value in () if model in ignored else model.items():
                 self.choice(attribute, known, f"{where}.{name}")
+                if not known[attribute].holds(value):
+                    problem = f"{attribute}={shown(value)} is not {known[attribute]}"
+                    raise self.error(f"{where}.{name}", problem, f"use {known[attribute]}")
+
+    def _distribution(self, value: Any, where: str) -> None:
+        self.type(value, (t.Distribution, t.UniformDistribution, t.TruncatedDistribution), where)
+        if isinstance(value, t.Distribution):
+            self.number(value.mean, f"{where}.mean", most=LARGEST)
+            self.number(value.sigma, f"{where}.sigma", most=LARGEST)
+            return
+        for name in ("a", "b"):
+            self.number(getattr(value, name), f"{where}.{name}", least=-LARGEST, most=LARGEST)
+        if isinstance(value, t.TruncatedDistribution):
+            self.number(value.loc, f"{where}.loc", least=-LARGEST, most=LARGEST)
+            self.number(value.scale, f"{where}.scale", most=LARGEST)
 
     def _mission(self, mission: t.AnyMission, where: str) -> None:
         kinds = (t.Mission, t.EndlessMission, t.LapMission, t.GroupedLapMission)
@@ -187,13 +231,17 @@ class _Validation(Checks):
             begin = mission.begin[0]
         else:
             begin = self._mission_route(mission, where)
-        self.number(mission.start_time, f"{where}.start_time")
+        self._time(mission.start_time, f"{where}.start_time")
         for at, via in self.listed(mission.via, f"{where}.via"):
             self._via(via, at)
         if isinstance(mission, t.Mission) and mission.task is not None:
             self._task(mission.task, f"{where}.task")
         if mission.entry_tactic is not None:
             self._entry(mission.entry_tactic, begin, f"{where}.entry_tactic")
+
+    def _time(self, value: Any, where: str) -> None:
+        if value != MISSING:
+            self.number(value, where, most=LATEST)
 
     def _mission_route(self, mission: t.Mission | t.LapMission, where: str) -> str | None:
         """Check a mission's route and return the edge it begins on, if that is known yet."""
@@ -246,7 +294,7 @@ class _Validation(Checks):
 
     def _entry(self, tactic: t.EntryTactic, begin: str | None, where: str) -> None:
         self.type(tactic, t.EntryTactic, where)
-        self.number(tactic.start_time, f"{where}.start_time")
+        self._time(tactic.start_time, f"{where}.start_time")
         if not isinstance(tactic, t.TrapEntryTactic):
             return
         self.number(tactic.wait_to_hijack_limit_s, f"{where}.wait_to_hijack_limit_s")
@@ -261,13 +309,17 @@ class _Validation(Checks):
                     f"put the zone on edge '{begin}'",
                 )
 
-    def _social_agents(
-        self, actors: Sequence[t.SocialAgentActor], missions: Sequence[t.AnyMission], where: str
-    ) -> None:
+    def _social_agents(self, group: Any, where: str) -> None:
+        if not isinstance(group, list | tuple) or len(group) != 2:
+            raise self.error(where, f"not two lists: {shown(group)}", "use ([actor, ...], [mission, ...])")
+        actors, missions = group
+        actors = [actors] if isinstance(actors, t.SocialAgentActor) else actors
+        self.type(actors, (list, tuple), f"{where}[0]")
         self.require(len(actors) > 0, where, "the group has no actors", "give at least one SocialAgentActor")
         names = set()
         for actor in actors:
             self.type(actor, t.SocialAgentActor, where)
+            self.name(actor.name, f"{where} actor.name")
             self.require(
                 not isinstance(actor, t.BoidAgentActor),
                 where,
@@ -311,8 +363,14 @@ class _Validation(Checks):
             if not isinstance(zone.length, str):
                 self.number(zone.length, f"{where}.length", above=0)
         if isinstance(zone, t.PositionalZone):
-            for extent in zone.size:
-                self.number(extent, f"{where}.size", above=0)
+            self._pair(zone.pos, f"{where}.pos", least=-FARTHEST)
+            self._pair(zone.size, f"{where}.size", above=0)
+        if isinstance(zone, t.ConfigurableZone):
+            for at, corner in self.listed(zone.ext_coordinates, f"{where}.ext_coordinates"):
+                self._pair(corner, at, least=-FARTHEST)
+        rotation = getattr(zone, "rotation", None)
+        if rotation is not None:
+            self.number(rotation, f"{where}.rotation", least=-LARGEST, most=LARGEST)
         area = self._area(zone, where)
         if not area.is_valid or area.area == 0:
             raise self.error(
@@ -321,11 +379,18 @@ class _Validation(Checks):
                 "list the corners in order round the area, so that no two sides cross",
             )
 
+    def _pair(self, value: Any, where: str, above: float | None = None, least: float = 0.0) -> None:
+        """Require two or more numbers, of which the first two count."""
+        if not isinstance(value, list | tuple) or len(value) < 2:
+            raise self.error(where, f"not a pair of numbers: {shown(value)}", "use (x, y)")
+        for number in value[:2]:
+            self.number(number, where, above=above, least=least, most=FARTHEST)
+
     def _area(self, zone: t.Zone, where: str) -> BaseGeometry:
         try:
             with blame(self.at(where)):
                 return zone.to_geometry(self.roads)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, ShapelyError) as error:
             raise self.error(where, f"not an area: {error}", "use pairs of numbers (x, y)") from error
 
     def _history(self, history: t.TrafficHistoryDataset | str, where: str) -> None:

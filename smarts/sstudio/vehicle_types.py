@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from smarts.sstudio.encoding import digest
@@ -27,27 +28,64 @@ SPEED_FACTORS = (0.2, 2.0)
 """SUMO cuts off the wanted speeds of drivers below and above these multiples of the limit."""
 
 
-def _names(prefix: str, stems: str, *others: str) -> frozenset[str]:
-    return frozenset(prefix + stem for stem in stems.split()) | frozenset(others)
+@dataclass(frozen=True)
+class Range:
+    """The numbers that SUMO 1.28 takes for an attribute."""
+
+    least: float = -1e6
+    most: float = 1e6
+    apart: float | str | None = None
+    """A value outside the range that it takes, too."""
+
+    def holds(self, value: Any) -> bool:
+        """Return whether a value is one of them."""
+        if isinstance(value, str):
+            return value == self.apart
+        numeric = isinstance(value, int | float) and not isinstance(value, bool)
+        return numeric and (self.least <= value <= self.most or value == self.apart)
+
+    def __str__(self) -> str:
+        also = "" if self.apart is None else f", or {self.apart!r}"
+        return f"a number from {self.least:g} to {self.most:g}{also}"
 
 
-LANE_CHANGING = _names(
-    "lc",
-    """AccelLat Assertive ContRight Cooperative CooperativeHelpTime CooperativeRoundabout CooperativeSpeed
-    Impatience KeepRight KeepRightAcceptanceTime LaneDiscipline LookaheadLeft MaxDistLatStanding
-    MaxSpeedLatFactor MaxSpeedLatStanding Opposite OvertakeDeltaSpeedFactor OvertakeRight Pushy PushyGap Sigma
-    SpeedGain SpeedGainLookahead SpeedGainRemainTime SpeedGainRight SpeedGainUrgency Strategic
-    StrategicLookahead Sublane TimeToImpatience TurnAlignmentDistance""",
-    "minGapLat",
-)
+def _ranges(prefix: str, stems: str, allowed: Range) -> dict[str, Range]:
+    return {prefix + stem: allowed for stem in stems.split()}
+
+
+_ANY, _FROM_0, _FROM_0_OR_NEVER = Range(), Range(least=0.0), Range(least=0.0, apart=-1)
+
+LANE_CHANGING = {
+    **_ranges(
+        "lc",
+        """ContRight Cooperative CooperativeHelpTime CooperativeRoundabout CooperativeSpeed KeepRight
+        KeepRightAcceptanceTime MaxDistLatStanding MaxSpeedLatFactor Opposite Pushy SpeedGain
+        SpeedGainLookahead SpeedGainRemainTime SpeedGainUrgency Strategic StrategicLookahead Sublane""",
+        _ANY,
+    ),
+    **_ranges(
+        "lc",
+        """Assertive Impatience LaneDiscipline LookaheadLeft MaxSpeedLatStanding OvertakeRight PushyGap Sigma
+        SpeedGainRight TimeToImpatience TurnAlignmentDistance""",
+        _FROM_0,
+    ),
+    "lcAccelLat": Range(least=1e-6),
+    "lcOvertakeDeltaSpeedFactor": Range(-1.0, 1.0),
+    "minGapLat": _FROM_0,
+}
 """What SUMO 1.28 knows of lane changing; other attributes it ignores without a word."""
-JUNCTIONS = _names(
-    "jm",
-    """Advance AllwayStopWait CrossingGap DriveAfterRedTime DriveAfterYellowTime DriveRedSpeed ExtraGap
-    IgnoreFoeProb IgnoreFoeSpeed IgnoreJunctionFoeProb IgnoreKeepClearTime SigmaMinor StopSignWait
-    StoplineCrossingGap StoplineGap StoplineGapMinor TimegapMinor""",
-    "impatience",
-)
+JUNCTIONS = {
+    **_ranges("jm", "ExtraGap StoplineCrossingGap TimegapMinor", _ANY),
+    **_ranges(
+        "jm",
+        """Advance AllwayStopWait CrossingGap DriveRedSpeed IgnoreFoeProb IgnoreFoeSpeed IgnoreJunctionFoeProb
+        StopSignWait StoplineGap StoplineGapMinor""",
+        _FROM_0,
+    ),
+    **_ranges("jm", "DriveAfterRedTime DriveAfterYellowTime IgnoreKeepClearTime", _FROM_0_OR_NEVER),
+    "jmSigmaMinor": Range(0.0, 1.0),
+    "impatience": Range(apart="off"),
+}
 """What SUMO 1.28 knows of junctions."""
 
 

@@ -9,6 +9,7 @@ from shapely.geometry import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio.placement import arc_length
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
 from smarts.sstudio.sstypes.drawing import drawing
 from smarts.sstudio.sstypes.zone import MapZone
@@ -46,11 +47,15 @@ def lane_zone_geometry(zone: MapZone, roads: LaneGraph) -> BaseGeometry:
 
 
 def _strip(roads: LaneGraph, lane: int, offset: float | str, wanted: float | str) -> BaseGeometry:
-    """Return the part of a lane that begins at `offset` and is `wanted` [m] long, or shorter at its end."""
-    whole = float(roads.length[lane])
+    """Return the part of a lane that begins at `offset` and is `wanted` [m] long, or shorter at its end.
+
+    Both are SUMO's lengths, as all offsets of scenarios are.
+    """
+    whole = float(roads.sumo_length[lane])
     length = whole if wanted == MAX_OFFSET else min(float(wanted), whole)
     begin = _begin(offset, whole - length)
-    centre = ops.substring(LineString(roads.centreline(lane)), begin, min(begin + length, whole))
+    first, last = (arc_length(roads, lane, position) for position in (begin, min(begin + length, whole)))
+    centre = ops.substring(LineString(roads.centreline(lane)), first, last)
     return centre.buffer((float(roads.width[lane]) + SEAM) / 2, cap_style="flat")
 
 

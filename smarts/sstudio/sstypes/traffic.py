@@ -35,7 +35,7 @@ class Flow(Described):
     route: Route | RandomRoute
     """The way."""
     rate: float
-    """Vehicles per hour."""
+    """Vehicles per hour, at most 36,000."""
     begin: float = 0
     """When the first one departs [s]."""
     end: float = 1 * 60 * 60
@@ -99,4 +99,4 @@ class Traffic(Described):
     engine: str = "SUMO"
     """Who drives them: "SUMO" or "SMARTS"."""
     warm_up: float = 0.0
-    """Simulated before the episode begins, so that it starts among traffic [s] (an extension)."""
+    """Simulated before an episode begins, so that it is among traffic [s]; at most 3600 (an extension)."""

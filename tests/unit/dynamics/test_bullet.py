@@ -1,5 +1,8 @@
 """Bullet against mechanics: free flight, collisions, cars on their side."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -142,3 +145,16 @@ def test_a_car_on_its_side_slides_to_a_stop_on_the_road():
         # From 10 m/s with a friction of 0.6: 8.5 m, and it rests near the road.
         assert 5.0 < motion.position[0, 0] < 20.0
         assert 0.5 < fleet.body(0)[2] < 1.0
+
+
+def test_importing_it_prints_nothing_and_leaves_the_streams_alone():
+    code = """
+import os, sys
+open_files = os.listdir('/dev/fd')
+sys.stderr.write('before ')
+import smarts.dynamics
+os.write(2, b'after')
+print(open_files == os.listdir('/dev/fd'))
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (run.stdout, run.stderr) == ("True\n", "before after")

@@ -231,3 +231,57 @@ def test_despawn_frees_the_row():
 def test_motion_cannot_be_written():
     with Fleet(1, 1) as fleet, pytest.raises(ValueError, match="read-only"):
         fleet.motion.heading[0] = 1.0
+
+
+CALLS_ON_A_VEHICLE = {
+    "despawn": lambda fleet, row: fleet.despawn(row),
+    "set_fault": lambda fleet, row: fleet.set_fault(row, 0),
+    "set_assistance": lambda fleet, row: fleet.set_assistance(row, abs=False, traction_control=False),
+    "body": lambda fleet, row: fleet.body(row),
+    "put_body": lambda fleet, row: fleet.put_body(row, np.zeros(13)),
+}
+
+
+@pytest.mark.parametrize("name", [*CALLS_ON_A_VEHICLE, "spawn"])
+def test_rows_that_there_are_not(name):
+    calls = CALLS_ON_A_VEHICLE | {"spawn": lambda fleet, row: fleet.spawn(row, "bus", (0.0, 0.0), 0.0)}
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(1, "passenger", (0.0, 0.0), 0.0)
+        for row in (-1, 2, 10**6):
+            with pytest.raises(ControlError, match=rf"no row {row}\n.*0 to 1"):
+                calls[name](fleet, row)
+        assert fleet.motion.active.tolist() == [False, True]
+
+
+@pytest.mark.parametrize("name", CALLS_ON_A_VEHICLE)
+def test_rows_without_a_vehicle(name):
+    with Fleet(1, 2) as fleet, pytest.raises(ControlError, match="row 1: there is no vehicle"):
+        CALLS_ON_A_VEHICLE[name](fleet, 1)
+
+
+@pytest.mark.parametrize("simulation", [-1, 1])
+def test_simulations_that_there_are_not(simulation):
+    with Fleet(1, 2) as fleet:
+        fleet.spawn(1, "passenger", (0.0, 0.0), 0.0)
+        for call in (fleet.clear, lambda number: fleet.place_boxes(number, {})):
+            with pytest.raises(ControlError, match=f"no simulation {simulation}"):
+                call(simulation)
+        assert fleet.motion.active.tolist() == [False, True]
+
+
+@pytest.mark.parametrize("wheel", [-1, 4, 7])
+def test_a_wheel_that_there_is_not(wheel):
+    with Fleet(1, 1) as fleet:
+        fleet.spawn(0, "passenger", (0.0, 0.0), 0.0)
+        with pytest.raises(ControlError, match=f"row 0: there is no wheel {wheel}"):
+            fleet.set_fault(0, wheel)
+
+
+def test_only_a_body_in_bullet_can_be_put_elsewhere():
+    with Fleet(1, 2) as fleet:
+        for row, model in enumerate(("bullet", "dynamic")):
+            fleet.spawn(row, "passenger", (0.0, 9.0 * row), 0.0, model=model)
+        with pytest.raises(ControlError, match="model 'dynamic'"):
+            fleet.put_body(1, fleet.body(1))
+        with pytest.raises(ControlError, match="nan"):
+            fleet.put_body(0, np.full(13, np.nan))

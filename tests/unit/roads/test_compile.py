@@ -81,6 +81,20 @@ def test_opendrive(tmp_path):
     assert notes == ()
 
 
+def test_another_installation_of_sumo_makes_no_difference(tmp_path, monkeypatch):
+    """Where SUMO_HOME says so, netconvert takes the lanes and speeds of OpenStreetMap's roads from there."""
+    nets = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        shutil.copy(DATA / "village.osm", tmp_path / name / "map.osm")
+        nets.append(compiled(tmp_path / name)[0].read_bytes())
+        types = tmp_path / "home" / "data" / "typemap" / "osmNetconvert.typ.xml"
+        types.parent.mkdir(parents=True, exist_ok=True)
+        types.write_text('<types><type id="highway.residential" numLanes="7" speed="3"/></types>')
+        monkeypatch.setenv("SUMO_HOME", str(tmp_path / "home"))
+    assert nets[0] == nets[1]
+
+
 def test_osm(tmp_path):
     shutil.copy(DATA / "village.osm", tmp_path / "map.osm")
     out, notes = compiled(tmp_path)

@@ -109,8 +109,8 @@ WRONG = {
     ),
     "size of a zone": (
         "bubbles=[t.Bubble(t.PositionalZone((0, 0), (1,)), agent)]",
-        "bubbles[0].zone",
-        "not an area",
+        "bubbles[0].zone.size",
+        "not a pair of numbers: (1,)",
     ),
     "route on another map": (
         'ego_missions=[t.Mission(t.RandomRoute(map_spec=t.MapSpec("elsewhere")))]',
@@ -250,6 +250,12 @@ WRONG = {
         "map_spec.builder_fn",
         "maps cannot be built by a function of one's own",
     ),
+    "map as a number": ("map_spec=t.MapSpec(5)", "map_spec.source", "a int: 5"),
+    "map of a variation": (
+        'held_out={"v": t.Variation("Other.", map_spec=".")}',
+        "held_out['v'].map_spec",
+        "a str: '.'",
+    ),
     "missing map": ('map_spec=t.MapSpec("elsewhere")', "", "there is no road map 'elsewhere': looked for"),
     "what cannot be written down": (
         'social_agent_missions={"g": ([t.SocialAgentActor("a", "z:a-v0", {"f": lambda: 0})], [])}',
@@ -258,7 +264,7 @@ WRONG = {
     ),
 }
 
-BEFORE_VALIDATION = ("missing map", "what cannot be written down")
+BEFORE_VALIDATION = ("map as a number", "map of a variation", "missing map", "what cannot be written down")
 """Cases that the build notices before it has a map."""
 
 
@@ -282,6 +288,7 @@ def test_refused(case, roads):
     assert caught.value.place.startswith(f"scenario.py: {place}")
     assert message in str(caught.value)
     assert caught.value.remedy
+    assert len(str(caught.value)) < 500
 
 
 @pytest.mark.parametrize("case", [*BEFORE_VALIDATION, "edge of a flow", "map builder"])
@@ -305,6 +312,20 @@ def test_refused_by_the_build(case, scenario_folder):
         ("import nothing_of_this_name\n", "scenario.py, line 1", "No module named 'nothing_of_this_name'"),
         ("import sys\nsys.exit('enough')\n", "scenario.py", "exits with 'enough'"),
         ("import os\nos._exit(3)\n", "scenario.py", "ended its process with code 3"),
+        ("raise KeyboardInterrupt\n", "scenario.py, line 1", "the scenario file raises KeyboardInterrupt"),
+        ("class E(BaseException): ...\nraise E('x')\n", "scenario.py, line 2", "raises E: x"),
+        ("raise ValueError('x' * 100_000)\n", "scenario.py, line 1", "xxx ... xxx"),
+        ("input()\n", "scenario.py, line 1", "raises EOFError"),
+        (
+            sources.SCRIPT + sources.SCRIPT.partition("car =")[2].partition("\n")[2],
+            "scenario.py, line 17",
+            "gen_scenario is called at scenario.py, line 9 and scenario.py, line 17",
+        ),
+        (
+            sources.scenario("traffic=loop").replace("agent =", "loop = {}\nloop['x'] = [loop]\nagent ="),
+            "scenario.py",
+            "nested too deeply",
+        ),
         (
             "from smarts.sstudio import types as t\nt.Traffic(flows=[])\n",
             "scenario.py",
@@ -327,6 +348,7 @@ def test_scenario_files_that_fail(scenario_folder, script, place, message):
     error = refusal(folder)
     assert place in error.place
     assert message in str(error)
+    assert len(str(error)) < 2000
     assert not artefacts(folder)
 
 
@@ -353,6 +375,8 @@ def test_folders_without_anything(tmp_path):
 
 def test_names_that_mean_nothing(tmp_path):
     assert "did you mean 'intersection'?" in refusal("intersektion").remedy
+    assert "name too long" in str(refusal("x" * 300))
+    assert len(str(refusal("x" * 10_000))) < 2000
     (tmp_path / "merge").mkdir()
     assert str(tmp_path / "merge") in refusal(f"{tmp_path}/marge").remedy
 
@@ -362,3 +386,23 @@ def test_broken_maps_bring_netconverts_own_message(scenario_folder):
     (folder / "map.edg.xml").write_text('<edges><edge id="a" from="west" to="nowhere"/></edges>')
     assert "nowhere" in str(refusal(folder))
     assert not artefacts(folder)
+
+
+def test_broken_nets_are_named_as_the_user_knows_them(scenario_folder):
+    folder = scenario_folder()
+    net = build_scenario(folder).net_file.read_text()
+    (folder / "map.net.xml").write_text(net.replace('from="from_west"', 'from="nowhere"', 1))
+    error = refusal(folder)
+    assert error.place.startswith(f"{folder / 'map.net.xml'}: connection from 'nowhere'")
+    assert ".partial" not in str(error)
+    assert "there is no edge 'nowhere'" in error.problem
+
+
+def test_variations_where_there_are_none(scenario_folder):
+    assert refusal(f"{scenario_folder()}@v").remedy == "it has none: leave out @..."
+
+
+def test_a_scenario_file_that_is_a_folder(scenario_folder):
+    folder = scenario_folder(script=None)
+    (folder / "scenario.py").mkdir()
+    assert "scenario.py is a folder" in str(refusal(folder))

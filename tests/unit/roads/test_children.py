@@ -1,0 +1,90 @@
+"""Children end with their parent, after a while, and with all that they have started."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from smarts.roads.children import TIME_LIMIT, TIME_LIMIT_VARIABLE, run_child, time_limit
+
+SLEEP = "import time; time.sleep(60)"
+PARENT = """
+import os, sys
+from pathlib import Path
+from smarts.roads.children import run_child
+child = "import os, time; print(os.getpid(), flush=True); time.sleep(60)"
+run_child([sys.executable, "-c", child], cwd=Path("."), env=os.environ)
+"""
+
+
+def ends(pid, within=20.0):
+    """Return whether a process is gone, or only waits for its parent to notice, before long."""
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        try:
+            with open(f"/proc/{pid}/stat") as file:
+                if file.read().rpartition(")")[2].split()[0] in "ZX":
+                    return True
+        except FileNotFoundError:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def run(code, tmp_path, **more):
+    return run_child([sys.executable, "-c", code], cwd=tmp_path, env=os.environ, **more)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_children_end_with_their_parent(tmp_path, number):
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    with parent:
+        child = int(parent.stdout.readline())
+        parent.send_signal(number)
+        parent.wait()
+        assert ends(child)
+
+
+def test_exit_codes_and_output(tmp_path):
+    with open(tmp_path / "said", "w+b") as said:
+        assert (
+            run("import sys; print('no'); print('yes', file=sys.stderr); sys.exit(3)", tmp_path, stderr=said)
+            == 3
+        )
+        said.seek(0)
+        assert said.read() == b"yes\n"
+
+
+def test_children_have_no_input(tmp_path):
+    assert run("import sys; sys.exit(len(sys.stdin.read()))", tmp_path) == 0
+
+
+def test_the_time_limit(tmp_path, monkeypatch):
+    monkeypatch.setenv(TIME_LIMIT_VARIABLE, "0.5")
+    with pytest.raises(TimeoutError, match=r"0\.5 s"):
+        run(SLEEP, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("5", 5), ("", TIME_LIMIT), ("x", TIME_LIMIT), ("-1", TIME_LIMIT)]
+)
+def test_the_time_limit_can_be_set(monkeypatch, text, seconds):
+    monkeypatch.setenv(TIME_LIMIT_VARIABLE, text)
+    assert time_limit() == seconds
+
+
+def test_what_a_child_leaves_behind_ends_with_it(tmp_path):
+    start = f"subprocess.Popen([sys.executable, '-c', {SLEEP!r}])"
+    code = f"import subprocess, sys; print({start}.pid, file=open('pid', 'w'))"
+    assert run(code, tmp_path) == 0
+    assert ends(int((tmp_path / "pid").read_text()))
+
+
+def test_a_program_that_is_not_there(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        run_child([str(tmp_path / "nothing")], cwd=tmp_path, env={})

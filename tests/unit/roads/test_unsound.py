@@ -1,0 +1,112 @@
+"""Maps with numbers that make no road, and with references to nothing, are refused by name."""
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from smarts.errors import MapError
+from smarts.roads.compile import compile_map
+from smarts.roads.sources import MapSource, find_map_source
+from smarts.roads.sumo_net import read_net
+
+from . import maps
+
+DATA = Path(__file__).parents[2] / "data"
+CHANGES = {
+    "nan speed": (r'speed="[^"]*"', 'speed="nan"', "speed='nan' is not a number above 0"),
+    "negative speed": (r'speed="[^"]*"', 'speed="-1"', "speed='-1' is not a number above 0"),
+    "no speed": (r'speed="[^"]*"', "", "speed='' is not a number above 0"),
+    "length": (r' length="[^"]*"', ' length="0"', "length='0' is not a number above 0"),
+    "nan in a shape": (r'(<lane [^>]*shape=")[^ ]*', r"\1nan,nan", "'nan,nan' in its shape is not a point"),
+    "half a point": (r'(<lane [^>]*shape=")[^ ]*', r"\g<1>3", "'3' in its shape is not a point"),
+    "connection": ('connection from="[^"]*"', 'connection from="nowhere"', "there is no edge 'nowhere'"),
+    "lane of a connection": ('toLane="[^"]*"', 'toLane="9"', "has no lane '9'"),
+    "inner lane": ('via="[^"]*"', 'via="nowhere"', "there is no lane 'nowhere' inside the junction"),
+    "twin edges": ('edge id="east_out"', 'edge id="west_out"', "two edges are named 'west_out'"),
+    "twin lanes": ('lane id="east_out_0"', 'lane id="west_out_0"', "two lanes are named 'west_out_0'"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_nets(nets, tmp_path, change):
+    pattern, replacement, message = CHANGES[change]
+    text, count = re.subn(pattern, replacement, nets["cross"].read_text(), count=1)
+    assert count == 1
+    net = tmp_path / "map.net.xml"
+    net.write_text(text)
+    with pytest.raises(MapError, match=re.escape(message)) as caught:
+        compile_map(find_map_source(tmp_path), tmp_path / "out.net.xml")
+    assert caught.value.place.startswith(str(net))
+    assert caught.value.remedy
+    assert not (tmp_path / "out.net.xml").exists()
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "message"),
+    [
+        (r'<geometry([^>]*) length="[^"]*"', r'<geometry\1 length="nan"', "length='nan' of a <geometry>"),
+        (r'<road([^>]*) length="[^"]*"', r'<road\1 length="-100"', "length='-100' of a <road>"),
+        (r'<width([^>]*) a="[^"]*"', r'<width\1 a="-3.5"', "a='-3.5' of a <width>"),
+        (r'<geometry([^>]*) hdg="[^"]*"', r'<geometry\1 hdg="x"', "hdg='x' of a <geometry>"),
+    ],
+)
+def test_opendrive(tmp_path, pattern, replacement, message):
+    text, count = re.subn(pattern, replacement, (DATA / "bend.xodr").read_text(), count=1)
+    assert count == 1
+    (tmp_path / "map.xodr").write_text(text)
+    with pytest.raises(MapError, match=re.escape(message)) as caught:
+        compile_map(find_map_source(tmp_path), tmp_path / "out.net.xml")
+    assert caught.value.place.startswith(f"{tmp_path / 'map.xodr'}: road '")
+
+
+def test_names_with_commas(tmp_path):
+    shutil.copy(DATA / "village.osm", tmp_path / "vil,lage.osm")
+    with pytest.raises(MapError, match="has a comma") as caught:
+        compile_map(find_map_source(tmp_path, "vil,lage.osm"), tmp_path / "out.net.xml")
+    assert caught.value.remedy == "rename the file"
+
+
+def test_folders_with_commas(tmp_path):
+    out = tmp_path / "b,c" / "out.net.xml"
+    compile_map(find_map_source(maps.write(tmp_path / "a,b", **maps.cross())), out)
+    assert read_net(out).road_edges
+
+
+def test_files_that_are_gone(tmp_path):
+    gone = MapSource("osm", (tmp_path / "map.osm",))
+    with pytest.raises(MapError, match="cannot read the map: No such file"):
+        compile_map(gone, tmp_path / "out.net.xml")
+
+
+def test_errors_name_what_the_user_wrote(tmp_path):
+    (tmp_path / "net").write_text("<net><connection/></net>")
+    with pytest.raises(MapError) as caught:
+        read_net(tmp_path / "net", place="map.osm")
+    assert caught.value.place == "map.osm"
+
+
+def test_half_a_network_is_noticed(tmp_path, monkeypatch):
+    """On a full disk netconvert writes half a file and reports success."""
+    tool = tmp_path / "sumo" / "bin" / "netconvert"
+    tool.parent.mkdir(parents=True)
+    tool.write_text('#!/bin/sh\nwhile [ "$1" != --output-file ]; do shift; done; echo "<net><edge" > "$2"\n')
+    os.chmod(tool, 0o755)
+    monkeypatch.setattr("smarts.roads.compile._sumo_folder", lambda: tmp_path / "sumo")
+    folder = maps.write(tmp_path / "maps", **maps.cross())
+    with pytest.raises(MapError, match="could not write the whole network") as caught:
+        compile_map(find_map_source(folder), tmp_path / "out" / "net.xml")
+    assert caught.value.remedy == "make room on that disk"
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_files_named_in_options_belong_to_the_map(tmp_path):
+    folder = maps.write(tmp_path, **maps.cross())
+    for name in ("roads.typ.xml", "more.typ.xml"):
+        (folder / name).write_text("<types/>")
+    value = "roads.typ.xml, more.typ.xml,absent.typ.xml"
+    (folder / "map.netccfg").write_text(f'<configuration><type-files value="{value}"/></configuration>')
+    names = [file.name for file in find_map_source(folder).files]
+    assert names[-3:] == ["map.netccfg", "roads.typ.xml", "more.typ.xml"]

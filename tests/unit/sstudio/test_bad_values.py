@@ -1,0 +1,139 @@
+"""Values that SUMO would choke on in mid-episode are refused when the scenario is built."""
+
+import math
+import subprocess
+from pathlib import Path
+
+import pytest
+import sumo
+
+from smarts.errors import ScenarioError
+from smarts.sstudio import types as t
+from smarts.sstudio.decoding import decode
+from smarts.sstudio.encoding import encode
+from smarts.sstudio.validation import validate
+from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING
+
+CAR = t.TrafficActor("car")
+WEST_EAST = t.Route(("from_west", 0, 10), ("to_east", 0, "max"))
+AGENT = t.SocialAgentActor("agent", "zoo:agent-v0")
+
+
+def flow(**changes):
+    return flows(t.Flow(**({"route": WEST_EAST, "rate": 60, "actors": {CAR: 1}} | changes)))
+
+
+def flows(*given):
+    return t.Scenario(traffic={"x": t.Traffic(given)})
+
+
+def actor(**changes):
+    return flow(actors={t.TrafficActor("car", **changes): 1})
+
+
+def lanes(**attributes):
+    return actor(lane_changing_model=t.LaneChangingModel(**attributes))
+
+
+def junctions(**attributes):
+    return actor(junction_model=t.JunctionModel(**attributes))
+
+
+def traffic(**changes):
+    return t.Scenario(traffic={"x": t.Traffic(**({"flows": []} | changes))})
+
+
+def bubble(zone):
+    return t.Scenario(bubbles=[t.Bubble(zone, AGENT)])
+
+
+FLOW = "traffic['x'].flows[0]"
+ACTOR = f"{FLOW}.actors['car']"
+LANES, JUNCTION = f"{ACTOR}.lane_changing_model", f"{ACTOR}.junction_model"
+BACK = t.Route(("from_west", 0, 50), ("from_west", 0, 10))
+
+BAD = {
+    "actor without a name": (flow(actors={t.TrafficActor(None): 1}), f"{FLOW}.actors key.name", "NoneType"),
+    "long name of an actor": (flow(actors={t.TrafficActor("x" * 300): 1}), FLOW, "is not a name"),
+    "long name of traffic": (t.Scenario(traffic={"x" * 300: t.Traffic([])}), "traffic", "is not a name"),
+    "name of many bytes": (t.Scenario(traffic={"ü" * 90: t.Traffic([])}), "traffic", "is not a name"),
+    "huge rate": (flow(rate=1e12), f"{FLOW}.rate", "at most 36000"),
+    "truth as rate": (flow(rate=True), f"{FLOW}.rate", "True is not a number"),
+    "huge end": (flow(end=1e12), f"{FLOW}.end", "at most 1e+09"),
+    "huge weight": (flow(actors={CAR: 1e300}), f"{FLOW}.actors['car']", "at most 1e+09"),
+    "via as text": (
+        flow(route=t.Route(*("from_west", "to_east"), via="to_east")),
+        f"{FLOW}.route.via",
+        "not a list: 'to_east'",
+    ),
+    "huge warm-up": (traffic(warm_up=1e12), "traffic['x'].warm_up", "at most 3600"),
+    "a flow for flows": (traffic(flows=flow()), "traffic['x'].flows", "not a list: Scenario("),
+    "no headway": (actor(tau=0), f"{ACTOR}.tau", "above 0"),
+    "sigma": (actor(sigma=7), f"{ACTOR}.sigma", "7 is not a number 0 or more and at most 1"),
+    "infinite": (actor(accel=math.inf), f"{ACTOR}.accel", "inf is not a number"),
+    "uniform": (actor(min_gap=t.UniformDistribution(0, math.nan)), f"{ACTOR}.min_gap.", "nan is not"),
+    "truncated": (actor(speed=t.TruncatedDistribution(-1, 1, 1, -2)), f"{ACTOR}.speed.scale", "-2 is not"),
+    "lane changing: text": (lanes(cooperative="very"), LANES, "lcCooperative='very' is not a number"),
+    "lane changing: nan": (lanes(cooperative=math.nan), LANES, "lcCooperative=nan is not a number"),
+    "lane changing: truth": (lanes(keep_right=True), LANES, "lcKeepRight=True is not a number"),
+    "lane changing: range": (lanes(assertive=-1), LANES, "lcAssertive=-1 is not a number from 0 to"),
+    "junctions: text": (junctions(impatience="x"), JUNCTION, "impatience='x' is not a number"),
+    "junctions: range": (junctions(drive_after_red_time=-3), JUNCTION, "or -1"),
+    "junctions: dict": (actor(junction_model={"impatience": 1}), JUNCTION, "a dict: {'impatience': 1}"),
+    "backwards": (t.Scenario(ego_missions=[t.Mission(BACK)]), "ego_missions[0].route", "lies 40 m before"),
+    "start variation": (t.Scenario(start_variation=5), "start_variation", "a int: 5"),
+    "start speeds": (
+        t.Scenario(start_variation=t.StartVariation(speed=(0, math.nan))),
+        "start_variation.speed",
+        "nan is not",
+    ),
+    "nowhere": (bubble(t.PositionalZone((math.nan, 0), (1, 1))), "bubbles[0].zone.pos", "nan is not"),
+    "corner": (
+        bubble(t.ConfigurableZone([(0, 0), (1, math.inf), (2, 3)])),
+        "bubbles[0].zone.ext_coordinates[1]",
+        "inf is not",
+    ),
+    "rotation": (bubble(t.PositionalZone((0, 0), (1, 1), "x")), "bubbles[0].zone.rotation", "'x' is not"),
+    "group of one": (
+        t.Scenario(social_agent_missions={"g": ([AGENT],)}),
+        "social_agent_missions['g']",
+        "not two lists",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_refused(case, roads):
+    scenario, place, message = BAD[case]
+    with pytest.raises(ScenarioError) as caught:
+        validate(decode(encode(scenario)), roads, "scenario.py")
+    assert caught.value.place.startswith(f"scenario.py: {place}")
+    assert message in str(caught.value)
+    assert caught.value.remedy
+    assert len(str(caught.value)) < 500
+
+
+def test_a_single_actor_is_a_group(roads):
+    validate(t.Scenario(social_agent_missions={"g": (AGENT, [t.Mission(t.RandomRoute())])}), roads, "")
+
+
+def test_models_may_say_what_sumo_allows(roads):
+    validate(lanes(strategic=-1, sigma=0, overtake_delta_speed_factor=-1), roads, "")
+    validate(junctions(impatience="off", drive_after_red_time=-1, timegap_minor=-0.5), roads, "")
+
+
+def test_sumo_itself_takes_the_ends_of_all_ranges(cross_net, tmp_path):
+    """Refused are the values just outside, where SUMO has a bound of its own."""
+    program = Path(sumo.__file__).parent / "bin" / "sumo"
+    known = LANE_CHANGING | JUNCTIONS
+    types = [
+        f'<vType id="{name}-{number}" {name}="{value}"/>'
+        for name, allowed in known.items()
+        for number, value in enumerate((allowed.least, allowed.most, allowed.apart))
+        if value is not None
+    ]
+    routes = tmp_path / "types.rou.xml"
+    routes.write_text(f"<routes>{''.join(types)}</routes>")
+    options = ["--net-file", cross_net, "--route-files", routes, "--end", "1", "--xml-validation", "never"]
+    run = subprocess.run([program, *options, "--no-step-log"], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (0, "")

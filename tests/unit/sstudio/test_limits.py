@@ -1,0 +1,69 @@
+"""Scenario files and maps that never come to an end."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from smarts.errors import MapError, ScenarioError
+from smarts.roads.children import TIME_LIMIT_VARIABLE
+from smarts.sstudio.build import build_scenario
+from smarts.sstudio.executing import run_scenario_file
+
+from . import sources
+
+
+def test_scenario_files_that_never_end(scenario_folder, monkeypatch):
+    monkeypatch.setenv(TIME_LIMIT_VARIABLE, "1")
+    folder = scenario_folder("while True: pass")
+    with pytest.raises(ScenarioError, match="still running after 1 s") as caught:
+        build_scenario(folder)
+    assert caught.value.place == str(folder / "scenario.py")
+    assert TIME_LIMIT_VARIABLE in caught.value.remedy
+
+
+def test_maps_that_take_too_long(scenario_folder, monkeypatch):
+    folder = scenario_folder(script=None)
+    monkeypatch.setenv(TIME_LIMIT_VARIABLE, "0.001")
+    with pytest.raises(MapError, match=r"netconvert was still at work after 0\.001 s") as caught:
+        build_scenario(folder)
+    assert str(folder / "map.nod.xml") in caught.value.place
+    assert not list((folder / "build").glob(".partial-*"))
+
+
+def test_what_scenario_files_leave_running_holds_nobody_up(scenario_folder):
+    left = "import subprocess, threading, time\nsubprocess.Popen(['sleep', '60'])\n"
+    threads = "threading.Thread(target=time.sleep, args=(60,)).start()\n"
+    begin = time.monotonic()
+    build_scenario(scenario_folder(left + threads + sources.SCRIPT))
+    assert time.monotonic() - begin < 50
+
+
+def test_interrupted_builds_say_nothing_of_the_runner(scenario_folder):
+    folder = scenario_folder("import time\nprint('begun', flush=True)\ntime.sleep(60)")
+    code = "import sys; from smarts.sstudio import build_scenario; build_scenario(sys.argv[1])"
+    build = subprocess.Popen(
+        [sys.executable, "-c", code, str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    with build:
+        assert build.stdout.readline() == "begun\n"
+        os.killpg(build.pid, signal.SIGINT)  # as Ctrl-C does
+        said = build.stderr.read()
+    assert said.rstrip().endswith("KeyboardInterrupt")
+    assert said.count("Traceback") == 1
+    assert "runner.py" not in said
+
+
+def test_scenario_files_by_a_relative_path(scenario_folder, monkeypatch):
+    folder = scenario_folder()
+    monkeypatch.chdir(folder.parent)
+    described = run_scenario_file(Path(folder.name) / "scenario.py", 42)
+    assert list(described.scenario.traffic) == ["through"]
