@@ -67,5 +67,5 @@ $(SYSTEM):
 	@touch $@
 
 $(INSTALLED): pyproject.toml constraints.txt | $(SYSTEM)
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev,learn]'
 	@touch $@

@@ -1,0 +1,87 @@
+"""Actor-critic with a centralised state-value function: multi-agent PPO (MAPPO).
+
+Yu et al. 2022, "The Surprising Effectiveness of PPO in Cooperative Multi-Agent Games": policies see their own
+observations and take the clipped steps of PPO (eq. 7 of Schulman et al. 2017); one critic V(s) sees the
+global state and exists in training only. Foerster et al. 2018 call the same critic "central-V".
+
+Deviations: the critic gives each agent its own value V_i(s), since rewards are individual here; the state is
+the environment's, or all observations side by side with who is there; the value loss is not clipped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from torch import Tensor
+
+from algorithms.joint.batch import JointView, OnPolicyBatch
+from algorithms.joint.module import LearnerModule
+from algorithms.joint.spec import JointSpec
+from algorithms.parts.moments import RunningMoments
+from algorithms.parts.networks import orthogonal, perceptron
+from algorithms.ppo import PPO, PPOConfig, PPOLearner
+
+CRITIC = "central__critic"
+
+
+class CentralValue(LearnerModule):
+    """V_1(s), ..., V_N(s) from the global state."""
+
+    def make_networks(self) -> None:
+        """Create the body."""
+        sizes = [self.spec.state_size, *self.settings["hidden"], len(self.spec.agents)]
+        self.body = orthogonal(perceptron(sizes), gain=np.sqrt(2), last=1)
+        self.moments = RunningMoments(enabled=self.settings["normalize_values"])
+
+    def value(self, view: JointView) -> Tensor:
+        """Return scaled values (M, N)."""
+        return self.body(view.global_state())
+
+
+class CentralisedVLearner(PPOLearner):
+    """PPO's policy steps on advantages of a central critic."""
+
+    def values(self, view: JointView) -> Tensor:
+        """Return each agent's value of the global state, (M, N)."""
+        critic = self.net(CRITIC)
+        return critic.moments.unscaled(critic.value(view))
+
+    def observe_targets(self, batch: OnPolicyBatch) -> None:
+        """Let the critic adapt its scale."""
+        self.net(CRITIC).moments.observe(batch.targets, batch.alive)
+
+    def fit_values(self, batch: OnPolicyBatch) -> None:
+        """Regress all agents' values at once."""
+        critic = self.net(CRITIC)
+        error = (critic.value(batch) - critic.moments.scaled(batch.targets)).square()
+        loss = self.mean(error, batch.alive)
+        self.step_optimizer(loss, CRITIC)
+        self.log(CRITIC, "value_loss", loss)
+
+
+class CentralisedVConfig(PPOConfig):
+    """MAPPO."""
+
+    algorithm = "centralised_v"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or CentralisedV)
+        self.training(normalize_values=True)
+
+    def modules(self, spec: JointSpec):
+        """Return a policy for each group and the central critic."""
+        self.check_state(spec)
+        policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
+        return policies | {CRITIC: self.learner_spec(spec, CentralValue)}
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return CentralisedVLearner
+
+
+class CentralisedV(PPO):
+    """MAPPO."""
+
+    @classmethod
+    def get_default_config(cls) -> CentralisedVConfig:
+        """Return the defaults (RLlib)."""
+        return CentralisedVConfig()

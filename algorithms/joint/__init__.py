@@ -1,0 +1,1 @@
+"""The joint core: environments stepped together, dense arrays, replay, learners, RLlib glue."""

@@ -1,0 +1,274 @@
+"""The vector interface for any RLlib `MultiAgentEnv`; PettingZoo's through RLlib's wrapper."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Discrete
+from ray.cloudpickle import cloudpickle
+
+from algorithms.errors import EnvironmentFailure, SpaceError
+from algorithms.joint.env import Block, Final, Ints, JointSpaces, JointStep, episode_seed
+from algorithms.joint.rollout import View
+from algorithms.joint.spaces import MASK, Flattening, check_action_space
+
+logger = logging.getLogger(__name__)
+
+COMMON = "__common__"
+"""Key of `infos` for what belongs to no agent: here `state`, `graph`, `metrics`."""
+
+
+class JointVector:
+    """B copies of a `MultiAgentEnv` stepped in turn, each reset as soon as its episode ends.
+
+    An agent is alive while it is among the observations and has neither terminated nor truncated. An agent
+    that ends may come back as a new life; one that is left out without a flag must not (that would be
+    turn-based play).
+
+    Args:
+        make: Creates copy b.
+        num_envs: Number of copies B.
+        max_failures: Failures in a row of one copy's constructor or reset before it is given up.
+
+    Raises:
+        SpaceError: A space cannot be handled.
+        EnvironmentFailure: A copy cannot even be created.
+    """
+
+    def __init__(self, make: Callable[[int], Any], num_envs: int, *, max_failures: int = 10) -> None:
+        self.num_envs = num_envs
+        self._make = make
+        self._max_failures = max_failures
+        self._envs: list[Any] = [make(b) for b in range(num_envs)]
+        self._worlds = np.zeros(num_envs, int)
+        self._episodes = np.zeros(num_envs, int)
+        self._seed = self._stride = 0
+        first = self._envs[0]
+        names = list(first.possible_agents)
+        self._flattening = {a: Flattening(first.get_observation_space(a), a) for a in names}
+        actions = {a: check_action_space(first.get_action_space(a), a) for a in names}
+        _, infos = first.reset(seed=0)
+        self.spaces = _spaces(names, self._flattening, actions, infos or {})
+        self._place = {
+            agent: (column, number, row)
+            for column, (number, row, agent) in enumerate(
+                (number, row, agent)
+                for number, block in enumerate(self.spaces.blocks)
+                for row, agent in enumerate(block.agents)
+            )
+        }
+        self._agents = tuple(self._place)
+        self._view = View.empty(self.spaces, num_envs)
+        self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
+
+    def reset(self, seed: int, worlds: Ints, *, episode: int = 0, stride: int = 0) -> JointStep:
+        """Start all copies; see `VectorJointEnv.reset`."""
+        self._seed, self._stride = seed, stride
+        self._worlds, self._episodes = np.array(worlds, int), np.full(self.num_envs, episode)
+        for b in range(self.num_envs):
+            self._start(b)
+        return self._step_so_far()
+
+    def step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
+        """Act in all copies. A copy that raises is thrown away and started anew."""
+        shape = (self.num_envs, len(self._agents))
+        rewards = np.zeros(shape, np.float32)
+        terminated, truncated = np.zeros(shape, bool), np.zeros(shape, bool)
+        reset = np.zeros(self.num_envs, bool)
+        failed: dict[int, BaseException] = {}
+        finals: list[tuple[int, View]] = []
+        metrics: dict[int, Mapping[str, float]] = {}
+        for b, env in enumerate(self._envs):
+            alive = self._view.alive[b].copy()
+            chosen = {
+                agent: actions[number][b, row]
+                for agent, (column, number, row) in self._place.items()
+                if alive[column]
+            }
+            try:
+                observations, reward, ends, cuts, infos = env.step(chosen)
+            except Exception as error:
+                # Whatever a user's environment raises costs one transition, not the run.
+                failed[b] = error
+                self._replace(b, error)
+                continue
+            self._account(b, alive, reward, ends, cuts, observations, (rewards, terminated, truncated))
+            self._write(b, observations, infos)
+            over = ends.get("__all__") or cuts.get("__all__") or not self._view.alive[b].any()
+            if over:
+                finals.append((b, self._view[np.array([b])]))
+                metrics[b] = infos.get(COMMON, {}).get("metrics", {}) if infos else {}
+                reset[b] = True
+                self._next_episode(b)
+        final = _final(finals) if finals else None
+        return self._step_so_far(rewards, terminated, truncated, reset, final, failed, metrics)
+
+    def recreate(self, failures: Mapping[int, BaseException]) -> JointStep:
+        """Throw copies away and start fresh ones."""
+        for b, cause in failures.items():
+            self._replace(b, cause)
+        return self._step_so_far(failed=dict(failures))
+
+    def close(self) -> None:
+        """Close all copies."""
+        for env in self._envs:
+            env.close()
+
+    def get_state(self) -> dict[str, Any] | None:
+        """Return everything a continued run needs, or None where the copies cannot be pickled."""
+        try:
+            envs = [cloudpickle.dumps(env) for env in self._envs]
+        except (TypeError, AttributeError, ValueError, pickle.PicklingError) as error:
+            logger.warning(
+                "environment copies cannot be pickled, a restored run begins new episodes: %s", error
+            )
+            return None
+        return {
+            "envs": envs,
+            "worlds": self._worlds.copy(),
+            "episodes": self._episodes.copy(),
+            "seed": (self._seed, self._stride),
+            "view": cloudpickle.dumps((self._view, self._away)),
+        }
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on where `get_state` was called."""
+        self.close()
+        self._envs = [cloudpickle.loads(env) for env in state["envs"]]
+        self._worlds, self._episodes = state["worlds"].copy(), state["episodes"].copy()
+        self._seed, self._stride = state["seed"]
+        self._view, self._away = cloudpickle.loads(state["view"])
+
+    def _account(self, b: int, alive, reward, ends, cuts, observations, out) -> None:
+        rewards, terminated, truncated = out
+        all_end, all_cut = ends.get("__all__", False), cuts.get("__all__", False)
+        for agent, (column, _, _) in self._place.items():
+            here = agent in observations
+            if not alive[column]:
+                if here and self._away[b, column]:
+                    raise SpaceError(
+                        f"agent {agent!r} was left out of a step without having ended, and is back",
+                        place="environment",
+                        remedy="all living agents must be observed and act in every step: no turns",
+                    )
+                self._view.alive[b, column] = here and not (ends.get(agent) or cuts.get(agent))
+                continue
+            end, cut = bool(ends.get(agent, False)), bool(cuts.get(agent, False))
+            rewards[b, column] = reward.get(agent, 0.0)
+            terminated[b, column] = end or (all_end and not cut)
+            truncated[b, column] = cut or (all_cut and not end)
+            self._view.alive[b, column] = here and not (end or cut)
+            self._away[b, column] = not (here or end or cut)
+
+    def _write(self, b: int, observations: Mapping[str, Any], infos: Mapping[str, Any] | None) -> None:
+        view = self._view
+        for agent, (_, number, row) in self._place.items():
+            leaves, mask, seen = view.observations[number], view.masks[number], observations.get(agent)
+            if seen is None:
+                parts, legal = dict.fromkeys(leaves, 0), True
+            elif self._flattening[agent].plain:
+                parts, legal = {"": seen}, None
+            else:
+                parts, legal = self._flattening[agent].split(seen)
+            for name, part in parts.items():
+                leaves[name][b, row] = part
+            if mask is not None:
+                mask[b, row] = legal if legal is not None else (infos or {})[agent][MASK]
+        common = (infos or {}).get(COMMON, {})
+        if view.state is not None:
+            view.state[b] = common["state"]
+        if view.graph is not None:
+            view.graph[b] = common["graph"]
+
+    def _start(self, b: int) -> None:
+        seed = episode_seed(self._seed, int(self._worlds[b]), int(self._episodes[b]))
+        observations, infos = self._envs[b].reset(seed=seed)
+        self._away[b] = False
+        for agent, (column, _, _) in self._place.items():
+            self._view.alive[b, column] = agent in observations
+        self._write(b, observations, infos)
+
+    def _next_episode(self, b: int) -> None:
+        if self._stride:
+            self._worlds[b] += self._stride
+        else:
+            self._episodes[b] += 1
+        try:
+            self._start(b)
+        except Exception as error:
+            self._replace(b, error, fresh_episode=False)
+
+    def _replace(self, b: int, cause: BaseException, *, fresh_episode: bool = True) -> None:
+        logger.warning("copy %d is created anew after %r", b, cause)
+        if fresh_episode and not self._stride:
+            self._episodes[b] += 1
+        for _ in range(self._max_failures):
+            try:
+                self._envs[b].close()
+                self._envs[b] = self._make(b)
+                self._start(b)
+            except Exception as error:
+                cause = error
+            else:
+                return
+        raise EnvironmentFailure(
+            f"copy {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
+            place=f"environment {type(self._envs[b]).__name__}",
+            remedy="mend the environment: its constructor or reset raises",
+        ) from cause
+
+    def _step_so_far(
+        self, rewards=None, terminated=None, truncated=None, reset=None, final=None, failed=None, metrics=None
+    ) -> JointStep:
+        view = self._view
+        nothing = np.zeros(view.alive.shape, bool)
+        return JointStep(
+            view.observations,
+            np.zeros(view.alive.shape, np.float32) if rewards is None else rewards,
+            nothing if terminated is None else terminated,
+            nothing if truncated is None else truncated,
+            view.alive,
+            np.zeros(self.num_envs, bool) if reset is None else reset,
+            final,
+            view.masks,
+            view.state,
+            view.graph,
+            failed or {},
+            metrics or {},
+        )
+
+
+def _spaces(
+    names: list[str],
+    flattening: Mapping[str, Flattening],
+    actions: Mapping[str, Any],
+    infos: Mapping[str, Any],
+) -> JointSpaces:
+    blocks: list[Block] = []
+    members: list[list[str]] = []
+    for agent in names:
+        # Only Discrete actions can be masked; the mask comes with the observation or with the infos.
+        masked = flattening[agent].masked or MASK in infos.get(agent, {})
+        masked = masked and isinstance(actions[agent], Discrete)
+        block = Block((), flattening[agent].leaves, actions[agent], masked)
+        if block in blocks:
+            members[blocks.index(block)].append(agent)
+        else:
+            blocks.append(block)
+            members.append([agent])
+    common = infos.get(COMMON, {})
+    return JointSpaces(
+        tuple(block._replace(agents=tuple(a)) for block, a in zip(blocks, members, strict=True)),
+        state=int(np.size(common["state"])) if "state" in common else 0,
+        has_graph="graph" in common,
+    )
+
+
+def _final(finals: list[tuple[int, View]]) -> Final:
+    view = View.concat([view for _, view in finals], 0)
+    rows = np.array([b for b, _ in finals])
+    return Final(rows, view.observations, view.masks, view.state, view.graph)

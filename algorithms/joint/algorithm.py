@@ -1,0 +1,198 @@
+"""The RLlib algorithm: one training step for on-policy and off-policy learning, and its state."""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import ray
+from ray import cloudpickle
+from ray.rllib.algorithms.algorithm import Algorithm
+from ray.rllib.core import COMPONENT_LEARNER, COMPONENT_RL_MODULE
+from ray.rllib.utils.metrics import (
+    ENV_RUNNER_RESULTS,
+    LEARNER_RESULTS,
+    NUM_ENV_STEPS_SAMPLED_LIFETIME,
+    WEIGHTS_SEQ_NO,
+)
+
+from algorithms.errors import AlgorithmError, CheckpointError, RunnerFailure
+from algorithms.joint.config import JointConfig
+from algorithms.joint.learner import JointTrainingData
+from algorithms.joint.rollout import JointRollout
+from algorithms.joint.runner import SAMPLERS, SPEC, Reply
+from algorithms.joint.spec import JointSpec
+
+logger = logging.getLogger(__name__)
+
+IDENTITY = "joint_identity"
+KILLED = "num_hung_env_runners_killed"
+
+
+class JointAlgorithm(Algorithm):
+    """Asks runners for fragments, in one round trip with the weights, and learns from what comes back.
+
+    Algorithms subclass it with their own `get_default_config`, since RLlib rebuilds configs from it.
+    """
+
+    config: JointConfig  # type: ignore[assignment]
+    env_runner_group: Any
+    learner_group: Any
+
+    def setup(self, config: JointConfig) -> None:  # type: ignore[override]
+        """Build runners, then check the spaces, then build networks (RLlib)."""
+        self._silent = 0
+        super().setup(config)
+
+    @property
+    def spec(self) -> JointSpec:
+        """Agents and groups."""
+        group = self.env_runner_group
+        spaces: Any = group.get_spaces() if self.spaces is None else self.spaces
+        return spaces[SPEC][0]
+
+    def training_step(self) -> None:
+        """Sample with the newest weights, then learn (RLlib)."""
+        replies = self._ask()
+        self.metrics.aggregate([reply.metrics for reply in replies], key=ENV_RUNNER_RESULTS)
+        rollouts: list[JointRollout] = []
+        for reply in sorted(replies, key=lambda r: r.worker):
+            if isinstance(reply.rollout, AlgorithmError):
+                raise reply.rollout
+            rollouts.append(reply.rollout)
+        if not rollouts:
+            self._count_silence()
+            return
+        self._silent = 0
+        steps = {NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps()}
+        data: Any = JointRollout.concat(rollouts)
+        if self.config.num_learners:
+            data = ray.put(data)
+        results = self.learner_group.update(training_data=JointTrainingData(data), timesteps=steps)
+        self.metrics.aggregate(results, key=LEARNER_RESULTS)
+
+    def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
+        """Return RLlib's state, where every sampler stands, and what the state fits (RLlib)."""
+        state = super().get_state(components, not_components=not_components, **kwargs)
+        state[IDENTITY] = self._identity()
+        if self._check_component(SAMPLERS, components, not_components):
+            states = self.env_runner_group.foreach_env_runner(
+                _sampler_state, local_env_runner=not self.config.num_env_runners
+            )
+            state[SAMPLERS] = {key: value for part in states for key, value in part.items()}
+        return state
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Restore (RLlib).
+
+        Raises:
+            CheckpointError: The state is of another algorithm, or of other agents, spaces or groups.
+        """
+        if IDENTITY in state:
+            self._check_identity(state[IDENTITY])
+        super().set_state(state)
+        if state.get(SAMPLERS):
+            self.env_runner_group.foreach_env_runner(
+                partial(_restore_sampler, samplers=state[SAMPLERS], steps=self._steps()),
+                local_env_runner=not self.config.num_env_runners,
+                timeout_seconds=self.config.sample_timeout_s,
+            )
+
+    def restore_from_path(self, path: Any, *args: Any, **kwargs: Any) -> None:
+        """Restore from a checkpoint folder (RLlib), after checking that it fits before any weight is touched.
+
+        Raises:
+            CheckpointError: The checkpoint is of another algorithm, or of other agents, spaces or groups.
+        """
+        self._check_identity(
+            _stored_identity(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
+        )
+        super().restore_from_path(path, *args, **kwargs)
+
+    def restore_env_runners(self, env_runner_group: Any) -> list[int]:
+        """Take runners that came back into the group again (RLlib); their next request brings all."""
+        if env_runner_group is not self.env_runner_group:
+            return super().restore_env_runners(env_runner_group)
+        return env_runner_group.probe_unhealthy_env_runners()
+
+    def _ask(self) -> list[Reply]:
+        """Return the replies of runners that answer in time; others are killed and come back."""
+        group = self.env_runner_group
+        state = self.runner_state()
+        steps = int(self.config.rollout_fragment_length)
+        if not self.config.num_env_runners:
+            return [group.local_env_runner.request(state, steps)]
+        asked = set(group.healthy_worker_ids())
+        replies = group.foreach_env_runner(
+            "request",
+            kwargs={"state": ray.put(state), "steps": steps},
+            local_env_runner=False,
+            timeout_seconds=self.config.sample_timeout_s,
+        )
+        # RLlib leaves a runner that times out in its group, healthy, with its requests queueing up.
+        hung = (asked & set(group.healthy_worker_ids())) - {reply.worker for reply in replies}
+        for worker in sorted(hung):
+            logger.warning(
+                "environment runner %d did not answer in %s s: killed", worker, self.config.sample_timeout_s
+            )
+            ray.kill(group._worker_manager.actors()[worker], no_restart=False)
+            group._worker_manager.set_actor_state(worker, healthy=False)
+        self.metrics.log_value(KILLED, len(hung), reduce="lifetime_sum")
+        return list(replies)
+
+    def runner_state(self) -> dict[str, Any]:
+        """Return weights and counters as runners take them over."""
+        weights = self.learner_group.get_state(
+            components=f"{COMPONENT_LEARNER}/{COMPONENT_RL_MODULE}", inference_only=True
+        )[COMPONENT_LEARNER]
+        return {
+            COMPONENT_RL_MODULE: weights[COMPONENT_RL_MODULE],
+            WEIGHTS_SEQ_NO: weights[WEIGHTS_SEQ_NO],
+            NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps(),
+        }
+
+    def _steps(self) -> int:
+        return int(self.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME), default=0))
+
+    def _count_silence(self) -> None:
+        self._silent += 1
+        if self._silent >= self.config.max_silent_iterations:
+            raise RunnerFailure(
+                f"no environment runner has answered for {self._silent} iterations",
+                place="environment runners",
+                remedy="see their logs; raise `sample_timeout_s` if fragments take longer",
+            )
+
+    def _identity(self) -> dict[str, Any]:
+        return {"algorithm": self.config.algorithm, **self.spec.describe()}
+
+    def _check_identity(self, stored: dict[str, Any] | None) -> None:
+        own = self._identity()
+        if stored is None or stored == own:
+            return
+        names = sorted({*stored, *own})
+        differing = [name for name in names if stored.get(name) != own.get(name)]
+        lines = "; ".join(f"{n}: {stored.get(n)} there, {own.get(n)} here" for n in differing)
+        raise CheckpointError(
+            f"the checkpoint does not fit: {lines}",
+            place="checkpoint",
+            remedy="build it with the environment and settings that the checkpoint was made with",
+        )
+
+
+def _sampler_state(runner: Any) -> dict[Any, Any]:
+    return runner.get_state().get(SAMPLERS, {})
+
+
+def _restore_sampler(runner: Any, samplers: dict[Any, Any], steps: int) -> None:
+    runner.set_state({NUM_ENV_STEPS_SAMPLED_LIFETIME: steps, SAMPLERS: samplers})
+
+
+def _stored_identity(file: Path) -> dict[str, Any] | None:
+    """Return what a checkpoint says it fits, or None where the file is not local."""
+    if not file.is_file():
+        return None
+    with file.open("rb") as stream:
+        return cloudpickle.load(stream).get(IDENTITY)

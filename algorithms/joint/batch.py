@@ -1,0 +1,259 @@
+"""What algorithms see: joint minibatches of tensors, and their parts by parameter-sharing group.
+
+`JointBatch` has rows (moments) as leading axis M. An algorithm file uses `alive`, `bootstrap` and
+`next.alive`; it never indexes columns: `batch.groups()` gives each group's part and `batch.join(...)` puts
+results together again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+import torch
+from gymnasium.spaces import Discrete
+from torch import Tensor
+
+from algorithms.joint.rollout import View
+from algorithms.joint.spec import Group, JointSpec
+
+
+@dataclass(frozen=True)
+class GroupView:
+    """What the n agents of a group see.
+
+    Attributes:
+        observations: Leaves (M, n, ...).
+        alive: (M, n).
+        legal: Legal actions (M, n, A), or None.
+    """
+
+    observations: Mapping[str, Tensor]
+    alive: Tensor
+    legal: Tensor | None
+
+
+@dataclass(frozen=True)
+class GroupBatch(GroupView):
+    """What the n agents of a group saw, did and got.
+
+    Attributes:
+        actions: int64 (M, n), or float32 (M, n, k).
+        rewards: Individual rewards, (M, n).
+        bootstrap: The value of the next moment counts, (M, n).
+    """
+
+    actions: Tensor
+    rewards: Tensor
+    bootstrap: Tensor
+
+
+@dataclass(frozen=True)
+class OnPolicyGroup(GroupBatch):
+    """A group's part of a rollout; see `OnPolicyBatch`, everything (M, n)."""
+
+    log_prob: Tensor
+    advantages: Tensor
+    targets: Tensor
+
+
+@dataclass(frozen=True)
+class ReplayGroup(GroupBatch):
+    """A group's part of replayed transitions, with what its agents saw next."""
+
+    next: GroupView
+
+
+@dataclass(frozen=True)
+class JointView:
+    """M moments of all N agents; see `View` for the fields."""
+
+    spec: JointSpec
+    observations: tuple[Mapping[str, Tensor], ...]
+    alive: Tensor
+    masks: tuple[Tensor | None, ...]
+    state: Tensor | None
+    graph: Tensor | None
+
+    @classmethod
+    def of(cls, spec: JointSpec, view: View, device: torch.device | str = "cpu") -> Self:
+        """Return the view as tensors; shares memory with the arrays on the CPU."""
+        return cls(
+            spec,
+            tuple(
+                {name: to_tensor(leaf, device) for name, leaf in leaves.items()}
+                for leaves in view.observations
+            ),
+            to_tensor(view.alive, device),
+            tuple(None if mask is None else to_tensor(mask, device) for mask in view.masks),
+            None if view.state is None else to_tensor(view.state, device),
+            None if view.graph is None else to_tensor(view.graph, device),
+        )
+
+    def __len__(self) -> int:
+        return len(self.alive)
+
+    def __getitem__(self, rows) -> Self:
+        """Return the given rows."""
+        return replace(
+            self, **{f.name: _rows(getattr(self, f.name), rows) for f in fields(self) if f.name != "spec"}
+        )
+
+    def flat(self) -> Self:
+        """Return the same moments with the leading (T, B) axes made one."""
+        return self.map(lambda x: x.flatten(0, 1))
+
+    def map(self, function) -> Self:
+        """Apply a function to every tensor."""
+        changed = {f.name: _apply(getattr(self, f.name), function) for f in fields(self) if f.name != "spec"}
+        return replace(self, **changed)
+
+    def view(self, group: Group) -> GroupView:
+        """Return what a group's agents see."""
+        return GroupView(*self._seen(group))
+
+    def join(self, parts: Mapping[str, Tensor]) -> Tensor:
+        """Return (..., N) or (..., N, x) from each group's (..., n) or (..., n, x), by group id."""
+        axis = self.alive.dim() - 1
+        groups = self.spec.groups
+        if len(groups) == 1:
+            return parts[groups[0].id]
+        joined = torch.cat([parts[group.id] for group in groups], axis)
+        order = np.concatenate([np.arange(self.alive.shape[-1])[group.columns] for group in groups])
+        if (order == np.arange(len(order))).all():
+            return joined
+        return joined.index_select(axis, torch.as_tensor(np.argsort(order), device=joined.device))
+
+    def joint_observations(self) -> Tensor:
+        """Return all agents' flattened observations side by side, (..., sum n*d); zeros for absent agents."""
+        parts = []
+        for block, leaves in zip(self._block_columns(), self.observations, strict=True):
+            there = self.alive[..., block]
+            for leaf in leaves.values():
+                flat = (
+                    leaf.flatten(self.alive.dim()).float()
+                    if leaf.dim() > self.alive.dim()
+                    else leaf[..., None]
+                )
+                parts.append((flat * there[..., None]).flatten(-2))
+        return torch.cat(parts, -1)
+
+    def global_state(self) -> Tensor:
+        """Return the environment's state (..., S), else the joint observations and who is there."""
+        if self.state is not None:
+            return self.state
+        return torch.cat([self.joint_observations(), self.alive.float()], -1)
+
+    def _block_columns(self) -> list[slice]:
+        ends = np.cumsum([len(block.agents) for block in self.spec.spaces.blocks])
+        return [
+            slice(int(e) - len(b.agents), int(e)) for e, b in zip(ends, self.spec.spaces.blocks, strict=True)
+        ]
+
+    def _seen(self, group: Group) -> tuple[Mapping[str, Tensor], Tensor, Tensor | None]:
+        axis = self.alive.dim() - 1
+        within = (slice(None),) * axis + (group.within,)
+        mask = self.masks[group.block]
+        return (
+            {name: leaf[within] for name, leaf in self.observations[group.block].items()},
+            self.alive[..., group.columns],
+            None if mask is None else mask[within],
+        )
+
+
+@dataclass(frozen=True)
+class JointBatch(JointView):
+    """M transitions of all N agents.
+
+    Attributes:
+        actions: Per block, int64 (M, n) or float32 (M, n, k); 0 for the dead.
+        rewards: Individual rewards, (M, N); 0 for the dead.
+        bootstrap: Alive and not terminated, so the value of the next moment counts, (M, N).
+    """
+
+    actions: tuple[Tensor, ...]
+    rewards: Tensor
+    bootstrap: Tensor
+
+    def encoded_actions(self) -> dict[str, Tensor]:
+        """Return the actions as critics see them by group id: one-hot (M, n, A) or raw (M, n, k)."""
+        encoded = {}
+        for group in self.spec.groups:
+            _, alive, _ = self._seen(group)
+            actions, _, _ = self._done(group)
+            encoded[group.id] = encode(group, actions) * alive[..., None]
+        return encoded
+
+    def _done(self, group: Group) -> tuple[Tensor, Tensor, Tensor]:
+        own = (..., group.columns)
+        return self.actions[group.block][:, group.within], self.rewards[own], self.bootstrap[own]
+
+
+@dataclass(frozen=True)
+class OnPolicyBatch(JointBatch):
+    """Transitions of one rollout; everything (M, N).
+
+    Attributes:
+        log_prob: Of the actions when they were taken.
+        advantages: Standardised where the config says so; 0 for the dead.
+        targets: What values are regressed on; 0 for the dead.
+    """
+
+    log_prob: Tensor
+    advantages: Tensor
+    targets: Tensor
+
+    def groups(self) -> Iterator[tuple[Group, OnPolicyGroup]]:
+        """Yield every group with its part."""
+        for group in self.spec.groups:
+            own = (..., group.columns)
+            scores = self.log_prob[own], self.advantages[own], self.targets[own]
+            yield group, OnPolicyGroup(*self._seen(group), *self._done(group), *scores)
+
+
+@dataclass(frozen=True)
+class ReplayBatch(JointBatch):
+    """Transitions from replay.
+
+    Attributes:
+        next: The true next moment, never a reset observation; `next.alive` tells who is still there,
+            agents cut by a time limit included.
+    """
+
+    next: JointView
+
+    def groups(self) -> Iterator[tuple[Group, ReplayGroup]]:
+        """Yield every group with its part."""
+        for group in self.spec.groups:
+            yield group, ReplayGroup(*self._seen(group), *self._done(group), self.next.view(group))
+
+
+def encode(group: Group, actions: Tensor) -> Tensor:
+    """Return actions as critics see them: one-hot (..., A), or raw and flat (..., k)."""
+    if isinstance(group.action, Discrete):
+        return torch.nn.functional.one_hot(actions, int(group.action.n)).float()
+    return actions
+
+
+def to_tensor(array: np.ndarray, device: torch.device | str = "cpu") -> Tensor:
+    """Return the array as a tensor; arrays from Ray's object store are read-only and get copied."""
+    tensor = torch.from_numpy(array if array.flags.writeable else array.copy())
+    return tensor if device == "cpu" else tensor.to(device)
+
+
+def _rows(value: Any, rows) -> Any:
+    return value[rows] if isinstance(value, JointView) else _apply(value, lambda x: x[rows])
+
+
+def _apply(value: Any, function) -> Any:
+    if value is None:
+        return None
+    if isinstance(value, Tensor):
+        return function(value)
+    if isinstance(value, JointView):
+        return value.map(function)
+    if isinstance(value, Mapping):
+        return {name: function(leaf) for name, leaf in value.items()}
+    return tuple(_apply(part, function) for part in value)

@@ -1,0 +1,292 @@
+"""RLlib configs of joint algorithms: settings with their defaults, and which networks exist."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any, Self
+
+from gymnasium.spaces import Discrete
+from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
+from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
+from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+
+from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
+from algorithms.joint.module import JointModule, LearnerModule
+from algorithms.joint.runner import SPEC, JointEnvRunner
+from algorithms.joint.spec import Group, JointSpec, Sharing, agent_spaces
+from algorithms.parts.distributions import Exploration
+from algorithms.registry import ALGORITHMS, Actions, Entry
+
+
+class JointConfig(AlgorithmConfig):
+    """Settings of every joint algorithm; attributes below are keywords of `training()`.
+
+    A subclass names its registry entry in `algorithm`, adds settings in `settings()` and networks in
+    `modules()`.
+
+    Attributes:
+        sharing: Who shares a policy network: "none", "all", {"group": ["agent", ...]}, or a function.
+        hidden: Widths of hidden layers, of policies and critics alike.
+        lr: Learning rate of all networks, or an RLlib schedule over environment steps.
+        gamma: Discount per environment step.
+        grad_clip: Largest gradient norm of each network, or None.
+        reward_scale: Factor on rewards before learning; metrics show unscaled returns.
+        max_env_failures: Failures of one copy without a completed episode in between that stop the run.
+        max_silent_iterations: Iterations without any runner's answer that stop the run.
+        torch_threads: Threads that torch uses for acting and learning in each process.
+        evaluate_sampled: Greedy evaluations also play the same episodes with sampled actions, below
+            `sampled/`.
+    """
+
+    algorithm: str
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class)
+        self.env_runner_cls = JointEnvRunner
+        self.env_runners(
+            num_envs_per_env_runner=8, rollout_fragment_length=64, batch_mode="truncate_episodes"
+        )
+        # RLlib's default mapping cannot be called without its own runner; ours lies in the JointSpec.
+        self.multi_agent(policies={"shared"}, policy_mapping_fn=_unused_mapping)  # type: ignore[arg-type]
+        self.fault_tolerance(restart_failed_env_runners=True, delay_between_env_runner_restarts_s=0.1)
+        self.evaluation(evaluation_duration_unit="episodes", evaluation_config={"explore": False})
+        self.reporting(metrics_num_episodes_for_smoothing=100)
+        self.explore = True
+        self._defaults(
+            sharing="none",
+            hidden=(64, 64),
+            lr=3e-4,
+            gamma=0.99,
+            grad_clip=10.0,
+            reward_scale=1.0,
+            max_env_failures=10,
+            max_silent_iterations=3,
+            torch_threads=1,
+            evaluate_sampled=False,
+        )
+
+    sharing: Sharing
+    hidden: tuple[int, ...]
+    reward_scale: float
+    max_env_failures: int
+    max_silent_iterations: int
+    torch_threads: int
+    evaluate_sampled: bool
+
+    @property
+    def entry(self) -> Entry:
+        """The algorithm's line in the registry."""
+        return ALGORITHMS[self.algorithm]
+
+    def training(self, **settings: Any) -> Self:  # type: ignore[override]
+        """Change settings of the algorithm, or RLlib's general ones.
+
+        Raises:
+            UnknownSettingError: Neither has a setting of this name.
+        """
+        general = inspect.signature(AlgorithmConfig.training).parameters
+        for name in settings:
+            if name not in self._settings and name not in general:
+                known = [*self._settings, *(n for n in general if n != "self")]
+                raise UnknownSettingError(
+                    f"{self.algorithm!r} has no setting {name!r}",
+                    place="training()",
+                    remedy=nearest_names(name, known),
+                )
+        own = {name: value for name, value in settings.items() if name in self._settings}
+        super().training(**{name: value for name, value in settings.items() if name not in own})
+        for name, value in own.items():
+            setattr(self, name, value)
+        return self
+
+    def modules(self, spec: JointSpec) -> dict[str, RLModuleSpec]:
+        """Return the networks by module id: one policy per group, under the group's id, and critics.
+
+        Use `policy_spec` and `learner_spec` to describe them.
+        """
+        raise NotImplementedError
+
+    def module_settings(self) -> dict[str, Any]:
+        """Return the settings that networks are built from."""
+        return {"hidden": tuple(self.hidden)}
+
+    def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
+        """Return how runners explore after this many environment steps."""
+        return Exploration(explore=bool(self.explore))
+
+    def policy_spec(
+        self, spec: JointSpec, group: Group, module: type[JointModule] = JointModule
+    ) -> RLModuleSpec:
+        """Describe a policy network of a group."""
+        observation, action = agent_spaces(group)
+        return RLModuleSpec(
+            module_class=module,
+            observation_space=observation,
+            action_space=action,
+            model_config={"spec": spec, "group": group.id, "settings": self.module_settings()},
+        )
+
+    def learner_spec(
+        self, spec: JointSpec, module: type[LearnerModule], group: Group | None = None
+    ) -> RLModuleSpec:
+        """Describe a network that only learners hold, of one group or of all agents."""
+        observation, action = agent_spaces(group or spec.groups[0])
+        return RLModuleSpec(
+            module_class=module,
+            observation_space=observation,
+            action_space=action,
+            learner_only=True,
+            model_config={
+                "spec": spec,
+                "group": group.id if group else None,
+                "settings": self.module_settings(),
+            },
+        )
+
+    def check(self, spec: JointSpec) -> None:
+        """Refuse environments that the algorithm cannot handle.
+
+        Raises:
+            SpaceError: An action space does not fit; the message names algorithms that do.
+        """
+        for block in spec.spaces.blocks:
+            kind = Actions.DISCRETE if isinstance(block.action, Discrete) else Actions.CONTINUOUS
+            if not self.entry.acts_in(kind):
+                fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
+                raise SpaceError(
+                    f"{self.algorithm!r} needs {self.entry.actions} actions, "
+                    f"but {block.agents[0]!r} has {block.action}",
+                    place="action space",
+                    remedy=f"for {kind} actions use one of: {fitting}",
+                )
+
+    def check_vectors(self, spec: JointSpec) -> None:
+        """Refuse images where critics put all observations side by side.
+
+        Raises:
+            SpaceError: An observation leaf is an image.
+        """
+        for block in spec.spaces.blocks:
+            for name, space in block.observation.items():
+                if len(space.shape) == 3:
+                    raise SpaceError(
+                        f"{self.algorithm!r} joins all observations; {name or 'one'!r} is an image",
+                        place="observation space",
+                        remedy="use 'ppo', or give a state to 'centralised_v', or drop the image",
+                    )
+
+    def check_state(self, spec: JointSpec) -> None:
+        """Refuse images where they would be the global state; see `check_vectors`."""
+        if not spec.spaces.state:
+            self.check_vectors(spec)
+
+    def get_multi_rl_module_spec(
+        self,
+        *,
+        env=None,
+        spaces: Mapping[str, Any] | None = None,
+        inference_only: bool = False,
+        **kwargs: Any,
+    ) -> MultiRLModuleSpec:
+        """Return all networks, or those that runners need (RLlib)."""
+        if not spaces or SPEC not in spaces:
+            raise SpaceError(
+                "the spaces of the environment are unknown",
+                place=f"config of {self.algorithm!r}",
+                remedy="give the environment: .environment(...)",
+            )
+        spec: JointSpec = spaces[SPEC][0]
+        self.check(spec)
+        modules = self.modules(spec)
+        if inference_only:
+            modules = {name: module for name, module in modules.items() if not module.learner_only}
+            for module in modules.values():
+                module.inference_only = True
+        return MultiRLModuleSpec(rl_module_specs=modules)
+
+    def get_default_rl_module_spec(self) -> RLModuleSpec:
+        """Return what RLlib takes as the type of networks."""
+        return RLModuleSpec(module_class=JointModule)
+
+    def validate(self) -> None:
+        """Refuse settings that cannot work together (RLlib).
+
+        Raises:
+            ValueError: Several learners, evaluation by time, or fragments of automatic length were asked for.
+        """
+        super().validate()
+        if (self.num_learners or 0) > 1:
+            self._value_error("joint algorithms learn in one process: set num_learners to 0 or 1")
+        if not isinstance(self.rollout_fragment_length, int):
+            self._value_error("rollout_fragment_length must be a number: 'auto' may differ between runners")
+        if self.evaluation_interval and self.evaluation_duration == "auto":
+            self._value_error(
+                "evaluation_duration must be a number of episodes: scores would not be comparable"
+            )
+        if self.evaluation_interval and self.evaluation_duration_unit != "episodes":
+            self._value_error("evaluation_duration_unit must be 'episodes': parts of episodes have no return")
+
+    def _defaults(self, **settings: Any) -> None:
+        self._settings: tuple[str, ...] = (*getattr(self, "_settings", ()), *settings)
+        for name, value in settings.items():
+            setattr(self, name, value)
+
+
+class OnPolicyConfig(JointConfig):
+    """Settings of algorithms that learn from each rollout once.
+
+    Attributes:
+        lambda_: Weight of longer returns in advantage estimation.
+        epochs: Passes over each rollout.
+        minibatch_size: Joint rows, of N correlated agents each, per gradient step; None: the whole rollout.
+        normalize_advantages: Standardise advantages per policy network over each rollout.
+        entropy_coeff: Weight of the entropy bonus.
+    """
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class)
+        self._defaults(
+            lambda_=0.95, epochs=4, minibatch_size=128, normalize_advantages=True, entropy_coeff=0.01
+        )
+
+    lambda_: float
+    epochs: int
+    normalize_advantages: bool
+    entropy_coeff: float
+
+
+class OffPolicyConfig(JointConfig):
+    """Settings of algorithms that learn from replay.
+
+    Attributes:
+        capacity: Joint transitions in the replay buffer.
+        batch_size: Joint transitions, of N agents each, per update.
+        learning_starts: Joint transitions stored before the first update.
+        updates_per_step: Updates per environment step (of one copy).
+        tau: Step of target networks towards their originals, each update.
+        checkpoint_replay: Whether checkpoints hold the replay buffer; without it a restored run is not exact.
+    """
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class)
+        self.env_runners(rollout_fragment_length=8)
+        self._defaults(
+            capacity=100_000,
+            batch_size=128,
+            learning_starts=1_000,
+            updates_per_step=0.125,
+            tau=0.01,
+            checkpoint_replay=True,
+        )
+
+    capacity: int
+    batch_size: int
+    learning_starts: int
+    updates_per_step: float
+    tau: float
+    checkpoint_replay: bool
+
+
+def _unused_mapping(agent_id: str, episode: Any = None, **kwargs: Any) -> str:
+    return "shared"

@@ -1,0 +1,42 @@
+"""Evaluation for callers who want every step: exact episodes, greedy or sampled, without RLlib's metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from algorithms.joint.runner import JointEnvRunner
+from algorithms.joint.sampler import Episode, EvaluatedStep
+
+if TYPE_CHECKING:
+    from algorithms.joint.algorithm import JointAlgorithm
+
+REPORTED_WORLDS = 2_000_000
+"""First world of reported scores: other worlds than those by which RLlib's evaluation selects checkpoints."""
+
+
+def evaluate(
+    algo: JointAlgorithm,
+    episodes: int,
+    *,
+    explore: bool = False,
+    on_step: Callable[[EvaluatedStep], None] | None = None,
+    first_world: int = REPORTED_WORLDS,
+) -> list[Episode]:
+    """Play exactly `episodes` episodes with the present policies, in this process.
+
+    Args:
+        algo: A built algorithm; its training is left alone.
+        episodes: How many; episode k plays world `first_world + k`, whatever the number of copies or runners.
+        explore: Sample actions as in training, or act greedily.
+        on_step: Called with every step of all copies, sampling distributions included.
+        first_world: World of the first episode.
+
+    Returns:
+        The episodes in the order of their worlds.
+    """
+    runner: JointEnvRunner = algo.env_runner_group.local_env_runner
+    runner.set_state(algo.runner_state())
+    return runner.play(first_world + np.arange(episodes), explore=explore, on_step=on_step)

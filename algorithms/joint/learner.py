@@ -1,0 +1,302 @@
+"""Learners: an algorithm fills `update_minibatch`, which reads like its paper's pseudo-code."""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import ray
+import torch
+from ray.rllib.core import COMPONENT_RL_MODULE
+from ray.rllib.core.learner.torch.torch_learner import TorchLearner
+from ray.rllib.core.learner.training_data import TrainingData
+from torch import Tensor, nn
+
+from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, to_tensor
+from algorithms.joint.replay import JointReplay
+from algorithms.joint.rollout import JointRollout
+from algorithms.joint.spec import Group, JointSpec
+from algorithms.joint.threads import torch_threads
+from algorithms.parts.advantages import generalised_advantages
+from algorithms.parts.masking import masked_mean, standardised
+
+if TYPE_CHECKING:
+    from algorithms.joint.config import JointConfig, OffPolicyConfig, OnPolicyConfig
+
+JOINT, REPLAY = "joint", "replay"
+"""Parts of a learner's state besides RLlib's."""
+
+
+class JointTrainingData(TrainingData):
+    """Carries a rollout through RLlib's learner group."""
+
+    def __init__(self, rollout: JointRollout | ray.ObjectRef) -> None:
+        super().__init__()
+        self.rollout = rollout
+
+    def validate(self) -> None:
+        """Accept it: the rollout was checked where it was made (RLlib)."""
+
+    def solve_refs(self) -> None:
+        """Fetch the data from the object store (RLlib)."""
+        if isinstance(self.rollout, ray.ObjectRef):
+            self.rollout = ray.get(self.rollout)
+
+    def shard(self, num_shards: int, **kwargs: Any) -> list[tuple[JointTrainingData, dict]]:  # type: ignore[override]
+        """Return the data for each of the learners (RLlib); there is one."""
+        return [(self, {})]
+
+
+class JointTorchLearner(TorchLearner):
+    """A learner over joint data whose losses step chosen modules only.
+
+    RLlib adds all losses up and calls backward once, so that an actor's loss leaks into its critic;
+    `step_optimizer` differentiates one loss with respect to the named modules and nothing else.
+    """
+
+    config: JointConfig  # type: ignore[assignment]
+
+    def build(self) -> None:
+        """Build modules and optimisers, and seed this learner's random numbers."""
+        super().build()
+        self.spec: JointSpec = self.net(next(iter(self.module.keys()))).spec
+        self.groups: tuple[Group, ...] = self.spec.groups
+        self.generator = torch.Generator().manual_seed(self.config.seed or 0)
+        self.rng = np.random.Generator(np.random.Philox(np.random.SeedSequence([self.config.seed or 0, 1])))
+        self.gamma = float(self.config.gamma or 0)
+        self.updates = 0
+        self._parameters = {mid: self.net(mid).trained_parameters() for mid in self.module.keys()}  # noqa: SIM118
+        self._means: dict[tuple[str, str], list[Tensor]] = {}
+
+    def net(self, module_id: str) -> Any:
+        """Return a network without RLlib's wrapping for distributed training."""
+        return self.module[module_id].unwrapped()
+
+    def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
+        """Give every module one Adam over all its parameters except target networks."""
+        parameters = self.net(module_id).trained_parameters()
+        if parameters:
+            self.register_optimizer(
+                module_id=module_id,
+                optimizer=torch.optim.Adam(parameters, eps=1e-5, foreach=True),
+                params=parameters,
+                lr_or_lr_schedule=config.lr,
+            )
+
+    def step_optimizer(self, loss: Tensor, *module_ids: str) -> None:
+        """Take one gradient step on `loss` with respect to these modules, and no others.
+
+        The gradient of each module is clipped by its own norm.
+        """
+        owned = [self._parameters[module_id] for module_id in module_ids]
+        flat = [p for parameters in owned for p in parameters]
+        for p, gradient in zip(flat, torch.autograd.grad(loss, flat, allow_unused=True), strict=True):
+            p.grad = gradient
+        for module_id, parameters in zip(module_ids, owned, strict=True):
+            if self.config.grad_clip is not None:
+                nn.utils.clip_grad_norm_(parameters, self.config.grad_clip, foreach=True)
+            self.get_optimizer(module_id).step()
+            for p in parameters:
+                p.grad = None
+
+    def mean(self, x: Tensor, mask: Tensor) -> Tensor:
+        """Return the mean over the living; every term of every loss goes through here."""
+        return masked_mean(x, mask)
+
+    def log(self, module_id: str, name: str, value: Tensor) -> None:
+        """Report the mean of a number over this update; read from the device only once an update."""
+        self._means.setdefault((module_id, name), []).append(value.detach())
+
+    def track(self, *module_ids: str, tau: float) -> None:
+        """Move target networks towards their originals: target <- (1 - tau) * target + tau * original.
+
+        An attribute `target_x` of a module's `targets` follows its attribute `x`.
+        """
+        with torch.no_grad():
+            for module_id in module_ids:
+                net = self.net(module_id)
+                for name in net.targets:
+                    source = getattr(net, name.removeprefix("target_"))
+                    for own, followed in zip(
+                        getattr(net, name).parameters(), source.parameters(), strict=True
+                    ):
+                        own.lerp_(followed, tau)
+
+    def update(self, *, training_data: TrainingData, timesteps: dict[str, Any], **kwargs: Any) -> Any:  # type: ignore[override]
+        """Learn from one rollout (RLlib)."""
+        if not isinstance(training_data, JointTrainingData):
+            raise TypeError(f"joint learners take JointTrainingData, not {type(training_data).__name__}")
+        self.before_gradient_based_update(timesteps=timesteps)
+        training_data.solve_refs()
+        self._weights_seq_no += 1
+        with torch_threads(self.config.torch_threads):
+            self.update_joint(training_data.rollout)  # type: ignore[arg-type] - the reference is solved
+        self.after_gradient_based_update(timesteps=timesteps)
+        for key, values in self._means.items():
+            self.metrics.log_value(key, torch.stack(values).mean().item(), window=1)
+        self._means.clear()
+        return self.metrics.reduce()
+
+    def update_joint(self, rollout: JointRollout) -> None:
+        """Learn from one rollout."""
+        raise NotImplementedError
+
+    def compute_loss_for_module(self, **kwargs: Any) -> Tensor:
+        """Refuse: losses belong to `update_minibatch` (RLlib)."""
+        raise NotImplementedError("joint learners compute their losses in update_minibatch")
+
+    def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
+        """Return RLlib's state and that of the random numbers and counters."""
+        state = super().get_state(components, not_components=not_components, **kwargs)
+        if self._check_component(JOINT, components, not_components):
+            state[JOINT] = self._own_state()
+        # RLlib's arrays share memory with the live tensors; a snapshot that is kept must not learn with them.
+        return copy.deepcopy(state) if components is None and not not_components else state
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Restore; older weights too, which RLlib's learner would silently ignore."""
+        if COMPONENT_RL_MODULE in state:
+            self._weights_seq_no = -1
+        super().set_state(state)
+        if JOINT in state:
+            self._set_own_state(state[JOINT])
+
+    def _own_state(self) -> dict[str, Any]:
+        return {
+            "generator": self.generator.get_state().numpy(),
+            "rng": self.rng.bit_generator.state,
+            "updates": self.updates,
+        }
+
+    def _set_own_state(self, state: dict[str, Any]) -> None:
+        self.generator.set_state(torch.tensor(state["generator"]))
+        self.rng.bit_generator.state = state["rng"]
+        self.updates = state["updates"]
+
+
+class OnPolicyLearner(JointTorchLearner):
+    """Learns from each rollout once: `prepare` makes the batch, then come epochs of minibatches."""
+
+    config: OnPolicyConfig  # type: ignore[assignment]
+
+    def values(self, view: JointView) -> Tensor:
+        """Return state values (M, N) of M moments, without gradient: the second slot."""
+        raise NotImplementedError
+
+    def update_minibatch(self, batch: OnPolicyBatch) -> None:
+        """Take the gradient steps of one minibatch: the slot that an algorithm fills."""
+        raise NotImplementedError
+
+    def update_joint(self, rollout: JointRollout) -> None:
+        """Run the epochs over the batch that `prepare` makes."""
+        batch = self.prepare(rollout)
+        size = self.config.minibatch_size
+        for _ in range(self.config.epochs):
+            if size is None or size >= len(batch):
+                self.update_minibatch(batch)
+                continue
+            order = torch.randperm(len(batch), generator=self.generator).to(batch.alive.device)
+            for rows in order.split(size):
+                self.update_minibatch(batch[rows])
+        self.updates += 1
+
+    def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
+        """Return all transitions of the rollout, T*B rows, with generalised advantages and value targets."""
+        device, masks = self._device, rollout.masks()
+        views = JointView.of(self.spec, rollout.views, device)
+        final = JointView.of(self.spec, rollout.final, device)
+        with torch.no_grad():
+            values = self.values(views.flat()).unflatten(0, rollout.views.alive.shape[:2])
+            final_values = self.values(final) if len(final) else values.new_zeros(0, values.shape[-1])
+        alive = views.alive[:-1]
+        rewards, bootstrap, chain = (
+            to_tensor(x, device) for x in (rollout.rewards, masks.bootstrap, masks.chain)
+        )
+        advantages, targets = generalised_advantages(
+            rewards * self.config.reward_scale,
+            values,
+            final_values,
+            to_tensor(rollout.final_at, device),
+            bootstrap,
+            chain,
+            gamma=self.gamma,
+            lambda_=self.config.lambda_,
+        )
+        rows = views[:-1].flat()
+        return OnPolicyBatch(
+            self.spec,
+            rows.observations,
+            rows.alive,
+            rows.masks,
+            rows.state,
+            rows.graph,
+            actions=tuple(to_tensor(a, device).flatten(0, 1) for a in rollout.actions),
+            rewards=rewards.flatten(0, 1),
+            bootstrap=bootstrap.flatten(0, 1),
+            log_prob=self._log_prob(rollout, rewards),
+            advantages=self._scaled(advantages, alive).flatten(0, 1),
+            targets=torch.where(alive, targets, 0).flatten(0, 1),
+        )
+
+    def _log_prob(self, rollout: JointRollout, like: Tensor) -> Tensor:
+        if rollout.log_prob is None:
+            return torch.zeros_like(like).flatten(0, 1)
+        return to_tensor(rollout.log_prob, self._device).flatten(0, 1)
+
+    def _scaled(self, advantages: Tensor, alive: Tensor) -> Tensor:
+        """Standardise per policy network, over the whole batch and the living only, before any minibatch."""
+        if not self.config.normalize_advantages:
+            return torch.where(alive, advantages, 0)
+        scaled = torch.zeros_like(advantages)
+        for group in self.groups:
+            own = (..., group.columns)
+            scaled[own] = standardised(advantages[own], alive[own])
+        return scaled
+
+
+class OffPolicyLearner(JointTorchLearner):
+    """Keeps a replay buffer and takes a fixed number of updates per environment step."""
+
+    config: OffPolicyConfig  # type: ignore[assignment]
+
+    def build(self) -> None:
+        """Build modules, and the replay buffer."""
+        super().build()
+        self.replay = JointReplay(self.spec, self.config.capacity)
+        self._owed = 0.0
+
+    def update_minibatch(self, batch: ReplayBatch) -> None:
+        """Take the gradient steps of one minibatch: the slot that an algorithm fills."""
+        raise NotImplementedError
+
+    def update_joint(self, rollout: JointRollout) -> None:
+        """Store the rollout, then learn from samples of everything stored."""
+        self.replay.add(rollout)
+        if len(self.replay) < self.config.learning_starts:
+            return
+        self._owed += rollout.env_steps() * self.config.updates_per_step
+        while self._owed >= 1:
+            self._owed -= 1
+            self.updates += 1
+            self.update_minibatch(self.replay.sample(self.rng, self.config.batch_size, self._device))
+
+    def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
+        """Return also the replay buffer, unless the config leaves it out of checkpoints."""
+        state = super().get_state(components, not_components=not_components, **kwargs)
+        if self.config.checkpoint_replay and self._check_component(REPLAY, components, not_components):
+            state[REPLAY] = self.replay.get_state()
+        return state
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Restore; without a stored replay buffer learning goes on with the present one."""
+        super().set_state(state)
+        if REPLAY in state:
+            self.replay.set_state(state[REPLAY])
+
+    def _own_state(self) -> dict[str, Any]:
+        return {**super()._own_state(), "owed": self._owed}
+
+    def _set_own_state(self, state: dict[str, Any]) -> None:
+        super()._set_own_state(state)
+        self._owed = state["owed"]

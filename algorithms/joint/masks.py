@@ -1,0 +1,56 @@
+"""The mask algebra: from what the environment reports to what learners may use.
+
+Four masks follow from `alive`, `terminated`, `truncated`, `reset` and `failed`, in this file only:
+
+    bootstrap[t] = alive[t] and not terminated[t]
+    chain[t]     = bootstrap[t] and alive[t+1] and not (truncated[t] or reset[t] or failed[t])
+    fresh[t+1]   = alive[t+1] and not chain[t]
+    last[t]      = bootstrap[t] and not chain[t]
+
+`bootstrap`: the value of what followed counts. `chain`: row t+1 is the next action of the same life, so
+returns accumulate over it. `fresh`: a new life begins in this column (late arrival, reuse, reset), so memory
+is cleared.
+`last`: the life goes on beyond the data, or was cut; its next observation is a *final row* of its own, since
+row t+1 may belong to somebody else. A failed step is void: it has `alive[t]` False, so the life before it
+ends in a final row.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from algorithms.joint.env import Bools
+
+
+class Masks(NamedTuple):
+    """The derived masks of a fragment.
+
+    Attributes:
+        bootstrap: Shape (T, B, N).
+        chain: Shape (T, B, N).
+        fresh: Shape (T + 1, B, N); row 0 is False, since a fragment does not know what came before it.
+        last: Shape (T, B, N).
+    """
+
+    bootstrap: Bools
+    chain: Bools
+    fresh: Bools
+    last: Bools
+
+
+def derive_masks(alive: Bools, terminated: Bools, truncated: Bools, reset: Bools, failed: Bools) -> Masks:
+    """Return the masks of a fragment.
+
+    Args:
+        alive: Who acts, shape (T + 1, B, N); False in failed rows.
+        terminated: Shape (T, B, N).
+        truncated: Shape (T, B, N).
+        reset: Copies that were reset after step t, shape (T, B).
+        failed: Copies whose step t is void, shape (T, B).
+    """
+    bootstrap = alive[:-1] & ~terminated
+    chain = bootstrap & alive[1:] & ~truncated & ~(reset | failed)[..., None]
+    fresh = np.concatenate([np.zeros_like(alive[:1]), alive[1:] & ~chain])
+    return Masks(bootstrap, chain, fresh, bootstrap & ~chain)

@@ -1,0 +1,119 @@
+"""Policy networks of a group, as RLlib modules, and the names of their companions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from ray.rllib.core.columns import Columns
+from ray.rllib.core.rl_module.apis import InferenceOnlyAPI
+from ray.rllib.core.rl_module.torch import TorchRLModule
+from torch import Tensor, nn
+
+from algorithms.joint.batch import GroupView
+from algorithms.joint.spec import Group, JointSpec
+from algorithms.parts.distributions import Exploration, Head, stochastic_head
+from algorithms.parts.networks import Encoder, orthogonal, perceptron
+
+
+def critic_of(group: Group) -> str:
+    """Return the module id of a group's critic or value network."""
+    return f"{group.id}__critic"
+
+
+class JointModule(TorchRLModule, InferenceOnlyAPI):
+    """A policy shared by the n agents of a group.
+
+    `model_config` carries `spec` (JointSpec), `group` (Group id, or None for modules of all agents) and
+    `settings` (whatever the algorithm's config hands over).
+
+    Attributes:
+        targets: Names of attributes that are target networks: learner only, no gradient.
+        head: How outputs become actions.
+    """
+
+    targets: tuple[str, ...] = ()
+    head: Head
+
+    def setup(self) -> None:
+        """Read the model config and build the networks."""
+        config = self.model_config
+        assert_mapping(config)
+        self.spec: JointSpec = config["spec"]
+        self.group: Group = next(g for g in self.spec.groups if g.id == config["group"])
+        self.settings: Mapping[str, Any] = config["settings"]
+        self.head = self.make_head()
+        self.make_networks()
+
+    def make_head(self) -> Head:
+        """Return how outputs become actions."""
+        return stochastic_head(self.group.action)
+
+    def make_networks(self) -> None:
+        """Create `encoder` and `body`; the default policy is `body(encoder(observations))`."""
+        self.encoder = Encoder(self.group.observation, self.group.size)
+        body = perceptron([self.encoder.size, *self.settings["hidden"], self.head.outputs])
+        self.body: nn.Module = orthogonal(body, gain=np.sqrt(2), last=0.01)
+
+    def policy(self, view: GroupView) -> Tensor:
+        """Return the outputs (M, n, P) that the head turns into actions."""
+        return self.body(self.encoder(view.observations))
+
+    def plain(self) -> tuple[Encoder, nn.Module] | None:
+        """Return (encoder, body) if the policy is just `body(encoder(...))`, so that runners may stack it."""
+        return self.encoder, self.body
+
+    def get_non_inference_attributes(self) -> list[str]:
+        """Return what runners need not hold (RLlib)."""
+        return list(self.targets)
+
+    def trained_parameters(self) -> list[nn.Parameter]:
+        """Return the parameters that optimisers step: all but the target networks'."""
+        return [p for name, p in self.named_parameters() if name.split(".")[0] not in self.targets]
+
+    def _forward(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
+        """Serve plain RLlib users: greedy actions for observations (M, ...) of single agents."""
+        seen = batch[Columns.OBS]
+        leaves = {"": seen[:, None]} if isinstance(seen, Tensor) else {k: v[:, None] for k, v in seen.items()}
+        view = GroupView(leaves, torch.ones(len(next(iter(leaves.values()))), 1, dtype=torch.bool), None)
+        acting = self.head.act(self.policy(view), None, Exploration(explore=False), torch.Generator())
+        return {Columns.ACTIONS: acting.actions[:, 0]}
+
+
+class LearnerModule(TorchRLModule):
+    """A network that only learners hold: a critic, a mixer. See `JointModule` for `model_config`.
+
+    Attributes:
+        targets: Names of attributes that are target networks.
+    """
+
+    targets: tuple[str, ...] = ()
+
+    def setup(self) -> None:
+        """Read the model config and build the networks."""
+        config = self.model_config
+        assert_mapping(config)
+        self.spec: JointSpec = config["spec"]
+        self.group: Group | None = next((g for g in self.spec.groups if g.id == config["group"]), None)
+        self.settings: Mapping[str, Any] = config["settings"]
+        self.make_networks()
+
+    def make_networks(self) -> None:
+        """Create the networks."""
+        raise NotImplementedError
+
+    def trained_parameters(self) -> list[nn.Parameter]:
+        """Return the parameters that optimisers step: all but the target networks'."""
+        return [p for name, p in self.named_parameters() if name.split(".")[0] not in self.targets]
+
+
+def assert_mapping(config: Any) -> None:
+    """Refuse a module that was built without the model config of a `JointConfig`.
+
+    Raises:
+        TypeError: It was.
+    """
+    if not isinstance(config, Mapping) or "spec" not in config:
+        raise TypeError(f"joint modules are built by JointConfig, not from the model config {config!r}")

@@ -1,0 +1,140 @@
+"""Replay of single transitions: a ring of joint rows with their true next moments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from algorithms.joint.batch import JointView, ReplayBatch
+from algorithms.joint.rollout import JointRollout, View
+from algorithms.joint.spaces import stored_actions
+from algorithms.joint.spec import JointSpec
+
+
+class JointReplay:
+    """The last `capacity` joint transitions in which anybody acted.
+
+    Next observations are stored explicitly, so resets, deaths and truncations are resolved once, when a
+    rollout is added, at the price of twice the memory: `nbytes` tells how much.
+
+    Args:
+        spec: Agents and spaces.
+        capacity: Joint transitions kept.
+    """
+
+    def __init__(self, spec: JointSpec, capacity: int) -> None:
+        self.capacity = capacity
+        self._spec = spec
+        agents = len(spec.agents)
+        self._now = View.empty(spec.spaces, capacity)
+        self._next = View.empty(spec.spaces, capacity)
+        self._actions = tuple(stored_actions(b.action, (capacity, len(b.agents))) for b in spec.spaces.blocks)
+        self._rewards = np.zeros((capacity, agents), np.float32)
+        self._bootstrap = np.zeros((capacity, agents), bool)
+        self._size = self._place = 0
+
+    def __len__(self) -> int:
+        return self._size
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the full buffer [bytes]."""
+        return sum(array.nbytes for array in self._arrays().values())
+
+    def add(self, rollout: JointRollout) -> None:
+        """Store the transitions of a rollout, oldest first; the oldest stored ones are overwritten."""
+        acted = rollout.views.alive[:-1]
+        t, b = np.nonzero(acted.any(-1))
+        t, b = t[-self.capacity :], b[-self.capacity :]
+        following = rollout.views[t + 1, b]
+        # Row t + 1 of a copy that was reset is another episode: after a terminal step nobody is there.
+        for array in _view_arrays("", following).values():
+            array[rollout.reset[t, b]] = 0
+        _overwrite(following, rollout, t, b)
+        rows = (self._place + np.arange(len(t))) % self.capacity
+        incoming = _arrays(
+            rollout.views[t, b],
+            following,
+            tuple(actions[t, b] for actions in rollout.actions),
+            rollout.rewards[t, b],
+            rollout.masks().bootstrap[t, b],
+        )
+        for name, array in self._arrays().items():
+            array[rows] = incoming[name]
+        self._place = (self._place + len(t)) % self.capacity
+        self._size = min(self._size + len(t), self.capacity)
+
+    def sample(self, rng: np.random.Generator, count: int, device: torch.device | str = "cpu") -> ReplayBatch:
+        """Return `count` transitions drawn uniformly with replacement."""
+        rows = rng.integers(self._size, size=count)
+        now = JointView.of(self._spec, self._now[rows], device)
+        return ReplayBatch(
+            self._spec,
+            now.observations,
+            now.alive,
+            now.masks,
+            now.state,
+            now.graph,
+            actions=tuple(torch.from_numpy(actions[rows]).to(device) for actions in self._actions),
+            rewards=torch.from_numpy(self._rewards[rows]).to(device),
+            bootstrap=torch.from_numpy(self._bootstrap[rows]).to(device),
+            next=JointView.of(self._spec, self._next[rows], device),
+        )
+
+    def get_state(self) -> dict[str, Any]:
+        """Return a copy of the stored transitions."""
+        arrays = {name: array[: self._size].copy() for name, array in self._arrays().items()}
+        return {"arrays": arrays, "size": self._size, "place": self._place}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Restore what `get_state` gave, into a buffer of the same capacity."""
+        self._size, self._place = state["size"], state["place"]
+        for name, array in self._arrays().items():
+            array[: self._size] = state["arrays"][name]
+
+    def _arrays(self) -> dict[str, np.ndarray]:
+        return _arrays(self._now, self._next, self._actions, self._rewards, self._bootstrap)
+
+
+def _overwrite(following: View, rollout: JointRollout, t: np.ndarray, b: np.ndarray) -> None:
+    """Put final rows in the place of next rows that belong to somebody else."""
+    place = {at: k for k, at in enumerate(map(tuple, rollout.final_at.tolist()))}
+    pairs = [
+        (row, place[at]) for row, at in enumerate(zip(t.tolist(), b.tolist(), strict=True)) if at in place
+    ]
+    if not pairs:
+        return
+    rows, finals = (list(column) for column in zip(*pairs, strict=True))
+    target, source = _view_arrays("", following), _view_arrays("", rollout.final)
+    for name, array in target.items():
+        array[rows] = source[name][finals]
+
+
+def _view_arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
+    arrays = {
+        f"{prefix}observations/{k}/{name}": leaf
+        for k, leaves in enumerate(view.observations)
+        for name, leaf in leaves.items()
+    }
+    arrays[f"{prefix}alive"] = view.alive
+    arrays |= {f"{prefix}masks/{k}": mask for k, mask in enumerate(view.masks) if mask is not None}
+    if view.state is not None:
+        arrays[f"{prefix}state"] = view.state
+    if view.graph is not None:
+        arrays[f"{prefix}graph"] = view.graph
+    return arrays
+
+
+def _arrays(
+    now: View, following: View, actions, rewards: np.ndarray, bootstrap: np.ndarray
+) -> dict[str, np.ndarray]:
+    acted = {f"actions/{k}": part for k, part in enumerate(actions)}
+    return {
+        **_view_arrays("now/", now),
+        **_view_arrays("next/", following),
+        **acted,
+        "rewards": rewards,
+        "bootstrap": bootstrap,
+    }

@@ -1,0 +1,265 @@
+"""Dense experience: what B copies did in T steps, as arrays `[T, B, ...]`, time first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from algorithms.joint.env import Bools, Final, Floats, Ints, JointSpaces, JointStep, Leaves
+from algorithms.joint.masks import Masks, derive_masks
+from algorithms.joint.spaces import stored_actions
+
+Blocks = tuple[dict[str, np.ndarray], ...]
+
+
+@dataclass
+class View:
+    """What can be seen at a number of moments; the leading axes are (T + 1, B) or (K,).
+
+    Attributes:
+        observations: Per block, leaves (..., n, ...).
+        alive: Who is there, (..., N).
+        masks: Per block, legal actions (..., n, A), or None.
+        state: Global state (..., S), or None.
+        graph: Who hears whom, (..., N, N), or None.
+    """
+
+    observations: Blocks
+    alive: Bools
+    masks: tuple[Bools | None, ...]
+    state: Floats | None
+    graph: Bools | None
+
+    @classmethod
+    def empty(cls, spaces: JointSpaces, *leading: int) -> View:
+        """Return an unfilled view with the given leading axes, leaves in the dtype of their space."""
+        agents = sum(len(block.agents) for block in spaces.blocks)
+        return cls(
+            tuple(
+                {
+                    name: np.empty((*leading, len(block.agents), *space.shape), space.dtype)
+                    for name, space in block.observation.items()
+                }
+                for block in spaces.blocks
+            ),
+            np.zeros((*leading, agents), bool),
+            tuple(
+                np.empty((*leading, len(block.agents), int(block.action.n)), bool)  # type: ignore[union-attr]
+                if block.masked
+                else None
+                for block in spaces.blocks
+            ),
+            np.empty((*leading, spaces.state), np.float32) if spaces.state else None,
+            np.empty((*leading, agents, agents), bool) if spaces.has_graph else None,
+        )
+
+    def __getitem__(self, index) -> View:
+        return View(
+            tuple({name: leaf[index] for name, leaf in leaves.items()} for leaves in self.observations),
+            self.alive[index],
+            tuple(None if mask is None else mask[index] for mask in self.masks),
+            None if self.state is None else self.state[index],
+            None if self.graph is None else self.graph[index],
+        )
+
+    def write(self, index, seen: JointStep | Final | View) -> None:
+        """Copy what was seen, `alive` excepted, into the rows at `index`."""
+        for mine, theirs in zip(self.observations, seen.observations, strict=True):
+            for name, leaf in mine.items():
+                leaf[index] = theirs[name]
+        for mask, legal in zip(self.masks, seen.masks, strict=False):
+            if mask is not None:
+                mask[index] = legal
+        if self.state is not None:
+            self.state[index] = seen.state
+        if self.graph is not None:
+            self.graph[index] = seen.graph
+
+    @staticmethod
+    def concat(views: Sequence[View], axis: int) -> View:
+        """Join views along a leading axis."""
+        if len(views) == 1:
+            return views[0]
+        first = views[0]
+
+        def joined(parts: Sequence[np.ndarray | None]) -> np.ndarray:
+            return np.concatenate([part for part in parts if part is not None], axis)
+
+        return View(
+            tuple(
+                {name: joined([v.observations[k][name] for v in views]) for name in leaves}
+                for k, leaves in enumerate(first.observations)
+            ),
+            joined([v.alive for v in views]),
+            tuple(
+                None if mask is None else joined([v.masks[k] for v in views])
+                for k, mask in enumerate(first.masks)
+            ),
+            None if first.state is None else joined([v.state for v in views]),
+            None if first.graph is None else joined([v.graph for v in views]),
+        )
+
+
+@dataclass
+class JointRollout:
+    """A fragment of T steps of B copies.
+
+    Attributes:
+        views: What was seen, leading axes (T + 1, B).
+        actions: Per block, module actions (T, B, n) int64 or (T, B, n, k) float32; 0 where not alive.
+        rewards: Shape (T, B, N); 0 where not alive.
+        terminated: Shape (T, B, N).
+        truncated: Shape (T, B, N).
+        reset: Copies that were reset after the step, (T, B).
+        failed: Copies whose step is void, (T, B).
+        log_prob: Log-probability of the actions, (T, B, N), where the policy has one.
+        final: True next observations of lives that end in mid-fragment, leading axis (K,); `final.alive`
+            tells who is still seen in them.
+        final_at: Places (t, b) of the final rows, shape (K, 2).
+        source: (worker, incarnation, copy) of each copy, shape (B, 3).
+        start: Number of steps each copy had made before this fragment, (B,).
+
+    A plain object on purpose: RLlib would take a dict or a tuple apart.
+    """
+
+    views: View
+    actions: tuple[np.ndarray, ...]
+    rewards: Floats
+    terminated: Bools
+    truncated: Bools
+    reset: Bools
+    failed: Bools
+    log_prob: Floats | None
+    final: View
+    final_at: Ints
+    source: Ints
+    start: Ints
+    _finals: dict[tuple[int, int], tuple[Final, int]] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def empty(cls, spaces: JointSpaces, steps: int, copies: int, *, log_prob: bool) -> JointRollout:
+        """Return an unfilled fragment."""
+        agents = sum(len(block.agents) for block in spaces.blocks)
+        shape = (steps, copies, agents)
+        return cls(
+            views=View.empty(spaces, steps + 1, copies),
+            actions=tuple(stored_actions(b.action, (steps, copies, len(b.agents))) for b in spaces.blocks),
+            rewards=np.zeros(shape, np.float32),
+            terminated=np.zeros(shape, bool),
+            truncated=np.zeros(shape, bool),
+            reset=np.zeros(shape[:2], bool),
+            failed=np.zeros(shape[:2], bool),
+            log_prob=np.zeros(shape, np.float32) if log_prob else None,
+            final=View.empty(spaces, 0),
+            final_at=np.zeros((0, 2), int),
+            source=np.zeros((copies, 3), int),
+            start=np.zeros(copies, int),
+        )
+
+    def write(self, t: int, step: JointStep) -> None:
+        """Record what step t brought and where it led: rows t of outcomes and t + 1 of views."""
+        self.views.write(t + 1, step)
+        self.views.alive[t + 1] = step.alive
+        acted = self.views.alive[t]
+        np.multiply(step.rewards, acted, out=self.rewards[t])
+        self.terminated[t] = step.terminated & acted
+        self.truncated[t] = step.truncated & acted
+        self.reset[t] = step.reset
+        if step.final is not None:
+            # Environments may reuse their arrays, so what is kept until `close` is copied.
+            kept = copy_final(step.final)
+            self._finals.update({(t, int(b)): (kept, k) for k, b in enumerate(kept.rows)})
+        if step.failed:
+            broken = list(step.failed)
+            self.failed[t, broken] = self.reset[t, broken] = True
+            self.views.alive[t, broken] = False
+            self.rewards[t, broken] = 0
+            self.terminated[t, broken] = self.truncated[t, broken] = False
+
+    def close(self) -> JointRollout:
+        """Cut the final rows, once all steps are written, and return the fragment.
+
+        A row is cut wherever a life has no next row of its own: at time limits, when an agent is truncated or
+        leaves alone, and before a failure. The environment delivers only those that it overwrote; elsewhere
+        the next row as it stands is the true one.
+        """
+        masks = self.masks()
+        at = np.argwhere(masks.last.any(-1))
+        t, b = at[:, 0], at[:, 1]
+        final = self.views[t + 1, b]
+        for k, (step, copy) in enumerate(at.tolist()):
+            if (step, copy) in self._finals:
+                source, row = self._finals[step, copy]
+                final.write(k, final_row(source, row))
+        final.alive = masks.bootstrap[t, b] | (~self.reset[t, b, None] & self.views.alive[t + 1, b])
+        return replace(self, final=final, final_at=at, _finals={})
+
+    def masks(self) -> Masks:
+        """Return the masks that learners use; see `algorithms.joint.masks`."""
+        return derive_masks(self.views.alive, self.terminated, self.truncated, self.reset, self.failed)
+
+    def env_steps(self) -> int:
+        """Return the number of valid steps, over all copies (RLlib asks for it)."""
+        return int((~self.failed).sum())
+
+    def agent_steps(self) -> int:
+        """Return the number of actions taken by living agents (RLlib asks for it)."""
+        return int(self.views.alive[:-1].sum())
+
+    @staticmethod
+    def concat(rollouts: Sequence[JointRollout]) -> JointRollout:
+        """Join fragments of equal length along the copies."""
+        if len(rollouts) == 1:
+            return rollouts[0]
+        first = rollouts[0]
+        offsets = np.cumsum([0, *(r.rewards.shape[1] for r in rollouts[:-1])])
+
+        def copies(name: str) -> np.ndarray:
+            return np.concatenate([getattr(r, name) for r in rollouts], 1)
+
+        return JointRollout(
+            views=View.concat([r.views for r in rollouts], 1),
+            actions=tuple(
+                np.concatenate([r.actions[k] for r in rollouts], 1) for k in range(len(first.actions))
+            ),
+            rewards=copies("rewards"),
+            terminated=copies("terminated"),
+            truncated=copies("truncated"),
+            reset=copies("reset"),
+            failed=copies("failed"),
+            log_prob=None if first.log_prob is None else copies("log_prob"),
+            final=View.concat([r.final for r in rollouts], 0),
+            final_at=np.concatenate(
+                [r.final_at + np.array([0, o]) for r, o in zip(rollouts, offsets, strict=True)]
+            ),
+            source=np.concatenate([r.source for r in rollouts]),
+            start=np.concatenate([r.start for r in rollouts]),
+        )
+
+
+def copy_final(final: Final) -> Final:
+    """Return a deep copy of final observations."""
+
+    def copied(leaves: Leaves) -> Leaves:
+        return {name: leaf.copy() for name, leaf in leaves.items()}
+
+    return Final(
+        final.rows.copy(),
+        tuple(map(copied, final.observations)),
+        tuple(None if mask is None else mask.copy() for mask in final.masks),
+        None if final.state is None else final.state.copy(),
+        None if final.graph is None else final.graph.copy(),
+    )
+
+
+def final_row(final: Final, row: int) -> Final:
+    """Return one row of final observations, without its leading axis."""
+    return Final(
+        final.rows[row : row + 1],
+        tuple({name: leaf[row] for name, leaf in leaves.items()} for leaves in final.observations),
+        tuple(None if mask is None else mask[row] for mask in final.masks),
+        None if final.state is None else final.state[row],
+        None if final.graph is None else final.graph[row],
+    )

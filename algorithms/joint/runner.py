@@ -1,0 +1,334 @@
+"""The RLlib environment runner: a `Sampler` behind RLlib's interface, with evaluation, metrics and state."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import ray
+from ray.rllib.core import COMPONENT_RL_MODULE
+from ray.rllib.env.env_context import EnvContext
+from ray.rllib.env.env_runner import EnvRunner
+from ray.rllib.env.utils import _gym_env_creator
+from ray.rllib.utils.checkpoints import Checkpointable
+from ray.rllib.utils.metrics import (
+    EPISODE_LEN_MEAN,
+    EPISODE_RETURN_MAX,
+    EPISODE_RETURN_MEAN,
+    EPISODE_RETURN_MIN,
+    NUM_AGENT_STEPS_SAMPLED,
+    NUM_AGENT_STEPS_SAMPLED_LIFETIME,
+    NUM_ENV_STEPS_SAMPLED,
+    NUM_ENV_STEPS_SAMPLED_LIFETIME,
+    NUM_EPISODES,
+    NUM_EPISODES_LIFETIME,
+    WEIGHTS_SEQ_NO,
+)
+from ray.tune.registry import ENV_CREATOR, _global_registry
+
+from algorithms.errors import AlgorithmError, EnvironmentFailure
+from algorithms.joint.adapter import JointVector
+from algorithms.joint.env import Ints, VectorJointEnv, is_vector_env
+from algorithms.joint.rollout import JointRollout
+from algorithms.joint.sampler import Episode, EvaluatedStep, Policies, Sampler
+from algorithms.joint.spec import JointSpec, agent_spaces
+from algorithms.joint.threads import torch_threads
+
+if TYPE_CHECKING:
+    from algorithms.joint.config import JointConfig
+
+logger = logging.getLogger(__name__)
+
+SPEC = "__joint__"
+"""Key under which `get_spaces` hands the `JointSpec` to whoever builds modules."""
+SAMPLERS = "samplers"
+"""Key of states that belong to one process each; all others ignore them."""
+FAILED_COPIES = "num_failed_env_copies_lifetime"
+
+EVALUATION_WORLDS = 1_000_000
+"""First world of the fixed list that evaluations play; training worlds count from 0."""
+
+
+class Reply(NamedTuple):
+    """What a runner answers to a request for data.
+
+    Attributes:
+        worker: Index of the runner, so that replies can be put in order.
+        rollout: The data, or the error that stops the run.
+        metrics: RLlib metrics of the fragment.
+    """
+
+    worker: int
+    rollout: JointRollout | AlgorithmError
+    metrics: Any
+
+
+class JointEnvRunner(EnvRunner, Checkpointable):
+    """Steps B copies of an environment with one batched forward pass per step."""
+
+    config: JointConfig  # type: ignore[assignment]
+
+    def __init__(self, *, config: JointConfig, **kwargs: Any) -> None:
+        super().__init__(config=config, **kwargs)
+        self.worker_index = self.worker_index or 0
+        self._given_spaces = kwargs.get("spaces")
+        self._sampler: Sampler | None = None
+        self._evaluator: Sampler | None = None
+        self._policies: Policies | None = None
+        self._weights = -1
+        self._evaluated = 0
+        self._recent: deque[Episode] = deque(maxlen=config.metrics_num_episodes_for_smoothing)
+        self.module: Any = None
+        self.num_env_steps_sampled_lifetime = 0
+        self.make_env()
+
+    def make_env(self) -> None:
+        """Create the copies, unless this is the local runner beside remote ones."""
+        if self._has_env():
+            self.env: VectorJointEnv | None = self._new_env()
+            self.spec = JointSpec.build(self.env.spaces, self.config.sharing)
+        else:
+            self.spec = self._given_spaces[SPEC][0]  # type: ignore[index]
+
+    def make_module(self) -> None:
+        """Build the inference part of the policies.
+
+        Done at first use, after the algorithm has checked the spaces: an error in the constructor of a remote
+            runner
+        would surface only as an actor that died.
+        """
+        if self.module is None:
+            spec = self.config.get_multi_rl_module_spec(spaces=self.get_spaces(), inference_only=True)
+            self.module = spec.build()
+            self._policies = Policies(self.spec, {g.id: self.module[g.id] for g in self.spec.groups})
+
+    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> Reply:
+        """Take over weights and counters, return a fragment: in one round trip, so never stale."""
+        self.set_state(ray.get(state) if isinstance(state, ray.ObjectRef) else state)
+        try:
+            rollout = self._sample_fragment(steps)
+        except EnvironmentFailure as failure:
+            # Raised here, it would count as the actor's death, and the actor would be restarted for ever.
+            return Reply(self.worker_index, failure, self.get_metrics())
+        return Reply(self.worker_index, rollout, self.get_metrics())
+
+    def sample(  # type: ignore[override]
+        self,
+        *,
+        num_timesteps: int | None = None,
+        num_episodes: int | None = None,
+        explore: bool | None = None,
+        random_actions: bool = False,
+        force_reset: bool = False,
+    ) -> Sequence[JointRollout | Episode]:
+        """Return a fragment, or exactly `num_episodes` episodes of the evaluation list (RLlib)."""
+        if num_episodes is None:
+            steps = int(self.config.rollout_fragment_length)
+            if num_timesteps is not None:
+                steps = -(-num_timesteps // int(self.config.num_envs_per_env_runner or 1))
+            return [self._sample_fragment(steps)]
+        return self._evaluate(num_episodes, explore, restart=force_reset or self.worker_index == 0)
+
+    def play(
+        self, worlds: Ints, *, explore: bool, on_step: Callable[[EvaluatedStep], None] | None = None
+    ) -> list[Episode]:
+        """Play one episode in each world, in an environment of its own, so open training episodes survive."""
+        if self._evaluator is None:
+            self._evaluator = self._new_sampler(self._new_env(), incarnation=0)
+        exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)._replace(explore=explore)
+        with torch_threads(self.config.torch_threads):
+            return self._evaluator.episodes(worlds, exploration, on_step)
+
+    def get_metrics(self) -> Any:
+        """Return and clear what was logged since the last call."""
+        return self.metrics.reduce()
+
+    def get_spaces(self) -> dict[str, Any]:
+        """Return {group: (observation space, action space)}, and the `JointSpec` under its own key."""
+        return {SPEC: (self.spec, None), **{g.id: agent_spaces(g) for g in self.spec.groups}}
+
+    def assert_healthy(self) -> None:
+        """Raise if the runner cannot sample."""
+        if self.spec is None:
+            raise AssertionError("the runner has no specification")
+
+    def stop(self) -> None:
+        """Close the environments."""
+        for sampler in (self._sampler, self._evaluator):
+            if sampler is not None:
+                sampler.env.close()
+        if self._sampler is None and self.env is not None:
+            self.env.close()
+
+    def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
+        """Return weights and, unless only components are asked for, where the sampler stands."""
+        state: dict[str, Any] = {NUM_ENV_STEPS_SAMPLED_LIFETIME: self.num_env_steps_sampled_lifetime}
+        if self._check_component(COMPONENT_RL_MODULE, components, not_components):
+            self.make_module()
+            state[COMPONENT_RL_MODULE] = self.module.get_state(
+                components=self._get_subcomponents(COMPONENT_RL_MODULE, components),
+                not_components=self._get_subcomponents(COMPONENT_RL_MODULE, not_components),
+                **kwargs,
+            )
+            state[WEIGHTS_SEQ_NO] = self._weights
+        if components is None and self._sampler is not None:
+            state[SAMPLERS] = {self._key(): self._sampler.get_state()}
+        return state
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Take over weights, counters and this process's own sampler state.
+
+        RLlib hands a restarted runner the local runner's state, and an evaluation runner a training runner's;
+        hence what belongs to one process is keyed by that process.
+        """
+        # Not `<` as in stock runners: after an in-place restore the older weights are the right ones.
+        if COMPONENT_RL_MODULE in state and state.get(WEIGHTS_SEQ_NO, 0) != self._weights:
+            self.make_module()
+            weights = state[COMPONENT_RL_MODULE]
+            self.module.set_state(ray.get(weights) if isinstance(weights, ray.ObjectRef) else weights)
+            self._weights = state.get(WEIGHTS_SEQ_NO, 0)
+            if self._policies is not None:
+                self._policies.refresh()
+        if NUM_ENV_STEPS_SAMPLED_LIFETIME in state:
+            self.num_env_steps_sampled_lifetime = int(state[NUM_ENV_STEPS_SAMPLED_LIFETIME])
+        own = state.get(SAMPLERS, {}).get(self._key())
+        if own is not None and self._has_env():
+            self._training_sampler().set_state(own)
+
+    def get_ctor_args_and_kwargs(self) -> tuple[tuple, dict[str, Any]]:
+        """Return how to build this runner again (RLlib)."""
+        return (), {"config": self.config}
+
+    def get_checkpointable_components(self) -> list[tuple[str, Any]]:
+        """Return the parts with a state of their own (RLlib)."""
+        self.make_module()
+        return [(COMPONENT_RL_MODULE, self.module)]
+
+    def _key(self) -> tuple[bool, int]:
+        return bool(self.config.in_evaluation), self.worker_index
+
+    def _has_env(self) -> bool:
+        local_beside_remote = self.worker_index == 0 and self.num_workers > 0
+        return self.config.env is not None and (not local_beside_remote or self._given_spaces is None)
+
+    def _new_env(self) -> VectorJointEnv:
+        copies = int(self.config.num_envs_per_env_runner or 1)
+
+        def context(b: int) -> EnvContext:
+            return EnvContext(
+                {**self.config.env_config, "num_envs": copies},
+                worker_index=self.worker_index,
+                num_workers=self.num_workers,
+                vector_index=b,
+            )
+
+        name = self.config.env
+        if isinstance(name, str) and _global_registry.contains(ENV_CREATOR, name):
+            create = _global_registry.get(ENV_CREATOR, name)
+        else:
+            create = partial(_create, name)
+        first: Any = create(context(0))
+        if is_vector_env(first):
+            return first
+        spare = [first]  # made only to see which interface it has
+        limit = self.config.max_env_failures
+        return JointVector(lambda b: spare.pop() if spare else create(context(b)), copies, max_failures=limit)
+
+    def _training_sampler(self) -> Sampler:
+        if self._sampler is None:
+            if self.env is None:
+                self.env = self._new_env()
+            # Ray restarts an actor with its first arguments, so only the steps made so far tell a restarted
+            # runner from a new one; it must not replay its predecessor's episodes and noise.
+            self._sampler = self._new_sampler(self.env, incarnation=self.num_env_steps_sampled_lifetime)
+        return self._sampler
+
+    def _new_sampler(self, env: VectorJointEnv, incarnation: int) -> Sampler:
+        self.make_module()
+        worker = max(self.worker_index - 1, 0)
+        return Sampler(
+            env,
+            self._policies,  # type: ignore[arg-type]
+            self.spec,
+            seed=self.config.seed or 0,
+            source=(worker, incarnation),
+            max_failures=self.config.max_env_failures,
+        )
+
+    def _sample_fragment(self, steps: int) -> JointRollout:
+        sampler = self._training_sampler()
+        failures = sampler.progress.failed_total
+        exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)
+        with torch_threads(self.config.torch_threads):
+            rollout = sampler.fragment(steps, exploration._replace(explore=bool(self.config.explore)))
+        self.num_env_steps_sampled_lifetime += rollout.env_steps()
+        self._log(rollout, sampler.progress.failed_total - failures)
+        ended = sampler.take_episodes()
+        self._recent.extend(ended)
+        self._log_episodes(ended, self._recent)
+        return rollout
+
+    def _evaluate(self, count: int, explore: bool | None, *, restart: bool) -> list[Episode]:
+        """Play this runner's share of the fixed list; with W runners it owns every W-th world of it."""
+        if count == 0:  # stock evaluation asks for none where there are more runners than episodes
+            self.metrics.log_value(NUM_EPISODES, 0, reduce="sum")
+            return []
+        self._evaluated = 0 if restart else self._evaluated
+        runners, place = max(self.num_workers or 0, 1), max(self.worker_index - 1, 0)
+        worlds = EVALUATION_WORLDS + place + runners * (self._evaluated + np.arange(count))
+        self._evaluated += count
+        explore = self._explores_in_evaluation() if explore is None else explore
+        episodes = self.play(worlds, explore=explore)
+        self._log_episodes(episodes, episodes)
+        if self.config.evaluate_sampled and not explore:
+            sampled = self.play(worlds, explore=True)
+            mean = float(np.mean([episode.returns.sum() for episode in sampled]))
+            self.metrics.log_value(("sampled", EPISODE_RETURN_MEAN), mean, window=1)
+        self.metrics.log_value(NUM_ENV_STEPS_SAMPLED, sum(e.length for e in episodes), reduce="sum")
+        return episodes
+
+    def _explores_in_evaluation(self) -> bool:
+        # Without a group for evaluation, RLlib evaluates on a training runner, which has the training's
+        # config.
+        own = self.config if self.config.in_evaluation else self.config.get_evaluation_config_object()
+        return bool((own or self.config).explore)
+
+    def _log(self, rollout: JointRollout, failures: int) -> None:
+        metrics, steps = self.metrics, rollout.env_steps()
+        by_agent = dict(zip(self.spec.agents, rollout.views.alive[:-1].sum((0, 1)).tolist(), strict=True))
+        metrics.log_value(NUM_ENV_STEPS_SAMPLED, steps, reduce="sum")
+        metrics.log_value(NUM_ENV_STEPS_SAMPLED_LIFETIME, steps, reduce="lifetime_sum", with_throughput=True)
+        metrics.log_dict(by_agent, key=NUM_AGENT_STEPS_SAMPLED, reduce="sum")
+        metrics.log_dict(by_agent, key=NUM_AGENT_STEPS_SAMPLED_LIFETIME, reduce="lifetime_sum")
+        metrics.log_value(FAILED_COPIES, failures, reduce="lifetime_sum")
+
+    def _log_episodes(self, episodes: Sequence[Episode], recent: Sequence[Episode]) -> None:
+        """Count the episodes that ended, and report means over the recent ones.
+
+        Means are taken here, once a fragment: RLlib's windows are slow to fill one by one, and show NaN in
+            iterations
+        in which no episode ends.
+        """
+        metrics = self.metrics
+        metrics.log_value(NUM_EPISODES, len(episodes), reduce="sum")
+        metrics.log_value(NUM_EPISODES_LIFETIME, len(episodes), reduce="lifetime_sum")
+        if not recent:
+            return
+        returns = np.stack([episode.returns for episode in recent])
+        metrics.log_value(EPISODE_RETURN_MEAN, float(returns.sum(1).mean()), window=1)
+        metrics.log_value(EPISODE_RETURN_MIN, float(returns.sum(1).min()), window=1)
+        metrics.log_value(EPISODE_RETURN_MAX, float(returns.sum(1).max()), window=1)
+        metrics.log_value(EPISODE_LEN_MEAN, float(np.mean([e.length for e in recent])), window=1)
+        own = dict(zip(self.spec.agents, returns.mean(0).tolist(), strict=True))
+        metrics.log_dict(own, key="agent_episode_returns_mean", window=1)
+        for name in sorted({name for episode in recent for name in episode.metrics}):
+            values = [episode.metrics[name] for episode in recent if name in episode.metrics]
+            metrics.log_value(("env", name), float(np.mean(values)), window=1)
+
+
+def _create(name: Any, context: EnvContext) -> Any:
+    return _gym_env_creator(env_context=context, env_descriptor=name)

@@ -1,0 +1,396 @@
+"""Environment plus policies to arrays, without Ray: what runners, evaluation and speed measurements use."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Generator, Tensor, nn
+
+from algorithms.errors import EnvironmentFailure
+from algorithms.joint.batch import GroupView
+from algorithms.joint.env import Bools, Floats, Ints, JointStep, Leaves, VectorJointEnv
+from algorithms.joint.module import JointModule
+from algorithms.joint.rollout import JointRollout, View
+from algorithms.joint.spaces import to_env
+from algorithms.joint.spec import JointSpec
+from algorithms.parts.distributions import Acting, Exploration
+from algorithms.parts.networks import Encoder, StackedPerceptrons
+
+
+class Episode(NamedTuple):
+    """An episode that ended.
+
+    Attributes:
+        copy: Copy that played it.
+        length: Steps.
+        returns: Undiscounted sum of rewards of each agent, (N,).
+        metrics: Numbers that the environment reported.
+        world: World of the episode, where it was asked for by world.
+    """
+
+    copy: int
+    length: int
+    returns: Floats
+    metrics: Mapping[str, float]
+    world: int = -1
+
+    def env_steps(self) -> int:
+        """Return the number of steps (RLlib asks for it)."""
+        return self.length
+
+    def agent_steps(self) -> int:
+        """Return the number of agent-steps (RLlib asks for it), as if all agents had lived throughout."""
+        return self.length * len(self.returns)
+
+
+class EvaluatedStep(NamedTuple):
+    """One step of all copies in an evaluation, handed over before the next step reuses the arrays.
+
+    Attributes:
+        playing: World of the episode each copy plays, -1 if it idles, (B,).
+        view: What the agents saw, leading axis (B,).
+        distributions: Per block, what the actions were sampled from; see `Acting.distribution`.
+        actions: Per block, in the environment's units.
+        step: What the environment answered.
+    """
+
+    playing: Ints
+    view: View
+    distributions: tuple[np.ndarray, ...]
+    actions: tuple[np.ndarray, ...]
+    step: JointStep
+
+
+class Policies:
+    """The policy networks of all groups, evaluated together.
+
+    Where every agent of a block has its own plain perceptron, these are stacked into one batched product;
+    sampling happens once per block in any case.
+    """
+
+    def __init__(self, spec: JointSpec, modules: Mapping[str, JointModule]) -> None:
+        self._spec = spec
+        self._modules = modules
+        self._by_block = [[g for g in spec.groups if g.block == k] for k in range(len(spec.spaces.blocks))]
+        self._stacked: list[tuple[Encoder, StackedPerceptrons] | None] = []
+        self.refresh()
+
+    @property
+    def has_log_prob(self) -> bool:
+        """Whether every policy has a density."""
+        return all(module.head.has_log_prob for module in self._modules.values())
+
+    def refresh(self) -> None:
+        """Take over changed weights."""
+        self._stacked = [self._stack([self._modules[g.id] for g in groups]) for groups in self._by_block]
+
+    def act(self, view: View, exploration: Exploration, generator: Generator) -> list[Acting]:
+        """Return one `Acting` per block for a view with leading axis (B,)."""
+        with torch.inference_mode():
+            return [self._act(k, view, exploration, generator) for k in range(len(self._by_block))]
+
+    def _act(self, block: int, view: View, exploration: Exploration, generator: Generator) -> Acting:
+        leaves = {name: torch.from_numpy(leaf) for name, leaf in view.observations[block].items()}
+        mask = view.masks[block]
+        legal = None if mask is None else torch.from_numpy(mask)
+        groups = self._by_block[block]
+        first = self._modules[groups[0].id]
+        stacked = self._stacked[block]
+        if stacked is not None:
+            encoder, perceptrons = stacked
+            outputs = perceptrons(encoder(leaves))
+        else:
+            outputs = self._gather(block, leaves, legal, torch.from_numpy(view.alive))
+        return first.head.act(outputs, legal, exploration, generator)
+
+    def _gather(self, block: int, leaves: dict[str, Tensor], legal: Tensor | None, alive: Tensor) -> Tensor:
+        """Return (B, n, P): each group's outputs in the columns of its agents."""
+        groups = self._by_block[block]
+        parts = []
+        for group in groups:
+            seen = {name: leaf[:, group.within] for name, leaf in leaves.items()}
+            own = GroupView(seen, alive[:, group.columns], None if legal is None else legal[:, group.within])
+            parts.append(self._modules[group.id].policy(own))
+        if len(groups) == 1:
+            return parts[0]
+        joined = torch.cat(parts, 1)
+        places = np.concatenate([np.arange(joined.shape[1])[group.within] for group in groups])
+        return joined[:, torch.from_numpy(np.argsort(places))]
+
+    @staticmethod
+    def _stack(modules: list[JointModule]) -> tuple[Encoder, StackedPerceptrons] | None:
+        plain = [parts for module in modules if (parts := module.plain()) and module.group.size == 1]
+        if len(plain) < max(2, len(modules)) or not all(encoder.is_plain for encoder, _ in plain):
+            return None
+        bodies = [body for _, body in plain if isinstance(body, nn.Sequential)]
+        if len(bodies) < len(plain) or not StackedPerceptrons.fits(bodies):
+            return None
+        return plain[0][0], StackedPerceptrons(bodies)
+
+
+@dataclass
+class Progress:
+    """Where each copy stands in its present episode.
+
+    Attributes:
+        returns: Sum of rewards so far, (B, N).
+        lengths: Steps so far, (B,).
+        steps: Steps since the sampler began, (B,).
+        failures: Failures since the last completed episode, (B,).
+        failed_total: All failures so far.
+        ended: Episodes completed since they were last taken.
+    """
+
+    returns: Floats
+    lengths: Ints
+    steps: Ints
+    failures: Ints
+    failed_total: int = 0
+    ended: list[Episode] = field(default_factory=list)
+
+
+class Sampler:
+    """Steps an environment with policies and keeps the books of its episodes.
+
+    Args:
+        env: B copies.
+        policies: What acts.
+        spec: Agents and groups.
+        seed: Root seed of the episodes.
+        source: (worker, incarnation), marks the rollouts.
+        max_failures: Failures of one copy without a completed episode in between before the run is stopped.
+    """
+
+    def __init__(
+        self,
+        env: VectorJointEnv,
+        policies: Policies,
+        spec: JointSpec,
+        *,
+        seed: int,
+        source: tuple[int, int] = (0, 0),
+        max_failures: int = 10,
+    ) -> None:
+        self.env, self.policies, self._spec = env, policies, spec
+        self._seed, self._source, self._max_failures = seed, source, max_failures
+        self._generator = Generator().manual_seed(_mixed(seed, *source))
+        self._now: View | None = None
+        agents = len(spec.agents)
+        self.progress = _fresh_progress(env.num_envs, agents)
+
+    def begin(self, worlds: Ints, *, stride: int = 0) -> None:
+        """Start all copies in new episodes; see `VectorJointEnv.reset`."""
+        incarnation = self._source[1]
+        # A restarted runner must not replay the episodes of its predecessor.
+        self._see(self.env.reset(self._seed, worlds, episode=incarnation << 20, stride=stride))
+        fresh = _fresh_progress(self.env.num_envs, len(self._spec.agents))
+        fresh.failed_total = self.progress.failed_total
+        self.progress = fresh
+
+    def fragment(self, steps: int, exploration: Exploration) -> JointRollout:
+        """Return the next `steps` steps of all copies, episodes running on between fragments.
+
+        Raises:
+            EnvironmentFailure: A copy failed too often in a row.
+        """
+        copies = self.env.num_envs
+        if self._now is None:
+            self.begin(self._source[0] * copies + np.arange(copies))
+        spaces, now = self._spec.spaces, self._view()
+        rollout = JointRollout.empty(spaces, steps, copies, log_prob=self.policies.has_log_prob)
+        rollout.source[:] = [(*self._source, b) for b in range(copies)]
+        rollout.start[:] = self.progress.steps
+        rollout.views.write(0, now)
+        rollout.views.alive[0] = now.alive
+        for t in range(steps):
+            acting = self.policies.act(self._view(), exploration, self._generator)
+            for k, chosen in enumerate(acting):
+                rollout.actions[k][t] = chosen.actions.numpy()
+            if rollout.log_prob is not None:
+                parts = [chosen.log_prob for chosen in acting if chosen.log_prob is not None]
+                rollout.log_prob[t] = parts[0] if len(parts) == 1 else torch.cat(parts, 1)
+            step = self._step(self._in_env_units([actions[t] for actions in rollout.actions]))
+            rollout.write(t, step)
+        self._silence_the_dead(rollout)
+        return rollout.close()
+
+    def episodes(
+        self,
+        worlds: Ints,
+        exploration: Exploration,
+        on_step: Callable[[EvaluatedStep], None] | None = None,
+    ) -> list[Episode]:
+        """Play exactly one episode in each of the given worlds, dealt in turn to the copies.
+
+        Args:
+            worlds: Equally spaced numbers, shape (c,).
+            exploration: How to act.
+            on_step: Called with every step of all copies.
+
+        Returns:
+            The episodes in the order of `worlds`.
+        """
+        copies = self.env.num_envs
+        spacing = int(worlds[1] - worlds[0]) if len(worlds) > 1 else 1
+        self._generator.manual_seed(_mixed(self._seed, int(worlds[0])))
+        self.begin(worlds[0] + spacing * np.arange(copies), stride=spacing * copies)
+        playing = worlds[0] + spacing * np.arange(copies)
+        finished: dict[int, Episode] = {}
+        while len(finished) < len(worlds):
+            seen = self._view() if on_step is None else _copied(self._view())
+            acting = self.policies.act(seen, exploration, self._generator)
+            actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
+            step = self._step(actions)
+            if on_step is not None:
+                active = np.where(playing <= worlds[-1], playing, -1)
+                given = tuple(chosen.distribution.numpy() for chosen in acting)
+                on_step(EvaluatedStep(active, seen, given, actions, step))
+            for episode in self.take_episodes():
+                world = int(playing[episode.copy])
+                if world <= worlds[-1]:
+                    finished[world] = episode._replace(world=world)
+                playing[episode.copy] += spacing * copies
+        return [finished[world] for world in worlds.tolist()]
+
+    def take_episodes(self) -> list[Episode]:
+        """Return the episodes that ended since the last call."""
+        ended, self.progress.ended = self.progress.ended, []
+        return ended
+
+    def get_state(self) -> dict[str, Any]:
+        """Return all that an exactly continued run needs."""
+        state = getattr(self.env, "get_state", lambda: None)()
+        return {
+            "generator": self._generator.get_state().numpy(),
+            "env": state,
+            "now": None if self._now is None else _copied(self._now),
+            "progress": copy.deepcopy(self.progress),
+            "source": self._source,
+        }
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on where `get_state` was called; with new episodes if the environments have no state."""
+        self._generator.set_state(torch.tensor(state["generator"]))
+        if state["env"] is None or state["now"] is None:
+            return
+        self._source = state["source"]
+        self.env.set_state(state["env"])  # type: ignore[attr-defined]
+        self._now, self.progress = _copied(state["now"]), copy.deepcopy(state["progress"])
+
+    def _view(self) -> View:
+        if self._now is None:
+            raise RuntimeError("the sampler has not begun an episode")
+        return self._now
+
+    def _in_env_units(self, actions: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+        return tuple(to_env(b.action, a) for b, a in zip(self._spec.spaces.blocks, actions, strict=True))
+
+    def _step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
+        progress = self.progress
+        acted = self._view().alive.copy()
+        step = self._void_non_finite(self.env.step(actions))
+        progress.returns += step.rewards * acted
+        progress.lengths += 1
+        progress.steps += 1
+        if step.reset.any() or step.failed:
+            self._end_episodes(step)
+        self._see(step)
+        return step
+
+    def _end_episodes(self, step: JointStep) -> None:
+        progress = self.progress
+        for b in np.flatnonzero(step.reset).tolist():
+            if b not in step.failed:
+                metrics = step.metrics.get(b, {})
+                progress.ended.append(
+                    Episode(b, int(progress.lengths[b]), progress.returns[b].copy(), metrics)
+                )
+                progress.failures[b] = 0
+        for b, cause in step.failed.items():
+            progress.failures[b] += 1
+            progress.failed_total += 1
+            if progress.failures[b] > self._max_failures:
+                raise EnvironmentFailure(
+                    f"copy {b} failed {progress.failures[b]} times without completing an episode: {cause!r}",
+                    place=f"environment {type(self.env).__name__}",
+                    remedy="mend the environment, or raise `max_env_failures`",
+                ) from cause
+        over = step.reset.copy()
+        over[list(step.failed)] = True
+        progress.returns[over] = 0
+        progress.lengths[over] = 0
+
+    def _void_non_finite(self, step: JointStep) -> JointStep:
+        """Treat copies with NaN or infinite observations or rewards like copies that raised."""
+        blocks = [*step.observations, *(step.final.observations if step.final else ())]
+        total = float(step.rewards.sum())
+        total += sum(
+            float(leaf.sum()) for leaves in blocks for leaf in leaves.values() if leaf.dtype.kind == "f"
+        )
+        if np.isfinite(total):
+            return step
+        finite: Bools = np.asarray(np.isfinite(step.rewards).all(1))
+        _drop_non_finite(finite, np.arange(len(finite)), step.observations)
+        if step.final is not None:
+            _drop_non_finite(finite, step.final.rows, step.final.observations)
+        broken: dict[int, BaseException] = {
+            int(b): FloatingPointError("non-finite observation or reward") for b in np.flatnonzero(~finite)
+        }
+        if not broken:  # huge but finite numbers overflowed the sum
+            return step
+        fresh = self.env.recreate(broken)
+        rewards = np.where(np.isfinite(step.rewards), step.rewards, 0)
+        return step._replace(
+            observations=fresh.observations,
+            alive=fresh.alive,
+            masks=fresh.masks,
+            state=fresh.state,
+            graph=fresh.graph,
+            rewards=rewards,
+            failed={**step.failed, **broken},
+        )
+
+    def _see(self, step: JointStep) -> None:
+        # Views of the environment's arrays, which it may reuse: valid until the next step.
+        self._now = View(
+            tuple(dict(leaves) for leaves in step.observations),
+            step.alive,
+            step.masks or (None,) * len(step.observations),
+            step.state,
+            step.graph,
+        )
+
+    def _silence_the_dead(self, rollout: JointRollout) -> None:
+        alive, column = rollout.views.alive[:-1], 0
+        for actions, block in zip(rollout.actions, self._spec.spaces.blocks, strict=True):
+            there = alive[..., column : column + len(block.agents)]
+            actions *= there.reshape(there.shape + (1,) * (actions.ndim - 3)).astype(actions.dtype)
+            column += len(block.agents)
+        if rollout.log_prob is not None:
+            rollout.log_prob *= alive
+
+
+def _fresh_progress(copies: int, agents: int) -> Progress:
+    def zeros() -> Ints:
+        return np.zeros(copies, int)
+
+    return Progress(np.zeros((copies, agents)), zeros(), zeros(), zeros())
+
+
+def _drop_non_finite(finite: Bools, rows: Ints, observations: Sequence[Leaves]) -> None:
+    for leaves in observations:
+        for leaf in leaves.values():
+            finite[rows] &= np.isfinite(leaf.reshape(len(leaf), -1)).all(1)
+
+
+def _copied(view: View) -> View:
+    return View.concat([view, view[:0]], 0)
+
+
+def _mixed(*numbers: int) -> int:
+    return int(np.random.SeedSequence([n % 2**64 for n in numbers]).generate_state(1)[0])

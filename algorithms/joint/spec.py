@@ -1,0 +1,179 @@
+"""Who shares what: agents ordered into blocks (equal spaces) and groups (one network)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.spaces import Box, Dict, Discrete
+
+from algorithms.errors import SpaceError, nearest_names
+from algorithms.joint.env import Action, Ints, JointSpaces
+
+Sharing = str | Mapping[str, Sequence[str]] | Callable[[str], str]
+"""`"none"`, `"all"`, groups by name, or a function from agent to group name."""
+
+Index = slice | Ints
+"""Columns of an axis: a slice, hence a view, where they are contiguous."""
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Agents of one block that share a policy network.
+
+    Attributes:
+        id: Name of the group and of its RLlib module.
+        agents: Names in column order.
+        block: Number of their block.
+        within: Their places among the agents of the block.
+        columns: Their places among all N agents.
+        observation: Space of each observation leaf.
+        action: Action space.
+    """
+
+    id: str
+    agents: tuple[str, ...]
+    block: int
+    within: Index
+    columns: Index
+    observation: Mapping[str, Box]
+    action: Action
+
+    @property
+    def size(self) -> int:
+        """Number of agents n."""
+        return len(self.agents)
+
+
+@dataclass(frozen=True, eq=False)
+class JointSpec:
+    """Everything an algorithm may know about an environment before it runs.
+
+    Attributes:
+        agents: All N agents in column order (block after block).
+        spaces: The blocks, the state's size, whether there is a graph.
+        groups: Parameter-sharing groups; together they cover all agents.
+    """
+
+    agents: tuple[str, ...]
+    spaces: JointSpaces
+    groups: tuple[Group, ...]
+
+    @classmethod
+    def build(cls, spaces: JointSpaces, sharing: Sharing = "none") -> JointSpec:
+        """Order the agents of `spaces` into groups.
+
+        With `"all"`, agents with different spaces still get one network per block.
+
+        Raises:
+            SpaceError: A group names an unknown agent, leaves one out, or mixes agents with different spaces.
+        """
+        agents = tuple(agent for block in spaces.blocks for agent in block.agents)
+        name_of = _group_names(spaces, agents, sharing)
+        groups: list[Group] = []
+        for name in dict.fromkeys(name_of[agent] for agent in agents):
+            groups.append(_group(name, [a for a in agents if name_of[a] == name], spaces, agents))
+        return cls(agents, spaces, tuple(groups))
+
+    @property
+    def joint_size(self) -> int:
+        """Width of all agents' flattened observations side by side."""
+        return sum(len(b.agents) * observation_size(b.observation) for b in self.spaces.blocks)
+
+    @property
+    def state_size(self) -> int:
+        """Width of the global state that centralised critics see; see `JointView.global_state`."""
+        return self.spaces.state or self.joint_size + len(self.agents)
+
+    def describe(self) -> dict[str, Any]:
+        """Return what a checkpoint depends on, in plain comparable values."""
+        described: dict[str, Any] = {
+            "state size": self.spaces.state,
+            "communication graph": self.spaces.has_graph,
+        }
+        for group in self.groups:
+            described[f"agents of group {group.id!r}"] = group.agents
+            described[f"action space of group {group.id!r}"] = str(group.action)
+            # Bounds do not enter a network's shape and may differ between a training and an evaluation scene.
+            leaves = {name: (space.shape, str(space.dtype)) for name, space in group.observation.items()}
+            described[f"observation space of group {group.id!r}"] = leaves
+        return described
+
+
+def observation_size(leaves: Mapping[str, Box]) -> int:
+    """Return the number of floats of one agent's flattened observation."""
+    return sum(int(np.prod(space.shape)) for space in leaves.values())
+
+
+def agent_spaces(group: Group) -> tuple[gym.Space, gym.Space]:
+    """Return (observation space, action space) of one agent of the group, as RLlib wants them."""
+    leaves = group.observation
+    observation = leaves[""] if list(leaves) == [""] else Dict(dict(leaves))
+    return observation, group.action
+
+
+def action_size(action: Action) -> int:
+    """Return the width of an action as critics see it: one-hot, or raw."""
+    return int(action.n) if isinstance(action, Discrete) else int(np.prod(action.shape))
+
+
+def _group_names(spaces: JointSpaces, agents: tuple[str, ...], sharing: Sharing) -> dict[str, str]:
+    if sharing == "none":
+        return {agent: agent for agent in agents}
+    if sharing == "all":
+        single = len(spaces.blocks) == 1
+        return {
+            a: "shared" if single else f"shared_{k}" for k, b in enumerate(spaces.blocks) for a in b.agents
+        }
+    if isinstance(sharing, str):
+        raise SpaceError(
+            f"sharing {sharing!r} is unknown",
+            place="training(sharing=...)",
+            remedy='use "none", "all", {"group": ["agent", ...]} or a function from agent to group',
+        )
+    if callable(sharing):
+        return {agent: sharing(agent) for agent in agents}
+    named = {agent: group for group, members in sharing.items() for agent in members}
+    for agent in named:
+        if agent not in agents:
+            raise SpaceError(
+                f"group {named[agent]!r} names the agent {agent!r}, which the environment does not have",
+                place="training(sharing=...)",
+                remedy=nearest_names(agent, agents),
+            )
+    missing = [agent for agent in agents if agent not in named]
+    if missing:
+        raise SpaceError(
+            f"no group holds {missing}", place="training(sharing=...)", remedy="put every agent in one"
+        )
+    return named
+
+
+def _group(name: str, members: list[str], spaces: JointSpaces, agents: tuple[str, ...]) -> Group:
+    blocks = {k for k, block in enumerate(spaces.blocks) for agent in block.agents if agent in members}
+    if len(blocks) > 1:
+        raise SpaceError(
+            f"the agents {members} of group {name!r} have different spaces",
+            place="training(sharing=...)",
+            remedy="share parameters only among agents with equal observation and action spaces",
+        )
+    if "__" in name:
+        raise SpaceError(
+            f"the group name {name!r} contains '__'",
+            place="training(sharing=...)",
+            remedy="rename it: '__' separates a group from its critic",
+        )
+    number = blocks.pop()
+    block = spaces.blocks[number]
+    within = _index([block.agents.index(agent) for agent in members])
+    columns = _index([agents.index(agent) for agent in members])
+    return Group(name, tuple(members), number, within, columns, block.observation, block.action)
+
+
+def _index(places: list[int]) -> Index:
+    if places == list(range(places[0], places[-1] + 1)):
+        return slice(places[0], places[-1] + 1)
+    return np.array(places)

@@ -1,0 +1,213 @@
+"""Multi-agent deep deterministic policy gradient (MADDPG), for discrete and continuous actions.
+
+Lowe et al. 2017, "Multi-Agent Actor-Critic for Mixed Cooperative-Competitive Environments". Each group has a
+critic Q_i(x, a_1, ..., a_N) of everybody's observations and actions, fitted by eq. 6 with everybody's target
+policies; its policy follows eq. 5, where only agent i's action comes from its policy and the others' come
+from replay. Discrete actions are straight-through Gumbel-softmax samples (as in the authors' code),
+continuous ones tanh with noise.
+
+Deviations: target policies give hard samples instead of soft ones; finished agents count as zeros in x and a,
+with flags of who is there; agents of a group share networks, told apart by a learned bias.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import torch
+from gymnasium.spaces import Discrete
+from torch import Generator, Tensor, nn
+
+from algorithms.joint.algorithm import JointAlgorithm
+from algorithms.joint.batch import GroupView, JointView, ReplayBatch
+from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.learner import OffPolicyLearner
+from algorithms.joint.module import JointModule, LearnerModule, critic_of
+from algorithms.joint.spec import Group, JointSpec, action_size
+from algorithms.parts.distributions import CategoricalHead, DeterministicHead, Exploration, Head
+from algorithms.parts.networks import Encoder, perceptron
+from algorithms.parts.relaxation import straight_through_gumbel
+
+
+class Actor(nn.Module):
+    """Policy outputs (..., n, P) of observation leaves."""
+
+    def __init__(self, group: Group, hidden: tuple[int, ...], outputs: int) -> None:
+        super().__init__()
+        self.encoder = Encoder(group.observation, group.size)
+        self.body = perceptron([self.encoder.size, *hidden, outputs], nn.ReLU)
+
+    def forward(self, leaves) -> Tensor:
+        """Return logits, or actions before tanh."""
+        return self.body(self.encoder(leaves))
+
+
+class MADDPGModule(JointModule):
+    """A policy and its target, with samples that gradients flow through."""
+
+    targets = ("target_actor",)
+
+    def make_head(self) -> Head:
+        """Sample discrete actions; continuous ones are deterministic with noise."""
+        space = self.group.action
+        return CategoricalHead(space) if isinstance(space, Discrete) else DeterministicHead(space)
+
+    def make_networks(self) -> None:
+        """Create policy and target policy."""
+        self.actor = Actor(self.group, self.settings["hidden"], self.head.outputs)
+        self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
+
+    def policy(self, view: GroupView) -> Tensor:
+        """Return logits, or actions before tanh, (M, n, P)."""
+        return self.actor(view.observations)
+
+    def plain(self) -> tuple[Encoder, nn.Module]:
+        """Return encoder and body, for stacked acting."""
+        return self.actor.encoder, self.actor.body
+
+    def relax(self, outputs: Tensor, view: GroupView, generator: Generator) -> Tensor:
+        """Return actions (M, n, A) as critics see them, with gradient; zeros for the absent."""
+        if isinstance(self.head, CategoricalHead):
+            actions = straight_through_gumbel(outputs, view.legal, generator)
+        else:
+            actions = outputs.tanh()
+        return actions * view.alive[..., None]
+
+
+class JointQ(nn.Module):
+    """Q_i(x, a) for the n agents of a group.
+
+    The first layer is linear in every agent's action, so replacing one agent's action costs one small product
+    instead of a pass over the joint input for each agent.
+    """
+
+    def __init__(self, spec: JointSpec, group: Group, hidden: tuple[int, ...]) -> None:
+        super().__init__()
+        widths = {g.id: (g.size, action_size(g.action)) for g in spec.groups}
+        start = 0
+        for g in spec.groups:
+            if g.id == group.id:
+                break
+            start += int(np.prod(widths[g.id]))
+        self._own = slice(start, start + int(np.prod(widths[group.id])))
+        self._shape = widths[group.id]
+        total = sum(int(np.prod(w)) for w in widths.values())
+        self.see = nn.Linear(spec.joint_size + len(spec.agents), hidden[0])
+        self.act = nn.Linear(total, hidden[0], bias=False)
+        self.place = nn.Parameter(torch.randn(group.size, hidden[0]) * 0.1)
+        self.rest = nn.Sequential(nn.ReLU(), *perceptron([*hidden, 1], nn.ReLU))
+
+    def forward(self, view: JointView, actions: dict[str, Tensor], replaced: Tensor | None = None) -> Tensor:
+        """Return Q values (M, n).
+
+        Args:
+            view: What everybody sees.
+            actions: Everybody's actions by group id, each (M, n, A).
+            replaced: Own actions (M, n, A): row i takes these for agent i, and `actions` for all others.
+        """
+        joint = torch.cat([view.joint_observations(), view.alive.float()], -1)
+        flat = torch.cat([actions[g.id].flatten(1) for g in view.spec.groups], -1)
+        first = (self.see(joint) + self.act(flat)).unsqueeze(1) + self.place
+        if replaced is not None:
+            agents, width = self._shape
+            weight = self.act.weight[:, self._own].T.reshape(agents, width, -1)
+            change = replaced - flat[:, self._own].reshape(-1, agents, width)
+            first = first + torch.einsum("mna,nah->mnh", change, weight)
+        return self.rest(first).squeeze(-1)
+
+
+class MADDPGCritic(LearnerModule):
+    """A group's critic and its target."""
+
+    targets = ("target_q",)
+
+    def make_networks(self) -> None:
+        """Create critic and target critic."""
+        if self.group is None:
+            raise TypeError("a MADDPG critic belongs to a group")
+        self.q = JointQ(self.spec, self.group, self.settings["hidden"])
+        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
+
+
+class MADDPGLearner(OffPolicyLearner):
+    """Critic steps for all groups, then policy steps for all groups, then targets."""
+
+    config: MADDPGConfig  # type: ignore[assignment]
+
+    def update_minibatch(self, batch: ReplayBatch) -> None:
+        """Take the steps of one minibatch."""
+        taken = batch.encoded_actions()
+        self.fit_critics(batch, taken)
+        self.improve_policies(batch, taken)
+        self.track(*self.module.keys(), tau=self.config.tau)
+
+    def fit_critics(self, batch: ReplayBatch, taken: dict[str, Tensor]) -> None:
+        """Regress Q_i(x, a) on r_i + gamma Q'_i(x', a'), a' from the target policies (eq. 6)."""
+        following = batch.next
+        with torch.no_grad():
+            chosen = {}
+            for group in self.groups:
+                net, view = self.net(group.id), following.view(group)
+                chosen[group.id] = net.relax(net.target_actor(view.observations), view, self.generator)
+        for group, own in batch.groups():
+            critic = self.net(critic_of(group))
+            with torch.no_grad():
+                value = torch.where(own.bootstrap, critic.target_q(following, chosen), 0)
+                target = self.config.reward_scale * own.rewards + self.gamma * value
+            loss = self.mean((critic.q(batch, taken) - target).square(), own.alive)
+            self.step_optimizer(loss, critic_of(group))
+            self.log(group.id, "critic_loss", loss)
+
+    def improve_policies(self, batch: ReplayBatch, taken: dict[str, Tensor]) -> None:
+        """Follow the gradient of Q_i(x, a_1, .., pi_i(o_i), .., a_N) in agent i's own action only (eq. 5)."""
+        for group, own in batch.groups():
+            net = self.net(group.id)
+            outputs = net.policy(own)
+            q = self.net(critic_of(group)).q(batch, taken, net.relax(outputs, own, self.generator))
+            size = outputs.square() if own.legal is None else outputs.square() * own.legal
+            penalty = self.config.logit_penalty * self.mean(size.mean(-1), own.alive)
+            self.step_optimizer(penalty - self.mean(q, own.alive), group.id)
+            self.log(group.id, "policy_q", self.mean(q, own.alive))
+
+
+class MADDPGConfig(OffPolicyConfig):
+    """MADDPG.
+
+    Attributes:
+        noise: Standard deviation of exploration noise on continuous actions in [-1, 1].
+        logit_penalty: Weight of the mean square of policy outputs, which keeps samples from freezing.
+    """
+
+    algorithm = "maddpg"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or MADDPG)
+        self._defaults(noise=0.1, logit_penalty=1e-3)
+        self.training(lr=1e-3, grad_clip=0.5, batch_size=256)
+
+    noise: float
+    logit_penalty: float
+
+    def exploration(self, steps: int) -> Exploration:
+        """Return sampling, and noise on continuous actions."""
+        return Exploration(explore=bool(self.explore), noise=self.noise)
+
+    def modules(self, spec: JointSpec):
+        """Return a policy and a critic for each group."""
+        self.check_vectors(spec)
+        policies = {g.id: self.policy_spec(spec, g, MADDPGModule) for g in spec.groups}
+        return policies | {critic_of(g): self.learner_spec(spec, MADDPGCritic, g) for g in spec.groups}
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return MADDPGLearner
+
+
+class MADDPG(JointAlgorithm):
+    """MADDPG."""
+
+    @classmethod
+    def get_default_config(cls) -> MADDPGConfig:
+        """Return the defaults (RLlib)."""
+        return MADDPGConfig()

@@ -1,0 +1,1 @@
+"""Parts that algorithms are assembled from: networks, distributions, losses, mixers. Torch only."""

@@ -1,0 +1,211 @@
+"""How network outputs become actions: distributions for learners, heads for runners."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Protocol
+
+import torch
+from gymnasium.spaces import Box, Discrete
+from torch import Generator, Tensor
+
+from algorithms.parts.masking import ILLEGAL
+
+
+class Exploration(NamedTuple):
+    """How runners deviate from greedy play during one fragment.
+
+    Attributes:
+        explore: False: greedy.
+        epsilon: Probability of a uniformly random legal action, for heads of values.
+        noise: Standard deviation of Gaussian noise on actions in [-1, 1], for deterministic heads.
+    """
+
+    explore: bool = True
+    epsilon: float = 0.0
+    noise: float = 0.0
+
+
+class Acting(NamedTuple):
+    """Actions of one block and where they came from.
+
+    Attributes:
+        actions: int64 (B, n), or float32 (B, n, k).
+        log_prob: Log-probability (B, n) under the sampling distribution, or None if it has no density.
+        distribution: What was sampled from, (B, n, A) probabilities, or (B, n, 2, k) mean and standard
+            deviation.
+    """
+
+    actions: Tensor
+    log_prob: Tensor | None
+    distribution: Tensor
+
+
+class Distribution(Protocol):
+    """What losses need of a policy."""
+
+    def log_prob(self, actions: Tensor) -> Tensor:
+        """Return log-probabilities, one per agent."""
+        ...
+
+    def entropy(self) -> Tensor:
+        """Return entropies, one per agent."""
+        ...
+
+
+class CategoricalDistribution:
+    """Choice among A actions; illegal ones have probability zero. Logits (..., A), legal (..., A) or None."""
+
+    def __init__(self, logits: Tensor, legal: Tensor | None = None) -> None:
+        if legal is not None:
+            logits = logits.masked_fill(~legal, ILLEGAL)
+        self.log_probs = torch.log_softmax(logits, -1)
+
+    def log_prob(self, actions: Tensor) -> Tensor:
+        """Return (...) log-probabilities of int64 actions (...)."""
+        return self.log_probs.gather(-1, actions.unsqueeze(-1)).squeeze(-1)
+
+    def entropy(self) -> Tensor:
+        """Return (...) entropies."""
+        return -(self.log_probs.exp() * self.log_probs).sum(-1)
+
+    def sample(self, generator: Generator) -> Tensor:
+        """Return (...) actions by the Gumbel-max trick."""
+        exponential = torch.empty_like(self.log_probs).exponential_(generator=generator)
+        return (self.log_probs - exponential.log()).argmax(-1)
+
+    def mode(self) -> Tensor:
+        """Return (...) most probable actions, the first of equals."""
+        return self.log_probs.argmax(-1)
+
+
+class GaussianDistribution:
+    """Independent normal action components; mean and log standard deviation (..., k)."""
+
+    def __init__(self, mean: Tensor, log_std: Tensor) -> None:
+        self.mean, self.log_std = mean, log_std.clamp(-5, 2)
+
+    def log_prob(self, actions: Tensor) -> Tensor:
+        """Return (...) log-densities of unclipped actions (..., k)."""
+        z = (actions - self.mean) * torch.exp(-self.log_std)
+        return -(0.5 * z.square() + self.log_std + 0.5 * math.log(2 * math.pi)).sum(-1)
+
+    def entropy(self) -> Tensor:
+        """Return (...) entropies."""
+        return (self.log_std + 0.5 * math.log(2 * math.pi * math.e)).sum(-1)
+
+    def sample(self, generator: Generator) -> Tensor:
+        """Return (..., k) actions."""
+        return self.mean + self.log_std.exp() * torch.empty_like(self.mean).normal_(generator=generator)
+
+
+class Head(Protocol):
+    """Network outputs to actions, for all agents of a block at once.
+
+    Attributes:
+        outputs: Width of the network's last layer.
+        has_log_prob: Whether `act` returns log-probabilities.
+    """
+
+    outputs: int
+    has_log_prob: bool
+
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
+        """Return the actions for outputs (B, n, P) and legal actions (B, n, A) or None."""
+        ...
+
+
+class CategoricalHead:
+    """Samples from logits; greedy play takes the mode."""
+
+    has_log_prob = True
+
+    def __init__(self, space: Discrete) -> None:
+        self.outputs = int(space.n)
+
+    def distribution(self, outputs: Tensor, legal: Tensor | None) -> CategoricalDistribution:
+        """Return the policy."""
+        return CategoricalDistribution(outputs, legal)
+
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
+        """Return sampled, or most probable, actions."""
+        policy = self.distribution(outputs, legal)
+        actions = policy.sample(generator) if exploration.explore else policy.mode()
+        return Acting(actions, policy.log_prob(actions), policy.log_probs.exp())
+
+
+class GaussianHead:
+    """Samples from a normal distribution; clipped only at the environment, so densities are exact."""
+
+    has_log_prob = True
+
+    def __init__(self, space: Box) -> None:
+        self._k = math.prod(space.shape)
+        self.outputs = 2 * self._k
+
+    def distribution(self, outputs: Tensor, legal: Tensor | None = None) -> GaussianDistribution:
+        """Return the policy."""
+        mean, log_std = outputs.split(self._k, -1)
+        return GaussianDistribution(mean, log_std)
+
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
+        """Return sampled actions, or the mean."""
+        policy = self.distribution(outputs)
+        actions = policy.sample(generator) if exploration.explore else policy.mean
+        return Acting(actions, policy.log_prob(actions), torch.stack([policy.mean, policy.log_std.exp()], -2))
+
+
+class EpsilonGreedyHead:
+    """Best legal action by value, or with probability epsilon a uniformly random legal one."""
+
+    has_log_prob = False
+
+    def __init__(self, space: Discrete) -> None:
+        self.outputs = int(space.n)
+
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
+        """Return epsilon-greedy actions."""
+        epsilon = exploration.epsilon if exploration.explore else 0.0
+        allowed = torch.ones_like(outputs) if legal is None else legal.to(outputs.dtype)
+        values = outputs if legal is None else outputs.masked_fill(~legal, ILLEGAL)
+        greedy = torch.zeros_like(outputs).scatter_(-1, values.argmax(-1, keepdim=True), 1.0)
+        probabilities = (
+            epsilon * allowed / allowed.sum(-1, keepdim=True).clamp(min=1) + (1 - epsilon) * greedy
+        )
+        if epsilon == 0:
+            return Acting(greedy.argmax(-1), None, probabilities)
+        exponential = torch.empty_like(probabilities).exponential_(generator=generator)
+        return Acting((probabilities / exponential).argmax(-1), None, probabilities)
+
+
+class DeterministicHead:
+    """A point in [-1, 1] by tanh, plus Gaussian noise while exploring."""
+
+    has_log_prob = False
+
+    def __init__(self, space: Box) -> None:
+        self.outputs = math.prod(space.shape)
+
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
+        """Return noisy actions, clipped to [-1, 1]."""
+        mean = outputs.tanh()
+        scale = exploration.noise if exploration.explore else 0.0
+        noise = scale * torch.empty_like(mean).normal_(generator=generator)
+        return Acting(
+            (mean + noise).clamp(-1, 1), None, torch.stack([mean, torch.full_like(mean, scale)], -2)
+        )
+
+
+def stochastic_head(space: Box | Discrete) -> CategoricalHead | GaussianHead:
+    """Return the head of a sampled policy for the space."""
+    return CategoricalHead(space) if isinstance(space, Discrete) else GaussianHead(space)

@@ -1,0 +1,51 @@
+"""Running mean and scale of value targets."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from algorithms.parts.masking import masked_mean
+
+
+class RunningMoments(nn.Module):
+    """Debiased exponential averages of mean and mean square, kept as buffers, so checkpoints carry them.
+
+    Rewards of driving are metres, crashes and bonuses at once; critics fit their standardised values (the
+    first of the details that matter in Yu et al. 2022, "The Surprising Effectiveness of PPO").
+
+    Args:
+        enabled: False: `scaled` and `unscaled` change nothing.
+        decay: Share of the old averages that an observation leaves in place.
+    """
+
+    def __init__(self, *, enabled: bool, decay: float = 0.99) -> None:
+        super().__init__()
+        self._enabled, self._decay = enabled, decay
+        self.mean = nn.Buffer(torch.zeros(()))
+        self.mean_square = nn.Buffer(torch.zeros(()))
+        self.weight = nn.Buffer(torch.zeros(()))
+
+    def observe(self, x: Tensor, mask: Tensor) -> None:
+        """Take in the values of `x` where `mask`."""
+        if self._enabled and bool(mask.any()):
+            self.mean.lerp_(masked_mean(x, mask), 1 - self._decay)
+            self.mean_square.lerp_(masked_mean(x.square(), mask), 1 - self._decay)
+            self.weight.lerp_(torch.ones_like(self.weight), 1 - self._decay)
+
+    def scaled(self, x: Tensor) -> Tensor:
+        """Return standardised values."""
+        mean, std = self._moments()
+        return (x - mean) / std
+
+    def unscaled(self, x: Tensor) -> Tensor:
+        """Return values in the units of the rewards."""
+        mean, std = self._moments()
+        return x * std + mean
+
+    def _moments(self) -> tuple[Tensor, Tensor]:
+        weight = self.weight.clamp(min=1e-5)
+        mean = self.mean / weight
+        variance = (self.mean_square / weight - mean.square()).clamp(min=1e-4)
+        # Before the first observation the scale is one.
+        return mean, torch.where(self.weight > 0, variance, 1).sqrt()

@@ -1,0 +1,141 @@
+"""Networks: multilayer perceptrons, observation encoders, and n equal perceptrons evaluated as one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+import torch
+from gymnasium.spaces import Box
+from torch import Tensor, nn
+
+
+def perceptron(sizes: Sequence[int], activation: type[nn.Module] = nn.Tanh) -> nn.Sequential:
+    """Return linear layers of the given widths with the activation between them, none after the last."""
+    layers: list[nn.Module] = []
+    for before, after in pairwise(sizes):
+        layers += [nn.Linear(before, after), activation()]
+    return nn.Sequential(*layers[:-1])
+
+
+def orthogonal(network: nn.Sequential, *, gain: float, last: float) -> nn.Sequential:
+    """Initialise weights orthogonally with `gain`, the last layer's with `last`, biases with zero."""
+    linear = [layer for layer in network if isinstance(layer, nn.Linear)]
+    for layer in linear:
+        nn.init.orthogonal_(layer.weight, last if layer is linear[-1] else gain)
+        nn.init.zeros_(layer.bias)
+    return network
+
+
+class Encoder(nn.Module):
+    """Observation leaves to one vector per agent, shape (..., n, `size`).
+
+    Vectors are concatenated; each image leaf, (H, W, C) or (C, H, W), goes through two convolutions. Agents
+    that share the network are told apart by a one-hot place, since symmetric greedy policies deadlock
+    otherwise.
+
+    Args:
+        observation: Space of each leaf.
+        agents: Number n of agents that share the network.
+    """
+
+    def __init__(self, observation: Mapping[str, Box], agents: int = 1) -> None:
+        super().__init__()
+        self._images = {name: space for name, space in observation.items() if len(space.shape) == 3}
+        self._depth = {name: len(space.shape) for name, space in observation.items()}
+        self.convolutions = nn.ModuleDict(
+            {f"image_{k}": _convolution(s) for k, s in enumerate(self._images.values())}
+        )
+        vectors = sum(int(np.prod(s.shape)) for name, s in observation.items() if name not in self._images)
+        self._identity = agents if agents > 1 else 0
+        self.size = vectors + 64 * len(self._images) + self._identity
+        self.is_plain = not self._images and not self._identity
+        """Whether the encoder only concatenates, so that it has no weights."""
+
+    def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:
+        """Return features (..., n, size) of leaves (..., n, *shape)."""
+        parts = []
+        for name, leaf in leaves.items():
+            if name in self._images:
+                number = list(self._images).index(name)
+                parts.append(self._see(self.convolutions[f"image_{number}"], self._images[name], leaf))
+                continue
+            depth = self._depth[name]
+            leaf = leaf.flatten(-depth) if depth > 1 else leaf.unsqueeze(-1) if depth == 0 else leaf
+            parts.append(leaf if leaf.dtype == torch.float32 else leaf.float())
+        if self._identity:
+            place = torch.eye(self._identity, device=parts[0].device)
+            parts.append(place.expand(*parts[0].shape[:-1], self._identity))
+        return parts[0] if len(parts) == 1 else torch.cat(parts, -1)
+
+    @staticmethod
+    def _see(convolution: nn.Module, space: Box, leaf: Tensor) -> Tensor:
+        leading = leaf.shape[:-3]
+        image = leaf.reshape(-1, *leaf.shape[-3:]).float()
+        if space.dtype == np.uint8:
+            image = image / 255
+        if _channels_last(space):
+            image = image.permute(0, 3, 1, 2)
+        return convolution(image).reshape(*leading, -1)
+
+
+def _channels_last(space: Box) -> bool:
+    return space.shape[-1] <= space.shape[0]
+
+
+def _convolution(space: Box) -> nn.Sequential:
+    channels, height, width = space.shape
+    if _channels_last(space):
+        height, width, channels = space.shape
+    # Small images get smaller steps, so that something is left after two layers.
+    stride = 2 if min(height, width) >= 24 else 1
+    layers = [
+        nn.Conv2d(channels, 16, 4, stride),
+        nn.ReLU(),
+        nn.Conv2d(16, 32, 3, stride),
+        nn.ReLU(),
+        nn.Flatten(),
+    ]
+    with torch.no_grad():
+        width_out = nn.Sequential(*layers)(torch.zeros(1, channels, height, width)).shape[-1]
+    return nn.Sequential(*layers, nn.Linear(width_out, 64), nn.ReLU())
+
+
+class StackedPerceptrons:
+    """n perceptrons of equal shape as one chain of batched products, for acting only.
+
+    A step of four separate networks costs three times as much as this.
+    """
+
+    def __init__(self, networks: Sequence[nn.Sequential]) -> None:
+        self._layers: list[tuple[Tensor, Tensor] | nn.Module] = []
+        for column in zip(*networks, strict=True):
+            if isinstance(column[0], nn.Linear):
+                weight = torch.stack([layer.weight.detach().T for layer in column]).contiguous()
+                self._layers.append((weight, torch.stack([layer.bias.detach() for layer in column])[:, None]))
+            else:
+                self._layers.append(column[0])
+
+    def __call__(self, features: Tensor) -> Tensor:
+        """Return outputs (B, n, P) of features (B, n, d), network i applied to agent i."""
+        x = features.transpose(0, 1)
+        for layer in self._layers:
+            x = torch.baddbmm(layer[1], x, layer[0]) if isinstance(layer, tuple) else layer(x)
+        return x.transpose(0, 1)
+
+    @staticmethod
+    def fits(networks: Sequence[nn.Module]) -> bool:
+        """Return whether the networks are plain perceptrons of one shape."""
+        if not all(isinstance(network, nn.Sequential) for network in networks):
+            return False
+        shapes = {
+            tuple((type(layer), *(p.shape for p in layer.parameters())) for layer in network.children())
+            for network in networks
+        }
+        weightless = all(
+            isinstance(layer, nn.Linear) or not list(layer.parameters())
+            for n in networks
+            for layer in n.children()
+        )
+        return len(shapes) == 1 and weightless

@@ -1,0 +1,23 @@
+"""Discrete actions through which gradients flow."""
+
+from __future__ import annotations
+
+import torch
+from torch import Generator, Tensor
+
+from algorithms.parts.masking import ILLEGAL
+
+
+def straight_through_gumbel(
+    logits: Tensor, legal: Tensor | None, generator: Generator, temperature: float = 1.0
+) -> Tensor:
+    """Return one-hot samples (..., A) with the gradient of the relaxed sample.
+
+    Jang et al. 2017, "Categorical Reparameterization with Gumbel-Softmax", eq. 2 and section 2.2.
+    """
+    if legal is not None:
+        logits = logits.masked_fill(~legal, ILLEGAL)
+    gumbel = -torch.empty_like(logits).exponential_(generator=generator).log()
+    relaxed = torch.softmax((logits + gumbel) / temperature, -1)
+    hard = torch.zeros_like(relaxed).scatter_(-1, relaxed.argmax(-1, keepdim=True), 1.0)
+    return hard + (relaxed - relaxed.detach())  # the bracket is exactly zero

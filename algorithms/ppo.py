@@ -1,0 +1,139 @@
+"""Independent proximal policy optimisation (PPO).
+
+Every group of agents learns as if the others were part of its environment. Schulman et al. 2017, "Proximal
+Policy Optimization Algorithms": the clipped surrogate of eq. 7, advantages by eq. 11-12 (generalised
+advantage estimation, Schulman et al. 2016). De Witt et al. 2020 show how far this goes with several agents.
+
+Deviations: policy and value function are separate networks with separate optimisers, so there is no weight
+between their losses; advantages are standardised per policy network over the whole rollout, not per
+minibatch; the value loss is not clipped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from algorithms.joint.algorithm import JointAlgorithm
+from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
+from algorithms.joint.config import OnPolicyConfig
+from algorithms.joint.learner import OnPolicyLearner
+from algorithms.joint.module import LearnerModule, critic_of
+from algorithms.joint.rollout import JointRollout
+from algorithms.joint.spec import JointSpec
+from algorithms.parts.moments import RunningMoments
+from algorithms.parts.networks import Encoder, orthogonal, perceptron
+
+
+class LocalValue(LearnerModule):
+    """V(o_i) from an agent's own observation."""
+
+    def make_networks(self) -> None:
+        """Create encoder and body."""
+        if self.group is None:
+            raise TypeError("a local value belongs to a group")
+        self.encoder = Encoder(self.group.observation, self.group.size)
+        self.moments = RunningMoments(enabled=self.settings["normalize_values"])
+        self.body = orthogonal(
+            perceptron([self.encoder.size, *self.settings["hidden"], 1]), gain=np.sqrt(2), last=1
+        )
+
+    def value(self, view: GroupView) -> Tensor:
+        """Return scaled values (M, n)."""
+        return self.body(self.encoder(view.observations)).squeeze(-1)
+
+
+def clipped_surrogate(log_prob: Tensor, old_log_prob: Tensor, advantages: Tensor, clip: float) -> Tensor:
+    """Return the loss of each action, minus eq. 7 of Schulman et al. 2017."""
+    ratio = torch.exp(log_prob - old_log_prob)
+    return -torch.minimum(ratio * advantages, ratio.clamp(1 - clip, 1 + clip) * advantages)
+
+
+class PPOLearner(OnPolicyLearner):
+    """Clipped policy steps and value regression, group by group."""
+
+    config: PPOConfig  # type: ignore[assignment]
+
+    def values(self, view: JointView) -> Tensor:
+        """Return each agent's value of its own observation, (M, N)."""
+        values = {}
+        for group in self.groups:
+            critic = self.net(critic_of(group))
+            values[group.id] = critic.moments.unscaled(critic.value(view.view(group)))
+        return view.join(values)
+
+    def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
+        """Return the batch; critics see its targets once, to adapt their scale."""
+        batch = super().prepare(rollout)
+        self.observe_targets(batch)
+        return batch
+
+    def observe_targets(self, batch: OnPolicyBatch) -> None:
+        """Let every critic adapt its scale."""
+        for group, own in batch.groups():
+            self.net(critic_of(group)).moments.observe(own.targets, own.alive)
+
+    def update_minibatch(self, batch: OnPolicyBatch) -> None:
+        """Step every policy, then every value function."""
+        for group, own in batch.groups():
+            net = self.net(group.id)
+            policy = net.head.distribution(net.policy(own), own.legal)
+            loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
+            entropy = self.mean(policy.entropy(), own.alive)
+            self.step_optimizer(self.mean(loss, own.alive) - self.config.entropy_coeff * entropy, group.id)
+            self.log(group.id, "entropy", entropy)
+        self.fit_values(batch)
+
+    def policy_loss(self, log_prob: Tensor, old_log_prob: Tensor, advantages: Tensor) -> Tensor:
+        """Return the loss of each action."""
+        return clipped_surrogate(log_prob, old_log_prob, advantages, self.config.clip)
+
+    def fit_values(self, batch: OnPolicyBatch) -> None:
+        """Regress values on their targets."""
+        for group, own in batch.groups():
+            critic = self.net(critic_of(group))
+            error = (critic.value(own) - critic.moments.scaled(own.targets)).square()
+            loss = self.mean(error, own.alive)
+            self.step_optimizer(loss, critic_of(group))
+            self.log(group.id, "value_loss", loss)
+
+
+class PPOConfig(OnPolicyConfig):
+    """Independent PPO.
+
+    Attributes:
+        clip: Largest change of an action's probability ratio that is rewarded.
+        normalize_values: Let critics fit standardised targets.
+    """
+
+    algorithm = "ppo"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or PPO)
+        self._defaults(clip=0.2, normalize_values=False)
+
+    clip: float
+    normalize_values: bool
+
+    def module_settings(self):
+        """Return the settings that networks are built from."""
+        return super().module_settings() | {"normalize_values": self.normalize_values}
+
+    def modules(self, spec: JointSpec):
+        """Return a policy and a value network for each group."""
+        policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
+        return policies | {critic_of(g): self.learner_spec(spec, LocalValue, g) for g in spec.groups}
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return PPOLearner
+
+
+class PPO(JointAlgorithm):
+    """Independent PPO."""
+
+    @classmethod
+    def get_default_config(cls) -> PPOConfig:
+        """Return the defaults (RLlib)."""
+        return PPOConfig()

@@ -1,0 +1,102 @@
+"""QMIX: the team's value is a monotone function of the agents' values, whose weights depend on the state.
+
+Rashid et al. 2018, "QMIX: Monotonic Value Function Factorisation for Deep Multi-Agent Reinforcement
+Learning", eq. 5: dQ_tot/dQ_i >= 0 by absolute weights from hypernetworks of the global state; loss of eq. 6.
+
+Deviations: as VDN; the state is the environment's, or all observations side by side with who is there.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import torch
+from torch import Tensor, nn
+
+from algorithms.joint.batch import JointView
+from algorithms.joint.module import LearnerModule
+from algorithms.joint.spec import JointSpec
+from algorithms.parts.networks import perceptron
+from algorithms.vdn import VDN, VDNConfig, VDNLearner
+
+MIXER = "team__mixer"
+
+
+class MonotoneMixer(nn.Module):
+    """Q_tot(s, Q_1, ..., Q_N) with one hidden layer of `width` units."""
+
+    def __init__(self, state: int, agents: int, width: int) -> None:
+        super().__init__()
+        self._shape = agents, width
+        self.first_weight = perceptron([state, 64, agents * width], nn.ReLU)
+        self.first_bias = nn.Linear(state, width)
+        self.last_weight = perceptron([state, 64, width], nn.ReLU)
+        self.last_bias = perceptron([state, width, 1], nn.ReLU)
+
+    def forward(self, values: Tensor, state: Tensor) -> Tensor:
+        """Return the team's values (M,) of the agents' (M, N) in states (M, S)."""
+        weight = self.first_weight(state).abs().unflatten(-1, self._shape)
+        hidden = nn.functional.elu(torch.einsum("mn,mnw->mw", values, weight) + self.first_bias(state))
+        return (hidden * self.last_weight(state).abs()).sum(-1) + self.last_bias(state).squeeze(-1)
+
+
+class QMIXMixer(LearnerModule):
+    """The mixer and its target."""
+
+    targets = ("target_mixer",)
+
+    def make_networks(self) -> None:
+        """Create mixer and target mixer."""
+        self.mixer = MonotoneMixer(self.spec.state_size, len(self.spec.agents), self.settings["mixer_width"])
+        self.target_mixer = copy.deepcopy(self.mixer).requires_grad_(False)
+
+
+class QMIXLearner(VDNLearner):
+    """VDN's step with a learned mixer."""
+
+    def mix(self, values: Tensor, view: JointView, *, target: bool = False) -> Tensor:
+        """Return the team's values (M,)."""
+        net = self.net(MIXER)
+        return (net.target_mixer if target else net.mixer)(values, view.global_state())
+
+    def trained(self) -> tuple[str, ...]:
+        """Return the networks that the team's loss steps."""
+        return (*super().trained(), MIXER)
+
+
+class QMIXConfig(VDNConfig):
+    """QMIX.
+
+    Attributes:
+        mixer_width: Hidden units of the mixer.
+    """
+
+    algorithm = "qmix"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or QMIX)
+        self._defaults(mixer_width=32)
+
+    mixer_width: int
+
+    def module_settings(self):
+        """Return the settings that networks are built from."""
+        return super().module_settings() | {"mixer_width": self.mixer_width}
+
+    def modules(self, spec: JointSpec):
+        """Return a Q network for each group and the mixer."""
+        self.check_state(spec)
+        return super().modules(spec) | {MIXER: self.learner_spec(spec, QMIXMixer)}
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return QMIXLearner
+
+
+class QMIX(VDN):
+    """QMIX."""
+
+    @classmethod
+    def get_default_config(cls) -> QMIXConfig:
+        """Return the defaults (RLlib)."""
+        return QMIXConfig()

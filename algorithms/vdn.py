@@ -1,0 +1,87 @@
+"""Value decomposition networks (VDN): the team's value is the sum of the agents' values.
+
+Sunehag et al. 2018, "Value-Decomposition Networks for Cooperative Multi-Agent Learning", eq. 3: Q_tot = sum_i
+Q_i(o_i, a_i), learned end to end from the team's reward by the squared double-Q temporal difference.
+
+Deviations: no recurrence; absent agents contribute zero, and the team's reward is the sum (or mean) over
+those present.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from algorithms.dqn import DQN, DQNConfig, DQNLearner
+from algorithms.joint.batch import JointView, ReplayBatch
+
+
+class VDNLearner(DQNLearner):
+    """One temporal difference for the whole team. Mixers override `mix` and `trained`."""
+
+    config: VDNConfig  # type: ignore[assignment]
+
+    def update_minibatch(self, batch: ReplayBatch) -> None:
+        """Step all networks together towards the team's target."""
+        following = batch.next
+        chosen, best = {}, {}
+        for group, own in batch.groups():
+            net = self.net(group.id)
+            chosen[group.id] = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
+            best[group.id] = self.next_value(net, own.next)
+        total = self.mix(torch.where(batch.alive, batch.join(chosen), 0), batch)
+        with torch.no_grad():
+            # Whoever is there next counts, late arrivals too: the same agents as when that moment is fitted.
+            value = self.mix(torch.where(following.alive, batch.join(best), 0), following, target=True)
+            value = torch.where(following.alive.any(-1), value, 0)
+            target = self.config.reward_scale * self.team_reward(batch) + self.gamma * value
+        # Squared, not Huber's: a sum fits most games only on average, and it is the mean that is meant.
+        loss = self.mean((total - target).square(), batch.alive.any(-1))
+        self.step_optimizer(loss, *self.trained())
+        self.log(self.groups[0].id, "td_loss", loss)
+        self.track(*self.trained(), tau=self.config.tau)
+
+    def team_reward(self, batch: ReplayBatch) -> Tensor:
+        """Return the team's reward (M,)."""
+        total = torch.where(batch.alive, batch.rewards, 0).sum(-1)
+        if self.config.team_reward == "mean":
+            return total / batch.alive.sum(-1).clamp(min=1)
+        return total
+
+    def mix(self, values: Tensor, view: JointView, *, target: bool = False) -> Tensor:
+        """Return the team's values (M,) of the agents' (M, N), zeros for the absent."""
+        return values.sum(-1)
+
+    def trained(self) -> tuple[str, ...]:
+        """Return the networks that the team's loss steps."""
+        return tuple(group.id for group in self.groups)
+
+
+class VDNConfig(DQNConfig):
+    """VDN.
+
+    Attributes:
+        team_reward: "sum" or "mean" of the rewards of those present; "mean" where all get the same shared
+            reward.
+    """
+
+    algorithm = "vdn"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or VDN)
+        self._defaults(team_reward="sum")
+
+    team_reward: str
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return VDNLearner
+
+
+class VDN(DQN):
+    """VDN."""
+
+    @classmethod
+    def get_default_config(cls) -> VDNConfig:
+        """Return the defaults (RLlib)."""
+        return VDNConfig()

@@ -1,0 +1,1 @@
+"""What all tests share; lies here so that `games` can be imported from anywhere below."""

@@ -1,0 +1,120 @@
+import numpy as np
+import pytest
+from games.games import Broken, Cues, Ragged, Target, TwoStep
+from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Tuple
+
+from algorithms.errors import EnvironmentFailure, SpaceError
+from algorithms.joint.adapter import JointVector
+from algorithms.joint.conformance import check_vector_env
+from algorithms.joint.env import episode_seed
+from algorithms.joint.spaces import Flattening, to_env
+from algorithms.joint.spec import JointSpec
+
+
+@pytest.mark.parametrize("game", [Cues, Target, TwoStep, Ragged])
+def test_the_adapter_keeps_the_contract(game):
+    check_vector_env(JointVector(lambda b: game({}), 3))
+
+
+class Untrue(JointVector):
+    def step(self, actions):
+        return super().step(actions)._replace(final=None)
+
+
+def test_missing_final_observations_are_found():
+    with pytest.raises(SpaceError, match="reset without final observations"):
+        check_vector_env(Untrue(lambda b: Cues(), 2))
+
+
+def test_an_episode_depends_on_seed_and_world_alone():
+    env = JointVector(lambda b: Cues(), 2)
+    here = env.reset(5, np.array([3, 8])).observations[0][""].copy()
+    there = env.reset(5, np.array([8, 3])).observations[0][""].copy()
+    np.testing.assert_array_equal(here[0], there[1])
+    np.testing.assert_array_equal(here[1], there[0])
+    assert episode_seed(5, 3, 0) != episode_seed(5, 0, 3)
+
+
+def test_leaves_of_nested_spaces():
+    near, image = Box(0, 1, (4,), np.float32), Box(0, 255, (8, 8, 3), np.uint8)
+    space = Dict({"lidar": Dict({"near": near}), "lane": Discrete(3), "image": image})
+    flattening = Flattening(space, "a")
+    assert {name: leaf.shape for name, leaf in flattening.leaves.items()} == {
+        "lidar/near": (4,),
+        "lane": (3,),
+        "image": (8, 8, 3),
+    }
+    seen = {"lidar": {"near": np.ones(4)}, "lane": 2, "image": np.zeros((8, 8, 3), np.uint8)}
+    leaves, mask = flattening.split(seen)
+    assert leaves["lane"].tolist() == [0, 0, 1]
+    assert mask is None
+
+
+def test_spaces_without_arrays_are_refused():
+    with pytest.raises(SpaceError, match="agent 'a'"):
+        Flattening(Tuple([Discrete(2)]), "a")
+    with pytest.raises(SpaceError, match="flatten a MultiDiscrete"):
+        JointVector(lambda b: _with_action(MultiDiscrete([2, 2])), 1)
+
+
+def _with_action(space):
+    game = Cues()
+    game.action_spaces = dict.fromkeys(game.agents, space)
+    return game
+
+
+def test_actions_in_the_units_of_the_environment():
+    bounded = Box(np.array([0.0, -2.0], np.float32), np.array([4.0, 2.0], np.float32))
+    np.testing.assert_allclose(
+        to_env(bounded, np.array([[-1, 1], [0, 0.5], [3, -3]])), [[0, 2], [2, 1], [4, -2]]
+    )
+    half = Box(0.0, np.inf, (1,), np.float32)
+    np.testing.assert_allclose(to_env(half, np.array([[-3.0], [7.0]])), [[0], [7]])
+    assert to_env(Discrete(3, start=5), np.array([0, 2])).tolist() == [5, 7]
+
+
+def test_an_environment_that_cannot_start_is_given_up():
+    class Dead(Broken):
+        broken = False
+
+        def reset(self, **kwargs):
+            if Dead.broken:
+                raise OSError("no display")
+            return super().reset(**kwargs)
+
+        def step(self, action_dict):
+            Dead.broken = True
+            raise RuntimeError("gone")
+
+    env = JointVector(lambda b: Dead({}), 1, max_failures=3)
+    env.reset(0, np.array([0]))
+    with pytest.raises(EnvironmentFailure, match=r"3 times in a row.*no display"):
+        env.step((np.zeros((1, 2), np.int64),))
+
+
+def test_turns_are_refused():
+    class Turns(Cues):
+        def observe(self):
+            seen = super().observe()
+            return {a: o for i, (a, o) in enumerate(seen.items()) if (i + self.t) % 2 == 0}
+
+        def step(self, action_dict):
+            return super().step({a: action_dict.get(a, 0) for a in self.agents})
+
+    env = JointVector(lambda b: Turns(), 1)
+    env.reset(0, np.array([0]))
+    env.step((np.zeros((1, 2), np.int64),))
+    with pytest.raises(SpaceError, match="turn"):
+        env.step((np.zeros((1, 2), np.int64),))
+
+
+def test_groups_cover_all_agents_with_equal_spaces():
+    spaces = JointVector(lambda b: Ragged({}), 1).spaces
+    spec = JointSpec.build(spaces, {"odd": ["b"], "even": ["a", "c"]})
+    assert [(g.id, g.agents) for g in spec.groups] == [("even", ("a", "c")), ("odd", ("b",))]
+    with pytest.raises(SpaceError, match="did you mean 'b'"):
+        JointSpec.build(spaces, {"x": ["bb", "a", "c"]})
+    with pytest.raises(SpaceError, match=r"no group holds \['c'\]"):
+        JointSpec.build(spaces, {"x": ["a", "b"]})
+    with pytest.raises(SpaceError, match="sharing 'some'"):
+        JointSpec.build(spaces, "some")

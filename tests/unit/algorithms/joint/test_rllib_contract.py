@@ -1,0 +1,252 @@
+"""The algorithms as RLlib algorithms: checkpoints, evaluation, faults, refusals."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+from games.games import Broken, Constant, Cues, Hanging, Ragged, Target
+
+import algorithms
+from algorithms.errors import CheckpointError, EnvironmentFailure, SpaceError, UnknownSettingError
+
+pytestmark = pytest.mark.usefixtures("cluster")
+
+FAST = {
+    "ppo": {"epochs": 2, "minibatch_size": 32},
+    "dqn": {"learning_starts": 32, "batch_size": 16, "capacity": 500},
+}
+
+
+def small(name="ppo", env=Cues, runners=0, env_config=None, **settings):
+    config = algorithms.config(name).environment(env, env_config=env_config or {})
+    config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
+    return config.debugging(seed=3).training(**{"hidden": (16,), **FAST[name], **settings})
+
+
+def weights(algo):
+    state = algo.learner_group.get_state()["learner"]["rl_module"]
+    return {f"{module}/{name}": np.array(x) for module, part in state.items() for name, x in part.items()}
+
+
+def assert_same(first, second):
+    assert first.keys() == second.keys()
+    for name, array in first.items():
+        np.testing.assert_array_equal(array, second[name], err_msg=name)
+
+
+def differ(first, second):
+    return any(not np.array_equal(first[name], second[name]) for name in first)
+
+
+@pytest.fixture
+def build():
+    built = []
+
+    def built_algo(config):
+        built.append(config.build_algo())
+        return built[-1]
+
+    yield built_algo
+    for algo in built:
+        algo.stop()
+
+
+def train(algo, iterations):
+    for _ in range(iterations):
+        result = algo.train()
+    return result
+
+
+@pytest.mark.parametrize("env", [Cues, pytest.param(Ragged, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_restored_training_equals_uninterrupted_training(build, tmp_path, name, env):
+    algo = build(small(name, env))
+    train(algo, 3)
+    algo.save_to_path(str(tmp_path / "checkpoint"))
+    at_three, snapshot = weights(algo), algo.get_state()
+    train(algo, 3)
+    at_six = weights(algo)
+    assert differ(at_three, at_six)
+
+    fresh = type(algo).from_checkpoint(str(tmp_path / "checkpoint"))
+    assert_same(weights(fresh), at_three)
+    train(fresh, 3)
+    assert_same(weights(fresh), at_six)
+    fresh.stop()
+
+    algo.restore_from_path(str(tmp_path / "checkpoint"))
+    assert_same(weights(algo), at_three)
+    train(algo, 3)
+    assert_same(weights(algo), at_six)
+
+    algo.set_state(snapshot)
+    train(algo, 3)
+    assert_same(weights(algo), at_six)
+
+
+def test_the_same_seed_gives_the_same_weights(build):
+    first, second = build(small()), build(small())
+    train(first, 4)
+    train(second, 4)
+    assert_same(weights(first), weights(second))
+
+
+@pytest.mark.slow
+def test_restored_training_with_a_remote_runner_equals_uninterrupted_training(build, tmp_path):
+    algo = build(small(runners=1))
+    train(algo, 2)
+    algo.save_to_path(str(tmp_path / "checkpoint"))
+    train(algo, 2)
+    expected = weights(algo)
+    algo.restore_from_path(str(tmp_path / "checkpoint"))
+    train(algo, 2)
+    assert_same(weights(algo), expected)
+
+
+def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alone(build):
+    config = small().evaluation(evaluation_duration=5).training(evaluate_sampled=True)
+    algo, control = build(config), build(small())
+    train(algo, 1)
+    first = algo.evaluate()["env_runners"]
+    again = algo.evaluate()["env_runners"]
+    assert first["num_episodes"] == 5
+    assert first["episode_return_mean"] == again["episode_return_mean"]
+    assert first["sampled"]["episode_return_mean"] == again["sampled"]["episode_return_mean"]
+    train(algo, 1)
+    train(control, 2)
+    assert_same(weights(algo), weights(control))
+
+
+@pytest.mark.slow
+def test_an_evaluation_group_plays_the_same_episodes_as_the_local_runner(build):
+    alone = build(small().evaluation(evaluation_duration=5))
+    beside = build(
+        small().evaluation(evaluation_interval=1, evaluation_num_env_runners=1, evaluation_duration=5)
+    )
+    group = beside.evaluate()["env_runners"]
+    assert group["num_episodes"] == 5
+    assert group["episode_return_mean"] == alone.evaluate()["env_runners"]["episode_return_mean"]
+
+
+def test_unsuitable_actions_are_refused_with_the_algorithms_that_fit():
+    with pytest.raises(SpaceError, match=r"'dqn' needs discrete actions.*[\s\S]*ppo"):
+        small("dqn", Target).build_algo()
+
+
+@pytest.mark.slow
+def test_unsuitable_actions_of_a_remote_environment_are_refused_too():
+    with pytest.raises(SpaceError, match="'dqn' needs discrete actions"):
+        small("dqn", Target, runners=1).build_algo()
+
+
+def test_an_unknown_setting_is_answered_with_the_nearest():
+    with pytest.raises(UnknownSettingError, match="did you mean 'epochs'"):
+        small(epoch=3)
+
+
+def test_a_checkpoint_of_another_algorithm_or_sharing_is_refused(build, tmp_path):
+    algo = build(small())
+    train(algo, 1)
+    algo.save_to_path(str(tmp_path / "checkpoint"))
+    before = weights(other := build(small("dqn")))
+    with pytest.raises(CheckpointError, match="algorithm: ppo there, dqn here"):
+        other.restore_from_path(str(tmp_path / "checkpoint"))
+    assert_same(before, weights(other))
+    with pytest.raises(CheckpointError, match="group 'shared'"):
+        build(small(sharing="all")).restore_from_path(str(tmp_path / "checkpoint"))
+    with pytest.raises(CheckpointError, match="action space"):
+        build(small(env=Constant)).restore_from_path(str(tmp_path / "checkpoint"))
+
+
+@pytest.mark.parametrize("fault", [{"raise_at": 3}, {"nan_at": 3}])
+def test_broken_episodes_are_counted_and_replaced(build, fault):
+    algo = build(small(env=Broken, env_config={**fault, "chance": 0.5}))
+    result = train(algo, 3)["env_runners"]
+    assert result["num_failed_env_copies_lifetime"] > 0
+    assert result["num_episodes_lifetime"] > 0
+    assert all(np.isfinite(w).all() for w in weights(algo).values())
+
+
+@pytest.mark.parametrize("fault", [{"raise_at": 3}, {"nan_at": 3}])
+def test_an_environment_that_always_breaks_stops_the_run(build, fault):
+    algo = build(small(env=Broken, env_config=fault))
+    with pytest.raises(EnvironmentFailure, match="without completing an episode"):
+        train(algo, 10)
+
+
+@pytest.mark.slow
+def test_training_survives_sigkill_of_a_runner(build):
+    algo = build(small(runners=2))
+    train(algo, 1)
+    pids = algo.env_runner_group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False)
+    os.kill(pids[0], signal.SIGKILL)
+    steps = [train(algo, 1)["env_runners"]["num_env_steps_sampled_lifetime"]]
+    deadline = time.monotonic() + 60
+    while algo.env_runner_group.num_healthy_remote_workers() < 2 and time.monotonic() < deadline:
+        steps.append(train(algo, 1)["env_runners"]["num_env_steps_sampled_lifetime"])
+    train(algo, 1)
+    assert algo.env_runner_group.num_healthy_remote_workers() == 2
+    assert steps == sorted(steps)
+
+
+@pytest.mark.slow
+def test_a_hung_runner_is_killed_and_comes_back(build, tmp_path):
+    file = tmp_path / "hang"
+    config = small(env=Hanging, runners=2, env_config={"file": str(file)})
+    algo = build(config.env_runners(sample_timeout_s=5))
+    train(algo, 1)
+    file.touch()
+    result = train(algo, 1)
+    assert result["num_hung_env_runners_killed"] == 1
+    deadline = time.monotonic() + 60
+    while algo.env_runner_group.num_healthy_remote_workers() < 2 and time.monotonic() < deadline:
+        train(algo, 1)
+    train(algo, 1)
+    assert algo.env_runner_group.num_healthy_remote_workers() == 2
+
+
+def test_own_evaluation_hands_over_every_step_and_plays_fixed_worlds(build):
+    from algorithms.joint.evaluation import evaluate
+
+    algo = build(small())
+    train(algo, 1)
+    steps = []
+    episodes = evaluate(
+        algo, 5, on_step=lambda step: steps.append((step.playing, step.distributions[0].copy()))
+    )
+    assert [episode.world for episode in episodes] == list(range(2_000_000, 2_000_005))
+    assert sum(int((playing >= 0).sum()) for playing, _ in steps) == sum(e.length for e in episodes)
+    for _, probabilities in steps:
+        np.testing.assert_allclose(probabilities.sum(-1), 1, rtol=1e-5)
+    again = evaluate(algo, 3)
+    assert [e.returns.tolist() for e in again] == [e.returns.tolist() for e in episodes[:3]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_runs_under_tune_with_its_own_class_and_settings(name, tmp_path):
+    from ray import tune
+
+    config = small(name, hidden=tune.grid_search([(8,), (16,)]))
+    tuner = tune.Tuner(
+        config.algo_class,
+        param_space=config,
+        run_config=tune.RunConfig(stop={"training_iteration": 2}, storage_path=str(tmp_path), verbose=0),
+        tune_config=tune.TuneConfig(max_concurrent_trials=1),
+    )
+    results = tuner.fit()
+    assert not results.errors
+    assert sorted(r.config["hidden"] for r in results) == [(8,), (16,)]
+    assert all(r.metrics["env_runners"]["num_env_steps_sampled_lifetime"] == 64 for r in results)
+
+
+def test_pettingzoo_environments_run_through_rllibs_wrapper(build):
+    from games.zoo import ZooCues
+    from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
+    from ray.tune import register_env
+
+    register_env("zoo_cues", lambda config: ParallelPettingZooEnv(ZooCues()))
+    result = train(build(small(env="zoo_cues")), 2)
+    assert result["env_runners"]["episode_len_mean"] == 10

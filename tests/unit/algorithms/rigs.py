@@ -1,0 +1,48 @@
+"""Learners, policies and data without Ray."""
+
+import numpy as np
+import torch
+
+import algorithms
+from algorithms.joint.adapter import JointVector
+from algorithms.joint.runner import SPEC
+from algorithms.joint.sampler import Policies, Sampler
+from algorithms.joint.spec import JointSpec
+from algorithms.parts.distributions import Exploration
+
+
+class Rig:
+    """An algorithm's learner and a sampler with its policies, on two copies of a game."""
+
+    def __init__(self, name, game, env_config=None, seed=0, **settings):
+        self.env = JointVector(lambda b: game(env_config or {}), 2)
+        self.config = algorithms.config(name).debugging(seed=seed).training(hidden=(16,), **settings)
+        self.spec = JointSpec.build(self.env.spaces, self.config.sharing)
+        modules = self.config.get_multi_rl_module_spec(spaces={SPEC: (self.spec, None)})
+        torch.manual_seed(seed)
+        self.learner = self.config.get_default_learner_class()(config=self.config, module_spec=modules)
+        self.learner.build()
+        nets = {g.id: self.learner.net(g.id) for g in self.spec.groups}
+        self.policies = Policies(self.spec, nets)
+        self.sampler = Sampler(self.env, self.policies, self.spec, seed=seed, max_failures=1000)
+
+    def rollout(self, steps=32, **exploration):
+        self.policies.refresh()
+        return self.sampler.fragment(steps, Exploration(**exploration))
+
+    def weights(self):
+        return {
+            module: {k: v.detach().clone() for k, v in self.learner.net(module).state_dict().items()}
+            for module in self.learner.module.keys()  # noqa: SIM118 - RLlib's module is no dict
+        }
+
+
+def moved(before, after):
+    """Return the modules whose weights differ."""
+    return {m for m in before if any(not torch.equal(before[m][k], after[m][k]) for k in before[m])}
+
+
+def replayed(rig, steps=32, count=64, **exploration):
+    """Return a minibatch of fresh experience."""
+    rig.learner.replay.add(rig.rollout(steps, **exploration))
+    return rig.learner.replay.sample(np.random.default_rng(0), count)
