@@ -62,13 +62,21 @@ def _entry(
     return Entry(f"algorithms.{target}", paradigm, level, actions, communication, recurrent, summary)
 
 
-_D, _C = Paradigm.DECENTRALISED, Paradigm.CTDE
+_D, _F, _C = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE
 
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 ALGORITHMS: dict[str, Entry] = {
     "a2c": _entry("a2c:A2CConfig", _D, "M1", Actions.BOTH, "independent advantage actor-critic"),
     "ppo": _entry("ppo:PPOConfig", _D, "M1", Actions.BOTH, "independent PPO"),
     "dqn": _entry("dqn:DQNConfig", _D, "M1", Actions.DISCRETE, "independent double duelling Q-learning"),
+    "commnet": _entry(
+        "commnet:CommNetConfig",
+        _F,
+        "M3",
+        Actions.BOTH,
+        "hidden layers broadcast when acting",
+        communication=True,
+    ),
     "centralised_v": _entry(
         "centralised_v:CentralisedVConfig", _C, "M3", Actions.BOTH, "PPO with a central critic"
     ),
