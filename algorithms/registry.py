@@ -81,6 +81,9 @@ ALGORITHMS: dict[str, Entry] = {
         "centralised_v:CentralisedVConfig", _C, "M3", Actions.BOTH, "PPO with a central critic"
     ),
     "maddpg": _entry("maddpg:MADDPGConfig", _C, "M3", Actions.BOTH, "critics that see everybody's actions"),
+    "maac": _entry(
+        "maac:MAACConfig", _C, "M3", Actions.DISCRETE, "soft actor-critic, attention in its critic"
+    ),
     "vdn": _entry("vdn:VDNConfig", _C, "M3", Actions.DISCRETE, "team value as a sum of values"),
     "qmix": _entry(
         "qmix:QMIXConfig", _C, "M3", Actions.DISCRETE, "team value as a monotone function of values"
