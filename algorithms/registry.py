@@ -62,17 +62,28 @@ def _entry(
     return Entry(f"algorithms.{target}", paradigm, level, actions, communication, recurrent, summary)
 
 
-_D, _C = Paradigm.DECENTRALISED, Paradigm.CTDE
+_D, _F, _C = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE
 
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 ALGORITHMS: dict[str, Entry] = {
     "a2c": _entry("a2c:A2CConfig", _D, "M1", Actions.BOTH, "independent advantage actor-critic"),
     "ppo": _entry("ppo:PPOConfig", _D, "M1", Actions.BOTH, "independent PPO"),
     "dqn": _entry("dqn:DQNConfig", _D, "M1", Actions.DISCRETE, "independent double duelling Q-learning"),
+    "commnet": _entry(
+        "commnet:CommNetConfig",
+        _F,
+        "M3",
+        Actions.BOTH,
+        "hidden layers broadcast when acting",
+        communication=True,
+    ),
     "centralised_v": _entry(
         "centralised_v:CentralisedVConfig", _C, "M3", Actions.BOTH, "PPO with a central critic"
     ),
     "maddpg": _entry("maddpg:MADDPGConfig", _C, "M3", Actions.BOTH, "critics that see everybody's actions"),
+    "maac": _entry(
+        "maac:MAACConfig", _C, "M3", Actions.DISCRETE, "soft actor-critic, attention in its critic"
+    ),
     "vdn": _entry("vdn:VDNConfig", _C, "M3", Actions.DISCRETE, "team value as a sum of values"),
     "qmix": _entry(
         "qmix:QMIXConfig", _C, "M3", Actions.DISCRETE, "team value as a monotone function of values"

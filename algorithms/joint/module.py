@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -32,9 +32,11 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
     Attributes:
         targets: Names of attributes that are target networks: learner only, no gradient.
         head: How outputs become actions.
+        communicates: Whether agents hear those of other groups, so that `policies` needs all groups at once.
     """
 
     targets: tuple[str, ...] = ()
+    communicates: bool = False
     head: Head
 
     def setup(self) -> None:
@@ -60,6 +62,11 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
     def policy(self, view: GroupView) -> Tensor:
         """Return the outputs (M, n, P) that the head turns into actions."""
         return self.body(self.encoder(view.observations))
+
+    @classmethod
+    def policies(cls, modules: Sequence[Self], views: Sequence[GroupView]) -> list[Tensor]:
+        """Return each group's outputs (M, n, P); the slot of agents that communicate."""
+        return [module.policy(view) for module, view in zip(modules, views, strict=True)]
 
     def plain(self) -> tuple[Encoder, nn.Module] | None:
         """Return (encoder, body) if the policy is just `body(encoder(...))`, so that runners may stack it."""

@@ -17,7 +17,7 @@ from algorithms.joint.env import Bools, Floats, Ints, JointStep, Leaves, VectorJ
 from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import to_env
-from algorithms.joint.spec import JointSpec
+from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import Acting, Exploration
 from algorithms.parts.networks import Encoder, StackedPerceptrons
 
@@ -105,21 +105,20 @@ class Policies:
             encoder, perceptrons = stacked
             outputs = perceptrons(encoder(leaves))
         else:
-            outputs = self._gather(block, leaves, legal, torch.from_numpy(view.alive))
+            outputs = self._gather(block, view)
         return first.head.act(outputs, legal, exploration, generator)
 
-    def _gather(self, block: int, leaves: dict[str, Tensor], legal: Tensor | None, alive: Tensor) -> Tensor:
+    def _gather(self, block: int, view: View) -> Tensor:
         """Return (B, n, P): each group's outputs in the columns of its agents."""
-        groups = self._by_block[block]
-        parts = []
-        for group in groups:
-            seen = {name: leaf[:, group.within] for name, leaf in leaves.items()}
-            own = GroupView(seen, alive[:, group.columns], None if legal is None else legal[:, group.within])
-            parts.append(self._modules[group.id].policy(own))
-        if len(groups) == 1:
+        own = self._by_block[block]
+        kind = type(self._modules[own[0].id])
+        groups = self._spec.groups if kind.communicates else own
+        outputs = kind.policies([self._modules[g.id] for g in groups], [_seen_by(g, view) for g in groups])
+        parts = [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
+        if len(parts) == 1:
             return parts[0]
         joined = torch.cat(parts, 1)
-        places = np.concatenate([np.arange(joined.shape[1])[group.within] for group in groups])
+        places = np.concatenate([np.arange(joined.shape[1])[group.within] for group in own])
         return joined[:, torch.from_numpy(np.argsort(places))]
 
     @staticmethod
@@ -131,6 +130,15 @@ class Policies:
         if len(bodies) < len(plain) or not StackedPerceptrons.fits(bodies):
             return None
         return plain[0][0], StackedPerceptrons(bodies)
+
+
+def _seen_by(group: Group, view: View) -> GroupView:
+    leaves, mask = view.observations[group.block], view.masks[group.block]
+    return GroupView(
+        {name: torch.from_numpy(leaf)[:, group.within] for name, leaf in leaves.items()},
+        torch.from_numpy(view.alive)[:, group.columns],
+        None if mask is None else torch.from_numpy(mask)[:, group.within],
+    )
 
 
 @dataclass

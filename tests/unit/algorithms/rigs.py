@@ -5,6 +5,7 @@ import torch
 
 import algorithms
 from algorithms.joint.adapter import JointVector
+from algorithms.joint.env import is_vector_env
 from algorithms.joint.runner import SPEC
 from algorithms.joint.sampler import Policies, Sampler
 from algorithms.joint.spec import JointSpec
@@ -12,11 +13,12 @@ from algorithms.parts.distributions import Exploration
 
 
 class Rig:
-    """An algorithm's learner and a sampler with its policies, on two copies of a game."""
+    """A learner and a sampler with its policies, on two copies of a game, or on a vector environment."""
 
     def __init__(self, name, game, env_config=None, seed=0, **settings):
-        self.env = JointVector(lambda b: game(env_config or {}), 2)
-        self.config = algorithms.config(name).debugging(seed=seed).training(hidden=(16,), **settings)
+        self.env = game if is_vector_env(game) else JointVector(lambda b: game(env_config or {}), 2)
+        settings = {"hidden": (16,), **settings}
+        self.config = algorithms.config(name).debugging(seed=seed).training(**settings)
         self.spec = JointSpec.build(self.env.spaces, self.config.sharing)
         modules = self.config.get_multi_rl_module_spec(spaces={SPEC: (self.spec, None)})
         torch.manual_seed(seed)

@@ -1,0 +1,240 @@
+"""Multi-actor-attention-critic (MAAC): a soft actor-critic whose critic chooses whom to look at.
+
+Iqbal & Sha 2019, "Actor-Attention-Critic for Multi-Agent Reinforcement Learning". Each agent's Q_i(o, a) is a
+function of its own embedding and of a sum over the other agents' values V g_j(o_j, a_j), weighted by
+attention (eq. 5-6). One critic of all agents is fitted by their joint loss with everybody's target policies
+(eq. 7). Policies follow eq. 8 with all agents' actions drawn from the present policies, and with the
+counterfactual baseline sum_a pi_i(a | o_i) Q_i(o, (a, a_-i)) (eq. 9). So that one pass gives Q_i for every
+own action (section 3.3), neither query nor own embedding contains the agent's own action.
+
+Deviations: losses are means over the living agents instead of sums over all (the authors' code scales the
+critic's gradient by 1/N too); attention skips agents that are not there; no batch normalisation of
+observations and no penalty on logits, which are in the authors' code only; embeddings have one hidden layer
+of the width `hidden[-1]`; agents of a group share networks and are told apart by their place.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+
+from algorithms.joint.algorithm import JointAlgorithm
+from algorithms.joint.batch import GroupView, JointView, ReplayBatch, encode
+from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.learner import OffPolicyLearner
+from algorithms.joint.module import JointModule, LearnerModule
+from algorithms.joint.spec import Group, JointSpec, action_size
+from algorithms.maddpg import Actor
+from algorithms.parts.attention import attend
+from algorithms.parts.distributions import CategoricalDistribution
+from algorithms.parts.networks import Encoder, perceptron
+
+CRITIC = "attention__critic"
+
+
+class MAACModule(JointModule):
+    """A policy and its target."""
+
+    targets = ("target_actor",)
+
+    def make_networks(self) -> None:
+        """Create policy and target policy."""
+        self.actor = Actor(self.group, self.settings["hidden"], self.head.outputs)
+        self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
+
+    def policy(self, view: GroupView) -> Tensor:
+        """Return logits (M, n, A)."""
+        return self.actor(view.observations)
+
+    def plain(self) -> tuple[Encoder, nn.Module]:
+        """Return encoder and body, for stacked acting."""
+        return self.actor.encoder, self.actor.body
+
+    def distribution(self, view: GroupView, *, target: bool = False) -> CategoricalDistribution:
+        """Return the policy or the target policy."""
+        actor = self.target_actor if target else self.actor
+        return CategoricalDistribution(actor(view.observations), view.legal)
+
+
+class AgentEmbedding(nn.Module):
+    """The parts of the attention critic that belong to a group: s_i(o_i), g_i(o_i, a_i), and f_i."""
+
+    def __init__(self, group: Group, width: int) -> None:
+        super().__init__()
+        actions = action_size(group.action)
+        self.see = Encoder(group.observation, group.size)
+        self.own = nn.Sequential(nn.Linear(self.see.size, width), nn.LeakyReLU())
+        self.see_pair = Encoder(group.observation, group.size)
+        self.pair = nn.Sequential(nn.Linear(self.see_pair.size + actions, width), nn.LeakyReLU())
+        self.judge = perceptron([2 * width, width, actions], nn.LeakyReLU)
+
+    def embed(self, leaves: Mapping[str, Tensor], actions: Tensor) -> tuple[Tensor, Tensor]:
+        """Return embeddings (M, n, H) of observations, and of observations with actions."""
+        pair = torch.cat([self.see_pair(leaves), actions], -1)
+        return self.own(self.see(leaves)), self.pair(pair)
+
+
+class AttentionQ(nn.Module):
+    """Q_i(o, (., a_-i)) for all agents and all own actions, shape (M, n, A) by group id."""
+
+    def __init__(self, spec: JointSpec, width: int, heads: int) -> None:
+        super().__init__()
+        self._groups, self._heads = spec.groups, (heads, width // heads)
+        self.embeddings = nn.ModuleList(AgentEmbedding(group, width) for group in spec.groups)
+        self.query = nn.Linear(width, width, bias=False)
+        self.key = nn.Linear(width, width, bias=False)
+        self.value = nn.Sequential(nn.Linear(width, width), nn.LeakyReLU())
+
+    def forward(self, view: JointView, actions: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Return the values.
+
+        Args:
+            view: What everybody sees.
+            actions: Everybody's actions by group id, one-hot (M, n, A).
+        """
+        parts = [view.view(group) for group in self._groups]
+        embedded = [
+            net.embed(part.observations, actions[group.id])  # type: ignore[operator]
+            for net, part, group in zip(self.embeddings, parts, self._groups, strict=True)
+        ]
+        own, pairs = (torch.cat(column, -2) for column in zip(*embedded, strict=True))
+        alive = torch.cat([part.alive for part in parts], -1)
+        asked, found, given = (
+            x.unflatten(-1, self._heads) for x in (self.query(own), self.key(pairs), self.value(pairs))
+        )
+        both = torch.cat([own, attend(asked, found, given, alive).flatten(-2)], -1)
+        shares = both.split([group.size for group in self._groups], -2)
+        return {
+            group.id: net.judge(share)  # type: ignore[operator]
+            for net, share, group in zip(self.embeddings, shares, self._groups, strict=True)
+        }
+
+
+class MAACCritic(LearnerModule):
+    """The critic of all agents and its target."""
+
+    targets = ("target_q",)
+
+    def make_networks(self) -> None:
+        """Create critic and target critic."""
+        self.q = AttentionQ(self.spec, self.settings["hidden"][-1], self.settings["attention_heads"])
+        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
+
+
+def of_actions(values: Tensor, actions: Tensor) -> Tensor:
+    """Return (...) the values (..., A) of the actions (...)."""
+    return values.gather(-1, actions.unsqueeze(-1)).squeeze(-1)
+
+
+def counterfactual_advantage(values: Tensor, policy: CategoricalDistribution, actions: Tensor) -> Tensor:
+    """Return Q_i(o, a) minus its expectation under the own policy (eq. 9), (M, n)."""
+    baseline = (policy.log_probs.exp() * values).sum(-1)
+    return of_actions(values, actions) - baseline
+
+
+class MAACLearner(OffPolicyLearner):
+    """A step of the critic, then of every policy, then targets."""
+
+    config: MAACConfig  # type: ignore[assignment]
+
+    def update_minibatch(self, batch: ReplayBatch) -> None:
+        """Take the steps of one minibatch."""
+        self.fit_critic(batch)
+        self.improve_policies(batch)
+        self.track(*self.module.keys(), tau=self.config.tau)
+
+    def play(
+        self, view: JointView, *, target: bool = False
+    ) -> tuple[dict[str, CategoricalDistribution], dict[str, Tensor], dict[str, Tensor]]:
+        """Return everybody's policies, actions (M, n) drawn from them, and these one-hot, by group id."""
+        policies, actions, encoded = {}, {}, {}
+        for group in self.groups:
+            policies[group.id] = self.net(group.id).distribution(view.view(group), target=target)
+            actions[group.id] = policies[group.id].sample(self.generator)
+            encoded[group.id] = encode(group, actions[group.id])
+        return policies, actions, encoded
+
+    def fit_critic(self, batch: ReplayBatch) -> None:
+        """Regress Q_i(o, a) on r_i + gamma (Q'_i(o', a') - alpha log pi'_i(a'_i)), a' ~ pi' (eq. 7)."""
+        with torch.no_grad():
+            policies, chosen, encoded = self.play(batch.next, target=True)
+            following = self.net(CRITIC).target_q(batch.next, encoded)
+        values, errors = self.net(CRITIC).q(batch, batch.encoded_actions()), {}
+        for group, own in batch.groups():
+            actions = chosen[group.id]
+            value = of_actions(following[group.id], actions)
+            soft = value - self.config.alpha * policies[group.id].log_prob(actions)
+            target = self.config.reward_scale * own.rewards + self.gamma * torch.where(own.bootstrap, soft, 0)
+            errors[group.id] = (of_actions(values[group.id], own.actions) - target).square()
+        loss = self.mean(batch.join(errors), batch.alive)
+        self.step_optimizer(loss, CRITIC)
+        self.log(CRITIC, "critic_loss", loss)
+
+    def improve_policies(self, batch: ReplayBatch) -> None:
+        """Follow grad log pi_i(a_i) (A_i(o, a) - alpha log pi_i(a_i)), a ~ pi (eq. 8)."""
+        policies, chosen, encoded = self.play(batch)
+        with torch.no_grad():
+            values = self.net(CRITIC).q(batch, encoded)
+        for group, own in batch.groups():
+            policy, actions = policies[group.id], chosen[group.id]
+            log_prob = policy.log_prob(actions)
+            advantage = counterfactual_advantage(values[group.id], policy, actions)
+            gain = (advantage - self.config.alpha * log_prob).detach()
+            self.step_optimizer(-self.mean(log_prob * gain, own.alive), group.id)
+            self.log(group.id, "entropy", self.mean(policy.entropy(), own.alive))
+
+
+class MAACConfig(OffPolicyConfig):
+    """MAAC.
+
+    Attributes:
+        alpha: Weight of the policies' entropy, in scaled rewards.
+        attention_heads: Heads of the critic's attention; they divide the last of `hidden`.
+    """
+
+    algorithm = "maac"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or MAAC)
+        self._defaults(alpha=0.01, attention_heads=4)
+        self.training(lr=1e-3, batch_size=256)
+
+    alpha: float
+    attention_heads: int
+
+    def validate(self) -> None:
+        """Refuse heads that do not divide the width (RLlib).
+
+        Raises:
+            ValueError: They do not.
+        """
+        super().validate()
+        if self.hidden[-1] % self.attention_heads:
+            self._value_error(
+                f"attention_heads={self.attention_heads} does not divide the last of hidden={self.hidden}"
+            )
+
+    def module_settings(self):
+        """Return the settings that networks are built from."""
+        return super().module_settings() | {"attention_heads": self.attention_heads}
+
+    def modules(self, spec: JointSpec):
+        """Return a policy for each group and the critic of all."""
+        policies = {g.id: self.policy_spec(spec, g, MAACModule) for g in spec.groups}
+        return policies | {CRITIC: self.learner_spec(spec, MAACCritic)}
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return MAACLearner
+
+
+class MAAC(JointAlgorithm):
+    """MAAC."""
+
+    @classmethod
+    def get_default_config(cls) -> MAACConfig:
+        """Return the defaults (RLlib)."""
+        return MAACConfig()

@@ -1,0 +1,19 @@
+"""What agents hear of each other."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+
+def others(alive: Tensor) -> Tensor:
+    """Return who may be heard by whom, (..., N, N): `[i, j]` is True for living j other than i."""
+    self_ = torch.eye(alive.shape[-1], dtype=torch.bool, device=alive.device)
+    return alive.unsqueeze(-2) & ~self_
+
+
+def mean_of_others(hidden: Tensor, alive: Tensor) -> Tensor:
+    """Return for each agent the mean of the other living agents' `hidden` (..., N, H); zeros if alone."""
+    heard = others(alive).to(hidden.dtype)
+    weights = heard / heard.sum(-1, keepdim=True).clamp(min=1)
+    return weights @ hidden
