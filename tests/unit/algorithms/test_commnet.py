@@ -5,14 +5,14 @@ import copy
 import numpy as np
 import pytest
 import torch
-from games.games import Game, Ragged
-from games.levers import Levers
 from gymnasium.spaces import Box
 from rigs import Rig
 
 from algorithms.commnet import CommNetModule
 from algorithms.joint.batch import GroupView
 from algorithms.parts.communication import mean_of_others
+from tests.games.games import Game, Ragged
+from tests.games.levers import Levers
 
 DEAD = 2
 LEVERS = {"lr": 5e-3, "entropy_coeff": 0.0, "hidden": (64, 64)}

@@ -5,10 +5,10 @@ Scores are of greedy episodes of the fixed evaluation list, three seeds each.
 
 import numpy as np
 import pytest
-from games.games import Cues, Product, Target, TwoStep
 from rigs import Rig
 
 from algorithms.parts.distributions import Exploration
+from tests.games.games import Cues, Product, Target, TwoStep
 
 pytestmark = pytest.mark.slow
 

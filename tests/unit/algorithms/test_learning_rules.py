@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from games.games import Constant, Cues, Game, Ragged, Target, TwoStep
 from rigs import Rig, moved, replayed
 
 import algorithms
 from algorithms.joint.module import critic_of
+from tests.games.games import Constant, Cues, Game, Ragged, Target, TwoStep
 
 ON_POLICY = ["a2c", "ppo", "commnet", "centralised_v"]
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32, "updates_per_step": 0.05}

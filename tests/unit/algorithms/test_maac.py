@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from games.games import Cues, Product, Ragged
 from rigs import Rig, replayed
 
 import algorithms
 from algorithms.maac import CRITIC, counterfactual_advantage, of_actions
 from algorithms.parts.attention import attend
 from algorithms.parts.distributions import CategoricalDistribution
+from tests.games.games import Cues, Product, Ragged
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
 

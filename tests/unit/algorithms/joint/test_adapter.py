@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from games.games import Broken, Cues, Ragged, Target, TwoStep
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Tuple
 
 from algorithms.errors import EnvironmentFailure, SpaceError
@@ -9,6 +8,7 @@ from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
 from algorithms.joint.spaces import Flattening, to_env
 from algorithms.joint.spec import JointSpec
+from tests.games.games import Broken, Cues, Ragged, Target, TwoStep
 
 
 @pytest.mark.parametrize("game", [Cues, Target, TwoStep, Ragged])

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from games.games import Constant, Ragged
 
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.batch import JointView
@@ -12,6 +11,7 @@ from algorithms.joint.replay import JointReplay
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.advantages import generalised_advantages
+from tests.games.games import Constant, Ragged
 
 GAMMA, LAMBDA = 0.9, 0.8
 

@@ -6,10 +6,10 @@ import time
 
 import numpy as np
 import pytest
-from games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
 import algorithms
 from algorithms.errors import CheckpointError, EnvironmentFailure, SpaceError, UnknownSettingError
+from tests.games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
 pytestmark = pytest.mark.usefixtures("cluster")
 
@@ -243,9 +243,10 @@ def test_runs_under_tune_with_its_own_class_and_settings(name, tmp_path):
 
 
 def test_pettingzoo_environments_run_through_rllibs_wrapper(build):
-    from games.zoo import ZooCues
     from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
     from ray.tune import register_env
+
+    from tests.games.zoo import ZooCues
 
     register_env("zoo_cues", lambda config: ParallelPettingZooEnv(ZooCues()))
     result = train(build(small(env="zoo_cues")), 2)

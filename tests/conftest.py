@@ -1,1 +1,0 @@
-"""What all tests share; lies here so that `games` can be imported from anywhere below."""
