@@ -56,7 +56,6 @@ class BenchmarkAdapter:
         served: The agents.
         interface: Theirs.
         reward: Name of the weights in `rewards.yaml`, or the weights themselves.
-        image: The sensor whose picture goes into the observation in grey, such as "top_down_rgb".
     """
 
     action: ClassVar[ActionSpaceType | None] = ActionSpaceType.Lane
@@ -67,7 +66,6 @@ class BenchmarkAdapter:
         interface: AgentInterface,
         *,
         reward: str | RewardWeights = "benchmark",
-        image: str | None = None,
     ) -> None:
         if served.action != self.action:
             raise SmartsError(
@@ -83,7 +81,6 @@ class BenchmarkAdapter:
         )
         self.action_space: Space = Discrete(len(LaneAction))
         self._served = served
-        self._image = image
         self._features = np.zeros((worlds, agents, FEATURES), np.float32)
         self._observations = {field.name: field.allocate(worlds, agents) for field in self.fields}
         self._is_new = np.ones((worlds, agents), np.bool_)
