@@ -75,6 +75,11 @@ class JointConfig(AlgorithmConfig):
     evaluate_sampled: bool
 
     @property
+    def setting_names(self) -> tuple[str, ...]:
+        """The algorithm's own keywords of `training()`."""
+        return self._settings
+
+    @property
     def entry(self) -> Entry:
         """The algorithm's line in the registry."""
         return ALGORITHMS[self.algorithm]

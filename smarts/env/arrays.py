@@ -20,6 +20,7 @@ from smarts.env.adapters.protocol import ArrayAdapter, Served
 from smarts.env.batch import Batch, EpisodeKey, Transition
 from smarts.sim.assembly import Assembly, Options, assemble
 from smarts.sstudio.build import build_scenario
+from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import ActionSpaceType
 from smarts.types.interface import Field
 
@@ -42,6 +43,8 @@ class Setting:
     """A name of `ADAPTERS`."""
     adapter_options: Mapping[str, Any] = field(default_factory=dict)
     simulation: Options = field(default_factory=Options)
+    traffic: Sequence[str] | None = None
+    """The variations of the scenarios' traffic that are played, by default all."""
 
     def interfaces(self) -> dict[str, AgentInterface]:
         """Return the agents' interfaces by name.
@@ -76,13 +79,17 @@ class Setting:
                 f"decision_interval is {self.decision_interval}", remedy="give a number of steps, 1 or more"
             )
         return assemble(
-            [build_scenario(scenario) for scenario in self.scenarios],
+            [self._build(scenario) for scenario in self.scenarios],
             list(interfaces.values()),
             agents=list(interfaces),
             worlds=self.worlds,
             seed=self.seed,
             options=self.simulation,
         )
+
+    def _build(self, scenario: str | Path) -> BuiltScenario:
+        built = build_scenario(scenario)
+        return built if self.traffic is None else built.with_traffic(self.traffic)
 
 
 @dataclass(frozen=True)

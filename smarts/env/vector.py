@@ -104,6 +104,7 @@ class VectorHiWayEnv:
         adapter: What agents see and are paid for: a name of `smarts.env.adapters.ADAPTERS`.
         adapter_options: Its options, such as `{"reward": "paper"}`.
         simulation: Options of the simulation.
+        traffic: Names of the variations of the scenarios' traffic that are played, by default all.
 
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
@@ -120,6 +121,7 @@ class VectorHiWayEnv:
         adapter: str = "benchmark",
         adapter_options: Mapping[str, Any] | None = None,
         simulation: Options | None = None,
+        traffic: Sequence[str] | None = None,
     ) -> None:
         setting = Setting(
             scenarios=scenarios,
@@ -130,6 +132,7 @@ class VectorHiWayEnv:
             adapter=adapter,
             adapter_options=adapter_options or {},
             simulation=simulation or Options(),
+            traffic=traffic,
         )
         self.num_envs = num_envs
         self._worlds = ArrayWorlds(setting)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -37,6 +37,8 @@ class BuiltScenario:
     """The folder of its sources."""
     directory: Path
     """The folder of its artefacts."""
+    chosen_traffic: tuple[str, ...] | None = None
+    """The variations of the traffic that are played; None: all of them."""
 
     def _read(self, name: str, read: Callable[[Path], Content]) -> Content:
         """Read an artefact; should it turn out to be damaged, see to it that it is built anew next time."""
@@ -124,7 +126,20 @@ class BuiltScenario:
 
     def episodes(self, egos: int, generator: Generator | None = None) -> tuple[EpisodePlan, ...]:
         """Return what an environment with `egos` learning agents cycles through; see `episode_plans`."""
-        return episode_plans(self.scenario, egos, generator, place=self.name)
+        return episode_plans(self.scenario, egos, generator, traffic=self.chosen_traffic, place=self.name)
+
+    def with_traffic(self, names: Sequence[str]) -> BuiltScenario:
+        """Return the scenario with only these variations of its traffic.
+
+        Raises:
+            ScenarioError: It has no such variation.
+        """
+        known = self.scenario.traffic or {}
+        for name in names:
+            if name not in known:
+                remedy = nearest_names(name, known)
+                raise ScenarioError(f"there is no traffic {name!r}", place=self.name, remedy=remedy)
+        return replace(self, chosen_traffic=tuple(names))
 
 
 def _load_json(file: Path) -> Any:

@@ -25,7 +25,12 @@ class EpisodePlan:
 
 
 def episode_plans(
-    scenario: t.Scenario, egos: int, generator: Generator | None = None, *, place: str = ""
+    scenario: t.Scenario,
+    egos: int,
+    generator: Generator | None = None,
+    *,
+    traffic: Sequence[str] | None = None,
+    place: str = "",
 ) -> tuple[EpisodePlan, ...]:
     """Return every variation of the traffic with every set of missions, to be cycled through.
 
@@ -37,13 +42,16 @@ def episode_plans(
         scenario: The scenario.
         egos: How many learning agents there are.
         generator: Shuffles the plans; without it they come in the scenario's order.
+        traffic: The variations of the traffic that are played, by default all of the scenario.
         place: The scenario's name, for the error.
 
     Raises:
         ScenarioError: There are more egos than missions.
     """
     sets = mission_sets(scenario.ego_missions or (), egos, place)
-    plans = [EpisodePlan(name, missions) for name in scenario.traffic or (None,) for missions in sets]
+    plans = [
+        EpisodePlan(name, missions) for name in traffic or scenario.traffic or (None,) for missions in sets
+    ]
     order = range(len(plans)) if generator is None else generator.permutation(len(plans))
     return tuple(plans[index] for index in order)
 

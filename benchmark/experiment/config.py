@@ -1,0 +1,224 @@
+"""The models of experiment files; what each key means is the docstring below it, and goes into the schema."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from algorithms import settings as algorithm_settings
+from algorithms.registry import ALGORITHMS
+from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm
+from benchmark.floors import FLOORS
+from smarts.config import Section, UnfitError, read_config
+from smarts.errors import nearest_names
+from smarts.sstudio.locating import suite
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+EMPTY_ROADS = "no_social_vehicles"
+"""The traffic variation that every scenario of the suite has, with nobody but the agents."""
+
+Positive = Annotated[int, Field(ge=1)]
+# Sequences are written as lists, and kept as tuples, since nothing of a config changes.
+SEVERAL = Field(min_length=1, strict=False)
+
+
+def _name(text: str) -> str:
+    if not NAME.fullmatch(text):
+        raise UnfitError(f"{text!r} cannot name a folder", "use letters, digits, '.', '_' and '-'")
+    return text
+
+
+def _algorithm(name: str) -> str:
+    if name not in ALGORITHMS:
+        raise UnfitError(f"there is no algorithm {name!r}", nearest_names(name, ALGORITHMS))
+    return name
+
+
+def _floor(name: str) -> str:
+    if name not in FLOORS:
+        raise UnfitError(f"there is no reference policy {name!r}", nearest_names(name, FLOORS))
+    return name
+
+
+def _scenario(name: str) -> str:
+    folder = name.partition("@")[0]
+    if folder not in suite() and not Path(folder).exists():
+        raise UnfitError(
+            f"there is no scenario {name!r}, neither in the suite nor as a folder here",
+            nearest_names(folder, suite()),
+        )
+    return name
+
+
+def _distinct(values: Iterable[Any]) -> Any:
+    values = tuple(values)
+    twice = sorted({str(value) for value in values if values.count(value) > 1})
+    if twice:
+        raise UnfitError(f"{', '.join(twice)} there twice", "name each once")
+    return values
+
+
+FolderName = Annotated[str, AfterValidator(_name)]
+Algorithm = Annotated[str, AfterValidator(_algorithm)]
+Reference = Annotated[str, AfterValidator(_floor)]
+Scenario = Annotated[str, AfterValidator(_scenario)]
+
+
+class Task(Section):
+    """What a policy is trained and tested on: a scenario, or several of them in turns."""
+
+    name: FolderName
+    """Of its folder and of its column in the report."""
+    scenarios: Annotated[tuple[Scenario, ...], SEVERAL]
+    """Names of the suite or folders, each perhaps with "@variation"."""
+
+
+def _tasks(given: Any) -> Any:
+    """Make tasks of the names of scenarios."""
+    if not isinstance(given, list):
+        return given
+    return [
+        {"name": Path(each).name, "scenarios": [each]} if isinstance(each, str) else each for each in given
+    ]
+
+
+def _differently_named(tasks: tuple[Task, ...]) -> tuple[Task, ...]:
+    _distinct(task.name for task in tasks)
+    return tasks
+
+
+DISTINCT = AfterValidator(_distinct)
+Names = Annotated[tuple[str, ...], SEVERAL, DISTINCT]
+Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT]
+Seeds = Annotated[tuple[Annotated[int, Field(ge=0)], ...], SEVERAL, DISTINCT]
+Algorithms = Annotated[tuple[Algorithm, ...], SEVERAL, DISTINCT]
+References = Annotated[tuple[Reference, ...], Field(strict=False), DISTINCT]
+Tasks = Annotated[tuple[Task, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)]
+
+
+class Environment(Section):
+    """How agents see, act and are paid; the same for all algorithms."""
+
+    agents: Annotated[int, Field(ge=1, le=64)] = 4
+    """Learning agents in each simulation."""
+    decision_interval: Annotated[int, Field(ge=1, le=50)] = 5
+    """Simulation steps of 0.1 s from one decision to the next."""
+    adapter: str = "benchmark"
+    """What agents observe and do: a name of smarts.env.adapters."""
+    options: dict[str, Any] = Field(default_factory=dict)
+    """Options of the adapter, such as `reward: paper`."""
+
+
+class Budget(Section):
+    """How long each run trains: until the first of the two is used up."""
+
+    agent_steps: Positive = 2_000_000
+    """Simulation steps of 0.1 s, counted once for each agent that is on the road."""
+    minutes: Annotated[float, Field(gt=0, strict=False)] | None = None
+    """Wall-clock time of training. A budget in minutes makes results depend on the machine."""
+
+
+class Evaluation(Section):
+    """How trained policies are tested."""
+
+    episodes: Positive = 200
+    """Test episodes of each run, for each way of acting."""
+    modes: Modes = ("greedy", "sampled")
+    """Ways of acting: the first is the one that tables show."""
+    held_out_episodes: Annotated[int, Field(ge=0)] = 0
+    """Greedy episodes on each held-out variation of the scenarios; 0: generalization is not measured."""
+    validations: Annotated[int, Field(ge=0)] = 10
+    """How often during training the policy is tried, to choose the best checkpoint and to draw its curve."""
+    validation_episodes: Positive = 20
+    """Episodes of each trial, other ones than those of the test."""
+    keep_episodes: bool = False
+    """Whether the recorded test episodes are kept (about 1 MB each 10); the measures always are."""
+
+
+class Resources(Section):
+    """What the runs may use."""
+
+    parallel: Positive | None = None
+    """Runs side by side; by default one for each CPU that Ray has, divided by what a run needs."""
+    env_runners: Annotated[int, Field(ge=0)] = 0
+    """Processes that simulate for one run; 0: the run's own."""
+    copies: Positive = 8
+    """Simulations in each of these processes."""
+    learner_gpus: Annotated[float, Field(ge=0, strict=False)] = 0
+    """GPUs for the learner of one run."""
+    address: str | None = None
+    """Of the Ray cluster to join ("auto" finds it); without it Ray is started on this machine. A cluster's
+    machines must see the results' folder at the same path."""
+
+
+class Tune(Section):
+    """A search for settings: `smarts-bench sweep`."""
+
+    parameters: Annotated[dict[str, Any], Field(min_length=1)]
+    """Setting -> list of values, or {uniform: [low, high]}, {loguniform: [...]}, {randint: [...]}."""
+    samples: Positive = 1
+    """Draws from the space, or repetitions of a grid."""
+    scheduler: Literal["none", "asha", "pbt"] = "none"
+    """Who stops or changes runs early: nobody, asynchronous successive halving, population-based training."""
+    metric: str = "completion"
+    """What is to be large in validation: "completion", "return", or "safety" (1 - collisions)."""
+
+
+class Experiment(Section):
+    """An experiment: every algorithm x task x traffic x seed is a run of its own."""
+
+    name: FolderName = ""
+    """Of its folder in `results/`; by default the file's."""
+    description: str = ""
+    """A line for the report."""
+    algorithms: Algorithms
+    """Names, as `smarts-bench algorithms` lists them."""
+    tasks: Tasks
+    """What is driven: a scenario's name, or {name: ..., scenarios: [...]} for one policy on several."""
+    traffic: Names = (EMPTY_ROADS, "random_social_vehicles")
+    """Names of the scenarios' traffic variations: each is trained and tested on by itself."""
+    seeds: Seeds = (1, 2, 3)
+    """Of training; tests are the same for all of them."""
+    training: CommonSettings = CommonSettings()  # type: ignore[valid-type]
+    """Settings of all algorithms that have them, such as `sharing` and `gamma`."""
+    settings: SettingsByAlgorithm = SettingsByAlgorithm()  # type: ignore[valid-type]
+    """Settings of single algorithms, before those of all."""
+    environment: Environment = Environment()
+    budget: Budget = Budget()
+    evaluation: Evaluation = Evaluation()
+    reference: References = ()
+    """Scripted policies that are tested in the same way and shown below the table."""
+    resources: Resources = Resources()
+    tune: Tune | None = None
+
+    @model_validator(mode="after")
+    def _every_setting_is_used(self) -> Self:
+        known = algorithm_settings.settings()
+        used = set().union(*(known[name] for name in self.algorithms))
+        idle = sorted(self.training.model_fields_set - used)
+        if idle:
+            raise UnfitError(f"training: none of the algorithms has {', '.join(idle)}", "remove it")
+        return self
+
+    def settings_of(self, algorithm: str) -> dict[str, Any]:
+        """Return the settings of an algorithm that the file gives."""
+        known = algorithm_settings.settings()[algorithm]
+        common = self.training.model_dump(exclude_unset=True)
+        own = getattr(self.settings, algorithm, None)
+        return {name: value for name, value in common.items() if name in known} | (
+            own.model_dump(exclude_unset=True) if own else {}
+        )
+
+
+def read_experiment(file: Path, overrides: Iterable[str] = ()) -> Experiment:
+    """Return an experiment file's content.
+
+    Raises:
+        ConfigError: With all of its mistakes.
+    """
+    experiment = read_config(file, Experiment, tuple(overrides))
+    return experiment if experiment.name else experiment.model_copy(update={"name": _name(file.stem)})
