@@ -14,6 +14,7 @@ import importlib
 import importlib.metadata
 import importlib.util
 import os
+import re
 import shutil
 import stat
 import sys
@@ -35,6 +36,7 @@ _SUMO_ERRORS = {"TraCIException", "FatalTraCIError", "RuntimeError"}
 
 _EXTENSION = "_libsumo.so"
 _FILE = "/proc/self/fd/{}"
+_INPUTS = ("--net-file", "--route-files", "--additional-files")
 
 
 def _is_from_sumo(error: Exception) -> bool:
@@ -67,6 +69,7 @@ class SumoLibrary:
         self.vehicle = _domain(extension, "vehicle")
         self.vehicletype = _domain(extension, "vehicletype")
         self._log = -1
+        self._inputs: dict[str, int] = {}
         self._place = ""
 
     def start(self, options: Sequence[str], place: str = "traffic") -> None:
@@ -83,11 +86,11 @@ class SumoLibrary:
         self._place = place
         # An anonymous file, one for each start: nothing stays behind when the process is killed, and a forked
         # child does not write into its parent's.
-        self._close_log()
+        self._close_files()
         self._log = os.memfd_create("sumo-errors")
         with self.errors("failed to start"):
             try:
-                self.simulation.load([*options, "--error-log", _FILE.format(self._log)])
+                self.simulation.load([*self._shortened(options), "--error-log", _FILE.format(self._log)])
             except BaseException:
                 self._flush_log()
                 raise
@@ -134,7 +137,7 @@ class SumoLibrary:
         if self._closer.alive:
             with self.errors("failed to stop"):
                 self.simulation.close()
-            self._close_log()
+            self._close_files()
             self._closer()
 
     def _named(self, what: str, error: Exception) -> TrafficError:
@@ -142,6 +145,8 @@ class SumoLibrary:
         logged = os.pread(self._log, 4096, 0).decode(errors="replace").strip() if self._log >= 0 else ""
         said = str(error).strip()
         reason = logged.removeprefix("Error: ") if said == "Process Error" and logged else said
+        for name, descriptor in self._inputs.items():
+            reason = re.sub(rf"{_FILE.format(descriptor)}\b", lambda _, name=name: name, reason)
         return TrafficError(
             f"SUMO {what}: {reason}",
             place=self._place,
@@ -156,7 +161,30 @@ class SumoLibrary:
         self.simulation.close()
         os.close(net)
 
-    def _close_log(self) -> None:
+    def _shortened(self, options: Sequence[str]) -> list[str]:
+        """Return the options with input files by number instead of by name.
+
+        SUMO 1.28 loses the memory of each name some ten times a load (`XMLSubSys::transcodeToLocal`).
+        """
+        short = [*options]
+        for place, option in enumerate(options[:-1]):
+            if option in _INPUTS:
+                short[place + 1] = ",".join(map(self._opened, options[place + 1].split(",")))
+        return short
+
+    def _opened(self, name: str) -> str:
+        """Return the short name of a file, or its own if it cannot be opened: SUMO then says so."""
+        if name not in self._inputs:
+            try:
+                self._inputs[name] = os.open(name, os.O_RDONLY | os.O_CLOEXEC)
+            except OSError:
+                return name
+        return _FILE.format(self._inputs[name])
+
+    def _close_files(self) -> None:
+        for descriptor in self._inputs.values():
+            os.close(descriptor)
+        self._inputs.clear()
         if self._log >= 0:
             os.close(self._log)
             self._log = -1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,6 +107,7 @@ def assemble(
     interfaces: Sequence[AgentInterface],
     *,
     agents: Sequence[str] = (),
+    others: Mapping[str, AgentInterface] | None = None,
     worlds: int = 1,
     seed: int = 42,
     options: Options | None = None,
@@ -117,6 +118,8 @@ def assemble(
         scenarios: What is played, in turns.
         interfaces: Of the egos, in the order of their seats.
         agents: The egos' names; by default "agent-0" and so on.
+        others: Agents that are not the user's, by name. Their seats are behind the egos' and vacant until
+            an episode or a transfer puts somebody there: a social agent, or one that takes a vehicle over.
         worlds: B.
         seed: Of the run.
         options: How it is run.
@@ -125,25 +128,28 @@ def assemble(
         ScenarioError: A scenario cannot be played with so many egos.
         InterfaceError: The names do not fit the interfaces, or each other.
     """
-    options = options or Options()
-    names = _names(agents, len(interfaces))
-    schedule = Schedule(scenarios, names, shapes=[_shape(interface) for interface in interfaces], seed=seed)
-    scene = _scene(schedule, worlds, len(interfaces), options)
+    options, others = options or Options(), others or {}
+    names = _names(agents, len(interfaces), others)
+    shapes = [_shape(interface) for interface in interfaces]
+    schedule = Schedule(scenarios, names, shapes=shapes, others=len(others), seed=seed)
+    scene = _scene(schedule, worlds, len(interfaces), len(others), options)
+    seated = [*interfaces, *others.values()]
     with ExitStack() as on_failure:
-        vehicles, traffic = _vehicles(scene, interfaces, schedule), _traffic(schedule, worlds, options)
+        vehicles, traffic = _vehicles(scene, seated, schedule), _traffic(schedule, worlds, options)
         on_failure.callback(vehicles.close)
         on_failure.callback(traffic.close)
-        parts = _assemble(scene, interfaces, schedule, vehicles, traffic, options)
+        parts = _assemble(scene, seated, (*names, *others), schedule, vehicles, traffic, options)
         on_failure.pop_all()
     return parts
 
 
-def _scene(schedule: Schedule, worlds: int, seats: int, options: Options) -> Scene:
-    atlas = RoadAtlas(schedule.maps)
+def _scene(schedule: Schedule, worlds: int, egos: int, others: int, options: Options) -> Scene:
+    atlas, seats = RoadAtlas(schedule.maps), egos + others
     world = World(
         worlds=worlds,
         capacity=schedule.limit + seats,
         seats=seats,
+        egos=egos,
         lanes=max(len(graph.lane_ids) for graph in schedule.maps),
         vias=schedule.vias,
         dt=options.dt,
@@ -169,6 +175,7 @@ def _traffic(schedule: Schedule, worlds: int, options: Options) -> TrafficSet:
 def _assemble(
     scene: Scene,
     interfaces: Sequence[AgentInterface],
+    names: Sequence[str],
     schedule: Schedule,
     vehicles: FleetVehicles,
     traffic: TrafficSet,
@@ -177,7 +184,7 @@ def _assemble(
     world, rules = scene.world, seat_rules(interfaces, options.dt)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
     entries = Entries(ownership, scene.routes)
-    alive = alive_rules(interfaces, schedule.agents, len(interfaces))
+    alive = alive_rules(interfaces, names, world.egos)
     interest = interest_of(interfaces, schedule, entries, ownership)
     recorder = _recorder(scene, ownership, options)
     stages = Stages(
@@ -197,15 +204,14 @@ def _assemble(
     return Assembly(Simulation(world, stages), schedule, scene, rules, actions, ownership, recorder)
 
 
-def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
-    if not agents:
-        return tuple(f"agent-{number}" for number in range(egos))
-    if len(agents) != egos or len(set(agents)) != egos:
+def _names(agents: Sequence[str], egos: int, others: Iterable[str]) -> tuple[str, ...]:
+    names = tuple(agents) or tuple(f"agent-{number}" for number in range(egos))
+    if len(names) != egos or len(set(names)) != egos or not set(names).isdisjoint(others):
         raise InterfaceError(
-            f"{egos} interfaces, and the names {', '.join(map(repr, agents))}",
+            f"{egos} interfaces, and the names {', '.join(map(repr, (*names, *others)))}",
             remedy="give every interface a name of its own",
         )
-    return tuple(agents)
+    return names
 
 
 def _shape(interface: AgentInterface) -> Shape:

@@ -67,6 +67,7 @@ class Schedule:
         scenarios: What is played.
         agents: Names of the egos.
         shapes: Their vehicles', by default cars.
+        others: How many further agents there may be, whose vehicles come on top of traffic's, too.
         seed: Of the run.
 
     Raises:
@@ -79,12 +80,14 @@ class Schedule:
         agents: Sequence[str],
         *,
         shapes: Sequence[Shape] | None = None,
+        others: int = 0,
         seed: int = 42,
     ) -> None:
         if not scenarios:
             raise ScenarioError("there is no scenario to play", remedy="name at least one")
         self.seed = seed
         self.agents = tuple(agents)
+        self._most_agents = len(self.agents) + others
         self._shapes = tuple(shapes) if shapes else (Shape(),) * len(self.agents)
         grounds = [_ground(built) for built in scenarios]
         unique = [*dict.fromkeys(grounds)]
@@ -142,6 +145,6 @@ class Schedule:
             traffic=built.traffic_files(plan.traffic),
             traffic_name=plan.traffic,
             sumo_seed=sumo_seed(seed, world=world, episode=episode),
-            limit=self._limits[built.name] + len(self.agents),
+            limit=self._limits[built.name] + self._most_agents,
             seats=draw_starts(built, plan.missions, self.agents, self._shapes, generator),
         )

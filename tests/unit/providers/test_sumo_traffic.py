@@ -74,7 +74,7 @@ def test_equals_the_sumo_binary(world, country, tmp_path, place):
     world.reset(files, seed=5)
     for moment in ElementTree.parse(output).getroot()[:600]:
         world.step()
-        said = {vehicle.get("id"): vehicle.attrib for vehicle in moment}
+        said = {vehicle.attrib["id"]: vehicle.attrib for vehicle in moment}
         assert sorted(said) == sorted(world.names())
         for slot in np.flatnonzero(world.states.alive):
             attributes = said[world.roster.name(slot)]
@@ -265,8 +265,9 @@ def test_what_cannot_start_is_one_named_error(new_world, country, tmp_path, dama
     neighbour.reset(sound, 4)
     hashed = hashlib.blake2b(neighbour.fingerprint())
     country_roads = country.roads(sound)
-    with pytest.raises(TrafficError, match=message):
+    with pytest.raises(TrafficError, match=message) as refused:
         world.traffic.reset(broken, 4, world.states, world.roster, country_roads)
+    assert "/proc/" not in str(refused.value), "SUMO is told of files by number, users by name"
     for _ in range(100):
         neighbour.step()
         hashed.update(neighbour.fingerprint())

@@ -1,0 +1,128 @@
+"""How much memory a process that plays many short episodes holds.
+
+    python -m perf.memory --episodes 2000
+    python -m perf.memory --episodes 2000 --record
+
+Prints the resident set every 200 episodes, and what the C heap and Python hold: these two do not depend on
+how the allocator cuts its pages, so they tell a leak from fragments. What there is of a leak is SUMO 1.28's
+own: at every load it loses the name of each file some ten times (`XMLSubSys::transcodeToLocal`), and adds its
+examples of calls to a list that is never emptied (`OptionsCont::addCallExample`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import gc
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from smarts.env import VectorHiWayEnv
+from smarts.env.adapters.benchmark import benchmark_interface
+from smarts.sim.assembly import Options
+
+EARLY = 200
+"""Episodes after which everything has been used once."""
+
+
+class _MallInfo(ctypes.Structure):
+    """`struct mallinfo2` of glibc."""
+
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in (
+            "arena",
+            "ordblks",
+            "smblks",
+            "hblks",
+            "hblkhd",
+            "usmblks",
+            "fsmblks",
+            "uordblks",
+            "fordblks",
+            "keepcost",
+        )
+    ]
+
+
+class Memory(NamedTuple):
+    """What the process holds."""
+
+    resident: int
+    """[byte]"""
+    heap: int
+    """Given out by malloc [byte]."""
+    blocks: int
+    """Of Python's own allocator."""
+
+
+def memory() -> Memory:
+    """Return what this process holds, garbage and unused pages taken away."""
+    gc.collect()
+    libc = ctypes.CDLL(None)
+    libc.malloc_trim(0)
+    libc.mallinfo2.restype = _MallInfo
+    info = libc.mallinfo2()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return Memory(pages * os.sysconf("SC_PAGE_SIZE"), info.uordblks + info.hblkhd, sys.getallocatedblocks())
+
+
+@contextmanager
+def _folder(wanted: bool) -> Iterator[Path | None]:
+    if not wanted:
+        yield None
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
+
+
+def measure(options: argparse.Namespace) -> None:
+    """Play episodes and print the memory on the way."""
+    interface = benchmark_interface().replace(max_episode_steps=options.steps)
+    agents = {f"agent-{number}": interface for number in range(4)}
+    begin = time.perf_counter()
+    with _folder(options.record) as record:
+        env = VectorHiWayEnv(1, options.scenarios, agents, simulation=Options(record=record))
+        env.reset(42)
+        early, episodes = memory(), 0
+        while episodes < options.episodes:
+            over = env.step([np.zeros((1, 4), int)]).reset[0]
+            episodes += int(over)
+            if over and episodes % EARLY == 0:
+                now = memory()
+                early = now if episodes == EARLY else early
+                _tell(episodes, now, early, time.perf_counter() - begin)
+        env.close()
+
+
+def _tell(episodes: int, now: Memory, early: Memory, seconds: float) -> None:
+    since = max(episodes - EARLY, 1)
+    print(
+        f"{episodes:5} episodes, {seconds:5.0f} s: resident {now.resident / 1e6:7.2f} MB"
+        f" ({100 * (now.resident / early.resident - 1):+.2f}%), heap {now.heap / 1e6:7.2f} MB"
+        f" ({(now.heap - early.heap) / since:+.0f} B an episode), {now.blocks} blocks of Python's"
+        f" ({(now.blocks - early.blocks) / since:+.2f} an episode)",
+        flush=True,
+    )
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser(description="Memory after many short episodes.")
+    parser.add_argument("--scenarios", nargs="+", default=["intersection", "double_merge"])
+    parser.add_argument("--episodes", type=int, default=2000)
+    parser.add_argument("--steps", type=int, default=20, help="most steps of an episode")
+    parser.add_argument("--record", action="store_true", help="record into a folder that is then removed")
+    measure(parser.parse_args())
+
+
+if __name__ == "__main__":
+    main()

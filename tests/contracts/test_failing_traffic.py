@@ -1,0 +1,125 @@
+"""SUMO fails in mid-episode: one named error from every face, and the next reset works."""
+
+import json
+
+import numpy as np
+import pytest
+
+from smarts.agents import AgentInterface, AgentSpec, AgentType
+from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.errors import TrafficError
+from smarts.sim.assembly import Options
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from smarts.sstudio.build import build_scenario
+from smarts.sstudio.cache import MANIFEST, file_table
+from tests.unit.sstudio.sources import scenario, write_cross
+
+LANER = AgentSpec(interface=AgentInterface.from_type(AgentType.Laner))
+FAILURE = "SUMO failed in mid-run: Vehicle 'broken' has no valid route"
+FACES = {
+    "hiway": lambda folder: HiWayEnv([folder], {"agent-0": LANER}, decision_interval=5),
+    "parallel": lambda folder: hiway_parallel_env([folder], 1),
+    "rllib": lambda folder: RLlibHiWayEnv({"scenarios": [folder], "agent_specs": 1}),
+}
+
+
+@pytest.fixture(scope="module")
+def doomed(tmp_path_factory):
+    """Return a scenario one of whose two traffics sends a vehicle off a second later that has no way."""
+    folder = write_cross(tmp_path_factory.mktemp("scenarios") / "doomed")
+    body = """
+        traffic={"sound": t.Traffic(flows=[flow()], warm_up=5.0),
+                 "unsound": t.Traffic(flows=[flow()], warm_up=5.0)},
+        ego_missions=[t.Mission(south_north)],
+    """
+    (folder / "scenario.py").write_text(scenario(body))
+    built = build_scenario(folder)
+    routes = built.traffic_files("unsound").routes[0]
+    broken = '<vehicle id="broken" depart="6"><route edges="to_north from_south"/></vehicle></routes>'
+    routes.write_text(routes.read_text().replace("</routes>", broken))
+    # So that the change is not taken for damage.
+    manifest = json.loads((built.directory / MANIFEST).read_text())
+    manifest["files"] = file_table(built.directory)
+    (built.directory / MANIFEST).write_text(json.dumps(manifest))
+    return folder
+
+
+def until_failure(env, action, seed):
+    """Play an episode, and a second one if need be; return how many steps went well."""
+    for episode in range(2):
+        env.reset(seed=seed if episode == 0 else None)
+        steps = []
+        try:
+            steps += (env.step(action) for _ in range(5))
+        except TrafficError as error:
+            failure = error
+            break
+    else:
+        pytest.fail("neither episode failed")
+    assert FAILURE in str(failure)
+    assert "other simulations are not affected" in failure.remedy
+    return len(steps)
+
+
+@pytest.mark.parametrize("face", FACES)
+def test_faces_of_dicts_raise_one_named_error_and_can_be_reset(doomed, face):
+    env, fresh = FACES[face](doomed), FACES[face](doomed)
+    try:
+        assert until_failure(env, {"agent-0": 0}, seed=3) >= 1
+        assert until_failure(env, {"agent-0": 0}, seed=4) >= 1
+        assert repr(env.reset(seed=5)) == repr(fresh.reset(seed=5))
+        assert repr(env.step({"agent-0": 0})) == repr(fresh.step({"agent-0": 0}))
+    finally:
+        env.close()
+        fresh.close()
+
+
+def test_the_single_face_raises_one_named_error_and_can_be_reset(doomed):
+    env = SingleHiWayEnv([doomed])
+    try:
+        assert until_failure(env, 0, seed=3) >= 1
+        observation, _ = env.reset()
+        assert env.observation_space.contains(observation)
+        assert env.observation_space.contains(env.step(0)[0])
+    finally:
+        env.close()
+
+
+def test_an_environment_that_has_failed_can_be_closed(doomed):
+    env = FACES["parallel"](doomed)
+    until_failure(env, {"agent-0": 0}, seed=3)
+    env.close()
+    env.close()
+
+
+def test_many_at_once_count_the_failure_and_go_on(doomed, tmp_path):
+    env = VectorHiWayEnv(3, [doomed], 1, simulation=Options(record=tmp_path))
+    keep = [np.zeros((3, 1), int)]
+    try:
+        env.reset(1)
+        failures = set()
+        for _ in range(60):
+            before = [(start.world, start.episode, start.traffic_name) for start in env.episodes]
+            now = env.step(keep)
+            for row, error in now.failed.items():
+                world, episode, traffic = before[row]
+                failures.add((world, episode))
+                assert FAILURE in str(error)
+                assert traffic == "unsound"
+                # What is said of the step is void, and the next episode has begun.
+                assert not now.rewards[row].any()
+                assert not now.terminated[row].any()
+                assert not now.truncated[row].any()
+                assert not now.reset[row]
+                assert now.alive[row].all()
+                assert env.episodes[row].episode == episode + 1
+                assert now.observations[0][""][row].any()
+        assert {world for world, _ in failures} == {0, 1, 2}
+    finally:
+        env.close()
+    said = {
+        (int(facts["world"]), int(facts["episode"]))
+        for facts in (RecordedEpisode(folder).facts for folder in episodes_in(tmp_path))
+        if facts["is_void"] and FAILURE in facts["remark"]
+    }
+    assert said == failures

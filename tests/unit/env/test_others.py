@@ -1,0 +1,287 @@
+"""Agents that are not the user's, through the loop of the faces: asked, late, taking vehicles over."""
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+
+from smarts.agents import ActionSpaceType, Agent, AgentInterface, AgentPolicy, DoneCriteria
+from smarts.agents.acting import InProcess
+from smarts.agents.options import InterfaceError
+from smarts.env.batch import Batch, EpisodeKey, Others
+from smarts.env.observation import ObservationMaker
+from smarts.errors import ActionError, ScenarioError
+from smarts.sim.assembly import assemble
+from smarts.sstudio.build import build_scenario
+from smarts.types.episode import TakeOver
+from smarts.types.seats import SeatState
+from smarts.types.transfers import Reason, transfers
+from smarts.types.vehicles import Owner
+
+LANER = AgentInterface(action=ActionSpaceType.Lane, done_criteria=DoneCriteria())
+EGO, SOCIAL = 0, 1
+
+
+class Answers:
+    """Agents elsewhere: they answer when told to, whatever they were asked meanwhile."""
+
+    def __init__(self):
+        self.asked, self.ready, self.deadlines = [], {}, []
+
+    def dispatch(self, observations):
+        self.asked += observations
+
+    def gather(self, deadline):
+        self.deadlines.append(deadline)
+        ready, self.ready = self.ready, {}
+        return ready
+
+    def close(self):
+        self.ready = None
+
+
+class Traffic:
+    """A schedule that plays the first of its episodes with traffic, its starts changed."""
+
+    def __init__(self, schedule, change):
+        self._schedule, self._change = schedule, change
+
+    def start(self, world, episode, seed=None):
+        numbers = range(episode, episode + 20)
+        starts = (self._schedule.start(world, number, seed) for number in numbers)
+        start = next(start for start in starts if start.traffic.warm_up)
+        return dataclasses.replace(start, episode=episode, seats=self._change(start.seats))
+
+
+class Played:
+    """One ego and a social agent on the intersection."""
+
+    def __init__(self, acting, change=lambda seats: seats, *, social=LANER, egos=1, period=1, scenario=None):
+        scenarios = [build_scenario(scenario or "intersection")]
+        parts = assemble(scenarios, [LANER] * egos, others={"social": social})
+        self.parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, change))
+        names = [*(f"agent-{number}" for number in range(egos)), "social"]
+        others = Others(acting, ObservationMaker(parts), names, deadline=0.25)
+        self.batch = Batch(self.parts, [], period=period, others=others)
+        self.world, self.seat = parts.simulation.world, egos
+
+    def reset(self, episode=0):
+        self.batch.reset({0: EpisodeKey(0, episode, 42)})
+        self.batch.dispatch()
+
+    def step(self, steps=1):
+        told = []
+        for _ in range(steps):
+            told.append(self.batch.step())
+            self.batch.dispatch()
+        return told[-1]
+
+    @property
+    def slot(self):
+        return int(self.world.seats.slot[0, self.seat])
+
+
+@pytest.fixture
+def play():
+    made = []
+
+    def make(*arguments, **options):
+        made.append(Played(*arguments, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.batch.close()
+
+
+def beside(seats):
+    """Let a social agent enter with the ego."""
+    return (*seats, dataclasses.replace(seats[0], name="social", pose=second_start(), entry_time=0.0))
+
+
+def trap(patience=50.0, seat=SOCIAL):
+    """Let the agent of a seat wait for a vehicle of traffic."""
+
+    def change(seats):
+        waiting = dataclasses.replace(seats[0], name="social", take_over=TakeOver(patience=patience))
+        return (*seats[:seat], waiting, *seats[seat + 1 :])
+
+    return change
+
+
+@cache
+def second_start():
+    """Return where the second ego of the scenario would begin, far from the first."""
+    schedule = assemble([build_scenario("intersection")], [LANER] * 2)
+    try:
+        return schedule.schedule.start(0, 0).seats[1].pose
+    finally:
+        schedule.simulation.close()
+
+
+def test_a_social_agent_drives_as_its_policy_says(play):
+    seen, built = [], []
+
+    def brake(observation):
+        seen.append(observation)
+        return "slow_down"
+
+    def build(seat):
+        built.append(seat)
+        return AgentPolicy.from_function(brake)
+
+    played = play(InProcess(build), beside)
+    played.reset()
+    vehicle = played.slot
+    assert played.world.vehicles.owner[0, vehicle] == Owner.AGENT
+    start_speed = float(played.world.vehicles.speed[0, vehicle])
+    played.step(30)
+    assert built == [SOCIAL]
+    assert len(seen) == 30
+    assert seen[0].ego_vehicle_state.position[:2] == pytest.approx(second_start()[:2], abs=1e-6)
+    assert played.world.vehicles.speed[0, vehicle] < min(start_speed, 0.5) + 0.1
+    played.reset(1)
+    played.step(2)
+    assert built == [SOCIAL, SOCIAL], "the next episode's agent is another"
+
+
+def test_answers_that_are_late_or_of_the_past_are_dropped(play):
+    answers = Answers()
+    played = play(answers, beside)
+    played.reset()
+    (first,) = answers.asked
+    played.step()
+    assert played.batch.late == 1
+    answers.ready = {first: "change_lane_left"}
+    played.step()
+    assert not played.batch.actions.given[0, SOCIAL]
+    answers.ready = {answers.asked[-1]: "slow_down"}
+    played.step()
+    assert played.batch.actions.given[0, SOCIAL]
+    assert played.batch.actions.values[0, SOCIAL, 0] == 1
+    assert set(answers.deadlines) == {0.25}
+    last = answers.asked[-1]
+    played.reset(1)
+    answers.ready = {last: "keep_lane"}
+    played.step()
+    assert not played.batch.actions.given[0, SOCIAL], "an answer of the last episode"
+
+
+def test_a_bad_answer_names_the_agent(play):
+    played = play(InProcess(lambda seat: Agent.from_function(lambda seen: "fly")), beside)
+    played.reset()
+    with pytest.raises(ActionError, match="social"):
+        played.step()
+
+
+def test_nobody_sits_in_a_seat_that_the_episode_does_not_fill(play):
+    answers = Answers()
+    played = play(answers)
+    played.reset()
+    played.step(5)
+    assert played.world.seats.state[0, SOCIAL] == SeatState.VACANT
+    assert answers.asked == []
+    assert played.world.egos == 1
+
+
+def test_the_episode_ends_with_the_egos_whatever_the_others_do(play):
+    short = LANER.replace(max_episode_steps=5)
+    played = play(Answers(), beside, social=short)
+    played.reset()
+    assert not played.step(8).finished[0]
+    assert played.world.seats.state[0, SOCIAL] == SeatState.VACANT
+
+
+def jumps(played, slot):
+    """Return how far a vehicle is from where its speed would have taken it, and the change of speed."""
+    now, before = played.world.vehicles, played.world.before
+    moved = float(np.hypot(*(now.position[0, slot] - before.position[0, slot])))
+    return abs(moved - float(before.speed[0, slot]) * 0.1), float(
+        abs(now.speed[0, slot] - before.speed[0, slot])
+    )
+
+
+@pytest.mark.parametrize("model", ["bullet", "kinematic"])
+def test_a_vehicle_goes_from_traffic_to_a_social_agent_and_back(play, model):
+    played = play(
+        InProcess(lambda seat: Agent.from_function(lambda seen: "keep_lane")),
+        trap(),
+        social=LANER.replace(vehicle_model=model, max_episode_steps=25),
+    )
+    played.reset()
+    world, slot, generation, held = played.world, -1, -1, 0
+    for _ in range(120):
+        played.step()
+        if slot < 0 and played.slot >= 0:
+            slot = played.slot
+            generation = int(world.vehicles.generation[0, slot])
+            assert world.before.owner[0, slot] == Owner.TRAFFIC
+        if slot >= 0:
+            assert world.vehicles.generation[0, slot] == generation
+            assert world.vehicles.alive[0, slot]
+            apart, change = jumps(played, slot)
+            assert apart < 0.1
+            assert change < 0.95
+            held += world.vehicles.owner[0, slot] == Owner.AGENT
+            if world.before.owner[0, slot] == Owner.AGENT and world.vehicles.owner[0, slot] == Owner.TRAFFIC:
+                break
+    else:
+        pytest.fail("the vehicle did not go back")
+    assert held == 1 + 25, "the step of the hand-over, and those of the episode"
+    for _ in range(20):
+        played.step()
+        if not world.vehicles.alive[0, slot] or world.vehicles.generation[0, slot] != generation:
+            break
+        assert jumps(played, slot)[0] < 0.1
+        assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
+
+
+def test_a_spare_seat_takes_a_vehicle_that_a_transfer_gives_it(play):
+    """As bubbles will do it: no start, no mission, only a transfer at the border of two steps."""
+    played = play(InProcess(lambda seat: Agent.from_function(lambda seen: "keep_lane")))
+    played.reset()
+    world, ownership = played.world, played.parts.ownership
+    driven = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)
+    slot = int(driven[world.vehicles.speed[0, driven].argmax()])
+    generation = int(world.vehicles.generation[0, slot])
+    take = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, SOCIAL, Reason.TAKE)
+    ownership.submit(transfers([take]))
+    for _ in range(10):
+        played.step()
+        assert world.vehicles.owner[0, slot] == Owner.AGENT
+        assert played.slot == slot
+        apart, change = jumps(played, slot)
+        assert apart < 0.1
+        assert change < 0.95
+    release = (0, slot, generation, Owner.AGENT, SOCIAL, Owner.TRAFFIC, -1, Reason.RELEASE)
+    ownership.submit(transfers([release]))
+    for _ in range(10):
+        played.step()
+        assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
+        assert jumps(played, slot)[0] < 0.1
+    assert world.seats.state[0, SOCIAL] == SeatState.VACANT
+
+
+def test_where_all_wait_time_goes_on_until_somebody_is_there(play):
+    played = play(Answers(), trap(seat=EGO))
+    played.reset()
+    assert played.batch.alive[0, EGO]
+    assert played.world.step[0] > 0
+    assert played.world.vehicles.home[0, played.world.seats.slot[0, EGO]] == Owner.TRAFFIC
+
+
+def test_where_nobody_ever_comes_the_error_says_so(play, monkeypatch):
+    monkeypatch.setattr("smarts.env.batch.PATIENCE", 100)
+
+    def never(seats):
+        return (dataclasses.replace(seats[0], take_over=TakeOver(vehicle="no such", patience=np.inf)),)
+
+    played = play(Answers(), never)
+    with pytest.raises(ScenarioError, match="no agent has entered"):
+        played.reset()
+
+
+def test_names_of_others_are_their_own():
+    with pytest.raises(InterfaceError, match="'agent-0', 'agent-0'"):
+        assemble([build_scenario("intersection")], [LANER], others={"agent-0": LANER})
