@@ -11,9 +11,11 @@ the environment's, or all observations side by side with who is there; the value
 from __future__ import annotations
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from algorithms.joint.batch import JointView, OnPolicyBatch
+from algorithms.joint.env import MEMORY
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.moments import RunningMoments
@@ -28,13 +30,21 @@ class CentralValue(LearnerModule):
 
     def make_networks(self) -> None:
         """Create the body."""
-        sizes = [self.spec.state_size, *self.settings["hidden"], len(self.spec.agents)]
+        # The environment's state knows nothing of memories; joined observations hold them already.
+        self._beside = self.spec.spaces.state > 0 and MEMORY in self.spec.spaces.blocks[0].observation
+        width = self.spec.state_size
+        if self._beside:
+            width += len(self.spec.agents) * self.spec.spaces.blocks[0].observation[MEMORY].shape[0]
+        sizes = [width, *self.settings["hidden"], len(self.spec.agents)]
         self.body = orthogonal(perceptron(sizes), gain=np.sqrt(2), last=1)
         self.moments = RunningMoments(enabled=self.settings["normalize_values"])
 
     def value(self, view: JointView) -> Tensor:
         """Return scaled values (M, N)."""
-        return self.body(view.global_state())
+        state = view.global_state()
+        if self._beside:
+            state = torch.cat([state, *(leaves[MEMORY].flatten(-2) for leaves in view.observations)], -1)
+        return self.body(state)
 
 
 class CentralisedVLearner(PPOLearner):

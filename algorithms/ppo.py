@@ -6,7 +6,9 @@ advantage estimation, Schulman et al. 2016). De Witt et al. 2020 show how far th
 
 Deviations: policy and value function are separate networks with separate optimisers, so there is no weight
 between their losses; advantages are standardised per policy network over the whole rollout, not per
-minibatch; the value loss is not clipped.
+minibatch; the value loss is not clipped. With `gru`, policies are recurrent and learn by truncated
+backpropagation through sequences that begin with the stored memory (Kapturowski et al. 2019); critics have no
+recurrence of their own but read the policies' stored memory beside the observation.
 """
 
 from __future__ import annotations

@@ -66,8 +66,10 @@ _D, _F, _C = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE
 
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 ALGORITHMS: dict[str, Entry] = {
-    "a2c": _entry("a2c:A2CConfig", _D, "M1", Actions.BOTH, "independent advantage actor-critic"),
-    "ppo": _entry("ppo:PPOConfig", _D, "M1", Actions.BOTH, "independent PPO"),
+    "a2c": _entry(
+        "a2c:A2CConfig", _D, "M1", Actions.BOTH, "independent advantage actor-critic", recurrent=True
+    ),
+    "ppo": _entry("ppo:PPOConfig", _D, "M1", Actions.BOTH, "independent PPO", recurrent=True),
     "dqn": _entry("dqn:DQNConfig", _D, "M1", Actions.DISCRETE, "independent double duelling Q-learning"),
     "commnet": _entry(
         "commnet:CommNetConfig",
@@ -78,7 +80,12 @@ ALGORITHMS: dict[str, Entry] = {
         communication=True,
     ),
     "centralised_v": _entry(
-        "centralised_v:CentralisedVConfig", _C, "M3", Actions.BOTH, "PPO with a central critic"
+        "centralised_v:CentralisedVConfig",
+        _C,
+        "M3",
+        Actions.BOTH,
+        "PPO with a central critic",
+        recurrent=True,
     ),
     "maddpg": _entry("maddpg:MADDPGConfig", _C, "M3", Actions.BOTH, "critics that see everybody's actions"),
     "maac": _entry(

@@ -8,7 +8,7 @@ results together again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
@@ -28,11 +28,15 @@ class GroupView:
         observations: Leaves (M, n, ...).
         alive: (M, n).
         legal: Legal actions (M, n, A), or None.
+        fresh: Where another life than in the row before begins, (M, n), or None; see `JointView`.
+        length: Steps of each sequence.
     """
 
     observations: Mapping[str, Tensor]
     alive: Tensor
     legal: Tensor | None
+    fresh: Tensor | None = field(default=None, kw_only=True)
+    length: int = field(default=1, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,15 @@ class ReplayGroup(GroupBatch):
 
 @dataclass(frozen=True)
 class JointView:
-    """M moments of all N agents; see `View` for the fields."""
+    """M moments of all N agents; see `View` for the fields.
+
+    Recurrent policies learn from sequences: the M rows are C sequences of L moments, row `l * C + c` being
+    moment l of sequence c.
+
+    Attributes:
+        fresh: Where a life begins within a sequence, (M, N), or None without sequences.
+        length: L.
+    """
 
     spec: JointSpec
     observations: tuple[Mapping[str, Tensor], ...]
@@ -76,6 +88,8 @@ class JointView:
     masks: tuple[Tensor | None, ...]
     state: Tensor | None
     graph: Tensor | None
+    fresh: Tensor | None = field(default=None, kw_only=True)
+    length: int = field(default=1, kw_only=True)
 
     @classmethod
     def of(cls, spec: JointSpec, view: View, device: torch.device | str = "cpu") -> Self:
@@ -97,9 +111,15 @@ class JointView:
 
     def __getitem__(self, rows) -> Self:
         """Return the given rows."""
-        return replace(
-            self, **{f.name: _rows(getattr(self, f.name), rows) for f in fields(self) if f.name != "spec"}
-        )
+        return replace(self, **{name: _rows(getattr(self, name), rows) for name in self._tensors()})
+
+    def sequences(self, chosen: Tensor) -> Self:
+        """Return the sequences of the given numbers; rows, where sequences have one moment."""
+        if self.length == 1:
+            return self[chosen]
+        count = len(self) // self.length
+        starts = count * torch.arange(self.length, device=chosen.device)
+        return self[(starts[:, None] + chosen).flatten()]
 
     def flat(self) -> Self:
         """Return the same moments with the leading (T, B) axes made one."""
@@ -107,12 +127,14 @@ class JointView:
 
     def map(self, function) -> Self:
         """Apply a function to every tensor."""
-        changed = {f.name: _apply(getattr(self, f.name), function) for f in fields(self) if f.name != "spec"}
-        return replace(self, **changed)
+        return replace(self, **{name: _apply(getattr(self, name), function) for name in self._tensors()})
+
+    def _tensors(self) -> list[str]:
+        return [f.name for f in fields(self) if f.name not in ("spec", "length")]
 
     def view(self, group: Group) -> GroupView:
         """Return what a group's agents see."""
-        return GroupView(*self._seen(group))
+        return GroupView(*self._seen(group), **self._order(group))
 
     def join(self, parts: Mapping[str, Tensor]) -> Tensor:
         """Return (..., N) or (..., N, x) from each group's (..., n) or (..., n, x), by group id."""
@@ -151,6 +173,10 @@ class JointView:
         return [
             slice(int(e) - len(b.agents), int(e)) for e, b in zip(ends, self.spec.spaces.blocks, strict=True)
         ]
+
+    def _order(self, group: Group) -> dict[str, Any]:
+        fresh = None if self.fresh is None else self.fresh[..., group.columns]
+        return {"fresh": fresh, "length": self.length}
 
     def _seen(self, group: Group) -> tuple[Mapping[str, Tensor], Tensor, Tensor | None]:
         axis = self.alive.dim() - 1
@@ -210,7 +236,8 @@ class OnPolicyBatch(JointBatch):
         for group in self.spec.groups:
             own = (..., group.columns)
             scores = self.log_prob[own], self.advantages[own], self.targets[own]
-            yield group, OnPolicyGroup(*self._seen(group), *self._done(group), *scores)
+            parts = *self._seen(group), *self._done(group), *scores
+            yield group, OnPolicyGroup(*parts, **self._order(group))
 
 
 @dataclass(frozen=True)
@@ -227,7 +254,8 @@ class ReplayBatch(JointBatch):
     def groups(self) -> Iterator[tuple[Group, ReplayGroup]]:
         """Yield every group with its part."""
         for group in self.spec.groups:
-            yield group, ReplayGroup(*self._seen(group), *self._done(group), self.next.view(group))
+            parts = *self._seen(group), *self._done(group), self.next.view(group)
+            yield group, ReplayGroup(*parts, **self._order(group))
 
 
 def encode(group: Group, actions: Tensor) -> Tensor:

@@ -6,12 +6,15 @@ import inspect
 from collections.abc import Mapping
 from typing import Any, Self
 
-from gymnasium.spaces import Discrete
+import numpy as np
+from gymnasium.spaces import Box, Discrete
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+from ray.util.debug import log_once
 
 from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
+from algorithms.joint.env import MEMORY, Block
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.runner import SPEC, JointEnvRunner
 from algorithms.joint.spec import Group, JointSpec, Sharing, agent_spaces
@@ -37,6 +40,10 @@ class JointConfig(AlgorithmConfig):
         torch_threads: Threads that torch uses for acting and learning in each process.
         evaluate_sampled: Greedy evaluations also play the same episodes with sampled actions, below
             `sampled/`.
+        gru: Width of the policies' memory (gated recurrent units), for algorithms that are tagged recurrent;
+            0: no memory.
+        sequence_length: Steps through which recurrent policies are differentiated; divides
+            `rollout_fragment_length`.
     """
 
     algorithm: str
@@ -64,6 +71,8 @@ class JointConfig(AlgorithmConfig):
             max_silent_iterations=3,
             torch_threads=1,
             evaluate_sampled=False,
+            gru=0,
+            sequence_length=16,
         )
 
     sharing: Sharing
@@ -73,6 +82,8 @@ class JointConfig(AlgorithmConfig):
     max_silent_iterations: int
     torch_threads: int
     evaluate_sampled: bool
+    gru: int
+    sequence_length: int
 
     @property
     def setting_names(self) -> tuple[str, ...]:
@@ -115,6 +126,10 @@ class JointConfig(AlgorithmConfig):
     def module_settings(self) -> dict[str, Any]:
         """Return the settings that networks are built from."""
         return {"hidden": tuple(self.hidden)}
+
+    def carried(self, block: Block) -> dict[str, Box]:
+        """Return the leaves that the sampler adds to the observations of a block's agents."""
+        return {MEMORY: Box(-1.0, 1.0, (self.gru,), np.float32)} if self.gru else {}
 
     def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
         """Return how runners explore after this many environment steps."""
@@ -218,8 +233,10 @@ class JointConfig(AlgorithmConfig):
         """Refuse settings that cannot work together (RLlib).
 
         Raises:
-            ValueError: Several learners, evaluation by time, or fragments of automatic length were asked for.
+            ValueError: Several learners, evaluation by time, fragments of automatic length, or a memory where
+                the algorithm has none were asked for.
         """
+        log_once(f"{self.algo_class.__name__}_on_new_api_stack")  # there is no other stack to warn about
         super().validate()
         if (self.num_learners or 0) > 1:
             self._value_error("joint algorithms learn in one process: set num_learners to 0 or 1")
@@ -231,6 +248,20 @@ class JointConfig(AlgorithmConfig):
             )
         if self.evaluation_interval and self.evaluation_duration_unit != "episodes":
             self._value_error("evaluation_duration_unit must be 'episodes': parts of episodes have no return")
+        if self.gru:
+            self._check_recurrence()
+
+    def _check_recurrence(self) -> None:
+        if not self.entry.recurrent:
+            fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.recurrent)
+            self._value_error(
+                f"{self.algorithm!r} has no memory, so no gru={self.gru}; use one of: {fitting}"
+            )
+        if int(self.rollout_fragment_length) % self.sequence_length:
+            self._value_error(
+                f"rollout_fragment_length={self.rollout_fragment_length} is no multiple of "
+                f"sequence_length={self.sequence_length}"
+            )
 
     def _defaults(self, **settings: Any) -> None:
         self._settings: tuple[str, ...] = (*getattr(self, "_settings", ()), *settings)

@@ -22,6 +22,11 @@ Ints = NDArray[np.integer]
 Leaves = Mapping[str, np.ndarray]
 """Observation arrays by name: `""` for a plain Box, the path ("lidar/near") for each leaf of a Dict space."""
 
+CARRIED = "@"
+"""Names of leaves that the sampler adds to what environments deliver begin with this."""
+MEMORY = "@memory"
+"""Leaf with the memory (..., n, H) that a recurrent policy had before it saw the rest."""
+
 Action = Box | Discrete
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -191,14 +192,14 @@ class OnPolicyLearner(JointTorchLearner):
     def update_joint(self, rollout: JointRollout) -> None:
         """Run the epochs over the batch that `prepare` makes."""
         batch = self.prepare(rollout)
-        size = self.config.minibatch_size
+        size, count = self.config.minibatch_size, len(batch) // batch.length
         for _ in range(self.config.epochs):
             if size is None or size >= len(batch):
                 self.update_minibatch(batch)
                 continue
-            order = torch.randperm(len(batch), generator=self.generator).to(batch.alive.device)
-            for rows in order.split(size):
-                self.update_minibatch(batch[rows])
+            order = torch.randperm(count, generator=self.generator).to(batch.alive.device)
+            for chosen in order.split(max(size // batch.length, 1)):
+                self.update_minibatch(batch.sequences(chosen))
         self.updates += 1
 
     def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
@@ -224,7 +225,7 @@ class OnPolicyLearner(JointTorchLearner):
             lambda_=self.config.lambda_,
         )
         rows = views[:-1].flat()
-        return OnPolicyBatch(
+        batch = OnPolicyBatch(
             self.spec,
             rows.observations,
             rows.alive,
@@ -237,6 +238,12 @@ class OnPolicyLearner(JointTorchLearner):
             log_prob=self._log_prob(rollout, rewards),
             advantages=self._scaled(advantages, alive).flatten(0, 1),
             targets=torch.where(alive, targets, 0).flatten(0, 1),
+            fresh=to_tensor(masks.fresh[:-1], device).flatten(0, 1) if self.config.gru else None,
+        )
+        return (
+            cut_sequences(batch, len(rollout.rewards), self.config.sequence_length)
+            if self.config.gru
+            else batch
         )
 
     def _log_prob(self, rollout: JointRollout, like: Tensor) -> Tensor:
@@ -253,6 +260,18 @@ class OnPolicyLearner(JointTorchLearner):
             own = (..., group.columns)
             scaled[own] = standardised(advantages[own], alive[own])
         return scaled
+
+
+def cut_sequences(batch: OnPolicyBatch, steps: int, length: int) -> OnPolicyBatch:
+    """Return the rows of T steps of B copies, in order of time, as sequences of `length` steps.
+
+    Raises:
+        ValueError: T is not a multiple of the length.
+    """
+    if steps % length:
+        raise ValueError(f"a fragment of {steps} steps cannot be cut into sequences of {length}")
+    rows = torch.arange(len(batch), device=batch.alive.device).unflatten(0, (steps // length, length, -1))
+    return replace(batch[rows.transpose(0, 1).flatten()], length=length)
 
 
 class OffPolicyLearner(JointTorchLearner):

@@ -40,6 +40,18 @@ class Masks(NamedTuple):
     last: Bools
 
 
+def goes_on(alive: Bools, terminated: Bools, truncated: Bools, over: Bools) -> Bools:
+    """Return which of those who acted are still in the same life, (..., N).
+
+    Args:
+        alive: Who is there now, (..., N).
+        terminated: Shape (..., N).
+        truncated: Shape (..., N).
+        over: Copies that were reset or failed, (...).
+    """
+    return alive & ~terminated & ~truncated & ~over[..., None]
+
+
 def derive_masks(alive: Bools, terminated: Bools, truncated: Bools, reset: Bools, failed: Bools) -> Masks:
     """Return the masks of a fragment.
 
@@ -51,6 +63,6 @@ def derive_masks(alive: Bools, terminated: Bools, truncated: Bools, reset: Bools
         failed: Copies whose step t is void, shape (T, B).
     """
     bootstrap = alive[:-1] & ~terminated
-    chain = bootstrap & alive[1:] & ~truncated & ~(reset | failed)[..., None]
+    chain = bootstrap & goes_on(alive[1:], terminated, truncated, reset | failed)
     fresh = np.concatenate([np.zeros_like(alive[:1]), alive[1:] & ~chain])
     return Masks(bootstrap, chain, fresh, bootstrap & ~chain)

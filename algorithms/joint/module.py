@@ -13,8 +13,10 @@ from ray.rllib.core.rl_module.torch import TorchRLModule
 from torch import Tensor, nn
 
 from algorithms.joint.batch import GroupView
+from algorithms.joint.env import MEMORY
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import Exploration, Head, stochastic_head
+from algorithms.parts.memory import GRUMemory
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 
 
@@ -33,6 +35,7 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         targets: Names of attributes that are target networks: learner only, no gradient.
         head: How outputs become actions.
         communicates: Whether agents hear those of other groups, so that `policies` needs all groups at once.
+        memory_size: Width H of a recurrent policy's memory, 0 for a policy without.
     """
 
     targets: tuple[str, ...] = ()
@@ -46,22 +49,42 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         self.spec: JointSpec = config["spec"]
         self.group: Group = next(g for g in self.spec.groups if g.id == config["group"])
         self.settings: Mapping[str, Any] = config["settings"]
+        self.memory_size = int(np.prod(self.group.observation[MEMORY].shape)) if self.recurrent else 0
         self.head = self.make_head()
         self.make_networks()
+
+    @property
+    def recurrent(self) -> bool:
+        """Whether the sampler carries a memory for this policy."""
+        return MEMORY in self.group.observation
 
     def make_head(self) -> Head:
         """Return how outputs become actions."""
         return stochastic_head(self.group.action)
 
     def make_networks(self) -> None:
-        """Create `encoder` and `body`; the default policy is `body(encoder(observations))`."""
-        self.encoder = Encoder(self.group.observation, self.group.size)
-        body = perceptron([self.encoder.size, *self.settings["hidden"], self.head.outputs])
+        """Create `encoder` and `body`; the default policy is `body(encoder(observations))`.
+
+        A recurrent policy is `body(memory(trunk(encoder(observations))))`.
+        """
+        self.encoder = Encoder(without_memory(self.group.observation), self.group.size)
+        sizes = [self.encoder.size, *self.settings["hidden"]]
+        if self.memory_size:
+            self.trunk = orthogonal(perceptron(sizes), gain=np.sqrt(2), last=np.sqrt(2)).append(nn.Tanh())
+            self.memory = GRUMemory(sizes[-1], self.memory_size)
+            sizes = [self.memory_size]
+        body = perceptron([*sizes, self.head.outputs])
         self.body: nn.Module = orthogonal(body, gain=np.sqrt(2), last=0.01)
 
     def policy(self, view: GroupView) -> Tensor:
         """Return the outputs (M, n, P) that the head turns into actions."""
-        return self.body(self.encoder(view.observations))
+        return self.recall(view)[0] if self.memory_size else self.body(self.encoder(view.observations))
+
+    def recall(self, view: GroupView) -> tuple[Tensor, Tensor]:
+        """Return a recurrent policy's (outputs, memory afterwards) of moments, or of sequences of moments."""
+        features = self.trunk(self.encoder(view.observations))
+        memory = self.memory(features, view.observations[MEMORY], view.fresh, view.length)
+        return self.body(memory), memory
 
     @classmethod
     def policies(cls, modules: Sequence[Self], views: Sequence[GroupView]) -> list[Tensor]:
@@ -70,7 +93,7 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
 
     def plain(self) -> tuple[Encoder, nn.Module] | None:
         """Return (encoder, body) if the policy is just `body(encoder(...))`, so that runners may stack it."""
-        return self.encoder, self.body
+        return None if self.memory_size else (self.encoder, self.body)
 
     def get_non_inference_attributes(self) -> list[str]:
         """Return what runners need not hold (RLlib)."""
@@ -114,6 +137,11 @@ class LearnerModule(TorchRLModule):
     def trained_parameters(self) -> list[nn.Parameter]:
         """Return the parameters that optimisers step: all but the target networks'."""
         return [p for name, p in self.named_parameters() if name.split(".")[0] not in self.targets]
+
+
+def without_memory(leaves: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the leaves that come from the environment."""
+    return {name: leaf for name, leaf in leaves.items() if name != MEMORY}
 
 
 def assert_mapping(config: Any) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from algorithms.joint.env import Bools, Final, Floats, Ints, JointSpaces, JointStep, Leaves
+from algorithms.joint.env import CARRIED, MEMORY, Bools, Final, Floats, Ints, JointSpaces, JointStep, Leaves
 from algorithms.joint.masks import Masks, derive_masks
 from algorithms.joint.spaces import stored_actions
 
@@ -65,10 +65,14 @@ class View:
         )
 
     def write(self, index, seen: JointStep | Final | View) -> None:
-        """Copy what was seen, `alive` excepted, into the rows at `index`."""
+        """Copy what was seen, `alive` excepted, into the rows at `index`.
+
+        Leaves that the sampler adds stay as they are where they are not given.
+        """
         for mine, theirs in zip(self.observations, seen.observations, strict=True):
             for name, leaf in mine.items():
-                leaf[index] = theirs[name]
+                if name in theirs or not name.startswith(CARRIED):
+                    leaf[index] = theirs[name]
         for mask, legal in zip(self.masks, seen.masks, strict=False):
             if mask is not None:
                 mask[index] = legal
@@ -183,7 +187,8 @@ class JointRollout:
 
         A row is cut wherever a life has no next row of its own: at time limits, when an agent is truncated or
         leaves alone, and before a failure. The environment delivers only those that it overwrote; elsewhere
-        the next row as it stands is the true one.
+        the next row as it stands is the true one. Final rows carry the memory of the life that was cut; rows
+        of the fragment are empty of it where another life begins.
         """
         masks = self.masks()
         at = np.argwhere(masks.last.any(-1))
@@ -194,7 +199,17 @@ class JointRollout:
                 source, row = self._finals[step, copy]
                 final.write(k, final_row(source, row))
         final.alive = masks.bootstrap[t, b] | (~self.reset[t, b, None] & self.views.alive[t + 1, b])
+        self._forget(~masks.chain)
         return replace(self, final=final, final_at=at, _finals={})
+
+    def _forget(self, ended: Bools) -> None:
+        """Empty the memories that follow the steps (T, B, N) after which a life does not go on."""
+        column = 0
+        for leaves in self.views.observations:
+            width = next(iter(leaves.values())).shape[2]
+            if MEMORY in leaves:
+                leaves[MEMORY][1:][ended[..., column : column + width]] = 0
+            column += width
 
     def masks(self) -> Masks:
         """Return the masks that learners use; see `algorithms.joint.masks`."""

@@ -90,7 +90,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         """Create the copies, unless this is the local runner beside remote ones."""
         if self._has_env():
             self.env: VectorJointEnv | None = self._new_env()
-            self.spec = JointSpec.build(self.env.spaces, self.config.sharing)
+            self.spec = JointSpec.build(self.env.spaces, self.config.sharing, self.config.carried)
         else:
             self.spec = self._given_spaces[SPEC][0]  # type: ignore[index]
 

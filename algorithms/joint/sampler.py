@@ -13,7 +13,8 @@ from torch import Generator, Tensor, nn
 
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.batch import GroupView
-from algorithms.joint.env import Bools, Floats, Ints, JointStep, Leaves, VectorJointEnv
+from algorithms.joint.env import MEMORY, Bools, Floats, Ints, JointStep, Leaves, VectorJointEnv
+from algorithms.joint.masks import goes_on
 from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import to_env
@@ -104,6 +105,10 @@ class Policies:
         if stacked is not None:
             encoder, perceptrons = stacked
             outputs = perceptrons(encoder(leaves))
+        elif first.memory_size:
+            recalled = [self._modules[g.id].recall(_seen_by(g, view)) for g in groups]
+            outputs, memory = (self._in_columns(block, parts) for parts in zip(*recalled, strict=True))
+            return first.head.act(outputs, legal, exploration, generator)._replace(memory=memory)
         else:
             outputs = self._gather(block, view)
         return first.head.act(outputs, legal, exploration, generator)
@@ -114,10 +119,15 @@ class Policies:
         kind = type(self._modules[own[0].id])
         groups = self._spec.groups if kind.communicates else own
         outputs = kind.policies([self._modules[g.id] for g in groups], [_seen_by(g, view) for g in groups])
-        parts = [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
+        return self._in_columns(
+            block, [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
+        )
+
+    def _in_columns(self, block: int, parts: Sequence[Tensor]) -> Tensor:
+        """Return the parts (B, n, ...) of a block's groups in the order of its agents."""
         if len(parts) == 1:
             return parts[0]
-        joined = torch.cat(parts, 1)
+        own, joined = self._by_block[block], torch.cat(list(parts), 1)
         places = np.concatenate([np.arange(joined.shape[1])[group.within] for group in own])
         return joined[:, torch.from_numpy(np.argsort(places))]
 
@@ -188,6 +198,7 @@ class Sampler:
         self._seed, self._source, self._max_failures = seed, source, max_failures
         self._generator = Generator().manual_seed(_mixed(seed, *source))
         self._now: View | None = None
+        self._memories: list[np.ndarray | None] = []
         agents = len(spec.agents)
         self.progress = _fresh_progress(env.num_envs, agents)
 
@@ -195,7 +206,8 @@ class Sampler:
         """Start all copies in new episodes; see `VectorJointEnv.reset`."""
         incarnation = self._source[1]
         # A restarted runner must not replay the episodes of its predecessor.
-        self._see(self.env.reset(self._seed, worlds, episode=incarnation << 20, stride=stride))
+        step = self.env.reset(self._seed, worlds, episode=incarnation << 20, stride=stride)
+        self._see(self._remember(step, self._empty_memories()))
         fresh = _fresh_progress(self.env.num_envs, len(self._spec.agents))
         fresh.failed_total = self.progress.failed_total
         self.progress = fresh
@@ -216,7 +228,7 @@ class Sampler:
         rollout.views.write(0, now)
         rollout.views.alive[0] = now.alive
         for t in range(steps):
-            acting = self.policies.act(self._view(), exploration, self._generator)
+            acting = self._act(self._view(), exploration)
             for k, chosen in enumerate(acting):
                 rollout.actions[k][t] = chosen.actions.numpy()
             if rollout.log_prob is not None:
@@ -251,7 +263,7 @@ class Sampler:
         finished: dict[int, Episode] = {}
         while len(finished) < len(worlds):
             seen = self._view() if on_step is None else _copied(self._view())
-            acting = self.policies.act(seen, exploration, self._generator)
+            acting = self._act(seen, exploration)
             actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
             step = self._step(actions)
             if on_step is not None:
@@ -290,6 +302,15 @@ class Sampler:
         self.env.set_state(state["env"])  # type: ignore[attr-defined]
         self._now, self.progress = _copied(state["now"]), copy.deepcopy(state["progress"])
 
+    def _empty_memories(self) -> list[np.ndarray | None]:
+        """Return zeros (B, n, H) for each recurrent block."""
+        return [
+            np.zeros((self.env.num_envs, len(block.agents), *block.observation[MEMORY].shape), np.float32)
+            if MEMORY in block.observation
+            else None
+            for block in self._spec.spaces.blocks
+        ]
+
     def _view(self) -> View:
         if self._now is None:
             raise RuntimeError("the sampler has not begun an episode")
@@ -298,17 +319,45 @@ class Sampler:
     def _in_env_units(self, actions: list[np.ndarray]) -> tuple[np.ndarray, ...]:
         return tuple(to_env(b.action, a) for b, a in zip(self._spec.spaces.blocks, actions, strict=True))
 
+    def _act(self, view: View, exploration: Exploration) -> list[Acting]:
+        acting = self.policies.act(view, exploration, self._generator)
+        self._memories = [None if chosen.memory is None else chosen.memory.numpy() for chosen in acting]
+        return acting
+
     def _step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
         progress = self.progress
         acted = self._view().alive.copy()
-        step = self._void_non_finite(self.env.step(actions))
+        step = self._remember(self._void_non_finite(self.env.step(actions)), self._memories)
         progress.returns += step.rewards * acted
         progress.lengths += 1
         progress.steps += 1
         if step.reset.any() or step.failed:
             self._end_episodes(step)
         self._see(step)
+        self._forget(acted, step)
         return step
+
+    def _remember(self, step: JointStep, memories: Sequence[np.ndarray | None]) -> JointStep:
+        """Return the step with the memory (B, n, H) that each recurrent block takes along."""
+        if not any(memory is not None for memory in memories):
+            return step
+        seen = tuple(
+            leaves if memory is None else {**leaves, MEMORY: memory}
+            for leaves, memory in zip(step.observations, memories, strict=True)
+        )
+        return step._replace(observations=seen)
+
+    def _forget(self, acted: Bools, step: JointStep) -> None:
+        """Empty the memory of all whose life did not go on; what was handed out keeps it."""
+        over = step.reset.copy()
+        over[list(step.failed)] = True
+        ended = ~(acted & goes_on(step.alive, step.terminated, step.truncated, over))
+        column = 0
+        for leaves, block in zip(self._view().observations, self._spec.spaces.blocks, strict=True):
+            if MEMORY in leaves:
+                own = ended[:, column : column + len(block.agents)]
+                leaves[MEMORY] = np.where(own[..., None], 0, leaves[MEMORY])
+            column += len(block.agents)
 
     def _end_episodes(self, step: JointStep) -> None:
         progress = self.progress

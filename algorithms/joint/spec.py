@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
-from algorithms.joint.env import Action, Ints, JointSpaces
+from algorithms.joint.env import Action, Block, Ints, JointSpaces
 
 Sharing = str | Mapping[str, Sequence[str]] | Callable[[str], str]
 """`"none"`, `"all"`, groups by name, or a function from agent to group name."""
@@ -63,14 +63,23 @@ class JointSpec:
     groups: tuple[Group, ...]
 
     @classmethod
-    def build(cls, spaces: JointSpaces, sharing: Sharing = "none") -> JointSpec:
+    def build(
+        cls,
+        spaces: JointSpaces,
+        sharing: Sharing = "none",
+        carried: Callable[[Block], Mapping[str, Box]] | None = None,
+    ) -> JointSpec:
         """Order the agents of `spaces` into groups.
 
-        With `"all"`, agents with different spaces still get one network per block.
+        With `"all"`, agents with different spaces still get one network per block. `carried` tells which
+        leaves the sampler adds to the observations of a block.
 
         Raises:
             SpaceError: A group names an unknown agent, leaves one out, or mixes agents with different spaces.
         """
+        if carried is not None:
+            blocks = (b._replace(observation={**b.observation, **carried(b)}) for b in spaces.blocks)
+            spaces = spaces._replace(blocks=tuple(blocks))
         agents = tuple(agent for block in spaces.blocks for agent in block.agents)
         name_of = _group_names(spaces, agents, sharing)
         groups: list[Group] = []

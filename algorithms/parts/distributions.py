@@ -34,11 +34,13 @@ class Acting(NamedTuple):
         log_prob: Log-probability (B, n) under the sampling distribution, or None if it has no density.
         distribution: What was sampled from, (B, n, A) probabilities, or (B, n, 2, k) mean and standard
             deviation.
+        memory: What a recurrent policy takes along, (B, n, H), or None.
     """
 
     actions: Tensor
     log_prob: Tensor | None
     distribution: Tensor
+    memory: Tensor | None = None
 
 
 class Distribution(Protocol):

@@ -36,7 +36,7 @@ class Encoder(nn.Module):
     otherwise.
 
     Args:
-        observation: Space of each leaf.
+        observation: Space of each leaf; others that are handed over are ignored.
         agents: Number n of agents that share the network.
     """
 
@@ -56,12 +56,12 @@ class Encoder(nn.Module):
     def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:
         """Return features (..., n, size) of leaves (..., n, *shape)."""
         parts = []
-        for name, leaf in leaves.items():
+        for name, depth in self._depth.items():
+            leaf = leaves[name]
             if name in self._images:
                 number = list(self._images).index(name)
                 parts.append(self._see(self.convolutions[f"image_{number}"], self._images[name], leaf))
                 continue
-            depth = self._depth[name]
             leaf = leaf.flatten(-depth) if depth > 1 else leaf.unsqueeze(-1) if depth == 0 else leaf
             parts.append(leaf if leaf.dtype == torch.float32 else leaf.float())
         if self._identity:

@@ -19,7 +19,7 @@ class Rig:
         self.env = game if is_vector_env(game) else JointVector(lambda b: game(env_config or {}), 2)
         settings = {"hidden": (16,), **settings}
         self.config = algorithms.config(name).debugging(seed=seed).training(**settings)
-        self.spec = JointSpec.build(self.env.spaces, self.config.sharing)
+        self.spec = JointSpec.build(self.env.spaces, self.config.sharing, self.config.carried)
         modules = self.config.get_multi_rl_module_spec(spaces={SPEC: (self.spec, None)})
         torch.manual_seed(seed)
         self.learner = self.config.get_default_learner_class()(config=self.config, module_spec=modules)

@@ -1,0 +1,126 @@
+"""Recurrent policies: acting step by step equals learning by sequences, and memory solves what needs it."""
+
+import numpy as np
+import pytest
+import torch
+from rigs import Rig
+
+import algorithms
+from algorithms.joint.env import MEMORY
+from algorithms.parts.distributions import Exploration
+from tests.games.games import Ragged, Recall
+
+RECURRENT = ["a2c", "ppo", "centralised_v"]
+GRU = {"gru": 8, "sequence_length": 8}
+
+
+@pytest.mark.parametrize("length", [1, 8, 24])
+@pytest.mark.parametrize("sharing", ["all", "none", {"odd": ["b"], "even": ["a", "c"]}])
+def test_sequences_give_what_was_sampled_step_by_step_over_life_borders(sharing, length):
+    rig = Rig("ppo", Ragged, sharing=sharing, gru=8, sequence_length=length)
+    rig.rollout(24)
+    rollout = rig.rollout(24)
+    assert rollout.masks().fresh.any()
+    batch = rig.learner.prepare(rollout)
+    for group, own in batch.groups():
+        net = rig.learner.net(group.id)
+        again = net.head.distribution(net.policy(own), own.legal).log_prob(own.actions)
+        torch.testing.assert_close(again[own.alive], own.log_prob[own.alive], rtol=0, atol=1e-6)
+
+
+def test_memory_is_empty_where_a_life_begins_and_kept_in_its_final_row():
+    rig = Rig("ppo", Ragged, sharing="all", **GRU)
+    first, rollout = rig.rollout(24), rig.rollout(24)
+    memory, masks = rollout.views.observations[0][MEMORY], rollout.masks()
+    np.testing.assert_array_equal(memory[0], first.views.observations[0][MEMORY][-1])
+    assert (memory[masks.fresh] == 0).all()
+    assert (memory[1:][masks.chain] != 0).any(-1).all()
+    net = rig.learner.net("shared")
+    cut = 0
+    for k, (t, b) in enumerate(rollout.final_at):
+        seen = {"": rollout.views.observations[0][""][t, b], MEMORY: memory[t, b]}
+        features = net.trunk(net.encoder({n: torch.tensor(x)[None] for n, x in seen.items()}))
+        expected = net.memory(features, torch.tensor(seen[MEMORY])[None], None, 1)[0].detach().numpy()
+        ended = masks.last[t, b]
+        cut += ended.sum()
+        found = rollout.final.observations[0][MEMORY][k]
+        np.testing.assert_allclose(found[ended], expected[ended], rtol=0, atol=1e-6)
+    assert cut > 10
+
+
+def test_gradients_stop_at_life_borders_and_run_through_lives():
+    rig = Rig("ppo", Ragged, sharing="all", gru=8, sequence_length=24)
+    batch = rig.learner.prepare(rig.rollout(24))
+    net = rig.learner.net("shared")
+    (group, own) = next(batch.groups())
+    seen = own.observations[""].clone().requires_grad_()
+    view = type(own)(**{**vars(own), "observations": {**own.observations, "": seen}})
+    by_time = net.policy(view).unflatten(0, (24, 2))
+    fresh, alive = own.fresh.unflatten(0, (24, 2)), own.alive.unflatten(0, (24, 2))
+    checked = 0
+    for b in range(2):
+        for i in range(group.size):
+            (slope,) = torch.autograd.grad(by_time[-1, b, i].sum(), seen, retain_graph=True)
+            felt = (slope != 0).any(-1).unflatten(0, (24, 2))
+            assert not felt[:, 1 - b].any(), "another copy"
+            borders = fresh[:, b, i].nonzero().flatten()
+            if len(borders) and alive[-1, b, i]:
+                begin = int(borders[-1])
+                assert not felt[:begin, b, i].any()
+                assert felt[begin:, b, i].all()
+                checked += 1
+    assert checked
+
+
+def test_the_critic_reads_the_memory_and_the_policys_loss_does_not_reach_it():
+    rig = Rig("centralised_v", Recall, **GRU)
+    batch = rig.learner.prepare(rig.rollout(24))
+    memory = batch.observations[0][MEMORY].requires_grad_()
+    (slope,) = torch.autograd.grad(rig.learner.values(batch).sum(), memory)
+    assert (slope != 0).any()
+
+
+@pytest.mark.parametrize("name", RECURRENT)
+def test_a_stopped_sampler_goes_on_with_the_memories_it_had(name):
+    """The hidden states are part of the sampler's state."""
+    rig, other = (Rig(name, Recall, seed=4, **GRU) for _ in range(2))
+    rig.rollout(6)
+    other.sampler.set_state(rig.sampler.get_state())
+    first, second = rig.rollout(8), other.rollout(8)
+    assert (first.views.observations[0][MEMORY][0] != 0).any()
+    for a, b in ((first.log_prob, second.log_prob), (first.rewards, second.rewards)):
+        np.testing.assert_array_equal(a, b)
+    memories = [rollout.views.observations[0][MEMORY] for rollout in (first, second)]
+    np.testing.assert_array_equal(*memories)
+
+
+def test_algorithms_without_memory_and_uneven_fragments_are_refused():
+    with pytest.raises(ValueError, match=r"'maddpg' has no memory.*ppo"):
+        algorithms.config("maddpg").training(gru=8).validate()
+    with pytest.raises(ValueError, match="no multiple of sequence_length=7"):
+        algorithms.config("ppo").training(gru=8, sequence_length=7).validate()
+
+
+def recalled(name, seed, updates, **settings):
+    """Return the share of cues that greedy agents remember after training."""
+    rig = Rig(name, Recall, seed=seed, lr=5e-3, gamma=0.95, minibatch_size=None, sharing="all", **settings)
+    for _ in range(updates):
+        rig.learner.update_joint(rig.rollout(32))
+    rig.policies.refresh()
+    episodes = rig.sampler.episodes(1_000_000 + np.arange(50), Exploration(explore=False))
+    return np.mean([e.returns for e in episodes])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("name", "updates"), [("ppo", 50), ("centralised_v", 50)])
+def test_a_cue_is_remembered(name, updates, seed):
+    """1.0; 0.5 without memory."""
+    assert recalled(name, seed, updates, gru=16, sequence_length=16) > 0.75
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_cue_is_forgotten_without_memory(seed):
+    """The ablation that must fail: 0.5, plus three standard errors of 100 answers."""
+    assert recalled("ppo", seed, 25) < 0.5 + 3 * 0.5 / 100**0.5
