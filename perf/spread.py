@@ -4,9 +4,9 @@
 
 An agent's reward in a step is minus half of the sum over landmarks of the distance of the nearest agent,
 minus half of the number of agents it touches (`local_ratio` 0.5); an episode has 25 steps. The return printed
-is the undiscounted sum over the 25 steps and over the three agents, and beside it the same divided by three ("per
-agent"); both are means over 200 episodes of fixed worlds. Published figures use either, or a mean over steps,
-and `local_ratio` differs, so they differ by factors.
+is the undiscounted sum over the 25 steps and over the three agents, and beside it the same divided by three
+("per agent"); both are means over 200 episodes of fixed worlds. Published figures use either, or a mean over
+steps, and `local_ratio` differs, so they differ by factors.
 """
 
 from __future__ import annotations

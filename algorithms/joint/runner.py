@@ -32,9 +32,10 @@ from ray.tune.registry import ENV_CREATOR, _global_registry
 
 from algorithms.errors import AlgorithmError, EnvironmentFailure
 from algorithms.joint.adapter import JointVector
+from algorithms.joint.callbacks import EpisodeCallbacks
 from algorithms.joint.env import Ints, VectorJointEnv, is_vector_env
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.sampler import Episode, EvaluatedStep, Policies, Sampler
+from algorithms.joint.sampler import Episode, EvaluatedStep, Listener, Policies, Sampler
 from algorithms.joint.spec import JointSpec, agent_spaces
 from algorithms.joint.threads import torch_threads
 
@@ -244,10 +245,14 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 self.env = self._new_env()
             # Ray restarts an actor with its first arguments, so only the steps made so far tell a restarted
             # runner from a new one; it must not replay its predecessor's episodes and noise.
-            self._sampler = self._new_sampler(self.env, incarnation=self.num_env_steps_sampled_lifetime)
+            steps = self.num_env_steps_sampled_lifetime
+            callbacks = EpisodeCallbacks(self)
+            self._sampler = self._new_sampler(self.env, incarnation=steps, listener=callbacks or None)
         return self._sampler
 
-    def _new_sampler(self, env: VectorJointEnv, incarnation: int) -> Sampler:
+    def _new_sampler(
+        self, env: VectorJointEnv, incarnation: int, listener: Listener | None = None
+    ) -> Sampler:
         self.make_module()
         worker = max(self.worker_index - 1, 0)
         return Sampler(
@@ -257,6 +262,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             seed=self.config.seed or 0,
             source=(worker, incarnation),
             max_failures=self.config.max_env_failures,
+            listener=listener,
         )
 
     def _sample_fragment(self, steps: int) -> JointRollout:

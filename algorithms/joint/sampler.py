@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -65,6 +65,18 @@ class EvaluatedStep(NamedTuple):
     distributions: tuple[np.ndarray, ...]
     actions: tuple[np.ndarray, ...]
     step: JointStep
+
+
+class Listener(Protocol):
+    """Is told about the episodes of a sampler."""
+
+    def started(self, rows: Ints) -> None:
+        """Hear that these copies began new episodes."""
+        ...
+
+    def stepped(self, step: JointStep, acted: Bools) -> None:
+        """Hear of a step, and who acted in it, (B, N), before anybody acts again."""
+        ...
 
 
 class Policies:
@@ -182,6 +194,7 @@ class Sampler:
         seed: Root seed of the episodes.
         source: (worker, incarnation), marks the rollouts.
         max_failures: Failures of one copy without a completed episode in between before the run is stopped.
+        listener: Who is told about the episodes.
     """
 
     def __init__(
@@ -193,7 +206,9 @@ class Sampler:
         seed: int,
         source: tuple[int, int] = (0, 0),
         max_failures: int = 10,
+        listener: Listener | None = None,
     ) -> None:
+        self._listener = listener
         self.env, self.policies, self._spec = env, policies, spec
         self._seed, self._source, self._max_failures = seed, source, max_failures
         self._generator = Generator().manual_seed(_mixed(seed, *source))
@@ -211,6 +226,8 @@ class Sampler:
         fresh = _fresh_progress(self.env.num_envs, len(self._spec.agents))
         fresh.failed_total = self.progress.failed_total
         self.progress = fresh
+        if self._listener is not None:
+            self._listener.started(np.arange(self.env.num_envs))
 
     def fragment(self, steps: int, exploration: Exploration) -> JointRollout:
         """Return the next `steps` steps of all copies, episodes running on between fragments.
@@ -335,6 +352,8 @@ class Sampler:
             self._end_episodes(step)
         self._see(step)
         self._forget(acted, step)
+        if self._listener is not None:
+            self._listener.stepped(step, acted)
         return step
 
     def _remember(self, step: JointStep, memories: Sequence[np.ndarray | None]) -> JointStep:

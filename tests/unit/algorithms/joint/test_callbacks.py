@@ -1,0 +1,69 @@
+"""RLlib's callbacks per episode: when they are called, with what, and that they can log."""
+
+import pytest
+from ray.rllib.callbacks.callbacks import RLlibCallback
+
+import algorithms
+from tests.games.games import Broken, Constant
+
+pytestmark = pytest.mark.usefixtures("cluster")
+
+
+class Diary(RLlibCallback):
+    """Writes down what it is told, and logs."""
+
+    def on_episode_start(self, *, episode, env_runner, metrics_logger, env, env_index, rl_module, **kwargs):
+        episode.custom_data["told"] = []
+        assert episode.length == 0
+        assert env.num_envs == 2
+        assert "agent_0" in rl_module
+        metrics_logger.log_value("started", 1, reduce="sum")
+
+    def on_episode_step(self, *, episode, env_runner, metrics_logger, env, env_index, rl_module, **kwargs):
+        episode.custom_data["told"].append((env_index, episode.rewards, episode.is_done))
+
+    def on_episode_end(self, *, episode, env_runner, metrics_logger, env, env_index, rl_module, **kwargs):
+        told = episode.custom_data["told"]
+        assert {copy for copy, _, _ in told} == {env_index} == {episode.env_index}
+        assert [done for _, _, done in told] == [False] * 9 + [True]
+        assert all(rewards == {"agent_0": 1.0, "agent_1": 1.0} for _, rewards, _ in told)
+        assert episode.returns == {"agent_0": 10.0, "agent_1": 10.0}
+        assert (episode.env_steps(), episode.agent_steps(), episode.get_return()) == (10, 20, 20.0)
+        metrics_logger.log_value("told", len(told), reduce="sum")
+        metrics_logger.log_value("ended", 1, reduce="sum")
+
+
+def trained(env, iterations, env_config=None, **callbacks):
+    config = algorithms.config("ppo").environment(env, env_config=env_config or {}).training(hidden=(8,))
+    config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=16)
+    algo = config.callbacks(**callbacks).build_algo()
+    results = [algo.train()["env_runners"] for _ in range(iterations)]
+    algo.stop()
+    return results
+
+
+def test_every_episode_starts_steps_and_ends():
+    first, second = trained(Constant, 2, callbacks_class=Diary)
+    # Two copies: 16 steps end an episode of ten each, 32 steps two more; every end starts another.
+    assert [r["ended"] for r in (first, second)] == [2, 4]
+    assert [r["told"] for r in (first, second)] == [20, 40]
+    assert [r["started"] for r in (first, second)] == [4, 4]
+    assert first["num_episodes"] == 2
+
+
+def test_functions_are_called_too_and_broken_episodes_do_not_end():
+    calls = []
+    (result,) = trained(
+        Broken,
+        1,
+        {"raise_at": 3, "chance": 0.5},
+        on_episode_start=lambda episode, **kwargs: calls.append(("start", episode.id_)),
+        on_episode_end=lambda episode, **kwargs: calls.append(("end", episode.id_)),
+    )
+    started = [identity for kind, identity in calls if kind == "start"]
+    ended = [identity for kind, identity in calls if kind == "end"]
+    failed = result["num_failed_env_copies_lifetime"]
+    assert failed > 0
+    assert len(ended) == result["num_episodes"]
+    assert len(started) == len(set(started)) == 2 + len(ended) + failed
+    assert set(ended) < set(started)
