@@ -1,5 +1,7 @@
 """Learners, policies and data without Ray."""
 
+from typing import Any
+
 import numpy as np
 import torch
 
@@ -22,7 +24,8 @@ class Rig:
         self.spec = JointSpec.build(self.env.spaces, self.config.sharing, self.config.carried)
         modules = self.config.get_multi_rl_module_spec(spaces={SPEC: (self.spec, None)})
         torch.manual_seed(seed)
-        self.learner = self.config.get_default_learner_class()(config=self.config, module_spec=modules)
+        learner: Any = self.config.get_default_learner_class()
+        self.learner: Any = learner(config=self.config, module_spec=modules)
         self.learner.build()
         nets = {g.id: self.learner.net(g.id) for g in self.spec.groups}
         self.policies = Policies(self.spec, nets)

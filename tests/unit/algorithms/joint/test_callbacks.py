@@ -12,25 +12,25 @@ pytestmark = pytest.mark.usefixtures("cluster")
 class Diary(RLlibCallback):
     """Writes down what it is told, and logs."""
 
-    def on_episode_start(self, *, episode, env_runner, metrics_logger, env, env_index, rl_module, **kwargs):
+    def on_episode_start(self, *, episode, **given):  # pyright: ignore[reportIncompatibleMethodOverride]
         episode.custom_data["told"] = []
         assert episode.length == 0
-        assert env.num_envs == 2
-        assert "agent_0" in rl_module
-        metrics_logger.log_value("started", 1, reduce="sum")
+        assert given["env"].num_envs == 2
+        assert "agent_0" in given["rl_module"]
+        given["metrics_logger"].log_value("started", 1, reduce="sum")
 
-    def on_episode_step(self, *, episode, env_runner, metrics_logger, env, env_index, rl_module, **kwargs):
-        episode.custom_data["told"].append((env_index, episode.rewards, episode.is_done))
+    def on_episode_step(self, *, episode, **given):  # pyright: ignore[reportIncompatibleMethodOverride]
+        episode.custom_data["told"].append((given["env_index"], episode.rewards, episode.is_done))
 
-    def on_episode_end(self, *, episode, env_runner, metrics_logger, env, env_index, rl_module, **kwargs):
+    def on_episode_end(self, *, episode, **given):  # pyright: ignore[reportIncompatibleMethodOverride]
         told = episode.custom_data["told"]
-        assert {copy for copy, _, _ in told} == {env_index} == {episode.env_index}
+        assert {copy for copy, _, _ in told} == {given["env_index"]} == {episode.env_index}
         assert [done for _, _, done in told] == [False] * 9 + [True]
         assert all(rewards == {"agent_0": 1.0, "agent_1": 1.0} for _, rewards, _ in told)
         assert episode.returns == {"agent_0": 10.0, "agent_1": 10.0}
         assert (episode.env_steps(), episode.agent_steps(), episode.get_return()) == (10, 20, 20.0)
-        metrics_logger.log_value("told", len(told), reduce="sum")
-        metrics_logger.log_value("ended", 1, reduce="sum")
+        given["metrics_logger"].log_value("told", len(told), reduce="sum")
+        given["metrics_logger"].log_value("ended", 1, reduce="sum")
 
 
 def trained(env, iterations, env_config=None, **callbacks):

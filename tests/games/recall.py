@@ -1,0 +1,30 @@
+"""A game of memory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.games.games import Game
+
+
+class Recall(Game):
+    """A cue (-1 or 1) is shown in the first of four steps only, and paid for in the last: 0.5 without memory.
+
+    Two agents with cues of their own; observations are (cue or 0, time).
+    """
+
+    length = 4
+    ends = True
+
+    def __init__(self, config=None):
+        super().__init__(agents=2, actions=2, width=2)
+
+    def observe(self):
+        if self.t == 0:
+            self.cue = self.rng.integers(2, size=2)
+        shown = 2.0 * self.cue - 1 if self.t == 0 else np.zeros(2)
+        time = self.t / self.length
+        return {a: np.array([s, time], np.float32) for a, s in zip(self.agents, shown, strict=True)}
+
+    def reward(self, actions):
+        return [float(self.t == self.length - 1 and a == c) for a, c in zip(actions, self.cue, strict=True)]
