@@ -236,7 +236,9 @@ class JointConfig(AlgorithmConfig):
             ValueError: Several learners, evaluation by time, fragments of automatic length, or a memory where
                 the algorithm has none were asked for.
         """
-        log_once(f"{self.algo_class.__name__}_on_new_api_stack")  # there is no other stack to warn about
+        log_once(
+            f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
+        )  # there is no other stack to warn about
         super().validate()
         if (self.num_learners or 0) > 1:
             self._value_error("joint algorithms learn in one process: set num_learners to 0 or 1")

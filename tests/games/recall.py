@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from tests.games.games import Game
@@ -19,7 +21,7 @@ class Recall(Game):
     def __init__(self, config=None):
         super().__init__(agents=2, actions=2, width=2)
 
-    def observe(self):
+    def observe(self) -> dict[Any, np.ndarray]:
         if self.t == 0:
             self.cue = self.rng.integers(2, size=2)
         shown = 2.0 * self.cue - 1 if self.t == 0 else np.zeros(2)
