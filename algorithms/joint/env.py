@@ -117,7 +117,9 @@ class VectorJointEnv(Protocol):
     """B copies of a parallel multi-agent environment, stepped together, with same-step auto-reset.
 
     Optional methods: `get_state() -> Any` (picklable) and `set_state(state)`, which make continued training
-    after a restore exact.
+    after a restore exact; `annotate(name, values)`, by which evaluations tell an environment that keeps
+    records what the next step's actions were sampled from: per block, "probabilities" (B, n, A) or "mean_std"
+    (B, n, 2, k), None for the blocks that have the other.
     """
 
     num_envs: int

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import torch
+from gymnasium.spaces import Discrete
 from torch import Generator, Tensor, nn
 
 from algorithms.errors import EnvironmentFailure
@@ -282,6 +283,7 @@ class Sampler:
             seen = self._view() if on_step is None else _copied(self._view())
             acting = self._act(seen, exploration)
             actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
+            self._annotate(acting)
             step = self._step(actions)
             if on_step is not None:
                 active = np.where(playing <= worlds[-1], playing, -1)
@@ -340,6 +342,16 @@ class Sampler:
         acting = self.policies.act(view, exploration, self._generator)
         self._memories = [None if chosen.memory is None else chosen.memory.numpy() for chosen in acting]
         return acting
+
+    def _annotate(self, acting: Sequence[Acting]) -> None:
+        annotate = getattr(self.env, "annotate", None)
+        if annotate is None:
+            return
+        given = [chosen.distribution.numpy() for chosen in acting]
+        discrete = [isinstance(block.action, Discrete) for block in self._spec.spaces.blocks]
+        for name, wanted in (("probabilities", True), ("mean_std", False)):
+            if wanted in discrete:
+                annotate(name, [g if d == wanted else None for g, d in zip(given, discrete, strict=True)])
 
     def _step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
         progress = self.progress

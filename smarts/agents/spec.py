@@ -28,6 +28,12 @@ def _same_info(observation: Any, reward: float, info: Any) -> Any:
 
 
 # Named functions, not lambdas, so that specs can be pickled.
+_NEUTRAL: Mapping[str, Callable[..., Any]] = {
+    "observation": _same_observation,
+    "action": _same_action,
+    "reward": _same_reward,
+    "info": _same_info,
+}
 
 
 @dataclass
@@ -59,6 +65,11 @@ class AgentSpec:
     """Observation, reward, info -> info."""
     perform_self_test: bool = False
     """Without effect. Kept so that the original's specs can be read."""
+    observation_space: Any = None
+    """Space of what `observation_adapter` returns; environments that declare spaces need it (not in the
+    original)."""
+    action_space: Any = None
+    """Space of what `action_adapter` takes; None: that of the agent's interface (not in the original)."""
 
     def __post_init__(self) -> None:
         for name in ("builder", "params"):
@@ -72,6 +83,13 @@ class AgentSpec:
             given = old if new is None else new
             setattr(self, f"agent_{name}", given)
             setattr(self, f"policy_{name}", given)
+
+    @property
+    def own_adapters(self) -> frozenset[str]:
+        """Which of the adapters do something: "observation", "action", "reward", "info"."""
+        return frozenset(
+            name for name, neutral in _NEUTRAL.items() if getattr(self, f"{name}_adapter") is not neutral
+        )
 
     def replace(self, **changes: Any) -> AgentSpec:
         """Return a copy with some fields changed, under their old names or their new ones."""

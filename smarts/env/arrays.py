@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,9 @@ from smarts.types.interface import Field
 
 Agents = int | Mapping[str, AgentSpec | AgentInterface]
 """The learning agents: how many of the benchmark's, or what each is like by its name."""
+Adapter = str | Callable[..., ArrayAdapter]
+"""A name of `ADAPTERS`, or what makes one: a class, called with `Served`, the agents' interface, and the
+options by their names."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +42,7 @@ class Setting:
     seed: int = 42
     decision_interval: int = 5
     """Steps of 0.1 s from one decision to the next."""
-    adapter: str = "benchmark"
-    """A name of `ADAPTERS`."""
+    adapter: Adapter = "benchmark"
     adapter_options: Mapping[str, Any] = field(default_factory=dict)
     simulation: Options = field(default_factory=Options)
     traffic: Sequence[str] | None = None
@@ -65,6 +67,13 @@ class Setting:
                 )
             interfaces[name] = interface
         return interfaces
+
+    def adapted(self) -> dict[str, AgentSpec]:
+        """Return the specs of the agents that have adapters of their own, by name."""
+        if isinstance(self.agents, int):
+            return {}
+        specs = {name: given for name, given in self.agents.items() if isinstance(given, AgentSpec)}
+        return {name: spec for name, spec in specs.items() if spec.own_adapters}
 
     def assemble(self, interfaces: Mapping[str, AgentInterface]) -> Assembly:
         """Return the simulations, with the egos in the order of their interfaces.
@@ -111,13 +120,15 @@ class ArrayWorlds:
     """
 
     def __init__(self, setting: Setting) -> None:
+        make = _maker(setting.adapter)
         grouped = _grouped(setting.interfaces(), setting.adapter)
         flat = {name: interface for members in grouped for name, interface in members.items()}
-        parts = setting.assemble(flat)
+        self.parts = parts = setting.assemble(flat)
+        """What the simulations consist of."""
         self.agents = tuple(flat)
         """Names in the order of the columns."""
         self.seed = setting.seed
-        self.groups = tuple(_groups(grouped, parts, setting))
+        self.groups = tuple(_groups(grouped, parts, setting, make))
         """In the order of the columns."""
         self.batch = Batch(parts, [group.adapter for group in self.groups], period=setting.decision_interval)
         self.rewards = np.zeros((setting.worlds, len(flat)), np.float32)
@@ -137,10 +148,18 @@ class ArrayWorlds:
         Raises:
             ActionError: An action is not one.
         """
-        chosen = chosen & self.batch.alive
         with self.batch.all_or_none():
-            for group, given in zip(self.groups, actions, strict=True):
-                group.adapter.encode(given, chosen[:, group.columns], self.batch.actions)
+            self.encode(actions, chosen)
+        return self.advance()
+
+    def encode(self, actions: Sequence[NDArray], chosen: NDArray[np.bool_]) -> None:
+        """Take actions in, as `step` does."""
+        chosen = chosen & self.batch.alive
+        for group, given in zip(self.groups, actions, strict=True):
+            group.adapter.encode(given, chosen[:, group.columns], self.batch.actions)
+
+    def advance(self) -> Transition:
+        """Carry out the decision that was taken in."""
         transition = self.batch.step()
         for group in self.groups:
             self.rewards[:, group.columns] = group.adapter.rewards
@@ -186,21 +205,35 @@ def _dict_space(spaces: Mapping[str, Any]) -> Dict:
     )
 
 
-def _grouped(interfaces: Mapping[str, AgentInterface], adapter: str) -> list[dict[str, AgentInterface]]:
+def _maker(adapter: Adapter) -> Callable[..., ArrayAdapter]:
+    make: Any = ADAPTERS[adapter] if isinstance(adapter, str) else adapter
+    if not callable(make):
+        raise InterfaceError(
+            f"{make!r} is not an adapter",
+            place="adapter",
+            remedy=f"give one of {', '.join(ADAPTERS)}, or a class as in smarts/env/adapters/protocol.py",
+        )
+    return make
+
+
+def _grouped(interfaces: Mapping[str, AgentInterface], adapter: Adapter) -> list[dict[str, AgentInterface]]:
     """Return the agents that one adapter can serve together."""
     groups: dict[Any, dict[str, AgentInterface]] = {}
     for name, interface in interfaces.items():
-        sensors = tuple(interface.sensors.items()) if adapter == "raw" else ()
+        # The benchmark's adapter looks for itself; all others may look at the readings.
+        sensors = () if adapter == "benchmark" else tuple(interface.sensors.items())
         key = (interface.action, interface.max_episode_steps, sensors)
         groups.setdefault(key, {})[name] = interface
     return list(groups.values())
 
 
 def _groups(
-    grouped: Sequence[Mapping[str, AgentInterface]], parts: Assembly, setting: Setting
+    grouped: Sequence[Mapping[str, AgentInterface]],
+    parts: Assembly,
+    setting: Setting,
+    make: Callable[..., ArrayAdapter],
 ) -> list[Group]:
     groups, first = [], 0
-    make = ADAPTERS[setting.adapter]
     for members in grouped:
         interface = next(iter(members.values()))
         columns = slice(first, first + len(members))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.acting import Acting, Question
 from smarts.env.adapters.actions import encode_one
@@ -35,6 +35,18 @@ class Schedule(Protocol):
         ...
 
 
+class Notes(Protocol):
+    """What `smarts.sim.recorder.EpisodeRecorder` offers to those who have something to say."""
+
+    def annotate(self, name: str, values: ArrayLike, seats: Bools, step: Ints | None = None) -> None:
+        """Add to the record what is said about decisions, by default about those on the present state."""
+        ...
+
+    def finish(self, rows: Bools) -> None:
+        """Have the episodes of some simulations written."""
+        ...
+
+
 class Parts(Protocol):
     """What `smarts.sim.assembly.Assembly` holds."""
 
@@ -50,11 +62,14 @@ class Parts(Protocol):
     @property
     def actions(self) -> Actions: ...  # noqa: D102
 
+    @property
+    def recorder(self) -> Notes | None: ...  # noqa: D102
+
 
 class Watcher(Protocol):
     """What an environment lets see every step: an `ArrayAdapter`, or what makes objects for users."""
 
-    def collect(self, frame: Frame, is_last: bool) -> None:
+    def collect(self, frame: Frame, is_last: bool) -> object:
         """See one step of a decision, or a reset; `is_last` if the decision ends with it."""
         ...
 
@@ -130,7 +145,7 @@ class Batch:
         """The present episode of each simulation."""
         self.late = 0
         """Answers of other agents that did not come in time."""
-        self._schedule = parts.schedule
+        self._schedule, self._recorder = parts.schedule, parts.recorder
         self._watchers = tuple(watchers)
         self._others = others
         worlds, egos = self.world.worlds, self.world.egos
@@ -147,8 +162,13 @@ class Batch:
         self._terminated = np.zeros(shape, np.bool_)
         self._truncated = np.zeros(shape, np.bool_)
         self._failures: dict[int, SmartsError] = {}
+        self._decided = np.zeros(worlds, np.int32)  # steps of the states that the last decisions were made on
         self._seen = np.zeros_like(self._wanted)  # whose readings are of now
         self._frame: Frame | None = None
+
+    def watch(self, watcher: Watcher) -> None:
+        """Show one more watcher every step."""
+        self._watchers = (*self._watchers, watcher)
 
     def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
         """Begin episodes in some simulations, by row.
@@ -211,6 +231,31 @@ class Batch:
             self.actions.fresh[:] = False
             raise
 
+    def annotate(self, name: str, values: ArrayLike, who: Bools) -> None:
+        """Add to the record what is said about the egos' next decision; nothing if nothing is recorded.
+
+        Args:
+            name: What it is.
+            values: Of each ego, shape (B, N, ...).
+            who: Of whom it is said, shape (B, N); only of those who are alive it is noted.
+        """
+        if self._recorder is not None:
+            self._recorder.annotate(name, values, who & self.alive)
+
+    def conclude(self, rewards: NDArray, paid: Bools) -> None:
+        """Note what the last decision has earned, and have the episodes that ended with it written.
+
+        Args:
+            rewards: As the user is told them, shape (B, N).
+            paid: Who has one that is a number, shape (B, N); only of those who acted it is noted.
+        """
+        if self._recorder is None:
+            return
+        paid = paid & self._acted
+        paid[list(self._failures)] = False
+        self._recorder.annotate("reward", rewards, paid, self._decided)
+        self._recorder.finish(~self.running)
+
     def dispatch(self) -> None:
         """Ask those of the other agents who are to decide now; the last thing before the user's turn."""
         if self._others is None or self._frame is None:
@@ -243,6 +288,7 @@ class Batch:
             for watcher in self._watchers:
                 watcher.reset(self._ended)
         self._acted[:] = self.alive
+        self._decided[:] = self.world.step
         self._events[:] = 0
         self._terminated[:] = self._truncated[:] = False
         self._failures.clear()

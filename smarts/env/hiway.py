@@ -8,7 +8,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters.actions import encode_one
@@ -16,49 +16,10 @@ from smarts.env.adapters.protocol import Served
 from smarts.env.adapters.reward import Rewards
 from smarts.env.arrays import Setting
 from smarts.env.batch import Batch, Transition
-from smarts.env.observation import Observation, ObservationMaker
-from smarts.env.solo import Episodes, check_names, info_of
-from smarts.sim.assembly import Assembly, Options
+from smarts.env.onlooker import Onlooker
+from smarts.env.solo import Episodes, annotate_each, as_row, check_names, info_of
+from smarts.sim.assembly import Options
 from smarts.types.actions import ActionSpaceType
-from smarts.types.frame import Frame
-
-Bools = NDArray[np.bool_]
-
-
-class _Onlooker:
-    """Keeps what each agent saw last, and the metres of its route that it drove in the decision."""
-
-    def __init__(self, parts: Assembly, names: Sequence[str], period: int) -> None:
-        self.seen: dict[int, Observation] = {}
-        """By seat."""
-        self._observe = ObservationMaker(parts)
-        self._served = Served(
-            parts.scene,
-            tuple(names),
-            np.arange(len(names), dtype=np.int32),
-            ActionSpaceType.Empty,
-            period,
-            max_steps=0,
-        )
-        self.rewards = Rewards(self._served, "route_metres")
-        self._events = np.zeros(len(names), np.int32)  # since each agent last looked
-
-    def collect(self, frame: Frame, is_last: bool) -> None:
-        """Count a step, and look if a decision ends with it."""
-        here = self._served.present(frame)
-        settle = here if is_last else self._served.ended(frame)
-        self.rewards.add(frame, here, settle)
-        self._events |= frame.events.bits[0, self._served.seats]
-        for seat in np.flatnonzero(settle[0]).tolist():
-            self.seen[seat] = self._observe(frame, 0, seat, events=int(self._events[seat]))
-            self._events[seat] = 0
-
-    def reset(self, egos: Bools) -> None:
-        """Forget some agents."""
-        self.rewards.reset(egos)
-        self._events[egos[0]] = 0
-        for seat in np.flatnonzero(egos[0]).tolist():
-            self.seen.pop(seat, None)
 
 
 class HiWayEnv(gym.Env):
@@ -106,8 +67,12 @@ class HiWayEnv(gym.Env):
         """All agents that there may be."""
         parts = setting.assemble(setting.interfaces())
         self._kinds = [ActionSpaceType(int(kind)) for kind in parts.rules.action]
-        self._onlooker = _Onlooker(parts, self.agent_ids, decision_interval)
-        self._batch = Batch(parts, [self._onlooker], period=decision_interval)
+        seats = np.arange(len(self.agent_ids), dtype=np.int32)
+        none = ActionSpaceType.Empty
+        served = Served(parts.scene, tuple(self.agent_ids), seats, none, decision_interval, max_steps=0)
+        self._onlooker, self._metres = Onlooker(parts, served), Rewards(served, "route_metres")
+        self._columns = {name: seat for seat, name in enumerate(self.agent_ids)}
+        self._batch = Batch(parts, [self._metres, self._onlooker], period=decision_interval)
         self._episodes = Episodes(seed)
 
     def reset(
@@ -139,15 +104,30 @@ class HiWayEnv(gym.Env):
         transition = self._batch.step()
         for error in transition.failures.values():
             raise error
+        told = self._told(transition)
+        self._batch.conclude(*as_row(told[1], self._columns))
         self._batch.dispatch()
-        return self._told(transition)
+        return told
+
+    def annotate(self, name: str, values: Mapping[str, ArrayLike]) -> None:
+        """Add to the record what agents have to say about their next actions; nothing if nothing is recorded.
+
+        Args:
+            name: What it is, such as "probabilities".
+            values: A number or numbers of each agent; those of agents that are not alive do not matter.
+
+        Raises:
+            ActionError: An agent is unknown.
+        """
+        check_names(values, self.agent_ids)
+        annotate_each(self._batch, name, {self._columns[who]: given for who, given in values.items()})
 
     def close(self) -> None:
         """Give back what the simulation holds; may be called again."""
         self._batch.close()
 
     def _put(self, name: str, action: Any) -> None:
-        seat = self.agent_ids.index(name)
+        seat = self._columns[name]
         if self._batch.alive[0, seat]:
             adapted = self.agent_specs[name].action_adapter(action)
             legal = self._batch.world.seats.legal[0, seat]
@@ -160,7 +140,7 @@ class HiWayEnv(gym.Env):
         acted = transition.acted[0]
         for seat in np.flatnonzero(acted | self._batch.alive[0]).tolist():
             name, seen = self.agent_ids[seat], self._onlooker.seen[seat]
-            reward = float(self._onlooker.rewards.values[0, seat]) if acted[seat] else 0.0
+            reward = float(self._metres.values[0, seat]) if acted[seat] else 0.0
             observations[name] = self._adapted(seat)
             rewards[name] = self.agent_specs[name].reward_adapter(seen, reward)
             score = float(self._batch.world.seats.travelled[0, seat])

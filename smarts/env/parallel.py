@@ -9,7 +9,7 @@ from typing import Any
 from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
-from smarts.env.arrays import Agents, Setting
+from smarts.env.arrays import Adapter, Agents, Setting
 from smarts.env.solo import SoloWorld
 from smarts.sim.assembly import Options
 
@@ -59,6 +59,10 @@ class ParallelHiWayEnv(ParallelEnv):
         truncated = {**told.truncated, **dict.fromkeys(entered, False)}
         return told.observations, rewards, terminated, truncated, told.infos
 
+    def annotate(self, name: str, values: Mapping[str, Any]) -> None:
+        """Add to the record what agents have to say about their next actions; see `SoloWorld.annotate`."""
+        self._world.annotate(name, values)
+
     def render(self) -> None:
         """Draw nothing: record episodes, and let `smarts-bench render` draw them."""
 
@@ -73,7 +77,7 @@ def hiway_parallel_env(
     *,
     seed: int = 42,
     decision_interval: int = 5,
-    adapter: str = "benchmark",
+    adapter: Adapter = "benchmark",
     adapter_options: Mapping[str, Any] | None = None,
     simulation: Options | None = None,
 ) -> ParallelHiWayEnv:
@@ -84,7 +88,8 @@ def hiway_parallel_env(
         agents: How many agents of the benchmark, or specs or interfaces by name.
         seed: Of the run, until `reset` gives another.
         decision_interval: Steps of 0.1 s from one decision to the next.
-        adapter: What agents see and are paid for: a name of `smarts.env.adapters.ADAPTERS`.
+        adapter: What agents see and are paid for: a name of `smarts.env.adapters.ADAPTERS`, or a class;
+            agents whose specs have adapters of their own see and are paid what these say.
         adapter_options: Its options, such as `{"reward": "paper"}`.
         simulation: Options of the simulation.
 

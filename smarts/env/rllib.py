@@ -79,6 +79,10 @@ class RLlibHiWayEnv(MultiAgentEnv):
         truncated = {**told.truncated, "__all__": False}
         return told.observations, told.rewards, terminated, truncated, told.infos
 
+    def annotate(self, name: str, values: Mapping[str, Any]) -> None:
+        """Add to the record what agents have to say about their next actions; see `SoloWorld.annotate`."""
+        self._world.annotate(name, values)
+
     def close(self) -> None:
         """Give back what the simulation holds; may be called again."""
         self._world.close()

@@ -10,7 +10,7 @@ import gymnasium as gym
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
-from smarts.env.arrays import Setting
+from smarts.env.arrays import Adapter, Setting
 from smarts.env.solo import SoloWorld
 from smarts.errors import ActionError
 from smarts.sim.assembly import Options
@@ -25,7 +25,8 @@ class SingleHiWayEnv(gym.Env):
         agent: Its spec or interface; by default, that of the benchmark.
         seed: Of the run, until `reset` gives another.
         decision_interval: Steps of 0.1 s from one decision to the next.
-        adapter: What the agent sees and is paid for: a name of `smarts.env.adapters.ADAPTERS`.
+        adapter: What the agent sees and is paid for: a name of `smarts.env.adapters.ADAPTERS`, or a class; if
+            its spec has adapters of its own, what these say.
         adapter_options: Its options, such as `{"reward": "paper"}`.
         simulation: Options of the simulation.
 
@@ -42,7 +43,7 @@ class SingleHiWayEnv(gym.Env):
         *,
         seed: int = 42,
         decision_interval: int = 5,
-        adapter: str = "benchmark",
+        adapter: Adapter = "benchmark",
         adapter_options: Mapping[str, Any] | None = None,
         simulation: Options | None = None,
     ) -> None:
@@ -88,6 +89,10 @@ class SingleHiWayEnv(gym.Env):
             told.truncated[name],
             told.infos[name],
         )
+
+    def annotate(self, name: str, values: Any) -> None:
+        """Add to the record what the agent has to say about its next action; see `SoloWorld.annotate`."""
+        self._world.annotate(name, {self._agent: values})
 
     def close(self) -> None:
         """Give back what the simulation holds; may be called again."""

@@ -7,11 +7,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Space
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from smarts.agents.options import InterfaceError
+from smarts.env.adapters.actions import encode_one
+from smarts.env.adapters.protocol import Served
 from smarts.env.arrays import ArrayWorlds, Group, Setting, nested
-from smarts.env.batch import EpisodeKey, Transition
+from smarts.env.batch import Batch, EpisodeKey, Transition
+from smarts.env.observation import Observation
+from smarts.env.onlooker import Onlooker
 from smarts.errors import ActionError, nearest_names
+from smarts.types.actions import ActionSpaceType
 from smarts.types.events import Event, Outcome
 
 
@@ -46,8 +52,16 @@ class SoloStep(NamedTuple):
 class SoloWorld:
     """A simulation whose agents are named.
 
+    Agents are served by the setting's array adapter. Where an agent's spec has adapters of its own, these
+    come on top: its observation adapter gets an `Observation` object instead of the arrays; its reward and
+    info adapters get that object and the array adapter's reward; what its action adapter returns may be
+    whatever `HiWayEnv` takes.
+
     Args:
         setting: With one world.
+
+    Raises:
+        InterfaceError: A spec has an observation adapter, and does not say what space it leads to.
     """
 
     def __init__(self, setting: Setting) -> None:
@@ -63,11 +77,13 @@ class SoloWorld:
             np.zeros((1, len(group.agents), *(group.action.shape or ())), group.action.dtype)
             for group in self._worlds.groups
         ]
+        self._adapted = setting.adapted()
+        self._onlooker = self._look_on(setting.decision_interval)
         self.observation_spaces: dict[str, Space] = {
-            name: self._groups[name][0].observation for name in self.possible_agents
+            name: self._observation_space(name) for name in self.possible_agents
         }
         self.action_spaces: dict[str, Space] = {
-            name: self._groups[name][0].action for name in self.possible_agents
+            name: self._action_space(name) for name in self.possible_agents
         }
 
     @property
@@ -87,6 +103,19 @@ class SoloWorld:
         agents = self.agents
         return {name: self._observation(name) for name in agents}, {name: {} for name in agents}
 
+    def annotate(self, name: str, values: Mapping[str, ArrayLike]) -> None:
+        """Add to the record what agents have to say about their next actions; nothing if nothing is recorded.
+
+        Args:
+            name: What it is, such as "probabilities".
+            values: A number or numbers of each agent; those of agents that are not alive do not matter.
+
+        Raises:
+            ActionError: An agent is unknown.
+        """
+        check_names(values, self.possible_agents)
+        annotate_each(self._worlds.batch, name, {self._columns[who]: given for who, given in values.items()})
+
     def step(self, actions: Mapping[str, Any]) -> SoloStep:
         """Carry out a decision.
 
@@ -102,20 +131,63 @@ class SoloWorld:
         if not self._worlds.batch.running[0]:
             return SoloStep({}, {}, {}, {}, {}, True)
         chosen = np.zeros((1, len(self._columns)), np.bool_)
-        for name, action in actions.items():
-            column = self._columns[name]
-            if self._worlds.batch.alive[0, column]:
-                self._put(name, action)
-                chosen[0, column] = True
-        transition = self._worlds.step(self._given, chosen)
+        present = {n: a for n, a in actions.items() if self._worlds.batch.alive[0, self._columns[n]]}
+        with self._worlds.batch.all_or_none():
+            for name, action in present.items():
+                if not self._has(name, "action"):
+                    self._put(name, action)
+                    chosen[0, self._columns[name]] = True
+            self._worlds.encode(self._given, chosen)
+            for name, action in present.items():
+                if self._has(name, "action"):
+                    self._put_adapted(name, action)
+        transition = self._worlds.advance()
         for error in transition.failures.values():
             raise error
+        told = self._told(transition)
+        rewards, paid = as_row(told.rewards, self._columns)
+        self._worlds.batch.conclude(rewards, paid)
         self._worlds.batch.dispatch()
-        return self._told(transition)
+        return told
 
     def close(self) -> None:
         """Give back what the simulation holds; may be called again."""
         self._worlds.batch.close()
+
+    def _has(self, name: str, adapter: str) -> bool:
+        return name in self._adapted and adapter in self._adapted[name].own_adapters
+
+    def _look_on(self, period: int) -> Onlooker | None:
+        if not self._adapted:
+            return None
+        seats = np.array([self._columns[name] for name in self._adapted], np.int32)
+        parts = self._worlds.parts
+        served = Served(parts.scene, tuple(self._adapted), seats, ActionSpaceType.Empty, period, max_steps=0)
+        onlooker = Onlooker(parts, served)
+        self._worlds.batch.watch(onlooker)
+        return onlooker
+
+    def _observation_space(self, name: str) -> Space:
+        if not self._has(name, "observation"):
+            return self._groups[name][0].observation
+        space = self._adapted[name].observation_space
+        if not isinstance(space, Space):
+            raise InterfaceError(
+                f"agent {name!r} has an observation adapter, and its observation_space is {space!r}",
+                place="AgentSpec.observation_space",
+                remedy="give the Gymnasium space of what the adapter returns, or use HiWayEnv",
+            )
+        return space
+
+    def _action_space(self, name: str) -> Space:
+        space = self._adapted[name].action_space if self._has(name, "action") else None
+        return self._groups[name][0].action if space is None else space
+
+    def _put_adapted(self, name: str, action: Any) -> None:
+        column, batch = self._columns[name], self._worlds.batch
+        adapted = self._adapted[name].action_adapter(action)
+        kind = ActionSpaceType(int(self._worlds.parts.rules.action[column]))
+        encode_one(name, kind, adapted, 0, column, batch.world.seats.legal[0, column], batch.actions)
 
     def _put(self, name: str, action: Any) -> None:
         group, place = self._groups[name]
@@ -146,22 +218,32 @@ class SoloWorld:
         def of_acted(array: NDArray) -> dict[str, Any]:
             return {name: array[0, self._columns[name]].item() for name in acted}
 
+        rewards = of_acted(self._worlds.rewards)
+        infos = {name: info_of(transition, self._columns[name]) for name in seen}
+        for name in (name for name in self._adapted if name in infos):
+            spec, reward, there = self._adapted[name], rewards.get(name, 0.0), self._object(name)
+            infos[name]["score"] = float(self._worlds.batch.world.seats.travelled[0, self._columns[name]])
+            infos[name] = spec.info_adapter(there, reward, infos[name])
+            if name in rewards:
+                rewards[name] = spec.reward_adapter(there, reward)
         return SoloStep(
             {name: self._observation(name) for name in seen},
-            of_acted(self._worlds.rewards),
+            rewards,
             of_acted(transition.terminated),
             of_acted(transition.truncated),
-            {name: self._info(name, transition) for name in seen},
+            infos,
             bool(transition.finished[0]),
         )
 
-    def _observation(self, name: str) -> dict[str, Any]:
+    def _observation(self, name: str) -> Any:
+        if self._has(name, "observation"):
+            return self._adapted[name].observation_adapter(self._object(name))
         group, place = self._groups[name]
         return nested(group.adapter.observations, 0, place)
 
-    def _info(self, name: str, transition: Transition) -> dict[str, Any]:
-        column = self._columns[name]
-        return info_of(transition, column)
+    def _object(self, name: str) -> Observation:
+        # There is an onlooker where anybody has adapters.
+        return self._onlooker.seen[self._columns[name]]  # type: ignore[union-attr]
 
 
 def info_of(transition: Transition, column: int) -> dict[str, Any]:
@@ -172,6 +254,27 @@ def info_of(transition: Transition, column: int) -> dict[str, Any]:
     if transition.terminated[0, column] or transition.truncated[0, column]:
         info["outcome"] = Outcome(int(transition.outcome[0, column])).name.lower()
     return info
+
+
+def annotate_each(batch: Batch, name: str, values: Mapping[int, ArrayLike]) -> None:
+    """Add to the record of the only simulation what egos say, by column; see `Batch.annotate`."""
+    for column, given in values.items():
+        numbers = np.asarray(given, np.float64)
+        who = np.zeros(batch.alive.shape, np.bool_)
+        who[0, column] = True
+        batch.annotate(name, np.broadcast_to(numbers, (*who.shape, *numbers.shape)), who)
+
+
+def as_row(rewards: Mapping[str, Any], columns: Mapping[str, int]) -> tuple[NDArray, NDArray[np.bool_]]:
+    """Return rewards as an array, shape (1, N), and which of them there are and are numbers."""
+    row = np.zeros((1, len(columns)))
+    is_number = np.zeros(row.shape, np.bool_)
+    for name, reward in rewards.items():
+        # Adapters may return anything.
+        if isinstance(reward, int | float | np.number):
+            row[0, columns[name]] = reward
+            is_number[0, columns[name]] = True
+    return row, is_number
 
 
 def check_names(actions: Iterable[str], known: Iterable[str]) -> None:

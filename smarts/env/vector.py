@@ -10,8 +10,9 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
+from smarts.agents.options import InterfaceError
 from smarts.env.adapters.protocol import MASK
-from smarts.env.arrays import Agents, ArrayWorlds, Group, Setting, box_of
+from smarts.env.arrays import Adapter, Agents, ArrayWorlds, Group, Setting, box_of
 from smarts.env.batch import EpisodeKey, Transition
 from smarts.errors import SmartsError, TrafficError
 from smarts.sim.assembly import Options
@@ -98,10 +99,11 @@ class VectorHiWayEnv:
     Args:
         num_envs: B.
         scenarios: Folders, or names of the suite; they are played in a seeded order.
-        agents: How many agents of the benchmark, or specs or interfaces by name.
+        agents: How many agents of the benchmark, or specs or interfaces by name; specs without adapters of
+            their own, which would have to be called for each agent.
         seed: Of the run, until `reset` gives another.
         decision_interval: Steps of 0.1 s from one decision to the next.
-        adapter: What agents see and are paid for: a name of `smarts.env.adapters.ADAPTERS`.
+        adapter: What agents see and are paid for: a name of `smarts.env.adapters.ADAPTERS`, or a class.
         adapter_options: Its options, such as `{"reward": "paper"}`.
         simulation: Options of the simulation.
         traffic: Names of the variations of the scenarios' traffic that are played, by default all.
@@ -118,7 +120,7 @@ class VectorHiWayEnv:
         *,
         seed: int = 42,
         decision_interval: int = 5,
-        adapter: str = "benchmark",
+        adapter: Adapter = "benchmark",
         adapter_options: Mapping[str, Any] | None = None,
         simulation: Options | None = None,
         traffic: Sequence[str] | None = None,
@@ -134,6 +136,12 @@ class VectorHiWayEnv:
             simulation=simulation or Options(),
             traffic=traffic,
         )
+        for name, spec in setting.adapted().items():
+            raise InterfaceError(
+                f"agent {name!r} has adapters of its own: {', '.join(sorted(spec.own_adapters))}",
+                place="VectorHiWayEnv",
+                remedy="write them as an array adapter (docs/adapters.md), or use a face that takes dicts",
+            )
         self.num_envs = num_envs
         self._worlds = ArrayWorlds(setting)
         self.agents = self._worlds.agents
@@ -194,6 +202,8 @@ class VectorHiWayEnv:
         rows = np.flatnonzero(ended)
         final = self._final(rows) if len(rows) else None
         metrics = {row: self._metrics(row, transition) for row in rows.tolist()}
+        # Before the next episodes begin: what these decisions earned belongs to the last ones.
+        self._worlds.batch.conclude(rewards, self._everybody)
         if over.any():
             self._next_episodes(np.flatnonzero(over))
         self._worlds.batch.dispatch()
@@ -209,6 +219,23 @@ class VectorHiWayEnv:
             failed=failed,
             metrics=metrics,
         )
+
+    def annotate(self, name: str, values: Sequence[NDArray | None]) -> None:
+        """Add to the record what policies have to say about the next step; nothing if nothing is recorded.
+
+        Args:
+            name: What it is, such as "probabilities".
+            values: Per block, of each agent, shape (B, n, ...), or None. Those of agents that are not alive
+                do not matter.
+        """
+        for group, given in zip(self._worlds.groups, values, strict=True):
+            if given is not None:
+                given = np.asarray(given)
+                everybody = np.zeros((*self._nothing.shape, *given.shape[2:]))
+                everybody[:, group.columns] = given
+                who = self._nothing.copy()
+                who[:, group.columns] = True
+                self._worlds.batch.annotate(name, everybody, who)
 
     def recreate(self, failures: Mapping[int, BaseException]) -> VectorStep:
         """Begin the next episode in some simulations, whatever happened in them."""

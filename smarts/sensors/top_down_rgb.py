@@ -77,7 +77,7 @@ class TopDownRgb:
     def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
         """Write the readings of the wanted seats."""
         world, vehicles = scene.world, scene.world.vehicles
-        _observe(
+        paint_scene(
             seats,
             wanted,
             world.seats.slot,
@@ -127,12 +127,12 @@ def _paint_road(
     )
     for row in range(view.shape[0]):
         for column in range(view.shape[1]):
-            for channel in range(3):
+            for channel in range(view.shape[2]):
                 view[row, column, channel] = palette[bits[row, column], channel]
 
 
 @kernel
-def _observe(
+def paint_scene(
     seats: Ints,
     wanted: Bools,
     slots: Ints,
@@ -149,6 +149,25 @@ def _observe(
     resolution: float,
     views: Pixels,
 ) -> None:
+    """Paint what is around the wanted seats' vehicles.
+
+    Args:
+        seats: The seats, shape (G,).
+        wanted: Whose views to paint, shape (B, G).
+        slots: Of each seat's vehicle, shape (B, A).
+        maps: Map of each simulation, shape (B,).
+        alive: Shape (B, V), as the columns of `VehicleStates` that follow.
+        owner: An `Owner`.
+        position: [m], shape (B, V, 2).
+        heading: [rad]
+        length: [m]
+        width: [m]
+        raster: The maps.
+        palette: Colour of each combination of a cell's bits, shape (16, channels).
+        colours: Of traffic, of other agents, and of the own vehicle, shape (3, channels).
+        resolution: Side of a pixel [m].
+        views: Written, shape (B, G, height, width, channels).
+    """
     bits = np.empty((views.shape[2], views.shape[3], 1), np.uint8)
     for b in range(wanted.shape[0]):
         for g in range(wanted.shape[1]):

@@ -78,8 +78,9 @@ class _Episode:
 class EpisodeRecorder:
     """Records all simulations into a folder; `smarts.types.episode_schema` says what.
 
-    An episode is written when the next one of its simulation begins, or at `close`; until then `annotate` can
-    add to it. Copying is done in one compiled call, writing in a thread. A store never holds half an episode.
+    An episode is written at `finish`, or else when the next one of its simulation begins, or at `close`;
+    until then `annotate` can add to it. Copying is done in one compiled call, writing in a thread. A store
+    never holds half an episode.
 
     Args:
         scene: The world and its maps.
@@ -163,6 +164,15 @@ class EpisodeRecorder:
                 who = np.flatnonzero(seats[row]).astype(np.int32)
                 # Fancy indexing copies: the caller may go on with its array.
                 episode.extras.append((name, int(steps[row]), who, table[row, who]))
+
+    def finish(self, rows: Bools) -> None:
+        """Have the episodes of some simulations written, since all has been said about them.
+
+        Args:
+            rows: Which, shape (B,); those without an episode do not matter.
+        """
+        for row in np.flatnonzero(rows).tolist():
+            self._finish(row)
 
     def close(self) -> None:
         """Write what is left, and end; may be called again.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from smarts.controllers.lane_actions import lane_action_number
 from smarts.env.adapters.protocol import Served
-from smarts.errors import ActionError, SmartsError
+from smarts.errors import ActionError
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 
 Bools = NDArray[np.bool_]
@@ -21,6 +22,7 @@ _BOUNDS: dict[ActionSpaceType, tuple[list[float], list[float]]] = {
     ActionSpaceType.ActuatorDynamic: ([0, 0, -10], [1, 1, 10]),
     ActionSpaceType.LaneWithContinuousSpeed: ([0, -1], [60, 1]),
     ActionSpaceType.TargetPose: ([-_FAR, -_FAR, -2 * np.pi, 0], [_FAR, _FAR, 2 * np.pi, 1000]),
+    ActionSpaceType.MultiTargetPose: ([-_FAR, -_FAR, -2 * np.pi, 0], [_FAR, _FAR, 2 * np.pi, 1000]),
     ActionSpaceType.RelativeTargetPose: ([-6, -6, -np.pi], [6, 6, np.pi]),
     ActionSpaceType.Direct: ([-10, -np.pi], [10, np.pi]),
     ActionSpaceType.Empty: ([], []),
@@ -39,22 +41,13 @@ PATH_POINTS = 32
 
 
 def action_space(kind: ActionSpaceType) -> Space:
-    """Return what agents of a type choose from.
-
-    Raises:
-        SmartsError: The type has no space of a fixed size.
-    """
+    """Return what agents of a type choose from."""
     if kind == ActionSpaceType.Lane:
         return Discrete(len(LaneAction))
     if kind in _BOUNDS:
         low, high = _BOUNDS[kind]
         return Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
-    if kind in _PATH_COLUMNS:
-        return Box(-_FAR, _FAR, (len(_PATH_COLUMNS[kind]), PATH_POINTS), np.float32)
-    raise SmartsError(
-        f"{kind.name} actions have no space of a fixed size",
-        remedy="use HiWayEnv, which takes any action that the agent's interface asks for",
-    )
+    return Box(-_FAR, _FAR, (len(_PATH_COLUMNS[kind]), PATH_POINTS), np.float32)
 
 
 def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) -> None:
@@ -90,6 +83,9 @@ def encode_one(
 ) -> None:
     """Write one agent's action as users give it: numbers, a lane action's name, a tuple of columns.
 
+    Target poses of several vehicles may be a mapping from vehicles to poses, as in the original; an agent of
+    an environment has one vehicle, and so one pose.
+
     Args:
         agent: Its name, for errors.
         kind: How it acts.
@@ -106,20 +102,34 @@ def encode_one(
         out.values[row, seat, 0] = lane_action_number(action, agent=f"action of {agent!r}")
     elif kind in _PATH_COLUMNS:
         _write_path(agent, kind, action, row, seat, out)
-    elif kind == ActionSpaceType.Direct and np.ndim(action) == 0:
+    elif kind == ActionSpaceType.Direct and _is_number(action):
         # The controller tells a speed from acceleration and yaw rate by the third value.
         out.values[row, seat, :3] = np.clip(_numbers(agent, [action], 1)[0], -60, 60), 0.0, 1.0
-    elif kind in _BOUNDS:
+    else:
+        if kind == ActionSpaceType.MultiTargetPose and isinstance(action, Mapping):
+            action = _only_pose(agent, action)
         low, high = _BOUNDS[kind]
         if low:
             out.values[row, seat, : len(low)] = np.clip(_numbers(agent, action, len(low)), low, high)
         if kind == ActionSpaceType.Direct:
             out.values[row, seat, 2] = 0.0
         _round_lane_changes(kind, row, seat, out)
-    else:
-        raise ActionError(f"{kind.name} actions are of several vehicles", place=f"action of {agent!r}")
     out.legal[row, seat] = legal
     out.given[row, seat] = out.fresh[row, seat] = True
+
+
+def _is_number(action: Any) -> bool:
+    return isinstance(action, int | float | np.number) or (isinstance(action, np.ndarray) and not action.ndim)
+
+
+def _only_pose(agent: str, poses: Mapping[Any, Any]) -> Any:
+    if len(poses) != 1:
+        raise ActionError(
+            f"poses of {len(poses)} vehicles: {', '.join(map(repr, poses))}",
+            place=f"action of {agent!r}",
+            remedy="give that of the agent's vehicle",
+        )
+    return next(iter(poses.values()))
 
 
 def _round_lane_changes(

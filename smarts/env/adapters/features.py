@@ -6,6 +6,7 @@ Axis letters: B simulations, G agents of the adapter, A seats, V vehicle slots.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +135,79 @@ def _neighbours(
         out[first + 4] = _clipped((vy * cos - vx * sin) / SPEED_SCALE)
 
 
+class Driving(NamedTuple):
+    """Columns of `VehicleStates`, shape (B, V)."""
+
+    alive: Bools
+    position: Floats
+    heading: Floats
+    speed: Floats
+    lateral_speed: Floats
+    lane: Ints
+    lane_position: Floats
+    lane_offset: Floats
+
+
+class Seated(NamedTuple):
+    """Columns of `Seats`, shape (B, A)."""
+
+    slot: Ints
+    target_lane: Ints
+    route_done: Floats
+    steering: Floats
+
+
+class Missions(NamedTuple):
+    """Columns of the seats' missions, shape (B, A)."""
+
+    goal: Bytes
+    goal_position: Floats
+
+
+@kernel
+def _write_goal(missions: Missions, driving: Driving, b: int, seat: int, own: int, features: Singles) -> None:
+    features[GOAL : GOAL + 2] = 0.0
+    if missions.goal[b, seat] != 0:
+        cos, sin = math.cos(driving.heading[b, own]), math.sin(driving.heading[b, own])
+        dx = missions.goal_position[b, seat, 0] - driving.position[b, own, 0]
+        dy = missions.goal_position[b, seat, 1] - driving.position[b, own, 1]
+        features[GOAL] = _clipped((dx * cos + dy * sin) / GOAL_SCALE)
+        features[GOAL + 1] = _clipped((dy * cos - dx * sin) / GOAL_SCALE)
+
+
+@kernel
+def _write_lane(
+    roads: Roads,
+    table: RouteTable,
+    map_number: int,
+    route: int,
+    seated: Seated,
+    driving: Driving,
+    b: int,
+    seat: int,
+    features: Singles,
+) -> None:
+    """Write where the vehicle is in its lane, and how the lane that it steers for goes on."""
+    own, base = seated.slot[b, seat], roads.lane_base[map_number]
+    headings = features[HEADINGS:NEIGHBOURHOOD]
+    features[LANE_OFFSET], headings[:] = 0.0, 0.0
+    lane = driving.lane[b, own]
+    if lane < 0:
+        return
+    features[LANE_OFFSET] = _clipped(driving.lane_offset[b, own] / roads.lane_width[base + lane])
+    s, done = driving.lane_position[b, own], seated.route_done[b, seat]
+    row = _path_ahead(roads, table, base, map_number, route, lane, done)
+    target = seated.target_lane[b, seat]
+    if target >= 0 and target != lane:
+        other = _path_ahead(roads, table, base, map_number, route, target, done)
+        # Only beside one's own: a target on another road is one that was passed.
+        if table.group[other] == table.group[row]:
+            own_end = roads.point_s[roads.point_start[base + lane + 1] - 1]
+            target_end = roads.point_s[roads.point_start[base + target + 1] - 1]
+            row, s = other, s * target_end / own_end
+    _heading_errors(roads, table, row, s, driving.heading[b, own], headings)
+
+
 @kernel
 def write_features(
     roads: Roads,
@@ -142,20 +216,9 @@ def write_features(
     routes: Ints,
     seats: Ints,
     chosen: Bools,
-    slot: Ints,
-    target_lane: Ints,
-    route_done: Floats,
-    steering: Floats,
-    goal: Bytes,
-    goal_position: Floats,
-    alive: Bools,
-    position: Floats,
-    heading: Floats,
-    speed: Floats,
-    lateral_speed: Floats,
-    lane: Ints,
-    lane_position: Floats,
-    lane_offset: Floats,
+    seated: Seated,
+    missions: Missions,
+    driving: Driving,
     out: Singles,
 ) -> None:
     """Write the features of the chosen agents, each in [-1, 1].
@@ -167,65 +230,28 @@ def write_features(
         routes: Number of each seat's route in the table, shape (B, A).
         seats: The adapter's agents, shape (G,).
         chosen: Whom to write, shape (B, G); each holds a vehicle that is alive.
-        slot: Of each seat's vehicle, shape (B, A), as the columns of `Seats` and `Missions` that follow.
-        target_lane: Lane that the vehicle steers for, -1 for its own.
-        route_done: [m]
-        steering: [rad]
-        goal: A `GoalKind`, 0 without a goal.
-        goal_position: [m], shape (B, A, 2).
-        alive: Shape (B, V), as the columns of `VehicleStates` that follow.
-        position: [m], shape (B, V, 2).
-        heading: [rad]
-        speed: [m/s]
-        lateral_speed: [m/s]
-        lane: Of each vehicle within its map.
-        lane_position: [m]
-        lane_offset: [m]
+        seated: Of all seats.
+        missions: Of all seats.
+        driving: All vehicles.
         out: Written, shape (B, G, F).
     """
     order, squares = np.empty(NEIGHBOURS, np.int32), np.empty(NEIGHBOURS)
     for b in range(len(maps)):
-        base = roads.lane_base[maps[b]]
         for g in range(len(seats)):
             if not chosen[b, g]:
                 continue
-            seat = seats[g]
-            own, features = slot[b, seat], out[b, g]
-            angle = heading[b, own]
-            cos, sin = math.cos(angle), math.sin(angle)
-            features[GOAL : GOAL + 2] = 0.0
-            if goal[b, seat] != 0:
-                dx = goal_position[b, seat, 0] - position[b, own, 0]
-                dy = goal_position[b, seat, 1] - position[b, own, 1]
-                features[GOAL] = _clipped((dx * cos + dy * sin) / GOAL_SCALE)
-                features[GOAL + 1] = _clipped((dy * cos - dx * sin) / GOAL_SCALE)
-            features[SPEED] = _clipped(speed[b, own] / SPEED_SCALE)
-            features[STEERING] = _clipped(steering[b, seat] / STEERING_SCALE)
-            own_lane = lane[b, own]
-            features[LANE_OFFSET] = 0.0
-            headings = features[HEADINGS:NEIGHBOURHOOD]
-            headings[:] = 0.0
-            if own_lane >= 0:
-                features[LANE_OFFSET] = _clipped(lane_offset[b, own] / roads.lane_width[base + own_lane])
-                s = lane_position[b, own]
-                row = _path_ahead(roads, table, base, maps[b], routes[b, seat], own_lane, route_done[b, seat])
-                target = target_lane[b, seat]
-                if target >= 0 and target != own_lane:
-                    other = _path_ahead(
-                        roads, table, base, maps[b], routes[b, seat], target, route_done[b, seat]
-                    )
-                    # Only beside one's own: a target on another road is one that was passed.
-                    if table.group[other] == table.group[row]:
-                        own_end = roads.point_s[roads.point_start[base + own_lane + 1] - 1]
-                        target_end = roads.point_s[roads.point_start[base + target + 1] - 1]
-                        row, s = other, s * target_end / own_end
-                _heading_errors(roads, table, row, s, angle, headings)
+            seat, features = seats[g], out[b, g]
+            own = seated.slot[b, seat]
+            _write_goal(missions, driving, b, seat, own, features)
+            features[SPEED] = _clipped(driving.speed[b, own] / SPEED_SCALE)
+            features[STEERING] = _clipped(seated.steering[b, seat] / STEERING_SCALE)
+            _write_lane(roads, table, maps[b], routes[b, seat], seated, driving, b, seat, features)
             _neighbours(
-                alive[b],
-                position[b],
-                heading[b],
-                speed[b],
-                lateral_speed[b],
+                driving.alive[b],
+                driving.position[b],
+                driving.heading[b],
+                driving.speed[b],
+                driving.lateral_speed[b],
                 own,
                 order,
                 squares,

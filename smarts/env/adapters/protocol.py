@@ -75,7 +75,7 @@ class ArrayAdapter(Protocol):
         """
         ...
 
-    def collect(self, frame: Frame, is_last: bool) -> None:
+    def collect(self, frame: Frame, is_last: bool) -> object:
         """See one step of a decision, or a reset; `is_last` if the decision ends with it."""
         ...
 

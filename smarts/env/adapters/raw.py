@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
@@ -39,6 +38,7 @@ class RawAdapter:
     ) -> None:
         self._served = served
         self._rewards = Rewards(served, reward)
+        self.rewards = self._rewards.values
         fields = {
             (sensor, field.name): replace(field, name=f"{sensor}/{field.name}")
             for sensor, made in sensors_of(interface).items()
@@ -47,42 +47,30 @@ class RawAdapter:
         self.action_space: Space = action_space(served.action)
         worlds, agents = served.scene.world.worlds, len(served.agents)
         self._arrays = {place: field.allocate(worlds, agents) for place, field in fields.items()}
-        self._observations = {fields[place].name: array for place, array in self._arrays.items()}
+        self.observations = {fields[place].name: array for place, array in self._arrays.items()}
         self.fields = tuple(fields.values())
         if isinstance(self.action_space, Discrete):
             mask = Field(MASK, (len(LaneAction),), np.int8, 0, 1, "", "which lane actions are legal")
             self.fields = (*self.fields, mask)
-            self._observations[MASK] = mask.allocate(worlds, agents)
+            self.observations[MASK] = mask.allocate(worlds, agents)
         self._blocks: dict[str, tuple[str, Ints]] = {}
-
-    @property
-    def observations(self) -> Mapping[str, NDArray]:
-        """Array of each field, shape (B, G, *shape)."""
-        return self._observations
-
-    @property
-    def rewards(self) -> NDArray[np.float32]:
-        """Of the decision, shape (B, G)."""
-        return self._rewards.values
 
     def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
         """Take in actions of the agents' type, shape (B, G, ...)."""
         encode_array(self._served, given, chosen, out)
-        self._rewards.values[:] = 0.0
+        self.rewards[:] = 0.0
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Count a step towards the reward, and copy the readings if a decision ends with it."""
-        here = self._served.present(frame)
-        settle = here if is_last else self._served.ended(frame)
-        self._rewards.add(frame, here, settle)
+        settle = self._rewards.collect(frame, is_last)
         if settle.any():
             self._copy(frame, settle)
 
     def reset(self, egos: Bools) -> None:
         """Forget what is remembered of these egos, shape (B, N)."""
         agents = egos[:, self._served.seats]
-        self._rewards.reset(agents)
-        for array in self._observations.values():
+        self._rewards.reset(egos)
+        for array in self.observations.values():
             array[agents] = 0
 
     def _copy(self, frame: Frame, chosen: Bools) -> None:
@@ -90,9 +78,9 @@ class RawAdapter:
         for (sensor, field), array in self._arrays.items():
             name, columns = self._block(frame.readings, sensor)
             array[rows, agents] = frame.readings.blocks[name][field][rows, columns[agents]]
-        if MASK in self._observations:
+        if MASK in self.observations:
             legal = frame.world.seats.legal
-            self._observations[MASK][rows, agents] = legal[rows, self._served.seats[agents]]
+            self.observations[MASK][rows, agents] = legal[rows, self._served.seats[agents]]
 
     def _block(self, readings: Readings, sensor: str) -> tuple[str, Ints]:
         """Return the readings' block of a sensor of these agents, and their columns in it."""

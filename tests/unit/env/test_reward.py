@@ -62,8 +62,7 @@ class Drive:
         contacts = Contacts.allocate(*shape, self.world.vehicles.capacity)
         rows, everybody = np.ones(1, np.bool_), np.ones(shape, np.bool_)
         frame = Frame(self.world, rows, None, None, contacts, self.events, everybody, Readings({}, {}))
-        here = self.served.present(frame)
-        self.rewards.add(frame, here, here if is_last else self.served.ended(frame))
+        self.rewards.collect(frame, is_last)
         return float(self.rewards.values[0, 0])
 
 

@@ -1,0 +1,295 @@
+"""What decisions are worth, for many agents at once.
+
+Axis letters: B simulations, G agents of the adapter, A seats, V vehicle slots.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.env.adapters.features import NEIGHBOURS, RADIUS
+from smarts.geometry.compiling import kernel
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Ints = NDArray[np.int32]
+Bytes = NDArray[np.int8]
+Bools = NDArray[np.bool_]
+
+LONGEST_TIME = 5.0
+"""Times to collision are cut at this [s]."""
+FAST = 60.0 / 3.6
+"""Speed above which steering hard costs something [m/s]."""
+_FAST_BY = 20.0 / 3.6
+_HARD = 4.0
+
+
+class Terms(NamedTuple):
+    """Weights as the kernel takes them."""
+
+    by_outcome: Floats
+    """What each `Outcome` is worth, shape (outcomes,)."""
+    event: Ints
+    """Bits of events that count where they do not end the episode, shape (E,)."""
+    by_event: Floats
+    """What they are worth, shape (E,)."""
+    always: Ints
+    """Bits of those events that count even in the decision that ends the episode."""
+    shares: Floats
+    """discount, progress, time of one decision, each_step, metres, goal_distance, approach, centring,
+    neighbour_distance, time_to_collision, hard_steering."""
+
+
+class Memory(NamedTuple):
+    """What the reward remembers of each agent from one decision to the next, shape (B, G)."""
+
+    initial: Floats
+    """Length of the route when the agent entered [m], 0 before."""
+    potential: Floats
+    """At the last decision."""
+    remaining: Floats
+    """Of the route at the last decision [m]."""
+    goal_distance: Floats
+    """At the last decision [m]."""
+    centring: Floats
+    """Distance to the lane's centre at the last decision [m]."""
+    neighbour_distance: Floats
+    """Mean over the neighbours at the last decision [m]."""
+    time_to_collision: Floats
+    """Mean over the neighbours at the last decision [s]."""
+    events: Ints
+    """Bits of what has happened since then."""
+    steps: Ints
+    """Since then."""
+
+    @classmethod
+    def allocate(cls, worlds: int, agents: int) -> Memory:
+        """Return memories of nobody."""
+        shape = (worlds, agents)
+        return cls(
+            initial=np.zeros(shape),
+            potential=np.zeros(shape),
+            remaining=np.zeros(shape),
+            goal_distance=np.zeros(shape),
+            centring=np.zeros(shape),
+            neighbour_distance=np.zeros(shape),
+            time_to_collision=np.zeros(shape),
+            events=np.zeros(shape, np.int32),
+            steps=np.zeros(shape, np.int32),
+        )
+
+
+class Seated(NamedTuple):
+    """Columns of `Seats`, shape (B, A)."""
+
+    slot: Ints
+    outcome: Bytes
+    remaining: Floats
+    steering: Floats
+
+
+class Missions(NamedTuple):
+    """Columns of the seats' missions, shape (B, A)."""
+
+    goal: Bytes
+    goal_position: Floats
+
+
+class Driving(NamedTuple):
+    """Columns of `VehicleStates`, shape (B, V)."""
+
+    alive: Bools
+    position: Floats
+    heading: Floats
+    speed: Floats
+    lateral_speed: Floats
+    lane_offset: Floats
+
+
+class Happened(NamedTuple):
+    """Columns of a step's `Events`, shape (B, A)."""
+
+    bits: Ints
+    just_done: Bools
+    terminated: Bools
+
+
+@kernel
+def _worth_of_events(terms: Terms, happened: int, outcome: int) -> float:
+    """Return what a decision's events are worth, and the outcome unless it is -1."""
+    worth = 0.0
+    if outcome >= 0:
+        worth += terms.by_outcome[outcome]
+        happened &= terms.always[0]
+    for event in range(len(terms.event)):
+        if happened & terms.event[event]:
+            worth += terms.by_event[event]
+    return worth
+
+
+@kernel
+def _speed_along(driving: Driving, b: int, slot: int, dx: float, dy: float) -> float:
+    """Return the part of a vehicle's velocity along a vector, times the vector's length [m^2/s]."""
+    cosine, sine = math.cos(driving.heading[b, slot]), math.sin(driving.heading[b, slot])
+    ahead, aside = driving.speed[b, slot], driving.lateral_speed[b, slot]
+    return (ahead * cosine - aside * sine) * dx + (ahead * sine + aside * cosine) * dy
+
+
+@kernel
+def _distance_and_time(driving: Driving, b: int, own: int, other: int) -> tuple[float, float]:
+    """Return how far a vehicle is away, and when they meet if they go on closing in like this."""
+    dx = driving.position[b, other, 0] - driving.position[b, own, 0]
+    dy = driving.position[b, other, 1] - driving.position[b, own, 1]
+    distance = math.sqrt(dx * dx + dy * dy)
+    closing = _speed_along(driving, b, own, dx, dy) - _speed_along(driving, b, other, dx, dy)
+    closing /= max(distance, 1e-6)
+    time = distance / closing if closing > 0.0 else LONGEST_TIME
+    return distance, min(time, LONGEST_TIME)
+
+
+@kernel
+def near_traffic(driving: Driving, b: int, own: int, distances: Floats, times: Floats) -> tuple[float, float]:
+    """Return mean distance [m] and mean time to collision [s] of the eight vehicles nearest to one.
+
+    Where there are fewer within the radius, the others count as at the radius, and as never met: so nothing
+    leaps when a vehicle comes into sight or leaves.
+
+    Args:
+        driving: All vehicles.
+        b: The simulation.
+        own: The vehicle's slot.
+        distances: Room for those of eight.
+        times: Room for those of eight.
+    """
+    distances[:], times[:] = RADIUS, LONGEST_TIME
+    for slot in range(driving.alive.shape[1]):
+        if slot == own or not driving.alive[b, slot]:
+            continue
+        distance, time = _distance_and_time(driving, b, own, slot)
+        place = NEIGHBOURS
+        while place > 0 and distance < distances[place - 1]:
+            place -= 1
+        for later in range(NEIGHBOURS - 1, place, -1):
+            distances[later], times[later] = distances[later - 1], times[later - 1]
+        if place < NEIGHBOURS:
+            distances[place], times[place] = distance, time
+    distance, time = 0.0, 0.0
+    for place in range(NEIGHBOURS):
+        distance += distances[place] / NEIGHBOURS
+        time += times[place] / NEIGHBOURS
+    return distance, time
+
+
+@kernel
+def _hardness(speed: float, steering: float) -> float:
+    """Return how hard a vehicle steers at speed: 0 up to 60 km/h, then growing with both."""
+    excess = max(0.0, speed - FAST) / _FAST_BY
+    return (excess * steering / _HARD) ** 2
+
+
+@kernel
+def _standing(
+    memory: Memory, seated: Seated, missions: Missions, driving: Driving, b: int, g: int, seat: int
+) -> tuple[float, float, float, float]:
+    """Return where an agent stands: remaining metres, potential, distance to the goal, and to the centre."""
+    own = seated.slot[b, seat]
+    left, potential, distance = seated.remaining[b, seat], 0.0, 0.0
+    if missions.goal[b, seat] != 0:
+        potential = -min(1.0, max(0.0, left / memory.initial[b, g]))
+        dx = missions.goal_position[b, seat, 0] - driving.position[b, own, 0]
+        dy = missions.goal_position[b, seat, 1] - driving.position[b, own, 1]
+        distance = math.sqrt(dx * dx + dy * dy)
+    return left, potential, distance, abs(driving.lane_offset[b, own])
+
+
+@kernel
+def _settle(
+    terms: Terms,
+    memory: Memory,
+    seated: Seated,
+    missions: Missions,
+    driving: Driving,
+    happened: Happened,
+    b: int,
+    g: int,
+    seat: int,
+    distances: Floats,
+    times: Floats,
+) -> float:
+    """Return what the decision that ends here is worth, 0 if there was none; remember the rest."""
+    discount, progress, time, each_step, metres, far, approach, centring, apart, meeting, hard = terms.shares
+    own, is_first = seated.slot[b, seat], memory.initial[b, g] == 0.0
+    if is_first:
+        memory.initial[b, g] = max(seated.remaining[b, seat], 1.0)
+    left, potential, distance, aside = _standing(memory, seated, missions, driving, b, g, seat)
+    near, soon = 0.0, 0.0
+    if apart != 0.0 or meeting != 0.0:
+        near, soon = near_traffic(driving, b, own, distances, times)
+    reward = 0.0
+    if not is_first:
+        after = 0.0 if happened.terminated[b, seat] else potential
+        reward = progress * (discount * after - memory.potential[b, g]) + time
+        reward += metres * (memory.remaining[b, g] - left)
+        reward += far * distance * memory.steps[b, g]
+        reward += approach * (memory.goal_distance[b, g] - distance)
+        reward += centring * (memory.centring[b, g] - aside)
+        reward += apart * (near - memory.neighbour_distance[b, g])
+        reward += meeting * (soon - memory.time_to_collision[b, g])
+        reward += hard * _hardness(driving.speed[b, own], seated.steering[b, seat]) * memory.steps[b, g]
+        reward += each_step * memory.steps[b, g]
+        ending = seated.outcome[b, seat] if happened.just_done[b, seat] else -1
+        reward += _worth_of_events(terms, memory.events[b, g], ending)
+    memory.potential[b, g], memory.remaining[b, g] = potential, left
+    memory.goal_distance[b, g], memory.centring[b, g] = distance, aside
+    memory.neighbour_distance[b, g], memory.time_to_collision[b, g] = near, soon
+    memory.events[b, g], memory.steps[b, g] = 0, 0
+    return reward
+
+
+@kernel
+def add_rewards(
+    terms: Terms,
+    memory: Memory,
+    seats: Ints,
+    here: Bools,
+    settle: Bools,
+    seated: Seated,
+    missions: Missions,
+    driving: Driving,
+    happened: Happened,
+    rewards: Singles,
+) -> None:
+    """Take one step in, and write the reward of the decision for those with whom it ends.
+
+    Who is met for the first time is only remembered: nothing was decided so far.
+
+    Args:
+        terms: The weights.
+        memory: Of the last decision.
+        seats: The adapter's agents, shape (G,).
+        here: Who was in this step, shape (B, G).
+        settle: Whose decision ends with it, shape (B, G).
+        seated: Of all seats.
+        missions: Of all seats.
+        driving: All vehicles.
+        happened: In this step.
+        rewards: Written, shape (B, G).
+    """
+    distances, times = np.empty(NEIGHBOURS), np.empty(NEIGHBOURS)
+    for b in range(here.shape[0]):
+        for g in range(len(seats)):
+            if not here[b, g]:
+                continue
+            seat, is_first = seats[g], memory.initial[b, g] == 0.0
+            memory.events[b, g] |= happened.bits[b, seat]
+            memory.steps[b, g] += 1
+            if settle[b, g] or is_first:
+                reward = _settle(
+                    terms, memory, seated, missions, driving, happened, b, g, seat, distances, times
+                )
+                if not is_first:
+                    rewards[b, g] = reward

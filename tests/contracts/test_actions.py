@@ -1,0 +1,173 @@
+"""Every way of acting, through `HiWayEnv`: what works, what is refused by name, what is made of it."""
+
+import shutil
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, DoneCriteria
+from smarts.env import HiWayEnv
+from smarts.env.adapters.actions import action_space
+from smarts.errors import ActionError
+
+KINDS = tuple(ActionSpaceType)
+NAN = float("nan")
+POINTS = np.arange(1.0, 11.0)
+SCENARIO = textwrap.dedent(
+    """
+    from pathlib import Path
+
+    from smarts.sstudio import gen_scenario
+    from smarts.sstudio import types as t
+
+    missions = [
+        t.Mission(t.Route(begin=("east_half", lane, 30 * place), end=("west_half", lane, 200)))
+        for lane in range(3)
+        for place in range(1, 5)
+    ]
+    gen_scenario(t.Scenario(ego_missions=missions), output_dir=Path(__file__).parent)
+    """
+)
+"""The loop's map, with a mission for each type."""
+
+
+def path(kind, state):
+    """Return ten points a metre apart straight ahead, as columns."""
+    x, y, heading = *state.position[:2], float(state.heading)
+    columns = [
+        x + POINTS * np.cos(heading),
+        y + POINTS * np.sin(heading),
+        0 * POINTS + heading,
+        0 * POINTS + 5,
+    ]
+    return [0.1 * POINTS, *columns] if kind == ActionSpaceType.TrajectoryWithTime else columns
+
+
+def good(kind, state):
+    """Return an action that drives on."""
+    x, y, heading = *state.position[:2], float(state.heading)
+    ahead = (x + 2.0 * np.cos(heading), y + 2.0 * np.sin(heading), heading, 0.4)
+    actions = {
+        ActionSpaceType.Continuous: (0.6, 0.0, 0.0),
+        ActionSpaceType.Lane: "keep_lane",
+        ActionSpaceType.ActuatorDynamic: np.array([0.6, 0.0, 0.0]),
+        ActionSpaceType.LaneWithContinuousSpeed: (5.0, 0),
+        ActionSpaceType.TargetPose: ahead,
+        ActionSpaceType.MultiTargetPose: {state.id: ahead},
+        ActionSpaceType.Direct: 5.0,
+        ActionSpaceType.Empty: None,
+        ActionSpaceType.RelativeTargetPose: (0.5 * np.cos(heading), 0.5 * np.sin(heading), 0.0),
+    }
+    return actions[kind] if kind in actions else path(kind, state)
+
+
+def is_path(kind):
+    return len(action_space(kind).shape) == 2
+
+
+def bad(kind):
+    """Return actions that are none."""
+    if kind == ActionSpaceType.Empty:
+        return []
+    wrong = ["fast", None, {"speed": 1}, [[1.0, 2.0], [3.0]]]
+    if kind == ActionSpaceType.Lane:
+        return [*wrong, 4, -1, 0.5, NAN, "keep_left"]
+    if is_path(kind):
+        columns = len(action_space(kind).shape)
+        rows = action_space(kind).shape[0]
+        return [
+            *wrong,
+            np.full((rows, 5), NAN),
+            np.zeros((rows + 1, 5)),
+            np.zeros((rows, 0)),
+            [1.0] * columns,
+        ]
+    size = action_space(kind).shape[0]
+    refused = [*wrong, np.full(size, NAN), np.full(size, np.inf), np.zeros(size + 3), []]
+    if kind == ActionSpaceType.MultiTargetPose:
+        refused += [{"a": (0, 0, 0, 1), "b": (0, 0, 0, 1)}, {}]
+    return refused
+
+
+def name(kind):
+    return f"the {kind.name}"
+
+
+@pytest.fixture(scope="module")
+def env(tmp_path_factory):
+    """Return an environment with an agent of each type, which nothing that they do ends."""
+    folder = tmp_path_factory.mktemp("scenario")
+    for source in Path("scenarios/loop").glob("map.*.xml"):
+        shutil.copy(source, folder)
+    (folder / "scenario.py").write_text(SCENARIO)
+    criteria = DoneCriteria(collision=False, off_road=False, off_route=False)
+    specs = {
+        name(kind): AgentSpec(
+            interface=AgentInterface(action=kind, done_criteria=criteria, max_episode_steps=100_000)
+        )
+        for kind in KINDS
+    }
+    made = HiWayEnv([folder], specs, seed=2)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def seen(env):
+    return env.reset(seed=2)[0]
+
+
+def test_every_type_drives(env, seen):
+    start = {kind: seen[name(kind)].ego_vehicle_state for kind in KINDS}
+    now = seen
+    for _ in range(10):
+        actions = {name(kind): good(kind, now[name(kind)].ego_vehicle_state) for kind in KINDS}
+        del actions[name(ActionSpaceType.Empty)]
+        now, *_ = env.step(actions)
+    for kind in KINDS:
+        state = now[name(kind)].ego_vehicle_state
+        dx, dy = np.subtract(state.position[:2], start[kind].position[:2])
+        ahead = dx * np.cos(start[kind].heading) + dy * np.sin(start[kind].heading)
+        assert ahead > 1.0, kind
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_no_action_is_refused_by_name_and_does_no_harm(env, seen, kind):
+    for action in bad(kind):
+        with pytest.raises(ActionError, match=name(kind)):
+            env.step({name(ActionSpaceType.Continuous): (1.0, 0.0, 0.0), name(kind): action})
+    now, *_ = env.step({})
+    assert now[name(kind)].step_count == seen[name(kind)].step_count + 1
+    assert np.isfinite([now[name(kind)].ego_vehicle_state.position for kind in KINDS]).all()
+
+
+@pytest.mark.parametrize(
+    "kind", [kind for kind in KINDS if kind != ActionSpaceType.Lane and not is_path(kind)]
+)
+def test_what_is_out_of_range_is_clipped(env, seen, kind):
+    space = action_space(kind)
+    if not space.shape[0]:
+        env.step({name(kind): ()})
+        return
+    ends = []
+    for high in (np.float64(1e30), space.high.astype(np.float64)):
+        env.reset(seed=2)
+        now, *_ = env.step({name(kind): np.broadcast_to(high, space.shape)})
+        ends.append(now[name(kind)].ego_vehicle_state)
+    assert ends[0].position == ends[1].position
+    assert ends[0].speed == ends[1].speed
+
+
+def test_who_does_not_act_goes_on(env, seen):
+    for _ in range(20):
+        now, *_ = env.step({})
+    for kind in KINDS:
+        before, after = seen[name(kind)].ego_vehicle_state, now[name(kind)].ego_vehicle_state
+        assert np.hypot(*np.subtract(after.position[:2], before.position[:2])) > 1.0, kind
+
+
+def test_unknown_agents_are_refused(env, seen):
+    with pytest.raises(ActionError, match="did you mean 'the Lane'"):
+        env.step({"the Lame": 0})
