@@ -54,7 +54,10 @@ SCENARIOS = ["intersection", "double_merge"]
 
 
 def test_rows_of_a_batch_equal_runs_of_their_own(new_env):
-    together = play(new_env(3, SCENARIOS), [0, 1, 2], 60)
+    env = new_env(3, SCENARIOS)
+    together = play(env, [0, 1, 2], 0)
+    assert {start.scenario for start in env.episodes} == set(SCENARIOS), "they are not side by side"
+    together = play(env, [0, 1, 2], 60)
     alone = new_env(1, SCENARIOS)
     for world in (0, 1, 2):
         assert play(alone, [world], 60)[0] == together[world]

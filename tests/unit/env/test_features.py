@@ -17,11 +17,13 @@ from smarts.env.adapters.features import (
     WAYPOINTS,
 )
 from smarts.env.adapters.protocol import Served
+from smarts.errors import SmartsError
 from smarts.roads.scene import Scene
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import Contacts, Events
 from smarts.types.frame import Frame, Readings
 from smarts.types.mission import GoalKind, SeatMission
+from smarts.types.vehicles import Owner
 from tests.maps import bend, crossing, straight
 from tests.worlds import Car, world_of
 
@@ -30,7 +32,7 @@ def mission(*route, goal=(190.0, 0.0)):
     return SeatMission(route=route, goal=GoalKind.POSITION, goal_position=goal, goal_radius=2.0)
 
 
-def adapter_of(made, agents=1):
+def adapter_of(made, agents=1, **options):
     served = Served(
         Scene(made.world, made.atlas, made.routes),
         tuple(f"agent-{number}" for number in range(agents)),
@@ -39,7 +41,7 @@ def adapter_of(made, agents=1):
         period=5,
         max_steps=600,
     )
-    return BenchmarkAdapter(served, benchmark_interface())
+    return BenchmarkAdapter(served, benchmark_interface(), **options)
 
 
 def frame_of(world):
@@ -149,6 +151,61 @@ def test_the_stack_holds_three_decisions_oldest_first():
     assert seen == [[3, 3, 3], [3, 3, 6], [3, 6, 9], [6, 9, 12]]
     adapter.reset(np.ones((1, made.world.egos), np.bool_))
     assert not vector.any()
+
+
+def test_the_picture_from_above():
+    """Row 0 is ahead, column 0 to the left: a car 4.8 m by 1.8 m covers five pixels of a metre by two."""
+    cars = [
+        Car(50.0, 1.6, 0.0, mission=mission("road"), owner=Owner.AGENT, length=4.8),
+        Car(60.0, 1.6, math.pi / 2, length=4.8),
+        Car(50.0, 7.6, math.pi, length=4.8, name="beyond the left edge of the road"),
+        Car(42.0, 1.6, mission=mission("road"), length=4.8, name="another agent"),
+    ]
+    made = world_of(cars, maps=[straight(lanes=2)])
+    adapter = adapter_of(made, 1, image=True, image_size=24, image_resolution=1.0)
+    adapter.collect(frame_of(made.world), True)
+    image = adapter.observations["image"]
+    assert image.shape == (1, 1, 24, 24, 3)
+    assert (image[..., 0] == image[..., 2]).all()
+    picture = image[0, 0, :, :, 2]
+
+    def box(level):
+        rows, columns = np.nonzero(picture == level)
+        return rows.min(), rows.max(), columns.min(), columns.max()
+
+    # Pixel (12, 12) begins at the vehicle's centre; rows count from 12 m ahead, columns from 12 m left.
+    assert box(255) == (10, 13, 11, 12)
+    assert box(208) == (18, 21, 11, 12)
+    traffic = picture == 160
+    assert traffic[1, 10:14].all()
+    assert traffic[2, 10:14].all()
+    assert traffic[10:14, 5:7].all()
+    assert traffic.sum() == 16
+    assert picture[5, 0] == 0
+    assert picture[5, 12] == 64
+
+
+def test_pictures_are_stacked_oldest_first():
+    made = world_of([Car(50.0, 0.0, mission=mission("road")), Car(60.0, 0.0)], maps=[straight()])
+    adapter = adapter_of(made, image=True, image_size=32)
+    ahead = []
+    for x in (60.0, 61.0, 62.0):
+        made.world.vehicles.position[0, 1, 0] = x
+        adapter.collect(frame_of(made.world), False)
+        adapter.collect(frame_of(made.world), True)
+        picture = adapter.observations["image"][0, 0]
+        ahead.append([int(np.nonzero(picture[:, 16, k] == 160)[0].min()) for k in range(3)])
+    first = ahead[0][0]
+    assert ahead == [[first] * 3, [first, first, first - 1], [first, first - 1, first - 2]]
+    adapter.reset(np.ones((1, made.world.egos), np.bool_))
+    assert not adapter.observations["image"].any()
+
+
+@pytest.mark.parametrize("option", [{"image_size": 4}, {"image_size": 9999}, {"image_resolution": 0.0}])
+def test_impossible_pictures_are_refused(option):
+    made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
+    with pytest.raises(SmartsError, match="picture"):
+        adapter_of(made, image=True, **option)
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,16 @@
 """What drives are worth: the order of the endings, and that nothing can be gained by standing about."""
 
+import math
+
 import numpy as np
 import pytest
 
 from smarts.env.adapters.protocol import Served
 from smarts.env.adapters.reward import Rewards, reward_weights
+from smarts.env.adapters.reward_kernel import Driving, near_traffic
 from smarts.errors import ScenarioError
 from smarts.roads.scene import Scene
+from smarts.sim.columns import columns_of
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import TRUNCATING, Contacts, Event, Events, Outcome
 from smarts.types.frame import Frame, Readings
@@ -16,6 +20,7 @@ from tests.worlds import Car, world_of
 
 DISCOUNT = 0.99
 ROUTE = 200.0
+DRIVER = Car(50.0, 0.0, speed=10.0)
 REST = 40
 """Decisions after which a vehicle at rest is ended."""
 
@@ -158,6 +163,51 @@ def test_the_papers_reward():
     assert reward == pytest.approx(0.5 + 0.05 * 2.0 - 0.01 * 198.0 + 0.1 * 2.0)
     crash = one.decide(198.0, Outcome.COLLISION, Event.COLLISION, in_step=0)
     assert crash == pytest.approx(0.5 - 0.01 * 198.0 - 50.0)
+
+
+def near(*others, own=DRIVER):
+    """Return mean distance and mean time to collision of the vehicles near one."""
+    made = world_of([own, *others], maps=[straight(length=400.0)], capacity=16)
+    driving = columns_of(made.world.vehicles, Driving)
+    return near_traffic(driving, 0, 0, np.empty(8), np.empty(8))
+
+
+def test_nobody_near_is_as_far_as_can_be_seen():
+    assert near() == near(Car(150.0, 0.0)) == (50.0, 5.0)
+
+
+def test_distance_and_time_to_a_vehicle_that_comes_nearer():
+    # 20 m ahead and 5 m/s slower: 4 s. One beside drives as fast: never.
+    ahead, beside = Car(70.0, 0.0, speed=5.0), Car(50.0, 6.4, speed=10.0)
+    assert near(ahead) == pytest.approx(((7 * 50 + 20) / 8, (7 * 5 + 4) / 8))
+    assert near(ahead, beside) == pytest.approx(((6 * 50 + 20 + 6.4) / 8, (7 * 5 + 4) / 8))
+
+
+def test_oncoming_and_crossing_vehicles():
+    oncoming = Car(90.0, 0.0, math.pi, 10.0)
+    assert near(oncoming)[1] == pytest.approx((7 * 5 + 2) / 8)
+    crossing = Car(50.0, -30.0, math.pi / 2, 15.0)
+    assert near(crossing, own=Car(50.0, 0.0))[1] == pytest.approx((7 * 5 + 2) / 8)
+    sliding = near(oncoming, own=Car(90.0, 30.0, speed=10.0))
+    assert sliding[1] == 5.0
+
+
+def test_of_many_the_eight_nearest_count():
+    others = [Car(50.0 + 4.0 * n, 0.0, speed=10.0) for n in (3, 9, 1, 7, 5, 10, 2, 8, 4, 6)]
+    assert near(*others)[0] == pytest.approx(4.0 * 4.5)
+
+
+def test_neighbours_and_steering_are_weighed():
+    one = Drive(reward_weights("paper", each_step=0.0, metres=0.0, goal_distance=0.0, approach=0.0), period=1)
+    assert one.decide(ROUTE, in_step=0) == 0.0
+    slot = one.world.vehicles
+    slot.alive[0, 5], slot.position[0, 5] = True, (30.0, 0.0)
+    # From nobody to one that stands 30 m ahead of a vehicle that stands.
+    assert one.decide(ROUTE, in_step=0) == pytest.approx(-0.03 * 20 / 8)
+    slot.speed[0, 0] = 20.0
+    one.world.seats.steering[0, 0] = 0.3
+    hard = -0.1 * ((72 - 60) / 20 * 0.3 / 4) ** 2
+    assert one.decide(ROUTE, in_step=0) == pytest.approx(-0.01 * (5 - 1.5) / 8 + hard, rel=1e-5)
 
 
 def test_unknown_names_are_refused():
