@@ -206,14 +206,15 @@ def _dict_space(spaces: Mapping[str, Any]) -> Dict:
 
 
 def _maker(adapter: Adapter) -> Callable[..., ArrayAdapter]:
-    make: Any = ADAPTERS[adapter] if isinstance(adapter, str) else adapter
-    if not callable(make):
+    if isinstance(adapter, str):
+        return ADAPTERS[adapter]
+    if not callable(adapter):
         raise InterfaceError(
-            f"{make!r} is not an adapter",
+            f"{adapter!r} is not an adapter",
             place="adapter",
             remedy=f"give one of {', '.join(ADAPTERS)}, or a class as in smarts/env/adapters/protocol.py",
         )
-    return make
+    return adapter
 
 
 def _grouped(interfaces: Mapping[str, AgentInterface], adapter: Adapter) -> list[dict[str, AgentInterface]]:

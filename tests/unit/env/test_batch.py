@@ -65,7 +65,7 @@ def test_rows_of_a_batch_equal_runs_of_their_own(new_env):
 
 def test_an_episode_does_not_depend_on_those_before(new_env):
     env = new_env(1, SCENARIOS)
-    env.reset(7)
+    now = env.reset(7)
     episode = 0
     while episode < 2:
         now = env.step([np.full((1, 4), KEEP)])
@@ -127,7 +127,7 @@ def test_finished_agents_are_zeros_after_their_last_observation(new_env):
 
 def test_final_observations_of_those_who_were_reset(new_env):
     env = new_env(2, ["two_way"])
-    env.reset(1)
+    now = env.reset(1)
     for _ in range(300):
         now = env.step([np.full((2, 4), KEEP)])
         if now.reset.any():
@@ -166,7 +166,7 @@ def test_a_seat_is_due_every_half_second(new_env):
 
 def test_stride_deals_out_a_list_of_worlds(new_env):
     env = new_env(2, ["two_way"])
-    env.reset(5, np.array([0, 1]), episode=3, stride=2)
+    now = env.reset(5, np.array([0, 1]), episode=3, stride=2)
     for _ in range(300):
         now = env.step([np.full((2, 4), KEEP)])
         if now.reset.any():

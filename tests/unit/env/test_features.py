@@ -45,15 +45,15 @@ def adapter_of(made, agents=1, **options):
 
 
 def frame_of(world):
-    shape = world.seats.state.shape
+    worlds, seats = world.seats.state.shape
     return Frame(
         world=world,
         rows=np.ones(world.worlds, np.bool_),
         actions=None,
         commands=None,
-        contacts=Contacts.allocate(*shape, world.vehicles.capacity),
-        events=Events.allocate(*shape),
-        wanted=np.ones(shape, np.bool_),
+        contacts=Contacts.allocate(worlds, seats, world.vehicles.capacity),
+        events=Events.allocate(worlds, seats),
+        wanted=np.ones((worlds, seats), np.bool_),
         readings=Readings({}, {}),
     )
 

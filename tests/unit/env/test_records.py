@@ -115,7 +115,7 @@ def test_faces_with_dicts_note_rewards_and_what_is_said(closing, tmp_path, make)
     env = closing(make(Options(record=tmp_path)))
     env.reset(seed=1)
     env.annotate("value", {"agent-0": 7})
-    total = 0.0
+    total, truncated = 0.0, {}
     for _ in range(4):
         _, rewards, _, truncated, _ = env.step({"agent-0": 0})
         total += rewards["agent-0"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.env.adapters.protocol import Served
-from smarts.env.adapters.reward import Rewards, reward_weights
+from smarts.env.adapters.reward import Rewards, RewardWeights, reward_weights
 from smarts.env.adapters.reward_kernel import Driving, near_traffic
 from smarts.errors import ScenarioError
 from smarts.roads.scene import Scene
@@ -28,10 +28,13 @@ REST = 40
 class Drive:
     """One agent whose progress and end are dictated."""
 
-    def __init__(self, weights="benchmark", horizon=120, goal=GoalKind.POSITION, period=5):
+    def __init__(
+        self, weights: str | RewardWeights = "benchmark", horizon=120, goal=GoalKind.POSITION, period=5
+    ):
         mission = SeatMission(route=("road",), goal=goal, goal_position=(ROUTE, 0.0))
-        self.world = world_of([Car(0.0, 0.0, mission=mission)], maps=[straight(length=ROUTE + 50)]).world
-        made_scene = Scene(self.world, None, None)
+        made = world_of([Car(0.0, 0.0, mission=mission)], maps=[straight(length=ROUTE + 50)])
+        self.world = made.world
+        made_scene = Scene(self.world, made.atlas, made.routes)
         self.served = Served(
             made_scene,
             ("a",),
@@ -63,8 +66,8 @@ class Drive:
     def _settle(self, remaining, is_last=True):
         self.world.seats.remaining[0, 0] = remaining
         self.world.vehicles.position[0, 0] = ROUTE - remaining, 0.0
-        shape = self.world.seats.state.shape
-        contacts = Contacts.allocate(*shape, self.world.vehicles.capacity)
+        worlds, seats = shape = self.world.seats.state.shape
+        contacts = Contacts.allocate(worlds, seats, self.world.vehicles.capacity)
         rows, everybody = np.ones(1, np.bool_), np.ones(shape, np.bool_)
         frame = Frame(self.world, rows, None, None, contacts, self.events, everybody, Readings({}, {}))
         self.rewards.collect(frame, is_last)
