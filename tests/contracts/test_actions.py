@@ -64,7 +64,7 @@ def good(kind, state):
     return actions[kind] if kind in actions else path(kind, state)
 
 
-def shape(kind):
+def shape(kind) -> tuple[int, ...]:
     return action_space(kind).shape or ()
 
 
