@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from smarts.providers import sumo_library
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_traffic import SumoTraffic, sumo_options
 from smarts.roads.lane_graph import LaneGraph
@@ -26,6 +27,7 @@ from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
 DT, SEED = 0.1, 7
 EGOS = 4
 BLOCK = 50
+COPIES = 8
 READ = (0x42, 0x43, 0x40, 0x72, 0x51, 0x56, 0xB7)
 """SUMO's numbers for position, angle, speed, acceleration, lane, lane position and allowed speed."""
 
@@ -106,10 +108,10 @@ class Ours:
 
 def timed(task: Callable[[], object], count: int = 1) -> float:
     """Return how long a task takes [s], the mean over a number of times."""
-    begin = time.perf_counter()
+    begin = time.process_time()
     for _ in range(count):
         task()
-    return (time.perf_counter() - begin) / count
+    return (time.process_time() - begin) / count
 
 
 def measure(name: str, steps: int, repeats: int) -> None:
@@ -160,6 +162,29 @@ def measure_copies(count: int) -> None:
         library.close()
 
 
+def measure_code(files: TrafficFiles, rounds: int = 20) -> None:
+    """Print what it costs to step copies of libsumo in turn, with code of their own and shared."""
+    share = sumo_library.share_code
+    sumo_library.share_code = lambda copy, original: None
+    own = [Bare(files) for _ in range(COPIES)]
+    sumo_library.share_code = share
+    shared = [Bare(files) for _ in range(COPIES)]
+    for run in (*own, *shared):
+        run.reset()
+    times: dict[str, list[float]] = {"alone": [], "own": [], "shared": []}
+    for _ in range(rounds):
+        for label, group in (("alone", own[:1]), ("own", own), ("shared", shared)):
+            times[label].append(timed(lambda group=group: [run.step() for run in group], BLOCK) / len(group))
+    alone, apart, together = (np.median(each) * 1e6 for each in times.values())
+    ratio = np.median(np.divide(times["shared"], times["own"]))
+    print(
+        f"a step of SUMO: {alone:.0f} us alone; one of {COPIES} copies in turn: {apart:.0f} us with code of"
+    )
+    print(f"  its own, {together:.0f} us with shared code ({ratio:.2f} of it)")
+    for run in (*own, *shared):
+        run.close()
+
+
 def main() -> None:
     """Measure what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -167,6 +192,8 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=600)
     parser.add_argument("--repeats", type=int, default=5)
     arguments = parser.parse_args()
+    # First, since a copy that has been loaded keeps the code that it runs.
+    measure_code(build_scenario(arguments.scenarios[0]).traffic["random_social_vehicles"])
     measure_copies(4)
     for name in arguments.scenarios:
         measure(name, arguments.steps, arguments.repeats)

@@ -3,7 +3,8 @@
 The loader takes two files with different inodes for two libraries. A copy is therefore one file, SUMO's
 extension module, in a folder of its own under the user's cache; the libraries that it needs and the Python
 side of the package stay where they are installed. All processes of a user share the copies and only read
-them. Threads gain nothing: libsumo holds the interpreter's lock.
+them; in a process all copies run the same pages of code (`shared_code`). Threads gain nothing: libsumo holds
+the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from smarts.errors import TrafficError
+from smarts.providers.shared_code import share_code
 
 SYSTEM_PACKAGES = "libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1"
 """Debian packages of the system libraries that libsumo's wheel expects to find."""
@@ -216,8 +218,9 @@ def _domain(extension: types.ModuleType, name: str) -> Any:
 def _load(index: int) -> types.ModuleType:
     """Import copy `index`; a copy once loaded stays loaded, since no extension module can be unloaded."""
     name = f"_smarts_libsumo_{index}"
-    if name not in sys.modules:
-        installed = _installed_package("libsumo")
+    installed = _installed_package("libsumo")
+    is_new = name not in sys.modules
+    if is_new:
         _point_to_projections()
         package = types.ModuleType(name)
         package.__path__ = [str(_copy_of_extension(index, installed)), str(installed)]
@@ -225,12 +228,15 @@ def _load(index: int) -> types.ModuleType:
     try:
         # The Python side registers the classes of results and errors with the extension.
         importlib.import_module(f"{name}.libsumo")
-        return importlib.import_module(f"{name}._libsumo")
+        extension = importlib.import_module(f"{name}._libsumo")
     except ImportError as error:
         raise TrafficError(
             f"libsumo does not load: {error}",
             remedy=f"install the system's libraries: apt-get install -y {SYSTEM_PACKAGES}",
         ) from error
+    if is_new:
+        share_code(Path(extension.__file__ or ""), installed / _EXTENSION)
+    return extension
 
 
 def _installed_package(name: str) -> Path:

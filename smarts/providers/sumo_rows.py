@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from smarts.geometry.compiling import kernel
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 
 def centre_of(front: Floats, heading: Floats, length: Floats) -> Floats:
@@ -21,37 +20,36 @@ def centre_of(front: Floats, heading: Floats, length: Floats) -> Floats:
 @kernel
 def fill_rows(
     rows: NDArray[np.intp],
-    front: Floats,
+    values: Floats,
+    length: Floats,
+    position: Floats,
     heading: Floats,
-    motion: Floats,
-    lane: Ints,
-    seen_lane: Ints,
-    columns: tuple[Floats, Floats, Floats, Floats, Floats],
-) -> NDArray[np.bool_]:
-    """Fill the rows of A vehicles and return which of them have changed lanes, shape (A,).
+    speed: Floats,
+    acceleration: Floats,
+    desired_speed: Floats,
+) -> None:
+    """Fill the rows of A vehicles.
 
     One pass, because at this size a dozen array operations cost more than SUMO's own step.
 
     Args:
         rows: Where to write, shape (A,).
-        front: Middle of the front bumper [m], shape (A, 2).
-        heading: [rad], shape (A,).
-        motion: Speed and acceleration, shape (2, A).
-        lane: -1 for none, shape (A,).
-        seen_lane: What `lane` was last time, by row of the world; written.
-        columns: `length` to read and, to write, `position`, `heading`, `speed` and `acceleration` of the
-            world.
+        values: Shape (6 A,): x and y of the middle of the front bumper of every vehicle [m], then all
+            headings [rad], speeds [m/s], accelerations [m/s^2] and allowed speeds [m/s].
+        length: Column of the world, read, shape (V,) as the others.
+        position: Column of the world, shape (V, 2).
+        heading: Column of the world.
+        speed: Column of the world.
+        acceleration: Column of the world.
+        desired_speed: Column of the world.
     """
-    lengths, positions, headings, speeds, accelerations = columns
-    has_changed = np.empty(len(rows), np.bool_)
-    for index in range(len(rows)):
+    count = len(rows)
+    for index in range(count):
         row = rows[index]
-        half = lengths[row] / 2
-        positions[row, 0] = front[index, 0] - math.cos(heading[index]) * half
-        positions[row, 1] = front[index, 1] - math.sin(heading[index]) * half
-        headings[row] = heading[index]
-        speeds[row] = motion[0, index]
-        accelerations[row] = motion[1, index]
-        has_changed[index] = seen_lane[row] != lane[index]
-        seen_lane[row] = lane[index]
-    return has_changed
+        half = length[row] / 2
+        heading[row] = values[2 * count + index]
+        position[row, 0] = values[2 * index] - math.cos(heading[row]) * half
+        position[row, 1] = values[2 * index + 1] - math.sin(heading[row]) * half
+        speed[row] = values[3 * count + index]
+        acceleration[row] = values[4 * count + index]
+        desired_speed[row] = values[5 * count + index]

@@ -31,6 +31,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from smarts.geometry.frames import compass_from_heading
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_stand_ins import SumoStandIns
@@ -112,6 +114,7 @@ class SumoShadows:
     def reset(self, roads: LaneGraph) -> None:
         """Forget all; SUMO has begun anew."""
         self._roads = roads
+        self._half_widths = (roads.width / 2).tolist()
         self._shadows.clear()
         self._returned.clear()
         self._types.clear()
@@ -171,16 +174,18 @@ class SumoShadows:
     def place(self, states: VehicleStates) -> None:
         """Say where every shadow is at the end of the coming step."""
         move = self._library.vehicle.moveToXY
-        for slot, shadow in self._shadows.items():
+        # Plain numbers at once: every look into an array costs as much as a call to SUMO.
+        slots = np.fromiter(self._shadows, np.intp, len(self._shadows))
+        columns = states.position, states.heading, states.speed, states.length
+        rows = zip(*(column[slots].tolist() for column in columns), strict=True)
+        for (slot, shadow), ((x, y), heading, speed, length) in zip(self._shadows.items(), rows, strict=True):
             if shadow.entry and not self._enter_anew(shadow):
                 shadow.entry = _Entry.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
-            heading = float(states.heading[slot])
-            x, y = states.position[slot].tolist()
-            length, speed = float(states.length[slot]), float(states.speed[slot])
-            kind = self._type_of(slot, states)
-            self.stand_ins.place(shadow.id, kind, (x, y), heading, speed, length)
+            if self.stand_ins.has_one(shadow.id):
+                kind = self._type_of(slot, states)
+                self.stand_ins.place(shadow.id, kind, (x, y), heading, speed, length)
             to_front = length / 2
             x, y = x + to_front * math.cos(heading), y + to_front * math.sin(heading)
             move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET, _MATCH_WITHIN)
@@ -191,14 +196,15 @@ class SumoShadows:
     def settle(self, states: VehicleStates) -> None:
         """See where SUMO has put the shadows, and find out what it got wrong."""
         vehicle = self._library.vehicle
-        for slot, shadow in self._shadows.items():
+        slots = np.fromiter(self._shadows, np.intp, len(self._shadows))
+        speeds, widths = states.speed[slots].tolist(), states.width[slots].tolist()
+        for shadow, speed, width in zip(self._shadows.values(), speeds, widths, strict=True):
             lane = vehicle.getLaneID(shadow.id)
-            speed = float(states.speed[slot])
             if lane:
                 position = vehicle.getLanePosition(shadow.id)
                 if lane == shadow.lane and position < shadow.position:
                     speed = 0.0
-                self._settle_on_lane(shadow, lane, position, float(states.width[slot]))
+                self._settle_on_lane(shadow, lane, position, width)
             else:
                 shadow.lane, shadow.entry = "", None
                 self.stand_ins.remove(shadow.id)
@@ -209,9 +215,12 @@ class SumoShadows:
                 shadow.own_type = ""
 
     def _settle_on_lane(self, shadow: _Shadow, lane: str, position: float, width: float) -> None:
-        shadow.offset = self._library.vehicle.getLateralLanePosition(shadow.id)
-        shadow.side = self._straddled_side(lane, shadow.offset, width)
-        self.stand_ins.reach(shadow.id, self._roads.lane_of_id(lane), shadow.offset, width)
+        number = self._roads.lane_of_id(lane)
+        offset = shadow.offset = self._library.vehicle.getLateralLanePosition(shadow.id)
+        reaches_out = abs(offset) + width / 2 > self._half_widths[number]
+        shadow.side = self._side_of(number, offset) if reaches_out else 0
+        if reaches_out or self.stand_ins.has_one(shadow.id):
+            self.stand_ins.reach(shadow.id, number, offset, width)
         # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
         # net.
         is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE
@@ -262,23 +271,20 @@ class SumoShadows:
         beside = left if shadow.side > 0 or right < 0 else right
         return self._roads.lane_ids[beside] if beside >= 0 else ""
 
-    def _straddled_side(self, lane: str, offset: float, width: float) -> int:
-        """Return 1 or -1 if a vehicle so far left of the centreline reaches into the lane on that side."""
-        number = self._roads.lane_of_id(lane)
-        if abs(offset) + width / 2 <= self._roads.width[number] / 2:
-            return 0
+    def _side_of(self, lane: int, offset: float) -> int:
+        """Return 1 or -1 if there is a lane on the side where a vehicle is off the centreline, or else 0."""
         beside = self._roads.left if offset > 0 else self._roads.right
-        return (1 if offset > 0 else -1) if beside[number] >= 0 else 0
+        return (1 if offset > 0 else -1) if beside[lane] >= 0 else 0
 
     def _is_out_of_order(self, shadow: _Shadow) -> bool:
         """Return whether SUMO's order on the lane is not that of the positions around the shadow."""
         order = self._library.lane.getLastStepVehicleIDs(shadow.lane)
         if len(order) < 2:
             return False
-        place = order.index(shadow.id)
-        position = self._library.vehicle.getLanePosition
-        behind, ahead = order[max(place - 1, 0)], order[min(place + 1, len(order) - 1)]
-        return not position(behind) <= shadow.position <= position(ahead)
+        place, position = order.index(shadow.id), self._library.vehicle.getLanePosition
+        if place > 0 and position(order[place - 1]) > shadow.position:
+            return True
+        return place + 1 < len(order) and position(order[place + 1]) < shadow.position
 
     def _show_way_on(self, shadow: _Shadow, lane: str) -> None:
         """Give a shadow that has come onto a road lane a route across the next junction."""

@@ -37,6 +37,10 @@ class SumoStandIns:
         """Return whether a vehicle of SUMO's is a stand-in."""
         return name.endswith(SUFFIX)
 
+    def has_one(self, name: str) -> bool:
+        """Return whether a vehicle needs a stand-in in the coming step."""
+        return name in self._lanes
+
     def reset(self, roads: LaneGraph) -> None:
         """Forget all; SUMO has begun anew."""
         self._roads = roads

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain, repeat
+from itertools import chain
 
 import numpy as np
 
@@ -40,6 +40,11 @@ _LIGHTS[list(b"rRs")] = Signal.STOP
 _LIGHTS[list(b"yYuoO")] = Signal.CAUTION
 _LIGHTS[list(b"gG")] = Signal.GO
 """`Signal` of each letter of SUMO's signal states; an unlit light (o, O) asks for caution."""
+
+
+def _owners_of(states: VehicleStates) -> tuple[bytes, bytes]:
+    """Return what changes with the owner of any vehicle; bytes compare faster than arrays of this size."""
+    return states.owner.tobytes(), states.generation.tobytes()
 
 
 def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
@@ -123,18 +128,14 @@ class SumoTraffic(TrafficProvider):
         self.is_full = False
         self._read_map(roads)
         self._start(files, seed)
-        self._sumo_lane = np.full(states.capacity, -1, np.int32)
         with self._library.errors("failed while the traffic warmed up"):
             self._routes_to_come.update({slot: tuple(edges) for slot, edges in (bound_for or {}).items()})
             self._kept_clear = np.flatnonzero(states.alive).tolist()
             self._admit(self._warm_up(files.warm_up, states), states)
             self._write(states)
             self._read_signals()
-        self._seen_owner = np.zeros_like(states.owner)
-        self._seen_generation = np.zeros_like(states.generation)
-        self._remember(states)
         # Those who were here first are new to SUMO.
-        self._seen_owner[[slot for slot in self._kept_clear if slot not in self._ids]] = Owner.NOBODY
+        self._remember(states, [slot for slot in self._kept_clear if slot not in self._ids])
         self._has_begun = True
 
     def step(self, states: VehicleStates) -> None:
@@ -154,9 +155,8 @@ class SumoTraffic(TrafficProvider):
             self._routes_to_come.clear()
             self._write(states)
             self._read_signals()
-        self._remember(states)
         # They are shadows until SUMO takes the wheel in the next step.
-        self._seen_owner[entering] = Owner.NOBODY
+        self._remember(states, entering)
 
     def can_accept(self, slot: int) -> bool:
         """Return whether SUMO could drive on with a vehicle of another: it must stand on a lane."""
@@ -236,7 +236,6 @@ class SumoTraffic(TrafficProvider):
         self._library.start(options, place)
 
     def _read_map(self, roads: LaneGraph) -> None:
-        self._lane_number = {lane: number for number, lane in enumerate(roads.lane_ids)}
         self.signals = np.full(len(roads.lane_ids), Signal.NONE, np.int8)
         self._lights = [
             (signal, lanes, roads.signal_link[lanes])
@@ -245,18 +244,23 @@ class SumoTraffic(TrafficProvider):
         ]
 
     def _has_changed(self, states: VehicleStates) -> bool:
-        same = (states.owner == self._seen_owner) & (states.generation == self._seen_generation)
-        return not same.all()
+        return _owners_of(states) != self._seen
 
-    def _remember(self, states: VehicleStates) -> None:
-        self._seen_owner[:] = states.owner
-        self._seen_generation[:] = states.generation
+    def _remember(self, states: VehicleStates, unseen: Sequence[int] = ()) -> None:
+        """Note who owns what, except for those slots, which are to be new in the next step."""
+        self._seen = _owners_of(states)
+        if unseen:
+            owner = states.owner.copy()
+            owner[unseen] = Owner.NOBODY
+            self._seen = owner.tobytes(), self._seen[1]
 
     def _follow_owners(self, states: VehicleStates) -> list[int]:
         """Bring SUMO in line with the owners; return the slots of traffic that SUMO has yet to take over."""
         entering = []
-        is_new = states.generation != self._seen_generation
-        for slot in np.flatnonzero(is_new | (states.owner != self._seen_owner)).tolist():
+        owners, generations = self._seen
+        is_new = states.generation != np.frombuffer(generations, states.generation.dtype)
+        is_other = states.owner != np.frombuffer(owners, states.owner.dtype)
+        for slot in np.flatnonzero(is_new | is_other).tolist():
             owner = states.owner[slot]
             if slot in self._ids and (is_new[slot] or owner == Owner.NOBODY):
                 self._remove(slot)
@@ -276,8 +280,6 @@ class SumoTraffic(TrafficProvider):
     def _take_back(self, slot: int) -> None:
         if self._shadows.hand_back(slot):
             self._driven[self._ids[slot]] = slot
-            # Another has written the desired speed meanwhile: this makes `_write` look it up.
-            self._sumo_lane[slot] = -1
         else:
             self._remove(slot)
             self._roster.dismiss(slot)
@@ -319,7 +321,6 @@ class SumoTraffic(TrafficProvider):
             slot = self._roster.admit(name, self.owner, kind, *size)
             self._driven[name] = slot
             self._ids[slot] = name
-            self._sumo_lane[slot] = -1
         self.is_full |= len(self._ids) >= self._limit
 
     def _in_the_way(self, names: Sequence[str], states: VehicleStates) -> list[str]:
@@ -349,29 +350,26 @@ class SumoTraffic(TrafficProvider):
         One call per value and vehicle, all in one pass without Python's interpreter, costs less in this
         process than subscriptions, which build a dictionary for every vehicle (`perf/traffic.py`).
         """
-        names = [*self._driven]
-        count = len(names)
+        driven = self._driven
+        count = len(driven)
         if not count:
             return
-        rows = np.fromiter(self._driven.values(), np.intp, count)
         vehicle = self._library.vehicle
-        ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration)
-        pairs = chain.from_iterable(map(vehicle.getPosition, names))
-        values = np.fromiter(chain(pairs, *(map(one, names) for one in ones)), np.float64, 5 * count)
-        # Where a vehicle is on the map is for the simulation to say, of all vehicles alike; SUMO's lane only
-        # tells when the limit may have changed.
-        lanes = map(self._lane_number.get, map(vehicle.getLaneID, names), repeat(-1))
-        has_changed = fill_rows(
-            rows,
-            values[: 2 * count].reshape(count, 2),
-            heading_from_compass(values[2 * count : 3 * count]),
-            values[3 * count :].reshape(2, count),
-            np.fromiter(lanes, np.int32, count),
-            self._sumo_lane,
-            (states.length, states.position, states.heading, states.speed, states.acceleration),
+        ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration, vehicle.getAllowedSpeed)
+        pairs = chain.from_iterable(map(vehicle.getPosition, driven))
+        values = np.fromiter(chain(pairs, *(map(one, driven) for one in ones)), np.float64, 6 * count)
+        values[2 * count : 3 * count] = heading_from_compass(values[2 * count : 3 * count])
+        # Where a vehicle is on the map is for the simulation to say, of all vehicles alike.
+        fill_rows(
+            np.fromiter(driven.values(), np.intp, count),
+            values,
+            states.length,
+            states.position,
+            states.heading,
+            states.speed,
+            states.acceleration,
+            states.desired_speed,
         )
-        for index in np.flatnonzero(has_changed).tolist():
-            states.desired_speed[rows[index]] = vehicle.getAllowedSpeed(names[index])
 
     def _read_signals(self) -> None:
         state_of = self._library.trafficlight.getRedYellowGreenState

@@ -36,6 +36,19 @@ def test_the_lowest_free_copy_is_used_again():
     third.close()
 
 
+def test_copies_run_the_same_pages_of_code():
+    libraries = [SumoLibrary() for _ in range(2)]
+    code = [
+        (line.split()[4], line.split()[2])
+        for line in Path("/proc/self/maps").read_text().splitlines()
+        if "_libsumo.so" in line and " r-xp " in line
+    ]
+    assert len(code) >= 2
+    assert len(set(code)) == 1
+    for library in libraries:
+        library.close()
+
+
 def test_a_copy_in_use_is_refused():
     library = SumoLibrary()
     with pytest.raises(TrafficError, match="in use"):
