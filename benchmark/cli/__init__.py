@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from benchmark.cli import algorithms, render, scenario
+from benchmark.cli import algorithms, floors, render, scenario
 from smarts.errors import SmartsError
 
 app = typer.Typer(
@@ -17,6 +17,7 @@ app = typer.Typer(
 )
 app.add_typer(scenario.app, name="scenario")
 app.command()(render.render)
+app.command()(floors.floors)
 app.command("algorithms")(algorithms.list_algorithms)
 
 

@@ -16,3 +16,6 @@ FLOORS = Registry(
     },
 )
 """Name -> "module:Class" of a `benchmark.floors.protocol.Floor`."""
+
+SUMO_DRIVER = "sumo_driver"
+"""SUMO's own driver, who has no actions and sees more: a row of its own beside `FLOORS`."""

@@ -3,92 +3,121 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Generator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.floors import FLOORS
+from benchmark.floors import FLOORS, SUMO_DRIVER
 from benchmark.floors.protocol import Floor
+from benchmark.floors.sumo_driver import sumo_episodes
+from benchmark.floors.tally import Tally
 from smarts.env.vector import VectorHiWayEnv, VectorStep
-from smarts.errors import TrafficError
+from smarts.errors import SmartsError, TrafficError
+from smarts.sim.assembly import Options
+from smarts.sstudio.build import build_scenario
 from smarts.types.actions import LaneAction
 from smarts.types.episode import EpisodeStart
 
+REPORTED_WORLDS = 2_000_000
+"""First world of reported scores, those of learners included (`docs/algorithms.md`)."""
+AGENTS = 4
 
-@dataclass
-class Tally:
-    """How the agents of a policy's episodes ended."""
 
-    policy: str
-    scenario: str
-    traffic: str
-    episodes: int = 0
-    outcomes: Counter[str] = field(default_factory=Counter)
+class Ended(NamedTuple):
+    """An episode that is over."""
+
+    outcomes: Counter[str]
     """Agents by outcome."""
-    steps: float = 0.0
-    """Of all episodes."""
-
-    def share(self, outcome: str) -> float:
-        """Return the share of agent-episodes with an outcome, NaN without any."""
-        total = self.outcomes.total()
-        return self.outcomes[outcome] / total if total else float("nan")
+    steps: float
 
 
-def play(policy: str, scenario: str, *, episodes: int, seed: int = 42, copies: int = 1) -> list[Tally]:
+def play(
+    policy: str,
+    scenario: str,
+    *,
+    episodes: int,
+    seed: int = 42,
+    first_world: int = REPORTED_WORLDS,
+    record: Path | None = None,
+) -> list[Tally]:
     """Play a scenario with every agent driven by a policy; return a tally for each of its traffics.
 
+    Episode k is that of world `first_world` + k, as in the evaluation of learners.
+
     Args:
-        policy: A name of `FLOORS`.
+        policy: A name of `FLOORS`, or `SUMO_DRIVER`.
         scenario: Folder, or name of the suite.
-        episodes: How many in each of the simulations; whole rounds of the scenario's traffics and missions
-            give all of them the same number.
+        episodes: How many are counted of each traffic: the first ones that are not void.
         seed: Of the run.
-        copies: Simulations side by side, each a world of its own.
+        first_world: See above.
+        record: Folder to which what is played is recorded; the last episode of each traffic is cut short.
+
+    Raises:
+        SmartsError: SUMO's driver is to be recorded.
+        TrafficError: Traffic failed.
     """
-    env = VectorHiWayEnv(copies, [scenario], seed=seed)
-    tallies: dict[str, Tally] = {}
-    played = np.zeros(copies, int)
+    tallies = []
+    for traffic in build_scenario(scenario).traffic:
+        tally = Tally(policy, scenario, traffic, AGENTS)
+        if policy == SUMO_DRIVER:
+            if record is not None:
+                raise SmartsError("only agents are recorded", place="record", remedy="leave out sumo_driver")
+            played = sumo_episodes(scenario, traffic, AGENTS, seed, first_world)
+        else:
+            played = _episodes(policy, scenario, traffic, seed, first_world, record)
+        for outcomes, steps in played:
+            # One that began with vehicles inside each other tells nothing.
+            if not outcomes["void"]:
+                tally.add(outcomes, steps)
+            if tally.episodes >= episodes:
+                break
+        played.close()
+        tallies.append(tally)
+    return tallies
+
+
+def _episodes(
+    policy: str, scenario: str, traffic: str, seed: int, first_world: int, record: Path | None
+) -> Generator[Ended]:
+    """Yield one episode of each world after the other."""
+    options = Options(record=record)
+    env = VectorHiWayEnv(1, [scenario], AGENTS, seed=seed, simulation=options, traffic=[traffic])
     try:
-        drivers = [[FLOORS[policy]() for _ in env.agents] for _ in range(copies)]
-        now = env.reset(seed)
-        _begin(drivers, env.episodes, range(copies))
-        while played.min() < episodes:
-            starts = env.episodes
+        drivers: list[Floor] = [FLOORS[policy]() for _ in env.agents]
+        now = env.reset(seed, np.array([first_world]), stride=1)
+        start = _begin(drivers, env)
+        while True:
             now = env.step([_actions(drivers, now)])
-            for row, error in now.failed.items():
-                raise TrafficError(f"simulation {row} failed", place=scenario) from error
-            for row, shares in now.metrics.items():
-                if played[row] < episodes:
-                    name = str(starts[row].traffic_name)
-                    _count(tallies.setdefault(name, Tally(policy, scenario, name)), shares, len(env.agents))
-                played[row] += 1
-            _begin(drivers, env.episodes, np.flatnonzero(now.reset).tolist())
+            for error in now.failed.values():
+                raise TrafficError("the traffic failed", place=f"{scenario}, world {start.world}") from error
+            for shares in now.metrics.values():
+                yield Ended(_outcomes(shares), shares["steps"])
+                start = _begin(drivers, env)
     finally:
         env.close()
-    return [tallies[name] for name in sorted(tallies)]
 
 
-def _begin(drivers: Sequence[Sequence[Floor]], starts: Sequence[EpisodeStart], rows: Iterable[int]) -> None:
-    for row in rows:
-        for agent, driver in enumerate(drivers[row]):
-            driver.begin(starts[row], agent)
+def _begin(drivers: Sequence[Floor], env: VectorHiWayEnv) -> EpisodeStart:
+    (start,) = env.episodes
+    for agent, driver in enumerate(drivers):
+        driver.begin(start, agent)
+    return start
 
 
-def _actions(drivers: Sequence[Sequence[Floor]], now: VectorStep) -> NDArray[np.int64]:
-    """Return the actions of all who are alive, shape (B, N)."""
+def _actions(drivers: Sequence[Floor], now: VectorStep) -> NDArray[np.int64]:
+    """Return the actions of all who are alive, shape (1, N)."""
     (leaves,), (mask,) = now.observations, now.masks
     masks = np.ones((*now.alive.shape, len(LaneAction)), np.bool_) if mask is None else mask
     actions = np.zeros(now.alive.shape, np.int64)
-    for row, agent in np.argwhere(now.alive).tolist():
-        actions[row, agent] = drivers[row][agent].act(leaves[""][row, agent], masks[row, agent])
+    for agent in np.flatnonzero(now.alive[0]).tolist():
+        actions[0, agent] = drivers[agent].act(leaves[""][0, agent], masks[0, agent])
     return actions
 
 
-def _count(tally: Tally, shares: Mapping[str, float], agents: int) -> None:
-    tally.episodes += 1
-    tally.steps += shares["steps"]
-    for name, share in shares.items():
-        if name != "steps" and share:
-            tally.outcomes[name] += round(share * agents)
+def _outcomes(shares: Mapping[str, float]) -> Counter[str]:
+    return Counter(
+        {name: round(share * AGENTS) for name, share in shares.items() if name != "steps" and share}
+    )

@@ -47,14 +47,24 @@ DISC_PLACES = np.array([-1.7, 0.0, 1.7])
 """Of their centres along it [m]."""
 SAFE = 0.6
 """Distance to keep from others [m]."""
+SAFE_STANDING = 0.3
+"""Distance to keep from those who stand, once one has waited for long [m]."""
 SLACK = 0.15
 """By which somebody must come nearer than now to count, so that one can pass those beside one [m]."""
 LANE = 3.2
 """[m]"""
 OVERDUE = 80.0
 """Distance to the goal within which a lane change is due [m]."""
-PATIENCE = 16
-"""Decisions at rest after which one claims the right of way."""
+OTHERS_SPEEDING_UP = 2.0
+"""Of those who may be about to go first [m/s^2]."""
+OTHERS_SPEED = 7.0
+"""Up to which they do [m/s]."""
+URGENT = 30.0
+"""Distance to the goal within which smaller gaps will do [m]."""
+LAST_PLACE = 12.0
+"""Distance to the goal at which to stop and wait for a gap [m]."""
+PATIENCE = 10
+"""Decisions at rest after which who came first claims the right of way."""
 
 
 class Yielder:
@@ -76,19 +86,31 @@ class Yielder:
         self._waited = self._waited + 1 if speed < 0.5 else 0
         others = _others(now, speed)
         wish = _wish(now)
-        if wish is not None and mask[wish] and _is_free(others, speed, wish):
-            return wish
-        if speed > JUNCTION_SPEED and arrival >= 0.0:
-            return LaneAction.slow_down
-        if wish is not None and now[GOAL] * GOAL_SCALE < OVERDUE:
-            is_even = int(np.argmax(observation[FRAMES * FEATURES : -1])) % 2 == 0
-            if speed > _speed_to_let_by(others, wish, is_even):
-                return LaneAction.slow_down
         errors = now[HEADINGS : HEADINGS + WAYPOINTS]
         path = _path(errors)
-        horizons = _horizons(others, turns_left=errors.max() > 0.3, claims=self._waited > PATIENCE)
-        going = _time_to_conflict(path, _driven(speed, SPEEDING_UP), others, horizons)
-        slowing = _time_to_conflict(path, _driven(speed, -BRAKING), others, horizons)
+        is_first = arrival <= 0.0
+        claims = self._waited > (PATIENCE if is_first else 3 * PATIENCE)
+        horizons = _horizons(others, turns_left=errors.max() > 0.3, yields=not is_first, claims=claims)
+        ways = _ways(others, may_speed_up=not is_first and not claims)
+        driven = _driven(speed, SPEEDING_UP)
+        ahead = now[GOAL] * GOAL_SCALE
+        is_urgent = ahead < URGENT
+        # Who stops between two lanes, before a junction, is run into from behind.
+        may_change = wish is not None and mask[wish] and (arrival < 0.0 or is_urgent)
+        if wish is not None and may_change and _is_free(others, speed, wish, is_urgent):
+            crosses = ~_goes_along(others)
+            if _time_to_conflict(path, driven, ways[crosses], horizons[crosses]) == np.inf:
+                return wish
+        if speed > JUNCTION_SPEED and arrival >= 0.0:
+            return LaneAction.slow_down
+        if wish is not None and mask[wish] and ahead < OVERDUE:
+            is_even = int(np.argmax(observation[FRAMES * FEATURES : -1])) % 2 == 0
+            in_time = np.sqrt(2 * BRAKING * max(0.0, ahead - LAST_PLACE))
+            if speed > min(_speed_to_let_by(others, wish, is_even), in_time):
+                return LaneAction.slow_down
+        safe = SAFE_STANDING if claims else SAFE
+        going = _time_to_conflict(path, driven, ways, horizons, safe)
+        slowing = _time_to_conflict(path, _driven(speed, -BRAKING), ways, horizons, safe)
         is_better = going == np.inf or going > slowing
         return LaneAction.keep_lane if is_better else LaneAction.slow_down
 
@@ -116,14 +138,17 @@ def _speed_to_let_by(others: Floats, change: int, is_even: bool) -> float:
     return LOWEST_SPEED if falls_back else JUNCTION_SPEED
 
 
-def _is_free(others: Floats, speed: float, change: int) -> bool:
-    """Return whether nobody is near, or soon will be, in the lane to the side."""
+def _is_free(others: Floats, speed: float, change: int, is_urgent: bool) -> bool:
+    """Return whether nobody is near, or soon will be, in the lane to the side.
+
+    Where it is urgent, others are trusted to brake.
+    """
     side = 1.0 if change == LaneAction.change_lane_left else -1.0
     for x, y, vx, _ in others:
         if not 0.4 * LANE < side * y < 2.4 * LANE:
             continue
         closing = speed - vx if x > 0 else vx - speed
-        if abs(x) < LENGTH + 2.0 + max(0.0, closing) * 2.0:
+        if abs(x) < LENGTH + 2.0 + max(0.0, closing) * (1.0 if is_urgent else 2.0):
             return False
     return True
 
@@ -154,37 +179,61 @@ def _driven(speed: float, acceleration: float) -> Floats:
     return speed * TIMES + acceleration * (0.5 * faster**2 + faster * (TIMES - faster))
 
 
-def _horizons(others: Floats, *, turns_left: bool, claims: bool) -> Floats:
+def _goes_along(others: Floats) -> NDArray[np.bool_]:
+    """Return who drives the same way, or stands."""
+    vx, vy = others[:, 2], others[:, 3]
+    return (np.abs(vy) < 0.5 * np.abs(vx)) & (vx > 0.0) | (np.hypot(vx, vy) < 0.5)
+
+
+def _horizons(others: Floats, *, turns_left: bool, yields: bool, claims: bool) -> Floats:
     """Return how far ahead each of the others is followed [s]."""
     vx, vy = others[:, 2], others[:, 3]
-    is_ahead = (np.abs(vy) < 0.5 * np.abs(vx)) & (vx > 0.0) | (np.hypot(vx, vy) < 0.5)
+    is_ahead = _goes_along(others)
     is_oncoming = (vx < 0.0) & (np.abs(vy) < -vx)
     from_the_right = ~is_ahead & ~is_oncoming & (vy > 0.0)
-    goes_first = is_ahead | (is_oncoming & turns_left) | from_the_right
+    goes_first = is_ahead | (is_oncoming & turns_left) | from_the_right | yields
     return np.where(goes_first & ~(claims & ~is_ahead), HORIZON, SHORT_HORIZON)
 
 
-def _time_to_conflict(path: Floats, driven: Floats, others: Floats, horizons: Floats) -> float:
+def _ways(others: Floats, *, may_speed_up: bool) -> Floats:
+    """Return where the others may be at each of `TIMES` as seen from the vehicle, shape (K, 2, T, 2) [m].
+
+    There are two ways for each: on at its speed, and, for those who cross, speeding up if they may.
+    """
+    speed = np.hypot(others[:, 2], others[:, 3])
+    gain = np.where(may_speed_up & ~_goes_along(others), OTHERS_SPEEDING_UP, 0.0)
+    time = np.minimum(TIMES, (np.maximum(0.0, OTHERS_SPEED - speed) / OTHERS_SPEEDING_UP)[:, None])
+    more = gain[:, None] * (0.5 * time**2 + time * (TIMES - time)) / np.maximum(speed, 0.1)[:, None]
+    factors = np.stack([np.broadcast_to(TIMES, more.shape), TIMES + more], axis=1)
+    return others[:, None, None, :2] + factors[..., None] * others[:, None, None, 2:]
+
+
+def _time_to_conflict(
+    path: Floats, driven: Floats, ways: Floats, horizons: Floats, from_standing: float = SAFE
+) -> float:
     """Return when somebody comes too near first, infinity if nobody does [s].
 
     A vehicle is taken for three discs in a row along its way. How those who stand are turned is not known:
-    they are taken to stand as one drives oneself.
+    they are taken to stand along the nearest part of one's own path.
     """
     places = np.clip(driven, 0.0, len(path) - 2.0)
     first = places.astype(int)
-    ways = path[first + 1] - path[first]
-    own = _discs(path[first] + (places - first)[:, None] * ways, ways)
+    tangents = np.diff(path, axis=0)
+    own = _discs(path[first] + (places - first)[:, None] * tangents[first], tangents[first])
     soonest = np.inf
-    for (x, y, vx, vy), horizon in zip(others, horizons, strict=True):
-        there = np.column_stack([x + vx * TIMES, y + vy * TIMES])
-        speed = np.hypot(vx, vy)
-        turned = np.broadcast_to([vx / speed, vy / speed], ways.shape) if speed > 0.5 else ways
-        gaps = own[:, :, None] - _discs(there, turned)[:, None]
-        distance = np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=(1, 2))
-        # Who is too near already must not come nearer; going past or away is allowed.
-        near = (distance < min(2 * DISC + SAFE, distance[0] - SLACK)) & (horizon >= TIMES)
-        if near.any():
-            soonest = min(soonest, float(TIMES[np.argmax(near)]))
+    for both, horizon in zip(ways, horizons, strict=True):
+        for there in both:
+            way = there[1] - there[0]
+            length = np.hypot(way[0], way[1])
+            stands = length < 0.5 * TIMES[1]
+            way = tangents[np.argmin(np.hypot(*(path[:-1] - there[0]).T))] if stands else way / length
+            gaps = own[:, :, None] - _discs(there, np.broadcast_to(way, there.shape))[:, None]
+            distance = np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=(1, 2))
+            # Who is too near already must not come nearer; going past or away is allowed.
+            kept = 2 * DISC + (from_standing if stands else SAFE)
+            near = (distance < min(kept, distance[0] - SLACK)) & (horizon >= TIMES)
+            if near.any():
+                soonest = min(soonest, float(TIMES[np.argmax(near)]))
     return soonest
 
 

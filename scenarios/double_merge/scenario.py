@@ -22,20 +22,17 @@ def social(density: float = 1.0, drivers: Drivers = MIXED, crossing: float = 0.6
     return traffic(flows, WARM_UP, FILLED)
 
 
-def missions(top_lane: int, *offsets: float) -> list[t.Mission]:
-    """Whoever comes from the left has its goal in the lane that leaves to the right, and the reverse."""
-    ways = (("top_left", 0), ("down_left", top_lane))
-    return [
-        t.Mission(t.Route(begin=(begin, 0, offset), end=("merge", goal_lane, 100)))
-        for offset in offsets
-        for begin, goal_lane in ways
-    ]
-
+# Whoever comes from the left leaves to the right, and the reverse.
+missions = [
+    t.Mission(t.Route(begin=(begin, 0, offset), end=(end, 0, 10)))
+    for offset in (10, 25)
+    for begin, end in (("top_left", "down_right"), ("down_left", "top_right"))
+]
 
 gen_scenario(
     t.Scenario(
         traffic=social(),
-        ego_missions=missions(1, 10, 25),
+        ego_missions=missions,
         start_variation=START_IN_TOWN,
         held_out={
             "dense": t.Variation("More vehicles.", traffic=social(1.3)),
@@ -44,7 +41,6 @@ gen_scenario(
             "three_lanes": t.Variation(
                 "A third lane in the middle of the weaving section.",
                 map_spec=t.MapSpec(source="three_lanes"),
-                ego_missions=missions(2, 10, 25),
             ),
         },
     ),

@@ -1,0 +1,118 @@
+"""`smarts-bench floors`: what can be reached without learning."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from smarts.errors import SmartsError, UnknownNameError, nearest_names
+
+if TYPE_CHECKING:
+    from benchmark.floors.tally import Tally
+
+SCENARIOS = ("two_way", "double_merge", "intersection")
+SHOWN = ("collision", "goal", "off_road", "off_route", "missed_goal", "not_moving", "time_out")
+WITH_INTERVAL = ("collision", "goal")
+COLUMNS = (
+    "policy",
+    "scenario",
+    "traffic",
+    "episodes",
+    "agent_episodes",
+    "seconds",
+    *SHOWN,
+    *(f"{name}_{end}" for name in WITH_INTERVAL for end in ("low", "high")),
+)
+
+
+def floors(
+    policies: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[POLICY]...", help="Which; by default all.", show_default=False),
+    ] = None,
+    scenario: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Name of the suite, or folder; may be repeated.", show_default=", ".join(SCENARIOS)
+        ),
+    ] = None,
+    episodes: Annotated[int, typer.Option(help="Of each policy, scenario and traffic.", min=1)] = 50,
+    seed: Annotated[int, typer.Option(help="Of the run.")] = 42,
+    out: Annotated[Path | None, typer.Option(help="Table to write, as .csv.", show_default=False)] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Folder to record the episodes to.", show_default=False)
+    ] = None,
+) -> None:
+    """Play scripted drivers in the benchmark's scenarios and say how they end.
+
+    Shares of agent-episodes; behind collision and goal their 95% intervals.
+    """
+    from benchmark.floors import FLOORS, SUMO_DRIVER
+    from benchmark.floors.run import play
+
+    known = (*FLOORS, SUMO_DRIVER)
+    chosen = policies or known
+    for policy in chosen:
+        if policy not in known:
+            raise UnknownNameError(f"there is no floor {policy!r}", remedy=nearest_names(policy, known))
+    _check_table(out)
+    typer.echo(_line(COLUMNS[:3], COLUMNS[3], "s", SHOWN))
+    rows = []
+    for policy in chosen:
+        for name in scenario or SCENARIOS:
+            folder = None if record is None else record / policy / Path(name).name
+            for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
+                rows.append(_row(tally))
+                typer.echo(_shown(tally))
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with out.open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
+        typer.echo(f"wrote {out}")
+
+
+def _row(tally: Tally) -> list[str]:
+    """Return a line of the table, in the order of `COLUMNS`."""
+    ends = [end for name in WITH_INTERVAL for end in tally.interval(name)]
+    return [
+        tally.policy,
+        tally.scenario,
+        tally.traffic,
+        str(tally.episodes),
+        str(tally.outcomes.total()),
+        f"{tally.seconds:.1f}",
+        *(f"{value:.3f}" for value in [*map(tally.share, SHOWN), *ends]),
+    ]
+
+
+def _shown(tally: Tally) -> str:
+    shares = []
+    for name in SHOWN:
+        low, high = tally.interval(name)
+        interval = f" [{low:.2f}, {high:.2f}]" if name in WITH_INTERVAL else ""
+        shares.append(f"{tally.share(name):.2f}{interval}")
+    names = tally.policy, Path(tally.scenario).name, tally.traffic
+    return _line(names, str(tally.episodes), f"{tally.seconds:.0f}", shares)
+
+
+def _line(names: Sequence[str], episodes: str, seconds: str, shares: Sequence[str]) -> str:
+    policy, scenario, traffic = names
+    return f"{policy:<13}{scenario:<14}{traffic:<24}{episodes:>8}{seconds:>5}" + "".join(
+        f"{share:>{20 if name in WITH_INTERVAL else 12}}" for name, share in zip(SHOWN, shares, strict=True)
+    )
+
+
+def _check_table(out: Path | None) -> None:
+    """Refuse a table that cannot be written before the work is done, not after."""
+    if out is None:
+        return
+    if out.suffix != ".csv":
+        raise SmartsError(f"a table is not called {out.name!r}", place="--out", remedy="end it in .csv")
+    if out.is_dir() or any(parent.is_file() for parent in out.parents):
+        raise SmartsError(
+            "there is a folder or a file in the way", place=str(out), remedy="choose another --out"
+        )

@@ -1,0 +1,47 @@
+"""Floor policies in a scenario of the benchmark."""
+
+import csv
+
+import pytest
+
+from benchmark.cli.floors import floors
+from benchmark.floors import SUMO_DRIVER
+from benchmark.floors.run import play
+from smarts.errors import SmartsError, UnknownNameError
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+
+
+@pytest.mark.slow
+def test_keep_lane_drives_and_parked_stands(tmp_path):
+    table = tmp_path / "floors.csv"
+    floors(["keep_lane", "parked"], ["two_way"], episodes=1, seed=42, out=table, record=tmp_path / "records")
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["policy"], row["traffic"]) for row in rows] == [
+        (policy, traffic)
+        for policy in ("keep_lane", "parked")
+        for traffic in ("no_social_vehicles", "random_social_vehicles")
+    ]
+    assert all(row["agent_episodes"] == "4" for row in rows)
+    assert float(rows[0]["not_moving"]) == 0.0
+    assert float(rows[2]["not_moving"]) == 1.0
+    recorded = [
+        RecordedEpisode(folder) for folder in episodes_in(tmp_path / "records" / "parked" / "two_way")
+    ]
+    assert len(recorded) >= 2
+
+
+@pytest.mark.slow
+def test_sumos_driver_arrives_where_nobody_else_drives():
+    for scenario in ("two_way", "double_merge"):
+        alone, _ = play(SUMO_DRIVER, scenario, episodes=2, first_world=100)
+        assert alone.share("goal") == 1.0
+
+
+def test_bad_input_is_refused_before_anything_is_played(tmp_path):
+    with pytest.raises(UnknownNameError, match="yeilder"):
+        floors(["yeilder"])
+    with pytest.raises(SmartsError, match=r"floors\.txt"):
+        floors(["parked"], out=tmp_path / "floors.txt")
+    with pytest.raises(SmartsError, match="only agents are recorded"):
+        play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path)
