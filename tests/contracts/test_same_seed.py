@@ -1,0 +1,75 @@
+"""The same seed is the same run: hashes of all vehicle states over 1,000 steps, wherever they are made."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.env.vector import VectorHiWayEnv
+from smarts.types.actions import LaneAction
+
+SCENARIOS = ["intersection", "double_merge"]
+DECISIONS, PERIOD, EGOS, SEED = 200, 5, 4, 7
+
+
+def hashes(worlds):
+    """Return for each world the hash of what it was in 1,000 steps, episodes after each other."""
+    env = VectorHiWayEnv(len(worlds), SCENARIOS, EGOS, decision_interval=PERIOD)
+    made = [hashlib.blake2b(digest_size=16) for _ in worlds]
+    try:
+        env.reset(SEED, np.array(worlds))
+        decisions, episodes = np.zeros(len(worlds), int), [0] * len(worlds)
+        state = env._worlds.batch.world
+        for _ in range(DECISIONS):
+            now = env.step([np.array([_actions(*pair) for pair in zip(worlds, decisions, strict=True)])])
+            decisions += 1
+            for row, hashed in enumerate(made):
+                for _, column in state.vehicles.columns():
+                    hashed.update(column[row].tobytes())
+                hashed.update(now.rewards[row].tobytes() + now.observations[0][""][row].tobytes())
+                episodes[row] += bool(now.reset[row])
+    finally:
+        env.close()
+    assert min(episodes) >= 1
+    return [hashed.hexdigest() for hashed in made]
+
+
+def _actions(world, decision):
+    """Return what the egos do: a function of world, decision and agent alone."""
+    draws = np.random.Generator(np.random.Philox(key=int(world) * 1000 + int(decision)))
+    return draws.choice([LaneAction.keep_lane] * 2 + [*LaneAction], size=EGOS)
+
+
+def in_processes_of_their_own(*lists):
+    """Return the hashes of lists of worlds, each list played by another process at the same time."""
+    code = "import json, sys; from tests.contracts.test_same_seed import hashes; print(json.dumps(hashes("
+    code += "json.loads(sys.argv[1]))))"
+    # Names are hashed with another seed in each process; nothing may depend on that.
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", code, json.dumps(worlds)],
+            cwd=Path(__file__).parents[2],
+            env={**os.environ, "PYTHONHASHSEED": str(number)},
+            stdout=subprocess.PIPE,
+        )
+        for number, worlds in enumerate(lists, 1)
+    ]
+    told = [process.communicate()[0] for process in processes]
+    assert [process.returncode for process in processes] == [0] * len(lists)
+    return [json.loads(output.splitlines()[-1]) for output in told]
+
+
+@pytest.mark.slow
+def test_twice_alone_in_a_batch_and_dealt_to_two_processes():
+    together = hashes([0, 1, 2, 3])
+    assert len(set(together)) == 4
+    assert hashes([2]) == together[2:3]
+    assert hashes([3, 0]) == [together[3], together[0]]
+    # As two environment runners share the worlds of one out.
+    first, second = in_processes_of_their_own([0, 1], [2, 3])
+    assert first + second == together

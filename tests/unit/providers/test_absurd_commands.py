@@ -1,0 +1,73 @@
+"""Commands that nobody would give, but that are numbers: every vehicle stays a vehicle."""
+
+import numpy as np
+import pytest
+
+from smarts.dynamics import MODELS
+from smarts.providers.vehicle import FleetVehicles
+from smarts.types.actions import CommandMode, Commands
+from smarts.types.mission import SeatMission
+from smarts.types.vehicles import VehicleKind
+from tests import maps
+from tests.worlds import Car, world_of
+
+pytestmark = pytest.mark.slow
+STEPS = 500
+FASTEST = 500.0
+"""More than any engine gives in so many steps [m/s]."""
+KINDS = [kind for kind in VehicleKind if kind != VehicleKind.TRAILER]
+
+
+def _extremes(commands, step, draws):
+    """Write the least and the largest that controllers let through, another mixture in each step."""
+    commands.actuators[..., :2] = draws.choice([0.0, 1.0], commands.actuators[..., :2].shape)
+    most = 10.0 if (commands.mode == CommandMode.ACTUATORS_RATE).any() else 1.0
+    commands.actuators[..., 2] = draws.choice([-most, 0.0, most], commands.mode.shape)
+
+
+def _bang_bang(commands, step, draws):
+    """Write full throttle and full brake with the wheel from stop to stop."""
+    commands.actuators[...] = 1.0, float(step % 3 == 0), 1.0 if step % 2 else -1.0
+
+
+def _anywhere(commands, step, draws):
+    """Write a way that jumps about."""
+    commands.reference_length[...] = draws.integers(1, 64, commands.reference_length.shape)
+    commands.reference[...] = draws.uniform(-1e6, 1e6, commands.reference.shape)
+
+
+CASES = {
+    "extremes": (CommandMode.ACTUATORS, _extremes),
+    "steering rate": (CommandMode.ACTUATORS_RATE, _extremes),
+    "bang-bang": (CommandMode.ACTUATORS, _bang_bang),
+    "track": (CommandMode.TRACK, _anywhere),
+}
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("case", CASES)
+def test_every_state_stays_finite(model, case):
+    mode, write = CASES[case]
+    mission = SeatMission(route=("road",))
+    # Side by side and one behind the other, so that they run into each other as well.
+    cars = [
+        Car(100.0 + 15.0 * (number // 2), 3.2 * (number % 2), 0.0, 30.0, mission, kind=kind)
+        for number, kind in enumerate(KINDS)
+    ]
+    made = world_of(cars, maps=[maps.straight(length=600.0)], seats=len(cars))
+    world, rows = made.world, np.ones(1, np.bool_)
+    vehicles, commands = FleetVehicles(world, model), Commands.allocate(1, len(cars))
+    draws = np.random.Generator(np.random.Philox(key=5))
+    commands.mode[...] = mode
+    try:
+        vehicles.reset(world, rows)
+        for step in range(STEPS):
+            write(commands, step, draws)
+            world.advance(rows)
+            tracks = vehicles.step(world, commands, rows)
+            assert np.isfinite(tracks).all(), f"step {step}"
+            for name, column in world.vehicles.columns():
+                assert np.isfinite(column[0, : len(cars)]).all(), f"{name} in step {step}"
+            assert np.abs(world.vehicles.speed[0, : len(cars)]).max() < FASTEST, f"step {step}"
+    finally:
+        vehicles.close()

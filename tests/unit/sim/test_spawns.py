@@ -1,0 +1,62 @@
+"""Entering traffic does no harm: nobody runs into an agent in its first seconds if that keeps its lane.
+
+An agent that keeps its lane minds the vehicle ahead, but nobody's right of way. What happens from the stop
+line of a junction on therefore is its own doing, and not counted.
+"""
+
+import numpy as np
+import pytest
+
+from smarts.agents import ActionSpaceType, AgentInterface, DoneCriteria
+from smarts.sim.assembly import assemble
+from smarts.sstudio.build import build_scenario, suite
+from smarts.types.events import Event, Outcome
+
+SEEDS, STEPS = 20, 50
+SEEDS_OF_LARGE = {"city": 5}
+
+
+def is_before_junctions(world, roads, seat):
+    """Tell whether all of an agent's vehicle is on a road."""
+    vehicles, slot = world.vehicles, int(world.seats.slot[0, seat])
+    lane = int(vehicles.lane[0, slot])
+    front = vehicles.lane_position[0, slot] + vehicles.length[0, slot] / 2
+    return lane < 0 or not (roads.is_internal[lane] or front > roads.length[lane])
+
+
+def entries(name, seeds):
+    """Yield for each seed whether the start amid traffic was void, and the agents' collisions on roads."""
+    interface = AgentInterface(action=ActionSpaceType.Lane, done_criteria=DoneCriteria(off_route=False))
+    built = build_scenario(name)
+    egos = min(4, len(built.scenario.ego_missions or (0,)))
+    parts = assemble([built], [interface] * egos)
+    simulation, world, roads = parts.simulation, parts.simulation.world, built.roads()
+    rows, nobody = np.ones(1, np.bool_), np.zeros((1, egos), np.bool_)
+    try:
+        for seed in range(seeds):
+            starts = (parts.schedule.start(0, episode, seed) for episode in range(50))
+            start = next(start for start in starts if start.traffic.warm_up)
+            frame = simulation.reset({0: start})
+            void = bool((world.seats.outcome[0] == Outcome.VOID).any())
+            hit = []
+            for step in range(0 if void else STEPS):
+                frame = simulation.step(parts.actions, rows, nobody)
+                for seat in np.flatnonzero(frame.events.bits[0] & Event.COLLISION).tolist():
+                    if not is_before_junctions(world, roads, seat):
+                        continue
+                    side = int(frame.contacts.side[0, seat])
+                    partner = int(frame.contacts.partner[0, seat])
+                    hit.append((step, seat, side, parts.ownership.rosters[0].name(partner)))
+                if frame.events.finished[0]:
+                    break
+            yield seed, void, hit
+    finally:
+        simulation.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", suite())
+def test_nobody_is_hit_in_the_first_five_seconds(name):
+    told = list(entries(name, SEEDS_OF_LARGE.get(name, SEEDS)))
+    assert [seed for seed, void, _ in told if void] == []
+    assert {seed: hit for seed, _, hit in told if hit} == {}
