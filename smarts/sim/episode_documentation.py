@@ -19,8 +19,9 @@ Written by `python -m smarts.sim.episode_documentation` from `smarts/types/episo
 `assemble(..., options=Options(record=folder))` records every episode into a folder of its own below `folder`,
 one Parquet file for each table below; `smarts.sim.episode_files.RecordedEpisode(folder)` reads them, and
 `smarts-bench render EPISODE --out film.gif` draws them. A folder appears when all is in it: a process that is
-killed leaves a hidden folder, which the next one to record there takes away. The maps lie beside the episodes
-as `maps/<map>.npz` and are lane graphs.
+killed leaves a hidden folder, which the next one to record there takes away. Tables carry checksums, and a
+damaged one is refused with a `RecordError`. The maps lie beside the episodes as `maps/<map>.npz` and are lane
+graphs.
 
 Row `step = k` of vehicles, seats and signals is the state after k steps; k = 0 is the reset. Row `step = k`
 of decisions and extras is what was decided on that state, or followed from it until the seat's next decision.

@@ -6,6 +6,7 @@ killed process leaves is such a folder; whoever opens the store for writing next
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import shutil
@@ -64,9 +65,12 @@ class EpisodeStore:
         if known is not None:
             return known[1]
         partial = self.root / _partial_name(graph, "map")
-        graph.save(partial)
-        digest = hashlib.blake2b(partial.read_bytes(), digest_size=10).hexdigest()
-        partial.replace(self.root / MAPS / f"{digest}.npz")
+        try:
+            graph.save(partial)
+            digest = hashlib.blake2b(partial.read_bytes(), digest_size=10).hexdigest()
+            partial.replace(self.root / MAPS / f"{digest}.npz")
+        finally:
+            partial.unlink(missing_ok=True)
         # The graph itself is kept, so that its id stays its own.
         self._maps[id(graph)] = graph, digest
         return digest
@@ -93,6 +97,7 @@ class EpisodeWriter:
                 "compression": "zstd",
                 "use_dictionary": others,
                 "column_encoding": dict.fromkeys(floats, "BYTE_STREAM_SPLIT"),
+                "write_page_checksum": True,
             }
             self._open[table] = pq.ParquetWriter(self._folder / f"{table}.parquet", schema, **options)
         self._open[table].write_table(_arrow_table(TABLE[table], rows))
@@ -123,7 +128,9 @@ class EpisodeWriter:
     def abandon(self) -> None:
         """Take away what was written."""
         for writer in self._open.values():
-            writer.close()
+            # What cannot be written is not needed any more.
+            with contextlib.suppress(OSError, pa.ArrowException):
+                writer.close()
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
@@ -140,6 +147,8 @@ class RecordedEpisode:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._tables: dict[str, dict[str, NDArray]] = {}
+        if "version" not in self.table(EPISODE.name):
+            raise self._damaged(EPISODE.name, "it has no column 'version'")
         found = int(self.facts["version"])
         if found != VERSION:
             raise RecordError(
@@ -151,22 +160,28 @@ class RecordedEpisode:
     @cached_property
     def facts(self) -> dict[str, Any]:
         """The row of the table `episode`."""
-        return {name: column[0] for name, column in self.table(EPISODE.name).items()}
+        columns = self.table(EPISODE.name)
+        if any(len(column) != 1 for column in columns.values()):
+            raise self._damaged(EPISODE.name, f"{len(columns['version'])} rows instead of one")
+        return {name: column[0] for name, column in columns.items()}
 
     def table(self, name: str) -> Mapping[str, NDArray]:
         """Return the columns of a table; texts and lists of numbers are in arrays of objects."""
         if name not in self._tables:
             path = self.folder / f"{name}.parquet"
             try:
-                read = pq.read_table(path)
+                read = pq.read_table(path, page_checksum_verification=True)
             except (OSError, pa.ArrowException) as error:
-                raise RecordError(
-                    f"there is no table '{name}' of a recorded episode: {error}",
-                    place=str(self.folder),
-                    remedy="name the folder of one episode",
-                ) from error
+                raise self._damaged(name, str(error)) from error
             self._tables[name] = {column: _plain(read[column]) for column in read.column_names}
         return self._tables[name]
+
+    def _damaged(self, table: str, problem: str) -> RecordError:
+        return RecordError(
+            f"there is no table '{table}' of a recorded episode: {problem}",
+            place=str(self.folder),
+            remedy="name the folder of one episode",
+        )
 
     def roads(self) -> LaneGraph:
         """Return the map.

@@ -99,6 +99,7 @@ class EpisodeRecorder:
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds
+        self._unfinished: list[EpisodeWriter] = []
         self._vehicles = columns_of(world.vehicles, VehicleColumns)
         self._seats = columns_of(world.seats, SeatColumns)
         self._no_actions = Actions.allocate(worlds, seats)
@@ -184,12 +185,20 @@ class EpisodeRecorder:
             for row in range(len(self._episodes)):
                 self._finish(row)
         finally:
-            self._thread.close()
+            try:
+                self._thread.close()
+            finally:
+                # After a failure nobody writes these to their end.
+                for writer in self._unfinished:
+                    writer.abandon()
+                self._unfinished.clear()
 
     def _begin(self, row: int, start: EpisodeStart) -> None:
         name = f"seed{start.seed}_world{start.world}_episode{start.episode:05d}"
         graph = self._scene.atlas.graphs[start.map]
-        self._episodes[row] = _Episode(start, graph, self._store.begin(name))
+        writer = self._store.begin(name)
+        self._unfinished.append(writer)
+        self._episodes[row] = _Episode(start, graph, writer)
         self._buffers.clear(row)
 
     def _take_routes(self, row: int, episode: _Episode) -> None:
@@ -281,6 +290,7 @@ class EpisodeRecorder:
         slots, generations, names, steps = zip(*episode.names, strict=True) if episode.names else ((),) * 4
         writer.append("names", {"slot": slots, "generation": generations, "name": names, "first_step": steps})
         writer.finish()
+        self._unfinished.remove(writer)
 
     def _facts(self, episode: _Episode, most: int) -> dict[str, list[Any]]:
         start = episode.start

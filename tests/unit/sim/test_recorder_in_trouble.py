@@ -1,0 +1,175 @@
+"""Disks that are full, folders that cannot be written to, files that are damaged, two who record at once."""
+
+import resource
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smarts.agents import ActionSpaceType, AgentInterface
+from smarts.errors import RecordError
+from smarts.sim.assembly import Options, assemble
+from smarts.sim.episode_files import PARTIAL, EpisodeStore, RecordedEpisode, episodes_in
+from smarts.sstudio.build import build_scenario
+from smarts.types.episode_schema import TABLE
+
+ROOT = Path(__file__).parents[3]
+
+
+@contextmanager
+def full_disk():
+    """Let no file grow beyond a kilobyte: the same errors as on a full disk, in this process only."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1024, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+class Recording:
+    """A simulation with one ego that is recorded."""
+
+    def __init__(self, folder):
+        interface = AgentInterface(action=ActionSpaceType.Lane)
+        self.parts = assemble([build_scenario("two_way")], [interface], options=Options(record=folder))
+
+    def play(self, episodes=1, steps=5):
+        for episode in range(episodes):
+            self.parts.simulation.reset({0: self.parts.schedule.start(0, episode)})
+            for _ in range(steps):
+                self.parts.simulation.step(
+                    self.parts.actions, np.ones(1, np.bool_), np.ones((1, 1), np.bool_)
+                )
+
+    def close(self):
+        self.parts.simulation.close()
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(tmp_path):
+    recording = Recording(tmp_path)
+    recording.play(2)
+    with full_disk():
+        with pytest.raises(RecordError, match=r"cannot be written.*large") as refused:
+            recording.close()
+        assert "disk is not full" in refused.value.remedy
+    recording.close()
+    whole = [RecordedEpisode(folder).facts["steps"] for folder in episodes_in(tmp_path)]
+    assert len(whole) <= 1, "the first may have been written before"
+    assert list(tmp_path.glob(f"{PARTIAL}-*")) == []
+    again = Recording(tmp_path)
+    again.play(1)
+    again.close()
+    assert len(episodes_in(tmp_path)) == len(whole) + 1
+
+
+def test_a_disk_that_fills_up_is_told_while_the_run_goes_on(tmp_path):
+    recording = Recording(tmp_path)
+    try:
+        # More episodes than may wait to be written.
+        with full_disk(), pytest.raises(RecordError, match="cannot be written"):
+            recording.play(200, steps=1)
+    finally:
+        recording.close()
+    assert list(tmp_path.glob(f"{PARTIAL}-*")) == []
+
+
+def test_a_folder_that_cannot_be_written_to():
+    # Not even by the system's administrator, as whom tests may run.
+    with pytest.raises(RecordError, match="cannot write episodes") as refused:
+        Recording(Path("/proc/episodes"))
+    assert refused.value.place == "/proc/episodes"
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    recording = Recording(folder)
+    recording.play(1)
+    recording.close()
+    return episodes_in(folder)[0]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[: len(content) // 2],
+        lambda content: b"PAR1 this is not one PAR1",
+        lambda content: content[:-8] + b"\xff" * 8,
+        lambda content: content[:20] + bytes(byte ^ 1 for byte in content[20:60]) + content[60:],
+    ],
+)
+@pytest.mark.parametrize("table", ["episode", "vehicles"])
+def test_a_damaged_table_is_one_named_error(recorded, tmp_path, table, damage):
+    folder = tmp_path / "one"
+    folder.mkdir()
+    for file in recorded.iterdir():
+        content = file.read_bytes()
+        (folder / file.name).write_bytes(damage(content) if file.stem == table else content)
+    with pytest.raises(RecordError, match=f"table '{table}'") as refused:
+        RecordedEpisode(folder).table(table)
+    assert refused.value.place == str(folder)
+
+
+def test_an_episode_without_facts_is_one_named_error(tmp_path):
+    store = EpisodeStore(tmp_path)
+    writer = store.begin("one")
+    for name in TABLE:
+        writer.append(name, {column: [] for column in TABLE[name].names})
+    folder = writer.finish()
+    with pytest.raises(RecordError, match="0 rows instead of one"):
+        RecordedEpisode(folder)
+
+
+WRITE_FOR_EVER = """
+    import sys
+    from pathlib import Path
+    from smarts.sim.episode_files import EpisodeStore
+    from smarts.types.episode_schema import TABLE
+
+    store = EpisodeStore(Path(sys.argv[1]))
+    print("ready", flush=True)
+    for number in range(int(sys.argv[2])):
+        writer = store.begin("one")
+        for name in TABLE:
+            writer.append(name, {column: [] for column in TABLE[name].names})
+        writer.finish()
+"""
+
+
+def writing(folder, episodes):
+    command = [sys.executable, "-c", textwrap.dedent(WRITE_FOR_EVER), str(folder), str(episodes)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"ready\n"
+    return process
+
+
+@pytest.mark.slow
+def test_two_processes_write_episodes_of_one_name_into_one_folder(tmp_path):
+    processes = [writing(tmp_path, 20) for _ in range(2)]
+    assert [process.wait() for process in processes] == [0, 0]
+    assert len(episodes_in(tmp_path)) == 40
+    for folder in episodes_in(tmp_path):
+        assert {file.stem for file in folder.iterdir()} == set(TABLE)
+    assert list(tmp_path.glob(".*")) == []
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_of_writing(tmp_path):
+    for wait in (0.0, 0.02, 0.05, 0.1):
+        process = writing(tmp_path, 10**9)
+        time.sleep(wait)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    for folder in episodes_in(tmp_path):
+        assert {file.stem for file in folder.iterdir()} == set(TABLE)
+    EpisodeStore(tmp_path)
+    assert list(tmp_path.glob(".*")) == []
