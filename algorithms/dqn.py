@@ -5,38 +5,64 @@ Mnih et al. 2015, "Human-level control through deep reinforcement learning": rep
 with the Huber loss; van Hasselt et al. 2016: the online network chooses the next action and the target
 network values it; Wang et al. 2016, eq. 9: duelling value and advantage streams.
 
-Deviations: target networks follow by polyak averaging instead of periodic copies.
+Optional: prioritised replay (Schaul et al. 2016), with priorities of joint transitions by the mean over
+living agents; recurrent networks (Hausknecht & Stone 2015) that replay sequences from their stored memory
+(Kapturowski et al. 2019, without burn-in).
+
+Deviations: target networks follow by polyak averaging instead of periodic copies; beta is constant.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import torch
 from torch import Tensor, nn
 
 from algorithms.joint.algorithm import JointAlgorithm
-from algorithms.joint.batch import GroupView, ReplayBatch
+from algorithms.joint.batch import GroupView, ReplayBatch, ReplayGroup
 from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.env import MEMORY
 from algorithms.joint.learner import OffPolicyLearner
-from algorithms.joint.module import JointModule
+from algorithms.joint.module import JointModule, without_memory
+from algorithms.joint.prioritised import PrioritisedReplay
+from algorithms.joint.replay import JointReplay
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
 from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.memory import GRUMemory
 from algorithms.parts.networks import Encoder, perceptron
 
 
 class QNetwork(nn.Module):
     """Q values (..., n, A) of observation leaves (..., n, *shape)."""
 
-    def __init__(self, group: Group, hidden: tuple[int, ...], actions: int, *, duelling: bool) -> None:
+    def __init__(
+        self, group: Group, hidden: tuple[int, ...], actions: int, *, duelling: bool, memory: int = 0
+    ) -> None:
         super().__init__()
-        self.encoder = Encoder(group.observation, group.size)
+        self.encoder = Encoder(without_memory(group.observation), group.size)
         self.trunk = perceptron([self.encoder.size, *hidden], nn.ReLU).append(nn.ReLU())
-        self.advantage = nn.Linear(hidden[-1], actions)
-        self.value = nn.Linear(hidden[-1], 1) if duelling else None
+        self.memory = GRUMemory(hidden[-1], memory) if memory else None
+        self.advantage = nn.Linear(memory or hidden[-1], actions)
+        self.value = nn.Linear(memory or hidden[-1], 1) if duelling else None
 
     def forward(self, leaves) -> Tensor:
-        """Return Q values; duelling as V + A - mean A."""
+        """Return Q values of single moments."""
         features = self.trunk(self.encoder(leaves))
+        if self.memory is not None:
+            features = self.memory(features, leaves[MEMORY], None, 1)
+        return self.values(features)
+
+    def recall(self, view: GroupView) -> tuple[Tensor, Tensor]:
+        """Return (Q values, memory afterwards) of moments or sequences; without memory, (Q, features)."""
+        features = self.trunk(self.encoder(view.observations))
+        if self.memory is not None:
+            features = self.memory(features, view.observations[MEMORY], view.fresh, view.length)
+        return self.values(features), features
+
+    def values(self, features: Tensor) -> Tensor:
+        """Return Q values; duelling as V + A - mean A."""
         advantage = self.advantage(features)
         if self.value is None:
             return advantage
@@ -67,16 +93,23 @@ class DQNModule(JointModule):
     def make_networks(self) -> None:
         """Create the Q network and its target."""
         sizes = (self.group, self.settings["hidden"], self.head.outputs)
-        self.q = QNetwork(*sizes, duelling=self.settings["duelling"])
-        self.target_q = QNetwork(*sizes, duelling=self.settings["duelling"]).requires_grad_(False)
+        kind = {"duelling": self.settings["duelling"], "memory": self.memory_size}
+        self.q = QNetwork(*sizes, **kind)
+        self.target_q = QNetwork(*sizes, **kind).requires_grad_(False)
         self.target_q.load_state_dict(self.q.state_dict())
 
     def policy(self, view: GroupView) -> Tensor:
         """Return Q values (M, n, A)."""
-        return self.q(view.observations)
+        return self.q.recall(view)[0]
 
-    def plain(self) -> tuple[Encoder, nn.Module]:
+    def recall(self, view: GroupView) -> tuple[Tensor, Tensor]:
+        """Return (Q values, memory afterwards)."""
+        return self.q.recall(view)
+
+    def plain(self) -> tuple[Encoder, nn.Module] | None:
         """Return encoder and body, for stacked acting, with the duelling streams folded into one layer."""
+        if self.memory_size:
+            return None
         return self.q.encoder, self.q.folded()
 
 
@@ -87,21 +120,48 @@ class DQNLearner(OffPolicyLearner):
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target."""
+        surprise = {}
         for group, own in batch.groups():
             net = self.net(group.id)
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
-            following = torch.where(own.bootstrap, self.next_value(net, own.next), 0)
+            following = torch.where(own.bootstrap, self.next_value(net, *self.following(net, own)), 0)
             target = self.config.reward_scale * own.rewards + self.gamma * following
             error = nn.functional.smooth_l1_loss(chosen, target, reduction="none")
-            loss = self.mean(error, own.alive)
+            loss = self.mean(error if batch.weights is None else error * batch.weights[:, None], own.alive)
             self.step_optimizer(loss, group.id)
             self.log(group.id, "td_loss", loss)
+            surprise[group.id] = (chosen - target).detach().abs()
+        self.reprioritise(batch, batch.join(surprise))
         self.track(*(g.id for g in self.groups), tau=self.config.tau)
 
-    def next_value(self, net: DQNModule, view: GroupView) -> Tensor:
+    def make_replay(self) -> JointReplay:
+        """Return an empty replay buffer: prioritised, of sequences, or plain."""
+        if not self.config.prioritised:
+            return super().make_replay()
+        alpha, beta = self.config.priority_alpha, self.config.priority_beta
+        return PrioritisedReplay(self.spec, self.config.capacity, alpha=alpha, beta=beta)
+
+    def reprioritise(self, batch: ReplayBatch, surprise: Tensor) -> None:
+        """Let prioritised replay know the mean over living agents of absolute differences (M, N)."""
+        if isinstance(self.replay, PrioritisedReplay) and batch.rows is not None:
+            total = torch.where(batch.alive, surprise, 0).sum(-1)
+            self.replay.reprioritise(batch.rows, total / batch.alive.sum(-1).clamp(min=1))
+
+    def following(self, net: DQNModule, own: ReplayGroup) -> tuple[GroupView, GroupView]:
+        """Return what the agents see next, with the online and with the target network's own memory."""
+        if not net.memory_size:
+            return own.next, own.next
+        with torch.no_grad():
+            memories = net.q.recall(own)[1], net.target_q.recall(own)[1]
+        online, target = (
+            replace(own.next, observations={**own.next.observations, MEMORY: memory}) for memory in memories
+        )
+        return online, target
+
+    def next_value(self, net: DQNModule, view: GroupView, target_view: GroupView | None = None) -> Tensor:
         """Return the target network's value (M, n) of the action that looks best; illegal ones never do."""
         with torch.no_grad():
-            values = net.target_q(view.observations)
+            values = net.target_q((target_view or view).observations)
             ranking = net.policy(view) if self.config.double else values
             if view.legal is not None:
                 ranking = ranking.masked_fill(~view.legal, ILLEGAL)
@@ -114,6 +174,9 @@ class DQNConfig(OffPolicyConfig):
     Attributes:
         double: Choose the next action by the online network.
         duelling: Separate streams for value and advantage.
+        prioritised: Draw transitions by their last temporal difference (Schaul et al. 2016).
+        priority_alpha: How much: 0 is uniform.
+        priority_beta: How far importance weights undo it: 1 entirely.
         epsilon: (first, last) probability of a random action.
         epsilon_steps: Environment steps from the first to the last.
     """
@@ -122,12 +185,26 @@ class DQNConfig(OffPolicyConfig):
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or DQN)
+        self._defaults(prioritised=False, priority_alpha=0.6, priority_beta=0.4)
         self._defaults(double=True, duelling=True, epsilon=(1.0, 0.05), epsilon_steps=10_000)
 
+    prioritised: bool
+    priority_alpha: float
+    priority_beta: float
     double: bool
     duelling: bool
     epsilon: tuple[float, float]
     epsilon_steps: int
+
+    def validate(self) -> None:
+        """Refuse settings that cannot work together (RLlib).
+
+        Raises:
+            ValueError: Priorities were asked for sequences, or where one team loss has no agent's difference.
+        """
+        super().validate()
+        if self.prioritised and (self.gru or self.algorithm != "dqn"):
+            self._value_error("prioritised replay is for 'dqn' without gru: it ranks single transitions")
 
     def exploration(self, steps: int) -> Exploration:
         """Return epsilon-greedy exploration, annealed linearly."""

@@ -70,7 +70,9 @@ ALGORITHMS: dict[str, Entry] = {
         "a2c:A2CConfig", _D, "M1", Actions.BOTH, "independent advantage actor-critic", recurrent=True
     ),
     "ppo": _entry("ppo:PPOConfig", _D, "M1", Actions.BOTH, "independent PPO", recurrent=True),
-    "dqn": _entry("dqn:DQNConfig", _D, "M1", Actions.DISCRETE, "independent double duelling Q-learning"),
+    "dqn": _entry(
+        "dqn:DQNConfig", _D, "M1", Actions.DISCRETE, "independent double duelling Q-learning", recurrent=True
+    ),
     "commnet": _entry(
         "commnet:CommNetConfig",
         _F,
@@ -91,8 +93,15 @@ ALGORITHMS: dict[str, Entry] = {
     "maac": _entry(
         "maac:MAACConfig", _C, "M3", Actions.DISCRETE, "soft actor-critic, attention in its critic"
     ),
-    "vdn": _entry("vdn:VDNConfig", _C, "M3", Actions.DISCRETE, "team value as a sum of values"),
+    "vdn": _entry(
+        "vdn:VDNConfig", _C, "M3", Actions.DISCRETE, "team value as a sum of values", recurrent=True
+    ),
     "qmix": _entry(
-        "qmix:QMIXConfig", _C, "M3", Actions.DISCRETE, "team value as a monotone function of values"
+        "qmix:QMIXConfig",
+        _C,
+        "M3",
+        Actions.DISCRETE,
+        "team value as a monotone function of values",
+        recurrent=True,
     ),
 }

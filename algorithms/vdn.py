@@ -3,8 +3,8 @@
 Sunehag et al. 2018, "Value-Decomposition Networks for Cooperative Multi-Agent Learning", eq. 3: Q_tot = sum_i
 Q_i(o_i, a_i), learned end to end from the team's reward by the squared double-Q temporal difference.
 
-Deviations: no recurrence; absent agents contribute zero, and the team's reward is the sum (or mean) over
-those present.
+Deviations: recurrence is optional (`gru`); absent agents contribute zero, and the team's reward is the sum
+(or mean) over those present.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class VDNLearner(DQNLearner):
         for group, own in batch.groups():
             net = self.net(group.id)
             chosen[group.id] = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
-            best[group.id] = self.next_value(net, own.next)
+            best[group.id] = self.next_value(net, *self.following(net, own))
         total = self.mix(torch.where(batch.alive, batch.join(chosen), 0), batch)
         with torch.no_grad():
             # Whoever is there next counts, late arrivals too: the same agents as when that moment is fitted.

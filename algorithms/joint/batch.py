@@ -247,9 +247,13 @@ class ReplayBatch(JointBatch):
     Attributes:
         next: The true next moment, never a reset observation; `next.alive` tells who is still there,
             agents cut by a time limit included.
+        rows: Places in the replay buffer, (M,).
+        weights: Importance weights (M,) of prioritised replay, or None.
     """
 
     next: JointView
+    rows: Tensor | None = field(default=None, kw_only=True)
+    weights: Tensor | None = field(default=None, kw_only=True)
 
     def groups(self) -> Iterator[tuple[Group, ReplayGroup]]:
         """Yield every group with its part."""

@@ -282,12 +282,18 @@ class OffPolicyLearner(JointTorchLearner):
     def build(self) -> None:
         """Build modules, and the replay buffer."""
         super().build()
-        self.replay = JointReplay(self.spec, self.config.capacity)
+        self.replay = self.make_replay()
         self._owed = 0.0
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Take the gradient steps of one minibatch: the slot that an algorithm fills."""
         raise NotImplementedError
+
+    def make_replay(self) -> JointReplay:
+        """Return an empty replay buffer: of sequences, where policies are recurrent."""
+        return JointReplay(
+            self.spec, self.config.capacity, self.config.sequence_length if self.config.gru else 1
+        )
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Store the rollout, then learn from samples of everything stored."""

@@ -1,4 +1,4 @@
-"""Replay of single transitions: a ring of joint rows with their true next moments."""
+"""Replay of transitions, single or in sequences: a ring of joint rows with their true next moments."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from algorithms.joint.batch import JointView, ReplayBatch
+from algorithms.joint.env import Ints
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import stored_actions
 from algorithms.joint.spec import JointSpec
@@ -21,11 +23,13 @@ class JointReplay:
 
     Args:
         spec: Agents and spaces.
-        capacity: Joint transitions kept.
+        capacity: Joint transitions kept, rounded down to whole sequences.
+        length: Steps of each sequence; fragments are cut into whole ones. 1: single transitions.
     """
 
-    def __init__(self, spec: JointSpec, capacity: int) -> None:
-        self.capacity = capacity
+    def __init__(self, spec: JointSpec, capacity: int, length: int = 1) -> None:
+        capacity -= capacity % length
+        self.capacity, self.length = capacity, length
         self._spec = spec
         agents = len(spec.agents)
         self._now = View.empty(spec.spaces, capacity)
@@ -33,6 +37,7 @@ class JointReplay:
         self._actions = tuple(stored_actions(b.action, (capacity, len(b.agents))) for b in spec.spaces.blocks)
         self._rewards = np.zeros((capacity, agents), np.float32)
         self._bootstrap = np.zeros((capacity, agents), bool)
+        self._fresh = np.zeros((capacity, agents), bool)
         self._size = self._place = 0
 
     def __len__(self) -> int:
@@ -43,11 +48,15 @@ class JointReplay:
         """Memory of the full buffer [bytes]."""
         return sum(array.nbytes for array in self._arrays().values())
 
-    def add(self, rollout: JointRollout) -> None:
-        """Store the transitions of a rollout, oldest first; the oldest stored ones are overwritten."""
-        acted = rollout.views.alive[:-1]
-        t, b = np.nonzero(acted.any(-1))
+    def add(self, rollout: JointRollout) -> Ints:
+        """Store the transitions of a rollout, oldest first; the oldest stored ones are overwritten.
+
+        Returns:
+            Where they are stored.
+        """
+        t, b = self._cut(rollout)
         t, b = t[-self.capacity :], b[-self.capacity :]
+        masks = rollout.masks()
         following = rollout.views[t + 1, b]
         # Row t + 1 of a copy that was reset is another episode: after a terminal step nobody is there.
         for array in _view_arrays("", following).values():
@@ -59,16 +68,35 @@ class JointReplay:
             following,
             tuple(actions[t, b] for actions in rollout.actions),
             rollout.rewards[t, b],
-            rollout.masks().bootstrap[t, b],
+            masks.bootstrap[t, b],
+            masks.fresh[t, b],
         )
         for name, array in self._arrays().items():
             array[rows] = incoming[name]
         self._place = (self._place + len(t)) % self.capacity
         self._size = min(self._size + len(t), self.capacity)
+        return rows
+
+    def _cut(self, rollout: JointRollout) -> tuple[Ints, Ints]:
+        """Return the (steps, copies) to store: those in which anybody acted, or sequence after sequence."""
+        if self.length == 1:
+            t, b = np.nonzero(rollout.views.alive[:-1].any(-1))
+            return t, b
+        steps, copies = rollout.reset.shape
+        if steps % self.length:
+            raise ValueError(f"a fragment of {steps} steps cannot be cut into sequences of {self.length}")
+        order = np.arange(steps * copies).reshape(steps // self.length, self.length, copies)
+        return np.divmod(order.transpose(0, 2, 1).ravel(), copies)
 
     def sample(self, rng: np.random.Generator, count: int, device: torch.device | str = "cpu") -> ReplayBatch:
-        """Return `count` transitions drawn uniformly with replacement."""
-        rows = rng.integers(self._size, size=count)
+        """Return `count` transitions, in whole sequences, drawn uniformly with replacement."""
+        if self.length == 1:
+            return self.batch(rng.integers(self._size, size=count), device)
+        first = self.length * rng.integers(self._size // self.length, size=max(count // self.length, 1))
+        return self.batch((first + np.arange(self.length)[:, None]).ravel(), device)
+
+    def batch(self, rows: Ints, device: torch.device | str, weights: Tensor | None = None) -> ReplayBatch:
+        """Return the transitions at the given places."""
         now = JointView.of(self._spec, self._now[rows], device)
         return ReplayBatch(
             self._spec,
@@ -81,6 +109,10 @@ class JointReplay:
             rewards=torch.from_numpy(self._rewards[rows]).to(device),
             bootstrap=torch.from_numpy(self._bootstrap[rows]).to(device),
             next=JointView.of(self._spec, self._next[rows], device),
+            rows=torch.from_numpy(rows),
+            weights=weights,
+            fresh=torch.from_numpy(self._fresh[rows]).to(device) if self.length > 1 else None,
+            length=self.length,
         )
 
     def get_state(self) -> dict[str, Any]:
@@ -95,7 +127,7 @@ class JointReplay:
             array[: self._size] = state["arrays"][name]
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        return _arrays(self._now, self._next, self._actions, self._rewards, self._bootstrap)
+        return _arrays(self._now, self._next, self._actions, self._rewards, self._bootstrap, self._fresh)
 
 
 def _overwrite(following: View, rollout: JointRollout, t: np.ndarray, b: np.ndarray) -> None:
@@ -128,7 +160,7 @@ def _view_arrays(prefix: str, view: View) -> dict[str, np.ndarray]:
 
 
 def _arrays(
-    now: View, following: View, actions, rewards: np.ndarray, bootstrap: np.ndarray
+    now: View, following: View, actions, rewards: np.ndarray, bootstrap: np.ndarray, fresh: np.ndarray
 ) -> dict[str, np.ndarray]:
     acted = {f"actions/{k}": part for k, part in enumerate(actions)}
     return {
@@ -137,4 +169,5 @@ def _arrays(
         **acted,
         "rewards": rewards,
         "bootstrap": bootstrap,
+        "fresh": fresh,
     }
