@@ -14,7 +14,8 @@ from smarts.env.solo import SoloWorld
 from smarts.errors import SmartsError, nearest_names
 
 _OLD_NAMES = {"agent_specs": "agents"}
-_WITHOUT_EFFECT = ("headless", "sim_name")
+_WITHOUT_EFFECT = ("headless", "sim_name", "num_envs")
+# The last is what `algorithms` tells every environment, for those that are several at once.
 
 
 def setting_of(config: Mapping[str, Any]) -> Setting:

@@ -1,0 +1,84 @@
+"""`VectorHiWayEnv` keeps the learners' contract, and what policies sampled from gets into the records."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from ray.tune import register_env
+
+import algorithms
+from algorithms.joint.conformance import check_vector_env
+from algorithms.joint.evaluation import evaluate
+from smarts.env import VectorHiWayEnv
+from smarts.sim.assembly import Options
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+
+
+def different_scenarios(env):
+    """Return a seed of which the first episodes are in two scenarios, one of them at least with traffic."""
+    for seed in range(20):
+        env.reset(seed)
+        scenarios = {start.scenario for start in env.episodes}
+        if len(scenarios) == 2 and any(start.traffic_name != "no_social_vehicles" for start in env.episodes):
+            return seed
+    pytest.fail("the scenarios are never side by side")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        pytest.param({"adapter_options": {"image": True, "image_size": 16}}, marks=pytest.mark.slow),
+        pytest.param({"adapter": "raw"}, marks=pytest.mark.slow),
+    ],
+    ids=["vector", "image", "raw"],
+)
+def test_vector_contract(options):
+    """Two scenarios side by side, with traffic."""
+    env: Any = VectorHiWayEnv(2, ["intersection", "double_merge"], **options)
+    try:
+        check_vector_env(env, steps=60, seed=different_scenarios(env))
+    finally:
+        env.close()
+
+
+@pytest.mark.slow
+def test_ppo_learns_from_pictures_and_its_evaluation_is_on_record(tmp_path):
+    def create(config):
+        options = {"image": True, "image_size": 32}
+        record = Options(record=tmp_path)
+        return VectorHiWayEnv(config["num_envs"], ["two_way"], adapter_options=options, simulation=record)
+
+    register_env("pictures", create)
+    config = algorithms.config("ppo").environment("pictures").training(sharing="all")
+    config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=32)
+    algo: Any = config.build_algo()
+    try:
+        assert set(algo.env_runner_group.local_env_runner.env.spaces.blocks[0].observation) == {
+            "observation",
+            "image",
+        }
+        algo.train()
+        steps = []
+        evaluate(algo, 2, on_step=steps.append)
+    finally:
+        algo.stop()
+    seen = np.concatenate([step.distributions[0][step.playing >= 0].reshape(-1, 4) for step in steps])
+    assert np.unique(seen.round(4), axis=0).shape[0] > 10
+    recorded = [RecordedEpisode(path) for path in episodes_in(tmp_path)]
+    evaluated = [episode for episode in recorded if episode.facts["world"] in (2_000_000, 2_000_001)]
+    assert len(evaluated) == 2
+    for episode in evaluated:
+        extras, decisions = episode.table("extras"), episode.table("decisions")
+        told = {name: extras["name"] == name for name in ("probabilities", "reward")}
+        decided = set(zip(decisions["step"].tolist(), decisions["seat"].tolist(), strict=True))
+        for rows in told.values():
+            assert (
+                set(zip(extras["step"][rows].tolist(), extras["seat"][rows].tolist(), strict=True)) == decided
+            )
+        probabilities = np.stack([np.array(values) for values in extras["values"][told["probabilities"]]])
+        np.testing.assert_allclose(probabilities.sum(axis=1), 1.0, rtol=1e-5)
+        legal = decisions["legal"][:, None] >> np.arange(4) & 1
+        order = np.lexsort((decisions["seat"], decisions["step"]))
+        said = np.lexsort((extras["seat"][told["probabilities"]], extras["step"][told["probabilities"]]))
+        assert not (probabilities[said] * (1 - legal[order])).any()

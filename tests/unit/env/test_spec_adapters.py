@@ -1,0 +1,147 @@
+"""Adapters of users: those of a spec in the faces with arrays, and classes for all agents at once."""
+
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Discrete
+
+from smarts.agents import ActionSpaceType, AgentSpec
+from smarts.agents.options import InterfaceError
+from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.env.adapters.benchmark import BenchmarkAdapter, benchmark_interface
+from smarts.errors import ActionError, UnknownNameError
+
+PLAIN = benchmark_interface()
+SPACE = Box(-1.0, 100.0, (1,), np.float32)
+
+
+def speed(observation):
+    return np.array([observation.ego_vehicle_state.speed], np.float32)
+
+
+ADAPTED = AgentSpec(
+    interface=PLAIN,
+    observation_adapter=speed,
+    observation_space=SPACE,
+    action_adapter=lambda action: ("slow_down", "keep_lane")[action],
+    action_space=Discrete(2),
+    reward_adapter=lambda observation, reward: 100.0 + reward,
+    info_adapter=lambda observation, reward, info: {"reward": reward, "score": info["score"]},
+)
+
+
+@pytest.fixture
+def closing():
+    made = []
+
+    def keep(env):
+        made.append(env)
+        return env
+
+    yield keep
+    for env in made:
+        env.close()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda agents: hiway_parallel_env(["loop"], agents),
+        lambda agents: RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": agents}),
+    ],
+)
+def test_one_agent_by_its_spec_beside_one_by_arrays(closing, make):
+    env, plain = closing(make({"a": PLAIN, "b": ADAPTED})), closing(make({"a": PLAIN, "b": PLAIN}))
+    assert env.observation_spaces["b"] is SPACE
+    assert env.action_spaces["b"] == Discrete(2)
+    observations, _ = env.reset(seed=4)
+    same, _ = plain.reset(seed=4)
+    infos = {}
+    for _ in range(8):
+        assert SPACE.contains(observations["b"])
+        np.testing.assert_array_equal(observations["a"]["observation"], same["a"]["observation"])
+        observations, rewards, _, _, infos = env.step({"a": 0, "b": 1})
+        same, expected, *_ = plain.step({"a": 0, "b": 0})
+        assert rewards["a"] == expected["a"]
+        assert rewards["b"] == pytest.approx(100.0 + expected["b"])
+        assert infos["b"]["reward"] == expected["b"]
+    assert infos["b"]["score"] > 5.0
+    assert observations["b"][0] > 2.0
+    for _ in range(12):
+        observations, *_ = env.step({"b": 0})
+    assert observations["b"][0] < 0.2
+
+
+def test_a_single_agent_by_its_spec(closing):
+    env = closing(SingleHiWayEnv(["loop"], ADAPTED))
+    assert env.observation_space is SPACE
+    assert env.reset(seed=1)[0].shape == (1,)
+    assert env.step(1)[1] > 90.0
+
+
+def test_an_action_that_the_adapter_made_wrong_is_refused(closing):
+    spec = AgentSpec(interface=PLAIN, action_adapter=lambda action: "fly")
+    env = closing(hiway_parallel_env(["loop"], {"a": spec}))
+    env.reset(seed=1)
+    with pytest.raises(ActionError, match="action of 'a'"):
+        env.step({"a": 0})
+    env.step({})
+
+
+def test_an_observation_adapter_needs_a_space():
+    spec = AgentSpec(interface=PLAIN, observation_adapter=speed)
+    with pytest.raises(InterfaceError, match="'a' has an observation adapter"):
+        hiway_parallel_env(["loop"], {"a": spec})
+
+
+def test_vector_refuses_python_adapters_by_name():
+    with pytest.raises(
+        InterfaceError, match=r"'b' has adapters of its own: action, info, observation, reward"
+    ):
+        VectorHiWayEnv(1, ["loop"], {"a": PLAIN, "b": ADAPTED})
+
+
+class Doubled(BenchmarkAdapter):
+    """The benchmark's, twice as dear."""
+
+    def __init__(self, served, interface, *, factor=2.0, **options):
+        super().__init__(served, interface, **options)
+        self._factor, self._paid = factor, self.rewards
+        self.rewards = np.zeros_like(self._paid)
+
+    def collect(self, frame, is_last):
+        super().collect(frame, is_last)
+        self.rewards[:] = self._factor * self._paid
+
+
+def test_a_class_serves_all_agents(closing):
+    ours = closing(VectorHiWayEnv(2, ["loop"], adapter=Doubled, adapter_options={"factor": 3.0}))
+    plain = closing(VectorHiWayEnv(2, ["loop"]))
+    ours.reset(5)
+    now = plain.reset(5)
+    for _ in range(5):
+        now, expected = (env.step([np.zeros((2, 4), int)]) for env in (ours, plain))
+        np.testing.assert_allclose(now.rewards, 3.0 * expected.rewards, rtol=1e-6)
+    assert now.rewards.any()
+
+
+def test_pictures_in_a_face_with_dicts(closing):
+    env = closing(hiway_parallel_env(["intersection"], 2, adapter_options={"image": True}))
+    observations, _ = env.reset(seed=2)
+    for _ in range(3):
+        for name, seen in observations.items():
+            assert env.observation_space(name).contains(seen)
+            assert (seen["image"] == 255).sum() >= 3 * 8
+        observations, *_ = env.step(dict.fromkeys(env.agents, 0))
+
+
+def test_what_is_no_adapter_is_refused():
+    with pytest.raises(UnknownNameError, match="benchmark"):
+        VectorHiWayEnv(1, ["loop"], adapter="benchmrk")
+    with pytest.raises(InterfaceError, match="3 is not an adapter"):
+        VectorHiWayEnv(1, ["loop"], adapter=3)  # type: ignore[arg-type]
+
+
+def test_specs_know_which_adapters_do_something():
+    assert AgentSpec(interface=PLAIN).own_adapters == frozenset()
+    assert ADAPTED.own_adapters == {"observation", "action", "reward", "info"}
+    assert ADAPTED.replace(interface=PLAIN.replace(action=ActionSpaceType.Lane)).observation_space is SPACE
