@@ -25,6 +25,8 @@ class Purpose(enum.IntEnum):
     """Draws made while a scenario is built."""
     SCENARIOS = 6
     """The order in which a run's scenarios, traffic and missions come."""
+    RESAMPLING = 7
+    """Which episodes intervals are made of."""
 
 
 def stream(seed: int, purpose: Purpose, *, world: int = 0, episode: int = 0) -> np.random.Generator:

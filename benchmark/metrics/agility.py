@@ -1,0 +1,54 @@
+"""Agility: how fast those arrive who arrive; beside it, how fast all get on along their routes."""
+
+import numpy as np
+
+from benchmark.metrics.episode_data import EpisodeData
+from benchmark.metrics.measure import Columns, Measure, ended_by, share
+from smarts.types.events import Outcome
+
+
+def measure(episode: EpisodeData) -> Columns:
+    """Return free-flow time / travel time, at most 1, of those who arrived."""
+    arrived = ended_by(episode, Outcome.GOAL) * (episode.duration > 0)
+    ratio = share(episode.agents["free_flow_time"], episode.duration)
+    return {"agility": np.where(arrived > 0, np.minimum(ratio, 1.0), 0.0), "arrivals": arrived}
+
+
+def measure_progress(episode: EpisodeData) -> Columns:
+    """Return metres gained along the route, and seconds."""
+    done = episode.seat_column("route_done")
+    agents = np.arange(episode.count)
+    ends = [np.maximum(episode.agents[name], 0) for name in ("entry_step", "end_step")]
+    first, last = (done[step, agents] for step in ends)
+    known = episode.entered & np.isfinite(first) & np.isfinite(last)
+    return {
+        "progress": np.where(known, last - first, 0.0),
+        "progress_time": np.where(known, episode.duration, 0.0),
+    }
+
+
+METRIC = Measure(
+    name="agility",
+    label="Agility",
+    meaning="free-flow time / travel time over completed agent-episodes",
+    kind="mean",
+    columns=("agility", "arrivals"),
+    measure=measure,
+    value=lambda totals: share(totals["agility"], totals["arrivals"]),
+    missing="nobody arrived",
+    better="higher",
+    is_axis=True,
+)
+PROGRESS_SPEED = Measure(
+    name="progress_speed",
+    label="Progress speed",
+    meaning="metres gained along the route / driving time, over all agent-episodes",
+    kind="ratio",
+    columns=("progress", "progress_time"),
+    measure=measure_progress,
+    value=lambda totals: share(totals["progress"], totals["progress_time"]),
+    missing="nobody drove",
+    better="higher",
+    unit="m/s",
+    is_share=False,
+)

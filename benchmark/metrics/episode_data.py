@@ -1,0 +1,334 @@
+"""One recorded episode as dense arrays, made once for all metrics.
+
+Axis letters: T instants (steps + 1), V vehicles, A agents, P planned paths, K lanes of a path, D decisions.
+A vehicle that is not recorded at an instant is not `present` and has NaN and -1 there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.metrics.lane_paths import PathBook, path_book
+from smarts.errors import RecordError
+from smarts.sim.episode_files import MAPS, RecordedEpisode
+from smarts.types.episode_schema import TABLES
+from smarts.types.seats import SeatState
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+Found = TypeVar("Found")
+
+_NUMBERS = {
+    "x": "x",
+    "y": "y",
+    "heading": "heading",
+    "speed": "speed",
+    "acceleration": "acceleration",
+    "lateral_acceleration": "lateral_acceleration",
+    "s": "s",
+    "t": "t",
+    "desired_speed": "desired_speed",
+}
+_DRIVING = (int(SeatState.ACTIVE), int(SeatState.DONE))
+
+
+class Motion(NamedTuple):
+    """All vehicles at all instants, shape (T, V), and their sizes."""
+
+    present: Bools
+    x: Floats
+    """[m]"""
+    y: Floats
+    heading: Floats
+    """[rad]"""
+    speed: Floats
+    """[m/s]"""
+    acceleration: Floats
+    """[m/s^2]"""
+    lateral_acceleration: Floats
+    s: Floats
+    """Along the lane [m]."""
+    t: Floats
+    """From the lane's middle, positive to the left [m]."""
+    desired_speed: Floats
+    """[m/s]"""
+    turn: Floats
+    """Heading as against that of the lane [rad]."""
+    lane: Ints
+    path: Ints
+    """Planned path, row of `Paths`; -1 without a lane."""
+    length: Floats
+    """[m], shape (V,)."""
+    width: Floats
+    """[m], shape (V,)."""
+    odometer: Floats
+    """Distance driven while recorded [m]; stays where it is afterwards."""
+
+
+class Paths(NamedTuple):
+    """Planned paths."""
+
+    lane: Ints
+    """-1 beyond the last, shape (P, K)."""
+    begin: Floats
+    """How far into the path each lane begins [m], shape (P, K)."""
+
+
+class Lanes(NamedTuple):
+    """Of the map, shape (L,)."""
+
+    edge: Ints
+    width: Floats
+    """[m]"""
+    left: Ints
+    right: Ints
+    kind: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class Decisions:
+    """What one agent chose, in order, shape (D,)."""
+
+    step: Ints
+    action: Ints
+    """An `ActionSpaceType`."""
+    values: Floats
+    """Shape (D, 8)."""
+    legal: Ints
+    """Bit i: lane action i was legal."""
+    is_effective: Bools
+
+
+class EpisodeData:
+    """A recorded episode for metrics.
+
+    Args:
+        episode: On disk.
+        split: "train" for variations that were trained on, "held_out" for the scenario's others; it only
+            matters to generalization.
+
+    Raises:
+        RecordError: A table is missing or damaged.
+        MapError: The map is missing.
+    """
+
+    def __init__(self, episode: RecordedEpisode, split: str = "train") -> None:
+        self.split = split
+        self._shared: dict[Callable, Any] = {}
+        _check_columns(episode)
+        self.facts: dict[str, Any] = episode.facts
+        self.dt = float(self.facts["dt"])
+        self.steps = int(self.facts["steps"])
+        self.agents = dict(episode.table("agents"))
+        self.count = len(self.agents["seat"])
+        """A, the number of agents."""
+        self._vehicles = episode.table("vehicles")
+        self._seats = episode.table("seats")
+        self._decisions = episode.table("decisions")
+        self._extras = episode.table("extras")
+        self._routes = episode.table("routes")
+        self.book: PathBook = path_book(episode.folder.parent / MAPS / f"{self.facts['map']}.npz")
+        graph = self.book.graph
+        self.graph = graph
+        self.lanes = Lanes(graph.lane_edge, graph.width, graph.left, graph.right, graph.kind)
+        self._check(str(episode.folder))
+
+    def _check(self, place: str) -> None:
+        """Refuse an episode whose numbers point nowhere, before they are used."""
+        ranges = (
+            ("vehicles", self._vehicles["step"], 0, self.steps),
+            ("vehicles", self._vehicles["lane"], -1, len(self.graph.lane_ids) - 1),
+            ("seats", self._seats["step"], 0, self.steps),
+            ("seats", self._seats["seat"], 0, self.count - 1),
+            ("decisions", self._decisions["step"], 0, self.steps),
+            ("agents", self.agents["goal_lane"], -1, len(self.graph.lane_ids) - 1),
+            ("agents", self.agents["end_step"], -1, self.steps),
+        )
+        for table, numbers, low, high in ranges:
+            if len(numbers) and not low <= int(numbers.min()) <= int(numbers.max()) <= high:
+                raise RecordError(
+                    f"a number in table '{table}' is not between {low} and {high}",
+                    place=place,
+                    remedy="record the episode anew",
+                )
+
+    def shared(self, find: Callable[[EpisodeData], Found]) -> Found:
+        """Return what a function finds in this episode; it is called once, for whoever asks first."""
+        if find not in self._shared:
+            self._shared[find] = find(self)
+        return self._shared[find]
+
+    @cached_property
+    def entered(self) -> Bools:
+        """Which agents took part, shape (A,)."""
+        return self.agents["entry_step"] >= 0
+
+    @cached_property
+    def duration(self) -> Floats:
+        """How long each agent drove [s], shape (A,)."""
+        return np.where(self.entered, self.agents["end_step"] - self.agents["entry_step"], 0) * self.dt
+
+    @cached_property
+    def _keys(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the vehicles as single numbers, and the column of each row of the table."""
+        table = self._vehicles
+        keys = _key(table["slot"], table["generation"])
+        return np.unique(keys, return_inverse=True)
+
+    @cached_property
+    def own(self) -> Ints:
+        """Column of each agent's vehicle, -1 where it has none, shape (A,)."""
+        return self.column(self.agents["slot"], self.agents["generation"])
+
+    def column(self, slot: NDArray, generation: NDArray) -> Ints:
+        """Return the column of vehicles, -1 for those that are not recorded."""
+        known, keys = self._keys[0], _key(slot, generation)
+        if not len(known):
+            return np.full(len(keys), -1, np.int32)
+        place = np.minimum(np.searchsorted(known, keys), len(known) - 1)
+        return np.where((known[place] == keys) & (slot >= 0), place, -1).astype(np.int32)
+
+    @cached_property
+    def partner(self) -> Ints:
+        """Column of the vehicle that each agent collided with, -1 without one, shape (A,)."""
+        return self.column(self.agents["partner_slot"], self.agents["partner_generation"])
+
+    @cached_property
+    def driving(self) -> Bools:
+        """When each agent drove, the instants of entry and end included, shape (T, A)."""
+        driving = np.zeros((self.steps + 1, self.count), np.bool_)
+        rows = np.isin(self._seats["state"], _DRIVING)
+        driving[self._seats["step"][rows], self._seats["seat"][rows]] = True
+        return driving
+
+    def seat_column(self, name: str) -> Floats:
+        """Return a column of the table `seats`, NaN where there is none, shape (T, A)."""
+        dense = np.full((self.steps + 1, self.count), np.nan)
+        dense[self._seats["step"], self._seats["seat"]] = self._seats[name]
+        return dense
+
+    @cached_property
+    def motion(self) -> Motion:
+        """All vehicles."""
+        table, (known, columns) = self._vehicles, self._keys
+        shape = self.steps + 1, len(known)
+        steps = table["step"]
+        dense: dict[str, NDArray] = {name: np.full(shape, np.nan) for name in _NUMBERS}
+        for name, source in _NUMBERS.items():
+            dense[name][steps, columns] = table[source]
+        present = np.zeros(shape, np.bool_)
+        present[steps, columns] = True
+        lane, path, turn = (np.full(shape, each) for each in (np.int32(-1), np.int32(-1), np.nan))
+        lane[steps, columns] = table["lane"]
+        path[steps, columns] = self._path_rows
+        turn[steps, columns] = self._turns()
+        length, width = np.zeros(len(known)), np.zeros(len(known))
+        length[columns], width[columns] = table["length"], table["width"]
+        moved = np.hypot(np.diff(dense["x"], axis=0), np.diff(dense["y"], axis=0))
+        odometer = np.zeros(shape)
+        np.cumsum(np.nan_to_num(moved), axis=0, out=odometer[1:])
+        return Motion(
+            present=present, lane=lane, path=path, turn=turn, length=length, width=width, odometer=odometer,
+            **dense,
+        )  # fmt: skip
+
+    @cached_property
+    def _plans(self) -> tuple[list[int], Ints]:
+        """Return the distinct planned paths as numbers of the book, and the row of each vehicle's row."""
+        table, (_, columns) = self._vehicles, self._keys
+        lanes = len(self.graph.lane_ids)
+        goal = np.full(len(self._keys[0]), -1)
+        agents = np.flatnonzero(self.own >= 0)
+        goal[self.own[agents]] = self.agents["goal_lane"][agents]
+        base = (table["route"].astype(np.int64) + 1) * (lanes + 1) + goal[columns] + 1
+        code = base * (lanes + 1) + table["lane"] + 1
+        found, rows = np.unique(code, return_inverse=True)
+        edges = {
+            int(number): tuple(each.tolist())
+            for number, each in zip(self._routes["route"], self._routes["edges"], strict=True)
+        }
+        numbers: list[int] = []
+        for each in found.tolist():
+            rest, lane = divmod(each, lanes + 1)
+            route, end = divmod(rest, lanes + 1)
+            is_somewhere = lane > 0
+            plan = lane - 1, edges.get(route - 1, ()), end - 1
+            numbers.append(self.book.number(plan) if is_somewhere else -1)
+        return numbers, rows.astype(np.int32)
+
+    @property
+    def _path_rows(self) -> Ints:
+        numbers, rows = self._plans
+        return np.where(np.array(numbers, np.int32)[rows] >= 0, rows, -1) if len(rows) else rows
+
+    @cached_property
+    def book_numbers(self) -> list[int]:
+        """Number in the book of each row of `paths`, -1 for none."""
+        return self._plans[0]
+
+    @cached_property
+    def paths(self) -> Paths:
+        """The planned paths of this episode."""
+        chosen = [self.book.paths[number] if number >= 0 else None for number in self.book_numbers]
+        most = max((len(path.lanes) for path in chosen if path), default=1)
+        lane, begin = np.full((len(chosen), most), -1, np.int32), np.zeros((len(chosen), most))
+        for row, path in enumerate(chosen):
+            if path:
+                lane[row, : len(path.lanes)] = path.lanes
+                begin[row, : len(path.begins)] = path.begins
+        return Paths(lane, begin)
+
+    def _turns(self) -> Floats:
+        """Return the heading of each row of the table as against its lane's [rad]."""
+        graph, table = self.graph, self._vehicles
+        lane = np.maximum(table["lane"], 0)
+        # One ascending axis for all lanes: arc lengths stay below a lane's share of it.
+        share = float(graph.length.max()) + 1.0
+        owner = np.repeat(np.arange(len(graph.length)), np.diff(graph.point_start))
+        stations = owner * share + graph.point_s
+        wanted = lane * share + np.clip(table["s"], 0.0, graph.length[lane])
+        row = np.clip(np.searchsorted(stations, wanted, side="right") - 1, 0, len(stations) - 1)
+        turn = table["heading"] - graph.point_heading[row]
+        turn = (turn + np.pi) % (2 * np.pi) - np.pi
+        return np.where(table["lane"] >= 0, turn, np.nan)
+
+    def decisions(self, agent: int) -> Decisions:
+        """Return what one agent chose."""
+        table = self._decisions
+        rows = np.flatnonzero(table["seat"] == self.agents["seat"][agent])
+        rows = rows[np.argsort(table["step"][rows], kind="stable")]
+        return Decisions(
+            step=table["step"][rows],
+            action=table["action"][rows],
+            values=np.stack([table[f"value_{number}"][rows] for number in range(8)], axis=-1),
+            legal=table["legal"][rows],
+            is_effective=table["is_effective"][rows],
+        )
+
+    def extras(self, agent: int, name: str) -> dict[int, Floats]:
+        """Return what the algorithm said of one agent's decisions, by step."""
+        table = self._extras
+        rows = np.flatnonzero((table["seat"] == self.agents["seat"][agent]) & (table["name"] == name))
+        return {int(table["step"][row]): np.asarray(table["values"][row], float) for row in rows}
+
+
+def _check_columns(episode: RecordedEpisode) -> None:
+    for table in TABLES:
+        absent = set(table.names) - set(episode.table(table.name))
+        if absent:
+            raise RecordError(
+                f"table '{table.name}' has no column '{min(absent)}'",
+                place=str(episode.folder),
+                remedy="record the episode anew",
+            )
+
+
+def _key(slot: NDArray, generation: NDArray) -> NDArray[np.int64]:
+    return slot.astype(np.int64) << 32 | generation.astype(np.int64)

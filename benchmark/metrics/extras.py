@@ -1,0 +1,185 @@
+"""What stands beside the eleven: how agents ended, and what it cost them and others."""
+
+from functools import partial
+
+import numpy as np
+
+from benchmark.metrics.encounters import find_encounters
+from benchmark.metrics.episode_data import EpisodeData
+from benchmark.metrics.leaders import leader_of, time_to_collision
+from benchmark.metrics.measure import Columns, Measure, ended_by, share
+from smarts.types.events import Outcome
+
+HARD = 4.0
+"""A harder deceleration than this is a hard brake [m/s^2]."""
+CAUSE_HEADWAY = 2.0
+"""Who brakes for the vehicle ahead is, at most, this and a hard stop's length behind it [s]."""
+CAUSE_TIME = 3.0
+"""How long after an encounter began a hard brake is put down to it [s]."""
+PAUSE = 1.0
+"""After which a hard brake is another one [s]."""
+LEAST_DRIVEN = 5.0
+"""By an agent that counts [m]."""
+LONGEST = 10.0
+"""Times to collision above this are as good as this [s]."""
+REWARD = "reward"
+"""Name of the extra."""
+
+
+def _measure_outcome(outcome: Outcome, episode: EpisodeData) -> Columns:
+    return {f"ended_{outcome.name.lower()}": ended_by(episode, outcome)}
+
+
+def outcome_share(outcome: Outcome) -> Measure:
+    """Return the share of agent-episodes that ended one way."""
+    name = f"ended_{outcome.name.lower()}"
+    words = outcome.name.lower().replace("_", "-")
+    return Measure(
+        name=name,
+        label=words.capitalize(),
+        meaning=f"share of agent-episodes with outcome {words}",
+        kind="rate",
+        columns=(name,),
+        measure=partial(_measure_outcome, outcome),
+        value=lambda totals: share(totals[name], totals["agents"]),
+        missing="no agent took part",
+        better="lower",
+        rate=(name, "agents"),
+    )
+
+
+OFF_ROAD = outcome_share(Outcome.OFF_ROAD)
+OFF_ROUTE = outcome_share(Outcome.OFF_ROUTE)
+MISSED_GOAL = outcome_share(Outcome.MISSED_GOAL)
+NOT_MOVING = outcome_share(Outcome.NOT_MOVING)
+TIME_OUT = outcome_share(Outcome.TIME_OUT)
+OTHER = outcome_share(Outcome.OTHER)
+OTHER_TERMINAL = outcome_share(Outcome.OTHER_TERMINAL)
+
+
+def measure_goal_distance(episode: EpisodeData) -> Columns:
+    """Return what was left of each agent's route."""
+    left = np.asarray(episode.agents["remaining"], float)
+    known = episode.entered & np.isfinite(left) & (episode.agents["route_length"] > 0)
+    return {"goal_distance": np.where(known, left, 0.0), "bound_agents": known.astype(float)}
+
+
+def measure_return(episode: EpisodeData) -> Columns:
+    """Return the sum of each agent's rewards, if they were recorded."""
+    found = [episode.extras(agent, REWARD) for agent in range(episode.count)]
+    return {
+        "return": np.array([sum(float(each.sum()) for each in rewards.values()) for rewards in found]),
+        "returns": np.array([float(bool(rewards)) for rewards in found]),
+    }
+
+
+def measure_least_time(episode: EpisodeData) -> Columns:
+    """Return each agent's least time to collision, at most 10 s."""
+    times = episode.shared(time_to_collision)
+    known = episode.entered & ~np.isnan(times).all(axis=0)
+    least = np.where(np.isnan(times), LONGEST, times).min(axis=0)
+    return {
+        "least_time": np.where(known, np.minimum(least, LONGEST), 0.0),
+        "located_agents": known.astype(float),
+    }
+
+
+def measure_hard_brakes(episode: EpisodeData) -> Columns:
+    """Return how often others began to brake hard because of an agent, and kilometres driven.
+
+    Because of it: the agent is the next vehicle ahead and near, or has met the one that brakes within the
+    last 3 s.
+    """
+    motion = episode.motion
+    brakes = np.zeros(episode.count)
+    hard = motion.present & (np.nan_to_num(motion.acceleration) < -HARD)
+    begins = hard.copy()
+    for since in range(1, round(PAUSE / episode.dt) + 1):
+        begins[since:] &= ~hard[:-since]
+    encounters = episode.shared(find_encounters)
+    agent_of = {int(own): agent for agent, own in enumerate(episode.own.tolist()) if own >= 0}
+    for k, other in np.argwhere(begins).tolist():
+        leader, ahead = leader_of(motion, episode.paths, episode.lanes, other, k)
+        since = (k - encounters.step) * episode.dt
+        met = (encounters.other == other) & (since >= 0) & (since <= CAUSE_TIME)
+        causes = set(encounters.agent[met].tolist())
+        speed = motion.speed[k, other]
+        near = speed * CAUSE_HEADWAY + speed**2 / (2 * HARD)
+        if leader in agent_of and ahead - (motion.length[leader] + motion.length[other]) / 2 <= near:
+            causes.add(agent_of[leader])
+        for agent in causes:
+            brakes[agent] += episode.driving[k, agent]
+    drove = episode.entered & (episode.agents["travelled"] >= LEAST_DRIVEN)
+    kilometres = np.where(drove, episode.agents["travelled"] / 1000.0, 0.0)
+    return {"hard_brakes": np.where(drove, brakes, 0.0), "kilometres": kilometres}
+
+
+def measure_decisions(episode: EpisodeData) -> Columns:
+    """Return decisions and seconds."""
+    counts = [len(episode.decisions(agent).step) for agent in range(episode.count)]
+    return {"decisions": np.array(counts, float), "seconds": episode.duration}
+
+
+GOAL_DISTANCE = Measure(
+    name="goal_distance",
+    label="Goal distance",
+    meaning="what was left of the route at the end",
+    kind="mean",
+    columns=("goal_distance", "bound_agents"),
+    measure=measure_goal_distance,
+    value=lambda totals: share(totals["goal_distance"], totals["bound_agents"]),
+    missing="no agent had a goal",
+    better="lower",
+    unit="m",
+    is_share=False,
+)
+RETURN = Measure(
+    name="return",
+    label="Return",
+    meaning="sum of an agent's rewards",
+    kind="mean",
+    columns=("return", "returns"),
+    measure=measure_return,
+    value=lambda totals: share(totals["return"], totals["returns"]),
+    missing="no rewards were recorded",
+    better="higher",
+    is_share=False,
+)
+LEAST_TIME_TO_COLLISION = Measure(
+    name="least_time_to_collision",
+    label="Least time to collision",
+    meaning="the least time to collision of an agent-episode, at most 10 s",
+    kind="mean",
+    columns=("least_time", "located_agents"),
+    measure=measure_least_time,
+    value=lambda totals: share(totals["least_time"], totals["located_agents"]),
+    missing="nobody drove",
+    better="higher",
+    unit="s",
+    is_share=False,
+)
+HARD_BRAKES = Measure(
+    name="hard_brakes",
+    label="Hard brakes caused",
+    meaning="how often others had to brake harder than 4 m/s^2 because of the agent, per km",
+    kind="ratio",
+    columns=("hard_brakes", "kilometres"),
+    measure=measure_hard_brakes,
+    value=lambda totals: share(totals["hard_brakes"], totals["kilometres"]),
+    missing="nobody drove 5 m",
+    better="lower",
+    unit="1/km",
+    is_share=False,
+)
+DECISION_RATE = Measure(
+    name="decision_rate",
+    label="Decisions per second",
+    meaning="decisions / driving time",
+    kind="ratio",
+    columns=("decisions", "seconds"),
+    measure=measure_decisions,
+    value=lambda totals: share(totals["decisions"], totals["seconds"]),
+    missing="nobody drove",
+    unit="1/s",
+    is_share=False,
+)

@@ -1,0 +1,62 @@
+"""Generalization: what is left of completion and safety where the policy was not trained."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from benchmark.metrics.episode_data import EpisodeData
+from benchmark.metrics.measure import Columns, Floats, Measure, Totals, ended_by, share
+from smarts.types.events import Outcome
+
+SPLITS = ("train", "held_out")
+LEAST_COMPLETION = 0.5
+"""In training, below which there is nothing to generalize."""
+
+
+def measure(episode: EpisodeData) -> Columns:
+    """Return agents, goals and collisions in columns of the episode's split."""
+    counts = {
+        "agents": episode.entered.astype(float),
+        "goals": ended_by(episode, Outcome.GOAL),
+        "collisions": ended_by(episode, Outcome.COLLISION),
+    }
+    return {
+        f"{split}_{name}": column if split == episode.split else np.zeros(episode.count)
+        for split in SPLITS
+        for name, column in counts.items()
+    }
+
+
+def terms(totals: Totals) -> Mapping[str, Floats]:
+    """Return the raw pairs: completion and non-collision rates of both splits."""
+    rates = {}
+    for split in SPLITS:
+        agents = totals[f"{split}_agents"]
+        rates[f"{split}_completion"] = share(totals[f"{split}_goals"], agents)
+        rates[f"{split}_non_collision"] = 1.0 - share(totals[f"{split}_collisions"], agents)
+    return rates
+
+
+def value(totals: Totals) -> Floats:
+    """Return 1 - mean(max(0, train - held-out)) over the two rates."""
+    rates = terms(totals)
+    losses = [
+        np.maximum(rates[f"train_{name}"] - rates[f"held_out_{name}"], 0.0)
+        for name in ("completion", "non_collision")
+    ]
+    is_trained = rates["train_completion"] >= LEAST_COMPLETION
+    return np.where(is_trained, 1.0 - np.mean(losses, axis=0), np.nan)
+
+
+METRIC = Measure(
+    name="generalization",
+    label="Generalization",
+    meaning="1 - mean loss of completion and non-collision rate from training to held-out variations",
+    kind="index",
+    columns=tuple(f"{split}_{name}" for split in SPLITS for name in ("agents", "goals", "collisions")),
+    measure=measure,
+    value=value,
+    missing="no held-out variation was played, or completion in training is below 0.5",
+    better="higher",
+    terms=terms,
+)

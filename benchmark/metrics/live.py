@@ -1,0 +1,239 @@
+"""The paper's programmatic interface: `Metric` counts while a simulation runs.
+
+    metric = Metric(num_episodes=10)
+    for episode in range(10):
+        ...
+        metric.log_step(observations, actions, rewards, dones, infos, episode=episode)
+    metric.compute()
+
+It knows what agents are told: how they ended, their rewards, the way to the goal, their actions. So it has
+collision and completion rate, the outcome shares, safety (its first term), control diversity (of lane
+actions; every lane change that was asked for counts as carried out), progress speed, goal distance, return
+and decisions per second. The others need the paths of other vehicles: record the episodes and use
+`measure_episodes`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from benchmark.metrics.control_diversity import LEAST_COMMANDS, split_entropy
+from benchmark.metrics.registry import METRICS
+from smarts.errors import SmartsError
+from smarts.types.actions import LaneAction
+from smarts.types.events import Outcome
+
+ALL = "__all__"
+
+MEASURED = (
+    "collision_rate",
+    "completion_rate",
+    "safety",
+    "control_diversity",
+    "progress_speed",
+    "ended_off_road",
+    "ended_off_route",
+    "ended_missed_goal",
+    "ended_not_moving",
+    "ended_time_out",
+    "ended_other",
+    "ended_other_terminal",
+    "goal_distance",
+    "return",
+    "decision_rate",
+)
+"""Metrics that observations, rewards and infos suffice for."""
+
+
+@dataclass
+class AgentLog:
+    """One agent in one episode."""
+
+    rewards: list[float] = field(default_factory=list)
+    actions: list[Any] = field(default_factory=list)
+    seen: list[Any] = field(default_factory=list)
+    """First and latest observation, as objects."""
+    outcome: str = ""
+    """Name of an `Outcome` in lower case, "" while it drives."""
+
+
+@dataclass
+class EpisodeLog:
+    """What was logged of one episode."""
+
+    agents: dict[str, AgentLog] = field(default_factory=dict)
+    steps: int = 0
+    """Decisions."""
+
+
+@dataclass
+class Episode(EpisodeLog):
+    """An episode that is being played; inherit to keep more of it."""
+
+    def record_step(self, **step: Any) -> None:
+        """Take in one decision.
+
+        Args:
+            step: observations, actions, rewards, dones, infos: dicts of agents, as `HiWayEnv.step` gives and
+                takes them; actions may be left out. Agents that have ended are passed over.
+        """
+        self.steps += 1
+        for name in step["rewards"]:
+            log = self.agents.setdefault(name, AgentLog())
+            if log.outcome:
+                continue
+            log.rewards.append(float(step["rewards"][name]))
+            actions = step.get("actions") or {}
+            if name in actions:
+                log.actions.append(actions[name])
+            info = step["infos"].get(name, {})
+            seen = info.get("env_obs", step["observations"].get(name))
+            if hasattr(seen, "ego_vehicle_state"):
+                log.seen = [*log.seen[:1], seen]
+            log.outcome = str(info.get("outcome", ""))
+            if step["dones"].get(name) and not log.outcome:
+                log.outcome = _outcome_of(seen)
+
+
+class Metric:
+    """Counts over episodes while they are played.
+
+    To add to it, inherit: `Metric.episode` is the class that records, `columns` what is made of an agent's
+    log, `METRICS` what is computed.
+
+    Args:
+        num_episodes: How many are wanted; more are refused.
+    """
+
+    episode = Episode
+
+    def __init__(self, num_episodes: int = 1) -> None:
+        self.num_episodes = num_episodes
+        self.episodes: dict[Hashable, Any] = {}
+        """An object of the class `episode` for each."""
+
+    def log_step(
+        self,
+        observations: Mapping[str, Any],
+        actions: Mapping[str, Any] | None = None,
+        rewards: Mapping[str, float] | None = None,
+        dones: Mapping[str, bool] | None = None,
+        infos: Mapping[str, Mapping[str, Any]] | None = None,
+        episode: Hashable = 0,
+    ) -> None:
+        """Take in one decision of all agents.
+
+        Args:
+            observations: After it, by agent.
+            actions: That led to it; None if they are not at hand.
+            rewards: For it.
+            dones: Whose episode has ended: terminated or truncated.
+            infos: `HiWayEnv`'s, with outcome and observation object.
+            episode: Number or other name of the episode.
+
+        Raises:
+            SmartsError: There are more episodes than were announced.
+        """
+        if episode not in self.episodes:
+            if len(self.episodes) >= self.num_episodes:
+                raise SmartsError(
+                    f"episode {episode!r} is one more than the {self.num_episodes} announced",
+                    place="Metric.log_step",
+                    remedy="give Metric a larger num_episodes, or log all steps of an episode under one name",
+                )
+            self.episodes[episode] = self.episode()
+        self.episodes[episode].record_step(
+            observations=observations,
+            actions=actions,
+            rewards=rewards or {},
+            dones=dones or {},
+            infos=infos or {},
+        )
+
+    def columns(self, log: AgentLog) -> dict[str, float]:
+        """Return the columns of one agent-episode, as the metrics of recorded episodes write them."""
+        outcomes = {
+            f"ended_{outcome.name.lower()}": float(log.outcome == outcome.name.lower()) for outcome in Outcome
+        }
+        return {
+            "agents": 1.0,
+            "collisions": outcomes["ended_collision"],
+            "goals": outcomes["ended_goal"],
+            **outcomes,
+            "return": sum(log.rewards),
+            "returns": 1.0,
+            "decisions": float(len(log.rewards)),
+            **dict.fromkeys(("safe_time", "driving_time", "safe_gaps", "gaps"), 0.0),
+            **_seen_columns(log),
+            **_command_columns(log),
+        }
+
+    def compute(self) -> dict[str, float]:
+        """Return each metric over all agents that have ended, NaN where there is nothing to measure."""
+        logs = [log for episode in self.episodes.values() for log in episode.agents.values() if log.outcome]
+        rows = [self.columns(log) for log in logs]
+        names = {name for row in rows for name in row}
+        totals = {name: np.array(sum(row[name] for row in rows)) for name in names}
+        if not rows:
+            return dict.fromkeys(MEASURED, float("nan"))
+        return {name: float(METRICS[name].value(totals)) for name in MEASURED}
+
+
+def _outcome_of(seen: Any) -> str:
+    """Return the outcome that an observation's events tell of, for infos that do not say it."""
+    events = getattr(seen, "events", None)
+    if events is None:
+        return "other"
+    happened = {
+        "collision": bool(events.collisions),
+        "off_road": events.off_road,
+        "off_route": events.off_route,
+        "missed_goal": getattr(events, "missed_goal", False),
+        "goal": events.reached_goal,
+        "not_moving": events.not_moving,
+        "time_out": events.reached_max_episode_steps,
+    }
+    return next((name for name, is_so in happened.items() if is_so), "other")
+
+
+def _seen_columns(log: AgentLog) -> dict[str, float]:
+    names = ("goal_distance", "bound_agents", "progress", "progress_time", "seconds")
+    columns: dict[str, float] = {name: 0.0 for name in names}
+    if not log.seen:
+        return columns
+    first, last = log.seen[0], log.seen[-1]
+    mission = last.ego_vehicle_state.mission
+    decision = last.steps_completed * last.dt / max(len(log.rewards), 1)
+    columns["seconds"] = last.steps_completed * last.dt
+    if mission.route_length > 0:
+        columns["goal_distance"], columns["bound_agents"] = mission.remaining, 1.0
+        columns["progress"] = first.ego_vehicle_state.mission.remaining - mission.remaining
+        # The first observation that is logged is the one after the first decision.
+        columns["progress_time"] = max(columns["seconds"] - decision, 0.0)
+    return columns
+
+
+def _command_columns(log: AgentLog) -> dict[str, float]:
+    names = ("control_diversity", "controlling_agents", "longitudinal_commands", "lateral_commands")
+    columns: dict[str, float] = {name: 0.0 for name in names}
+    chosen = [_lane_action(action) for action in log.actions]
+    along = chosen.count(LaneAction.slow_down)
+    across = chosen.count(LaneAction.change_lane_left) + chosen.count(LaneAction.change_lane_right)
+    if along + across >= LEAST_COMMANDS:
+        columns["longitudinal_commands"], columns["lateral_commands"] = float(along), float(across)
+        columns["control_diversity"] = split_entropy(along / (along + across))
+        columns["controlling_agents"] = 1.0
+    return columns
+
+
+def _lane_action(action: Any) -> LaneAction | None:
+    """Return the lane action that an action is, by number or name; None for other kinds."""
+    if isinstance(action, str):
+        return LaneAction.__members__.get(action)
+    if isinstance(action, int | np.integer) and 0 <= int(action) < len(LaneAction):
+        return LaneAction(int(action))
+    return None

@@ -1,0 +1,36 @@
+"""The metrics by name."""
+
+from smarts.registry import Registry
+
+METRICS = Registry(
+    "metric",
+    {
+        "collision_rate": "benchmark.metrics.collision_rate:METRIC",
+        "completion_rate": "benchmark.metrics.completion_rate:METRIC",
+        "generalization": "benchmark.metrics.generalization:METRIC",
+        "safety": "benchmark.metrics.safety:METRIC",
+        "agility": "benchmark.metrics.agility:METRIC",
+        "stability": "benchmark.metrics.stability:METRIC",
+        "control_diversity": "benchmark.metrics.control_diversity:METRIC",
+        "cut_in_ratio": "benchmark.metrics.cut_in_ratio:METRIC",
+        "stochasticity": "benchmark.metrics.stochasticity:METRIC",
+        "collaborative": "benchmark.metrics.collaborative:METRIC",
+        "competitive": "benchmark.metrics.competitive:METRIC",
+        "progress_speed": "benchmark.metrics.agility:PROGRESS_SPEED",
+        "ended_off_road": "benchmark.metrics.extras:OFF_ROAD",
+        "ended_off_route": "benchmark.metrics.extras:OFF_ROUTE",
+        "ended_missed_goal": "benchmark.metrics.extras:MISSED_GOAL",
+        "ended_not_moving": "benchmark.metrics.extras:NOT_MOVING",
+        "ended_time_out": "benchmark.metrics.extras:TIME_OUT",
+        "ended_other": "benchmark.metrics.extras:OTHER",
+        "ended_other_terminal": "benchmark.metrics.extras:OTHER_TERMINAL",
+        "goal_distance": "benchmark.metrics.extras:GOAL_DISTANCE",
+        "return": "benchmark.metrics.extras:RETURN",
+        "least_time_to_collision": "benchmark.metrics.extras:LEAST_TIME_TO_COLLISION",
+        "hard_brakes": "benchmark.metrics.extras:HARD_BRAKES",
+        "decision_rate": "benchmark.metrics.extras:DECISION_RATE",
+    },
+)
+"""Name -> "module:attribute" of a `benchmark.metrics.measure.Measure`; the paper's eleven come first."""
+ELEVEN = tuple(METRICS)[:11]
+"""Those that the paper names."""

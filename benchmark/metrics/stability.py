@@ -1,0 +1,91 @@
+"""Stability: smooth speed, gentle sideways forces, a steady place in the lane."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from benchmark.metrics.episode_data import EpisodeData
+from benchmark.metrics.lane_changes import find_lane_changes
+from benchmark.metrics.measure import Columns, Floats, Measure, Totals, share
+from smarts.types.seats import ChangePhase
+
+JERK, LATERAL_ACCELERATION, OFFSET = 2.0, 1.5, 0.5
+"""At which each term alone halves the index [m/s^3, m/s^2, m]."""
+LEAST_SPEED = 1.0
+"""Above which it is measured [m/s]."""
+LEAST_TIME = 2.0
+"""Above that speed [s]."""
+WINDOW = 0.5
+"""Over which accelerations are averaged before differencing [s]."""
+
+_TERMS = ("mean_jerk", "mean_lateral_acceleration", "offset_deviation")
+_CHANGING = (ChangePhase.REQUESTED, ChangePhase.MOVING)
+
+
+def measure(episode: EpisodeData) -> Columns:
+    """Return the index and its terms of each agent that was fast enough for long enough, and their count."""
+    columns = {name: np.zeros(episode.count) for name in METRIC.columns}
+    changes = episode.shared(find_lane_changes)
+    phase = episode.seat_column("change_phase")
+    for agent in np.flatnonzero(episode.entered & (episode.own >= 0)).tolist():
+        moving = episode.driving[:, agent] & (episode.motion.speed[:, episode.own[agent]] > LEAST_SPEED)
+        if moving.sum() * episode.dt < LEAST_TIME:
+            continue
+        is_changing = changes.under_way[:, agent] | np.isin(phase[:, agent], _CHANGING)
+        found = _terms_of(episode, int(episode.own[agent]), moving, is_changing)
+        columns["stable_agents"][agent] = 1.0
+        for name, each in zip(_TERMS, found, strict=True):
+            columns[name][agent] = each
+        scales = (JERK, LATERAL_ACCELERATION, OFFSET)
+        columns["stability"][agent] = 1.0 / (1.0 + sum(np.divide(found, scales)))
+    return columns
+
+
+def _terms_of(
+    episode: EpisodeData, own: int, moving: np.ndarray, is_changing: np.ndarray
+) -> tuple[float, float, float]:
+    motion = episode.motion
+    jerks = [_jerks(motion.acceleration[run, own], episode.dt) for run in _runs(moving)]
+    jerk = np.concatenate(jerks)
+    offset = motion.t[moving & ~is_changing, own]
+    offset = offset[np.isfinite(offset)]
+    return (
+        float(np.abs(jerk).mean()) if len(jerk) else 0.0,
+        float(np.nanmean(np.abs(motion.lateral_acceleration[moving, own]))),
+        float(offset.std()) if len(offset) else 0.0,
+    )
+
+
+def _runs(moving: np.ndarray) -> list[slice]:
+    """Return the stretches of time without a break."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], moving, [False]))))
+    return [slice(first, last) for first, last in edges.reshape(-1, 2).tolist()]
+
+
+def _jerks(acceleration: Floats, dt: float) -> Floats:
+    """Return differences of the moving average of an acceleration [m/s^3]."""
+    window = max(1, round(WINDOW / dt))
+    if len(acceleration) < window + 1:
+        return np.zeros(0)
+    return np.diff(np.convolve(acceleration, np.full(window, 1.0 / window), mode="valid")) / dt
+
+
+def terms(totals: Totals) -> Mapping[str, Floats]:
+    """Return the means of the terms over agent-episodes."""
+    return {name: share(totals[name], totals["stable_agents"]) for name in _TERMS}
+
+
+METRIC = Measure(
+    name="stability",
+    label="Stability",
+    meaning="1 / (1 + mean |longitudinal jerk| / 2.0 + mean |lateral acceleration| / 1.5 "
+    "+ std(lane offset) / 0.5) while faster than 1 m/s",
+    kind="index",
+    columns=("stability", "stable_agents", *_TERMS),
+    measure=measure,
+    value=lambda totals: share(totals["stability"], totals["stable_agents"]),
+    missing="nobody was faster than 1 m/s for 2 s",
+    better="higher",
+    is_axis=True,
+    terms=terms,
+)

@@ -1,0 +1,185 @@
+"""The table of results: a row for each agent-episode, kept for good; recordings need not be."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from benchmark.metrics.episode_data import EpisodeData
+from benchmark.metrics.generalization import SPLITS
+from benchmark.metrics.registry import METRICS
+from smarts.errors import MapError, RecordError, SmartsError
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from smarts.types.events import Outcome
+
+FORMAT = 1
+"""Of the file; others are refused."""
+FILE = "episodes.parquet"
+"""Usual name of the file."""
+COUNTS = "episodes"
+"""Key of `DataFrame.attrs`: how many episodes were measured, void, incomplete, and which are corrupted."""
+
+EPISODE_KEYS = ("scenario", "variation", "traffic", "seed", "world", "episode")
+"""Columns that name an episode; with the same seed, it has the same start and traffic whoever plays."""
+
+_VERSION = b"smarts_bench.metrics.format"
+_COUNTS = b"smarts_bench.metrics.episodes"
+
+
+def measure_episodes(
+    folder: Path,
+    *,
+    labels: Mapping[str, Any] | None = None,
+    split: str = "train",
+    metrics: Sequence[str] = (),
+) -> pd.DataFrame:
+    """Measure all whole episodes of a store.
+
+    Args:
+        folder: Of the store; not one episode's.
+        labels: Further columns, the same in all rows: algorithm, training_seed, mode ...
+        split: "train" or "held_out": see generalization.
+        metrics: Names, by default all.
+
+    Returns:
+        A row for each agent of each episode: the labels, `split`, `EPISODE_KEYS`, agent, outcome, is_void,
+        the start, and the columns of the metrics; NaN in those of void episodes and of agents that took no
+        part, for whom `agents` is 0. Episodes that were cut short are left out, and so are those that cannot
+        be read; `attrs["episodes"]` counts both, and names the latter with the reason.
+
+    Raises:
+        RecordError: The folder is not there, or the split is unknown.
+        UnknownNameError: A metric is unknown.
+    """
+    if split not in SPLITS:
+        raise RecordError(f"there is no split '{split}'", remedy=f"choose one of {', '.join(SPLITS)}")
+    if not folder.is_dir():
+        raise RecordError("there is no such folder of episodes", place=str(folder))
+    measures = [METRICS[name] for name in metrics or METRICS]
+    counts: dict[str, Any] = {"measured": 0, "void": 0, "incomplete": 0, "corrupted": {}}
+    parts = []
+    for path in episodes_in(folder):
+        try:
+            episode = _read(path, split)
+            if not episode.facts["is_complete"] and not episode.facts["is_void"]:
+                counts["incomplete"] += 1
+                continue
+            parts.append(_rows(episode, measures, labels or {}))
+        except (RecordError, MapError) as error:
+            counts["corrupted"][path.name] = error.problem
+            continue
+        counts["void" if episode.facts["is_void"] else "measured"] += 1
+    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    table.attrs[COUNTS] = counts
+    return table
+
+
+def _read(path: Path, split: str) -> EpisodeData:
+    try:
+        return EpisodeData(RecordedEpisode(path), split)
+    except (IndexError, KeyError, ValueError) as error:
+        raise RecordError(
+            f"not a whole episode: {error}", place=str(path), remedy="record the episode anew"
+        ) from error
+
+
+def _rows(episode: EpisodeData, measures: Iterable[Any], labels: Mapping[str, Any]) -> pd.DataFrame:
+    facts, agents = episode.facts, episode.agents
+    scenario, _, variation = str(facts["scenario"]).partition("@")
+    is_void = bool(facts["is_void"])
+    took_part = episode.entered & (not is_void)
+    columns: dict[str, Any] = {
+        **labels,
+        "split": episode.split,
+        "scenario": scenario,
+        "variation": variation,
+        "traffic": str(facts["traffic"]),
+        **{name: int(facts[name]) for name in ("seed", "world", "episode")},
+        "agent": agents["name"],
+        "outcome": [Outcome(int(outcome)).name.lower() for outcome in agents["outcome"]],
+        "is_void": is_void,
+        **{name: agents[name] for name in ("start_x", "start_y", "start_heading", "start_speed")},
+        "duration": episode.duration,
+        "travelled": agents["travelled"],
+        "agents": took_part.astype(float),
+    }
+    for measure in measures:
+        found = {} if is_void else measure.measure(episode)
+        for name in measure.columns:
+            columns[name] = np.where(took_part, found[name], np.nan) if found else np.nan
+    return pd.DataFrame(columns, index=pd.RangeIndex(episode.count))
+
+
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """Write a table to a Parquet file, which is whole or not there at all.
+
+    Raises:
+        RecordError: It cannot be written.
+    """
+    arrow = pa.Table.from_pandas(table, preserve_index=False)
+    counts = json.dumps(table.attrs.get(COUNTS, {})).encode()
+    arrow = arrow.replace_schema_metadata(
+        {**(arrow.schema.metadata or {}), _VERSION: str(FORMAT).encode(), _COUNTS: counts}
+    )
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            pq.write_table(arrow, partial, compression="zstd")
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordError(
+            f"cannot write the table of results: {error}", place=str(path), remedy="name another place"
+        ) from error
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """Read what `write_table` wrote.
+
+    Raises:
+        RecordError: It is missing, damaged, or of another format.
+    """
+    try:
+        arrow = pq.read_table(path)
+        metadata = arrow.schema.metadata or {}
+        found = metadata.get(_VERSION, b"").decode()
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        raise RecordError(
+            f"not a table of results: {error}", place=str(path), remedy="measure the episodes anew"
+        ) from error
+    if found != str(FORMAT):
+        raise RecordError(
+            f"written in format {found or 'unknown'}, this program reads format {FORMAT}",
+            place=str(path),
+            remedy="measure the episodes anew",
+        )
+    table = arrow.to_pandas()
+    table.attrs[COUNTS] = json.loads(metadata.get(_COUNTS, b"{}"))
+    return table
+
+
+def join_tables(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Return the rows of several tables, with their counts added up.
+
+    Raises:
+        SmartsError: There are none.
+    """
+    if not tables:
+        raise SmartsError("there is no table of results to join")
+    joined = pd.concat([table.reset_index(drop=True) for table in tables], ignore_index=True)
+    counts: dict[str, Any] = {"measured": 0, "void": 0, "incomplete": 0, "corrupted": {}}
+    for table in tables:
+        for name, value in table.attrs.get(COUNTS, {}).items():
+            counts[name] = {**counts[name], **value} if isinstance(value, dict) else counts[name] + value
+    joined.attrs[COUNTS] = counts
+    return joined

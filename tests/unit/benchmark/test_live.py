@@ -1,0 +1,104 @@
+"""The paper's programmatic interface, in its own loop and in small."""
+
+import math
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import gymnasium
+import pytest
+
+from benchmark.metrics import Episode, Metric
+from smarts.agents.interface import AgentInterface
+from smarts.agents.spec import AgentSpec
+from smarts.errors import SmartsError
+from smarts.types.actions import ActionSpaceType
+
+
+def log(metric, *steps, episode: Any = 0):
+    """Log decisions of agent "a": reward, and outcome "" while it goes on."""
+    for action, reward, outcome in steps:
+        infos = {"a": {"outcome": outcome} if outcome else {}}
+        metric.log_step(
+            {"a": None}, {"a": action}, {"a": reward}, {"a": bool(outcome)}, infos, episode=episode
+        )
+
+
+def test_rates_returns_and_what_is_not_known():
+    metric = Metric(num_episodes=2)
+    log(metric, (0, 1.0, ""), (0, 2.0, "goal"), (0, 100.0, ""), episode="first")
+    log(metric, (0, -2.0, "collision"), episode="second")
+    found = metric.compute()
+    assert found["completion_rate"] == found["collision_rate"] == 0.5
+    assert found["return"] == pytest.approx((3.0 - 2.0) / 2)
+    assert found["safety"] == 0.5
+    assert math.isnan(found["progress_speed"])
+
+
+def test_commands_count_from_twenty_on():
+    metric = Metric()
+    log(metric, *[(1, 0.0, "")] * 10, *[("change_lane_left", 0.0, "")] * 9, (2, 0.0, "goal"))
+    assert metric.compute()["control_diversity"] == 1.0
+
+
+def test_outcomes_without_infos_come_from_the_events():
+    names = ("off_road", "off_route", "not_moving", "reached_goal", "reached_max_episode_steps")
+    events = SimpleNamespace(collisions=("car",), **dict.fromkeys(names, True))
+    metric = Metric()
+    metric.log_step({"a": SimpleNamespace(events=events)}, None, {"a": 0.0}, {"a": True}, {})
+    assert metric.compute()["collision_rate"] == 1.0
+
+
+def test_more_episodes_than_announced_are_refused():
+    metric = Metric(num_episodes=1)
+    log(metric, (0, 0.0, "goal"))
+    with pytest.raises(SmartsError, match="more than the 1 announced"):
+        log(metric, (0, 0.0, "goal"), episode=1)
+    assert all(math.isnan(value) for value in Metric().compute().values())
+
+
+@dataclass
+class Jolts(Episode):
+    """Keeps the speeds as well."""
+
+    speeds: list[float] = field(default_factory=list)
+
+    def record_step(self, **step: Any) -> None:
+        super().record_step(**step)
+        self.speeds += [info["env_obs"].ego_vehicle_state.speed for info in step["infos"].values()]
+
+
+class SpeedMetric(Metric):
+    episode = Jolts
+
+    def compute(self) -> dict[str, float]:
+        speeds = [speed for episode in self.episodes.values() for speed in episode.speeds]
+        return super().compute() | {"top_speed": max(speeds)}
+
+
+def test_the_papers_loop():
+    interface = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=30)
+    env: Any = gymnasium.make(
+        "smarts.env:hiway-v0",
+        scenarios=["two_way"],
+        agent_specs={"a": AgentSpec(interface=interface)},
+        decision_interval=5,
+        disable_env_checker=True,
+    )
+    metric = SpeedMetric(num_episodes=1)
+    try:
+        observations, _ = env.reset(seed=1)
+        done = False
+        while not done:
+            actions = dict.fromkeys(observations, "keep_lane")
+            observations, rewards, terminated, truncated, infos = env.step(actions)
+            dones = {name: terminated[name] or truncated[name] for name in terminated}
+            metric.log_step(observations, actions, rewards, dones, infos, episode=0)
+            done = dones["__all__"]
+    finally:
+        env.close()
+    found = metric.compute()
+    assert found["ended_time_out"] == 1.0
+    assert found["decision_rate"] == pytest.approx(2.0)
+    assert 2.0 < found["progress_speed"] <= found["top_speed"] < 20.0
+    assert found["goal_distance"] > 0.0

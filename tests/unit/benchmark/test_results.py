@@ -1,0 +1,151 @@
+"""The table of agent-episodes, and what is computed from it."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmark.metrics import (
+    METRICS,
+    compare,
+    compute,
+    join_tables,
+    measure_episodes,
+    read_table,
+    write_table,
+)
+from benchmark.metrics.results import FEWER_STARTS, THIS_CHECKPOINT
+from smarts.errors import RecordError, SmartsError, UnknownNameError
+from smarts.types.events import Outcome
+from tests.recordings import Drive, at_speed, record, straight
+
+ROAD = straight(lanes=2, length=200.0)
+
+
+def play(folder, number, outcomes, begin=0.0, **facts):
+    """Record an episode whose agents end as told."""
+    drives = [
+        Drive(["road_0"], at_speed(5.0, 20, begin + 20.0 * place), agent=f"a{place}", outcome=outcome)
+        for place, outcome in enumerate(outcomes)
+    ]
+    return record(folder, ROAD, drives, name=f"e{number}", episode=number, **facts)
+
+
+@pytest.fixture
+def store(tmp_path):
+    """Two episodes that count, one void, one cut short, one damaged."""
+    folder = tmp_path / "store"
+    play(folder, 0, [Outcome.GOAL, Outcome.COLLISION], scenario="hand_made@dense")
+    play(folder, 1, [Outcome.GOAL, Outcome.GOAL], begin=1.0, scenario="hand_made@dense")
+    play(folder, 2, [Outcome.VOID, Outcome.VOID], begin=2.0, is_void=True)
+    play(folder, 3, [Outcome.NONE, Outcome.NONE], begin=3.0, is_complete=False)
+    damaged = play(folder, 4, [Outcome.GOAL, Outcome.GOAL], begin=4.0)
+    vehicles = damaged / "vehicles.parquet"
+    vehicles.write_bytes(vehicles.read_bytes()[:100])
+    return folder
+
+
+def test_a_row_for_each_agent_episode(store):
+    table = measure_episodes(store, labels={"algorithm": "ppo"})
+    counts = table.attrs["episodes"]
+    assert (counts["measured"], counts["void"], counts["incomplete"]) == (2, 1, 1)
+    assert [*counts["corrupted"]] == ["e4"]
+    assert "vehicles" in counts["corrupted"]["e4"]
+    assert table["outcome"].tolist() == ["goal", "collision", "goal", "goal", "void", "void"]
+    assert table["variation"].tolist() == ["dense"] * 4 + [""] * 2
+    assert set(table["algorithm"]) == {"ppo"}
+    assert table["agents"].tolist() == [1, 1, 1, 1, 0, 0]
+    assert table.loc[table["is_void"], "collisions"].isna().all()
+
+
+def test_the_file_gives_the_table_back_or_is_refused(store, tmp_path):
+    table = measure_episodes(store)
+    file = tmp_path / "results" / "episodes.parquet"
+    write_table(table, file)
+    again = read_table(file)
+    pd.testing.assert_frame_equal(again, table)
+    assert again.attrs == table.attrs
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+    file.write_bytes(file.read_bytes()[:-50])
+    with pytest.raises(RecordError, match="not a table of results"):
+        read_table(file)
+    with pytest.raises(RecordError, match="cannot write"):
+        write_table(table, tmp_path / "store" / "e0" / "agents.parquet" / "no.parquet")
+
+
+def test_bad_requests(store, tmp_path):
+    with pytest.raises(RecordError, match="no such folder"):
+        measure_episodes(tmp_path / "nowhere")
+    with pytest.raises(RecordError, match="heldout"):
+        measure_episodes(store, split="heldout")
+    with pytest.raises(UnknownNameError, match="safty"):
+        measure_episodes(store, metrics=["safty"])
+    with pytest.raises(SmartsError, match="algorithm"):
+        compute(measure_episodes(store), ["algorithm"])
+
+
+def test_values_and_intervals_of_one_checkpoint(store):
+    answer = compute(measure_episodes(store)).set_index("metric")
+    collision = answer.loc["collision_rate"]
+    assert collision["value"] == 0.25
+    assert 0.0 <= collision["low"] < 0.25 < collision["high"] <= 1.0
+    assert (collision["n"], collision["episodes"], collision["seeds"]) == (4, 2, 1)
+    assert collision["label"] == THIS_CHECKPOINT
+    assert math.isnan(answer.loc["cut_in_ratio", "value"])
+    assert "no lane change" in answer.loc["cut_in_ratio", "note"]
+    assert "post_encroachment_time" in answer.loc["safety", "note"]
+    assert set(answer.index) == set(METRICS)
+
+
+def test_no_interval_where_starts_repeat(tmp_path):
+    for number in range(3):
+        play(tmp_path, number, [Outcome.GOAL], begin=float(number > 1))
+    collision = compute(measure_episodes(tmp_path), metrics=["completion_rate"]).iloc[0]
+    assert collision["value"] == 1.0
+    assert math.isnan(collision["low"])
+    assert collision["note"] == FEWER_STARTS
+
+
+def test_groups_and_training_seeds(tmp_path):
+    tables = []
+    for seed, goals in enumerate((2, 3, 4)):
+        folder = tmp_path / str(seed)
+        for number in range(4):
+            play(folder, number, [Outcome.GOAL if number < goals else Outcome.COLLISION], begin=float(number))
+        tables.append(measure_episodes(folder, labels={"algorithm": "ppo", "training_seed": seed}))
+    answer = compute(join_tables(tables), ["algorithm"], ["completion_rate", "progress_speed"])
+    completion, speed = answer.to_dict("records")
+    assert (completion["algorithm"], completion["seeds"]) == ("ppo", 3)
+    assert completion["label"] == "3 training seeds"
+    angles = np.arcsin(np.sqrt([0.5, 0.75, 1.0]))
+    reach = 4.302653 * angles.std(ddof=1) / math.sqrt(3)
+    assert completion["low"] == pytest.approx(math.sin(angles.mean() - reach) ** 2)
+    assert completion["high"] == 1.0
+    assert speed["value"] == pytest.approx(5.0)
+
+
+def test_generalization_needs_both_splits(tmp_path):
+    play(tmp_path / "train", 0, [Outcome.GOAL, Outcome.GOAL])
+    play(tmp_path / "other", 0, [Outcome.GOAL, Outcome.COLLISION], scenario="hand_made@dense")
+    tables = [
+        measure_episodes(tmp_path / "train"),
+        measure_episodes(tmp_path / "other", split="held_out"),
+    ]
+    assert compute(join_tables(tables), metrics=["generalization"]).loc[0, "value"] == 0.5
+    assert math.isnan(compute(tables[0], metrics=["generalization"]).loc[0, "value"])
+
+
+def test_paired_comparison(tmp_path):
+    tables = []
+    for name, end in (("good", Outcome.GOAL), ("bad", Outcome.COLLISION)):
+        for number in range(12):
+            outcome = Outcome.GOAL if number == 0 else end
+            play(tmp_path / name, number, [outcome], begin=0.1 * number)
+        labels = {"algorithm": name}
+        tables.append(measure_episodes(tmp_path / name, labels=labels, metrics=["collision_rate"]))
+    row = compare(join_tables(tables), ["collision_rate"], ["scenario"]).iloc[0]
+    assert (row["first"], row["second"], row["pairs"]) == ("bad", "good", 12)
+    assert row["value"] == pytest.approx(11 / 12)
+    assert row["low"] > 0.0
+    assert row["wins"] == "good"
