@@ -79,6 +79,8 @@ class PPOLearner(OnPolicyLearner):
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Step every policy, then every value function."""
         for group, own in batch.groups():
+            if not own.alive.any():  # momentum would move it all the same
+                continue
             net = self.net(group.id)
             policy = net.head.distribution(net.policy(own), own.legal)
             loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
@@ -94,6 +96,8 @@ class PPOLearner(OnPolicyLearner):
     def fit_values(self, batch: OnPolicyBatch) -> None:
         """Regress values on their targets."""
         for group, own in batch.groups():
+            if not own.alive.any():
+                continue
             critic = self.net(critic_of(group))
             error = (critic.value(own) - critic.moments.scaled(own.targets)).square()
             loss = self.mean(error, own.alive)

@@ -62,10 +62,11 @@ def _entry(
     return Entry(f"algorithms.{target}", paradigm, level, actions, communication, recurrent, summary)
 
 
-_D, _F, _C = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE
+_D, _F, _C, _N = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE, Paradigm.NETWORKED
 
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 ALGORITHMS: dict[str, Entry] = {
+    "pg": _entry("pg:PGConfig", _D, "M1", Actions.BOTH, "independent policy gradient on whole lives"),
     "a2c": _entry(
         "a2c:A2CConfig", _D, "M1", Actions.BOTH, "independent advantage actor-critic", recurrent=True
     ),
@@ -93,6 +94,10 @@ ALGORITHMS: dict[str, Entry] = {
     "maac": _entry(
         "maac:MAACConfig", _C, "M3", Actions.DISCRETE, "soft actor-critic, attention in its critic"
     ),
+    "mf_q": _entry(
+        "mf_q:MeanFieldQConfig", _C, "M4", Actions.DISCRETE, "values of the neighbours' mean action"
+    ),
+    "mf_ac": _entry("mf_ac:MeanFieldACConfig", _C, "M4", Actions.DISCRETE, "MF-Q's critic with a policy"),
     "vdn": _entry(
         "vdn:VDNConfig", _C, "M3", Actions.DISCRETE, "team value as a sum of values", recurrent=True
     ),
@@ -103,5 +108,13 @@ ALGORITHMS: dict[str, Entry] = {
         Actions.DISCRETE,
         "team value as a monotone function of values",
         recurrent=True,
+    ),
+    "networked_q": _entry(
+        "networked_q:NetworkedQConfig",
+        _N,
+        "M3",
+        Actions.DISCRETE,
+        "team value fitted by consensus over a graph",
+        communication=True,
     ),
 }

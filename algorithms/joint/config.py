@@ -14,7 +14,7 @@ from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.util.debug import log_once
 
 from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
-from algorithms.joint.env import MEMORY, Block
+from algorithms.joint.env import MEMORY, Block, VectorJointEnv
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.runner import SPEC, JointEnvRunner
 from algorithms.joint.spec import Group, JointSpec, Sharing, agent_spaces
@@ -130,6 +130,10 @@ class JointConfig(AlgorithmConfig):
     def carried(self, block: Block) -> dict[str, Box]:
         """Return the leaves that the sampler adds to the observations of a block's agents."""
         return {MEMORY: Box(-1.0, 1.0, (self.gru,), np.float32)} if self.gru else {}
+
+    def adapt(self, env: VectorJointEnv) -> VectorJointEnv:
+        """Return the environment as this algorithm's agents see it."""
+        return env
 
     def exploration(self, steps: int) -> Exploration:  # type: ignore[override] - RLlib's is of its old stack
         """Return how runners explore after this many environment steps."""

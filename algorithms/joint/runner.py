@@ -217,6 +217,9 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return self.config.env is not None and (not local_beside_remote or self._given_spaces is None)
 
     def _new_env(self) -> VectorJointEnv:
+        return self.config.adapt(self._plain_env())
+
+    def _plain_env(self) -> VectorJointEnv:
         copies = int(self.config.num_envs_per_env_runner or 1)
 
         def context(b: int) -> EnvContext:

@@ -14,6 +14,15 @@ def others(alive: Tensor) -> Tensor:
 
 def mean_of_others(hidden: Tensor, alive: Tensor) -> Tensor:
     """Return for each agent the mean of the other living agents' `hidden` (..., N, H); zeros if alone."""
-    heard = others(alive).to(hidden.dtype)
-    weights = heard / heard.sum(-1, keepdim=True).clamp(min=1)
-    return weights @ hidden
+    return mean_over(others(alive), hidden)
+
+
+def mean_over(neighbours: Tensor, x: Tensor) -> Tensor:
+    """Return for each agent the mean of its neighbours' `x` (..., N, H); zeros for one without neighbours.
+
+    Args:
+        neighbours: `[i, j]`: j counts for i, (..., N, N).
+        x: (..., N, H).
+    """
+    counted = neighbours.to(x.dtype)
+    return (counted / counted.sum(-1, keepdim=True).clamp(min=1)) @ x

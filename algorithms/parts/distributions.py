@@ -188,6 +188,28 @@ class EpsilonGreedyHead:
         return Acting((probabilities / exponential).argmax(-1), None, probabilities)
 
 
+class BoltzmannHead:
+    """Legal actions with probability proportional to exp(value / temperature); greedy play takes the best."""
+
+    has_log_prob = True
+
+    def __init__(self, space: Discrete, temperature: float) -> None:
+        self.outputs = int(space.n)
+        self.temperature = temperature
+
+    def distribution(self, outputs: Tensor, legal: Tensor | None) -> CategoricalDistribution:
+        """Return the policy."""
+        return CategoricalDistribution(outputs / self.temperature, legal)
+
+    def act(
+        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> Acting:
+        """Return sampled actions, or the best."""
+        policy = self.distribution(outputs, legal)
+        actions = policy.sample(generator) if exploration.explore else policy.mode()
+        return Acting(actions, policy.log_prob(actions), policy.log_probs.exp())
+
+
 class DeterministicHead:
     """A point in [-1, 1] by tanh, plus Gaussian noise while exploring."""
 

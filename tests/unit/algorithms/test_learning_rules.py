@@ -12,7 +12,7 @@ import algorithms
 from algorithms.joint.module import critic_of
 from tests.games.games import Constant, Cues, Game, Ragged, Target, TwoStep
 
-ON_POLICY = ["a2c", "ppo", "commnet", "centralised_v"]
+ON_POLICY = ["pg", "a2c", "ppo", "commnet", "centralised_v"]
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32, "updates_per_step": 0.05}
 
 
@@ -45,7 +45,7 @@ def test_a_step_moves_exactly_the_named_networks(name, monkeypatch):
     assert set().union(*(named for _, named in steps)) == set(rig.weights())
 
 
-@pytest.mark.parametrize("name", ["a2c", "ppo", "dqn"])
+@pytest.mark.parametrize("name", ["pg", "a2c", "ppo", "dqn"])
 def test_independent_learners_feel_only_their_own_rewards(name):
     rig, other = Rig(name, Cues, **settings_of(name)), Rig(name, Cues, **settings_of(name))
     rollout = rig.rollout(epsilon=1.0)

@@ -1,0 +1,132 @@
+"""Who is whose neighbour: by the environment's graph, by distance, or fixed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from algorithms.errors import SpaceError, nearest_names
+from algorithms.joint.batch import JointView
+from algorithms.joint.env import JointSpaces
+from algorithms.parts.communication import others
+from algorithms.parts.graph import complete, ring, within
+
+
+@dataclass(frozen=True)
+class Near:
+    """Agents within a distance of each other are neighbours.
+
+    Attributes:
+        radius: Largest distance, in the unit of the positions.
+        leaf: Observation leaf that holds each agent's position.
+        components: Places of the coordinates in the flattened leaf.
+    """
+
+    radius: float
+    leaf: str = ""
+    components: tuple[int, ...] = (0, 1)
+
+
+Graph = str | Near | Sequence[tuple[str, str]]
+"""`"auto"`: the environment's graph if it has one, else everybody; `"environment"`, `"all"`, `"ring"` in the
+order of the columns; `Near`; or pairs of agents."""
+
+
+class Neighbourhood:
+    """Tells the neighbours of every agent at any moment.
+
+    Args:
+        spaces: Agents and what they see.
+        graph: What makes neighbours.
+
+    Raises:
+        SpaceError: The graph names what the environment does not have.
+    """
+
+    def __init__(self, spaces: JointSpaces, graph: Graph) -> None:
+        if graph == "auto":
+            graph = "environment" if spaces.has_graph else "all"
+        agents = tuple(agent for block in spaces.blocks for agent in block.agents)
+        self._near = graph if isinstance(graph, Near) else None
+        self.fixed: Tensor | None = None
+        """The links (N, N) of a graph that never changes."""
+        if isinstance(graph, Near):
+            _check_leaf(spaces, graph)
+        elif graph == "environment":
+            if not spaces.has_graph:
+                raise SpaceError(
+                    "the environment has no communication graph",
+                    place="training(graph='environment')",
+                    remedy="use 'all', 'ring', Near(radius) or pairs of agents",
+                )
+        else:
+            self.fixed = _fixed(graph, agents)
+
+    def __call__(
+        self, alive: Tensor, graph: Tensor | None, observations: Sequence[Mapping[str, Tensor]]
+    ) -> Tensor:
+        """Return who counts for whom, (..., N, N): `[i, j]` is True if j is a living neighbour of i.
+
+        Args:
+            alive: (..., N).
+            graph: The environment's graph (..., N, N), or None.
+            observations: Per block, leaves (..., n, ...).
+        """
+        if self.fixed is not None:
+            links = self.fixed.to(alive.device)
+        elif self._near is not None:
+            links = within(self._positions(self._near, observations, alive.dim()), self._near.radius)
+        elif graph is not None:
+            links = graph
+        else:
+            raise ValueError("the environment's graph is asked for, but not given")
+        return links & others(alive) & alive.unsqueeze(-1)
+
+    def of(self, view: JointView) -> Tensor:
+        """Return who counts for whom at the moments of a view."""
+        return self(view.alive, view.graph, view.observations)
+
+    @staticmethod
+    def _positions(near: Near, observations: Sequence[Mapping[str, Tensor]], axes: int) -> Tensor:
+        parts = [leaves[near.leaf].flatten(axes)[..., list(near.components)] for leaves in observations]
+        return torch.cat(parts, -2).float()
+
+
+def _check_leaf(spaces: JointSpaces, near: Near) -> None:
+    for block in spaces.blocks:
+        space = block.observation.get(near.leaf)
+        size = 0 if space is None else int(torch.Size(space.shape).numel())
+        if size <= max(near.components):
+            raise SpaceError(
+                f"agent {block.agents[0]!r} has no components {near.components} in a leaf {near.leaf!r}",
+                place="training(graph=Near(...))",
+                remedy=f"its leaves: { {name: s.shape for name, s in block.observation.items()} }",
+            )
+
+
+def _fixed(graph: str | Sequence[tuple[str, str]], agents: tuple[str, ...]) -> Tensor:
+    if graph == "all":
+        return complete(len(agents))
+    if graph == "ring":
+        return ring(len(agents))
+    if isinstance(graph, str):
+        raise SpaceError(
+            f"there is no graph {graph!r}",
+            place="training(graph=...)",
+            remedy=nearest_names(graph, ("auto", "environment", "all", "ring")),
+        )
+    links = torch.zeros(len(agents), len(agents), dtype=torch.bool)
+    for pair in graph:
+        for agent in pair:
+            if agent not in agents:
+                raise SpaceError(
+                    f"the graph links {agent!r}, which the environment does not have",
+                    place="training(graph=...)",
+                    remedy=nearest_names(agent, agents),
+                )
+        i, j = (agents.index(agent) for agent in pair)
+        links[i, j] = links[j, i] = True
+    return links & complete(len(agents))

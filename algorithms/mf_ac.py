@@ -1,0 +1,126 @@
+"""Mean-field actor-critic (MF-AC).
+
+Yang et al. 2018, "Mean Field Multi-Agent Reinforcement Learning", section 3 and its algorithm of the same
+name: MF-Q's critic Q_i(o, a_i, m_i), m_i being the mean one-hot action of the agent's neighbours in that step
+(see `algorithms.mf_q`), with a policy of its own. From replay:
+
+    critic          Q_i(o, a_i, m_i) towards r_i + gamma * sum_a pi'_i(a | o') * Q'_i(o', a, m_i)
+    policy          along the mean of grad log pi_i(a | o) * Q_i(o, a, m_i), a drawn from pi_i
+
+Policies see their own observations only, so nobody needs to know anybody's action to act.
+
+Deviations: as MF-Q's; the policy's gradient takes its expectation over the own action exactly, which is the
+paper's gradient without the noise of sampling that action; an entropy bonus.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import torch
+from gymnasium.spaces import Box
+from torch import Tensor
+
+from algorithms.joint.algorithm import JointAlgorithm
+from algorithms.joint.batch import ReplayBatch
+from algorithms.joint.features import MEAN_ACTION, common_actions
+from algorithms.joint.learner import OffPolicyLearner
+from algorithms.joint.module import LearnerModule, critic_of
+from algorithms.joint.neighbours import Neighbourhood
+from algorithms.joint.spec import JointSpec
+from algorithms.maac import MAACModule, of_actions
+from algorithms.mf_q import MeanFieldConfig, MeanFieldQ, mean_actions
+
+
+class MeanFieldCritic(LearnerModule):
+    """A group's Q(o, ., m) and its target."""
+
+    targets = ("target_q",)
+
+    def make_networks(self) -> None:
+        """Create critic and target critic."""
+        if self.group is None:
+            raise TypeError("a mean-field critic belongs to a group")
+        actions = common_actions(self.spec.spaces)
+        seen = {**self.group.observation, MEAN_ACTION: Box(0.0, 1.0, (actions,))}
+        self.q = MeanFieldQ(seen, self.group.size, self.settings["hidden"], actions)
+        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
+
+
+class MeanFieldACLearner(OffPolicyLearner):
+    """Critic steps for all groups, then policy steps for all groups, then targets."""
+
+    config: MeanFieldACConfig  # type: ignore[assignment]
+
+    def build(self) -> None:
+        """Build modules, and what tells neighbours."""
+        super().build()
+        self.neighbourhood = Neighbourhood(self.spec.spaces, self.config.graph)
+
+    def update_minibatch(self, batch: ReplayBatch) -> None:
+        """Take the steps of one minibatch."""
+        means = mean_actions(batch, self.neighbourhood)
+        self.fit_critics(batch, means)
+        self.improve_policies(batch, means)
+        self.track(*self.module.keys(), tau=self.config.tau)
+
+    def fit_critics(self, batch: ReplayBatch, means: Tensor) -> None:
+        """Regress Q_i(o, a_i, m_i) on r_i + gamma * E_a Q'_i(o', a, m_i), a from the target policy."""
+        for group, own in batch.groups():
+            critic, mean = self.net(critic_of(group)), {MEAN_ACTION: means[:, group.columns]}
+            with torch.no_grad():
+                following = critic.target_q({**own.next.observations, **mean})
+                policy = self.net(group.id).distribution(own.next, target=True)
+                value = (policy.log_probs.exp() * following).sum(-1)
+                target = self.config.reward_scale * own.rewards
+                target = target + self.gamma * torch.where(own.bootstrap, value, 0)
+            chosen = of_actions(critic.q({**own.observations, **mean}), own.actions)
+            loss = self.mean((chosen - target).square(), own.alive)
+            self.step_optimizer(loss, critic_of(group))
+            self.log(group.id, "critic_loss", loss)
+
+    def improve_policies(self, batch: ReplayBatch, means: Tensor) -> None:
+        """Follow the gradient of E_a Q_i(o, a, m_i), a from the own policy, m_i as replayed."""
+        for group, own in batch.groups():
+            policy = self.net(group.id).distribution(own)
+            with torch.no_grad():
+                seen = {**own.observations, MEAN_ACTION: means[:, group.columns]}
+                values = self.net(critic_of(group)).q(seen)
+            gain = self.mean((policy.log_probs.exp() * values).sum(-1), own.alive)
+            entropy = self.mean(policy.entropy(), own.alive)
+            self.step_optimizer(-gain - self.config.entropy_coeff * entropy, group.id)
+            self.log(group.id, "entropy", entropy)
+
+
+class MeanFieldACConfig(MeanFieldConfig):
+    """MF-AC.
+
+    Attributes:
+        entropy_coeff: Weight of the policies' entropy, in scaled returns.
+    """
+
+    algorithm = "mf_ac"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or MeanFieldAC)
+        self._defaults(entropy_coeff=0.01)
+
+    entropy_coeff: float
+
+    def modules(self, spec: JointSpec):
+        """Return a policy and a critic for each group."""
+        policies = {g.id: self.policy_spec(spec, g, MAACModule) for g in spec.groups}
+        return policies | {critic_of(g): self.learner_spec(spec, MeanFieldCritic, g) for g in spec.groups}
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return MeanFieldACLearner
+
+
+class MeanFieldAC(JointAlgorithm):
+    """MF-AC."""
+
+    @classmethod
+    def get_default_config(cls) -> MeanFieldACConfig:
+        """Return the defaults (RLlib)."""
+        return MeanFieldACConfig()

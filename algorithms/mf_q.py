@@ -1,0 +1,196 @@
+"""Mean-field Q-learning (MF-Q).
+
+Yang et al. 2018, "Mean Field Multi-Agent Reinforcement Learning", section 3 and its algorithm of the same
+name. What the others do enters an agent's value through the mean of its neighbours' one-hot actions only:
+
+    mean action     m_i = (1 / N_i) * sum of one-hot a_j over the neighbours j of i
+    update          Q_i(o, a_i, m_i) towards r_i + gamma * v_i(o')
+    value           v_i(o') = sum_a pi_i(a | o', m_i) * Q_i(o', a, m_i), by the target network
+    policy          pi_i(a | o, m) proportional to exp(Q_i(o, a, m) / temperature), m of the step before
+
+The update's m_i is of the same step as a_i. When agents act, the present one is not known yet: they use that
+of the step before, which is the m_i of the update's value too. An agent's own action, the dead, and agents
+that are not its neighbours are not in it; it is zero for an agent alone, and where a life begins.
+
+The equations were checked against retellings of the paper, whose numbering differs; hence sections and names.
+
+Deviations: agents see their own observations, not a global state; v_i takes one sample of m_i, the actual
+one, for its expectation; the temperature is constant; target networks follow by polyak averaging; agents that
+share a network are told apart by their place.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+
+import torch
+from gymnasium.spaces import Box
+from torch import Tensor, nn
+
+from algorithms.errors import SpaceError
+from algorithms.joint.algorithm import JointAlgorithm
+from algorithms.joint.batch import GroupView, ReplayBatch
+from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.env import VectorJointEnv
+from algorithms.joint.features import MEAN_ACTION, WithMeanActions, common_actions
+from algorithms.joint.learner import OffPolicyLearner
+from algorithms.joint.module import JointModule
+from algorithms.joint.neighbours import Graph, Neighbourhood
+from algorithms.joint.spec import JointSpec
+from algorithms.maac import of_actions
+from algorithms.parts.communication import mean_over
+from algorithms.parts.distributions import BoltzmannHead, Head
+from algorithms.parts.networks import Encoder, perceptron
+
+
+class MeanFieldQ(nn.Module):
+    """Q(o, ., m) of observation leaves, one of which is the mean action: (..., n, A)."""
+
+    def __init__(self, observation: Mapping[str, Box], agents: int, hidden: tuple[int, ...], actions: int):
+        super().__init__()
+        self.encoder = Encoder(observation, agents)
+        self.body = perceptron([self.encoder.size, *hidden, actions], nn.ReLU)
+
+    def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:
+        """Return the values of all own actions."""
+        return self.body(self.encoder(leaves))
+
+
+class MeanFieldQModule(JointModule):
+    """A Q network, whose Boltzmann policy acts, and its target."""
+
+    targets = ("target_q",)
+
+    def make_head(self) -> Head:
+        """Act by Boltzmann's distribution."""
+        return BoltzmannHead(self.group.action, self.settings["temperature"])  # type: ignore[arg-type]
+
+    def make_networks(self) -> None:
+        """Create the Q network and its target."""
+        self.q = MeanFieldQ(
+            self.group.observation, self.group.size, self.settings["hidden"], self.head.outputs
+        )
+        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
+
+    def policy(self, view: GroupView) -> Tensor:
+        """Return Q values (M, n, A) for the mean action of the step before, which is among the leaves."""
+        return self.q(view.observations)
+
+    def plain(self) -> tuple[Encoder, nn.Module]:
+        """Return encoder and body, for stacked acting."""
+        return self.q.encoder, self.q.body
+
+
+def mean_actions(batch: ReplayBatch, neighbourhood: Neighbourhood) -> Tensor:
+    """Return the mean one-hot action of each agent's living neighbours, (M, N, A)."""
+    return mean_over(neighbourhood.of(batch), batch.join(batch.encoded_actions()))
+
+
+class MeanFieldQLearner(OffPolicyLearner):
+    """Temporal-difference steps with the mean action, group by group."""
+
+    config: MeanFieldQConfig  # type: ignore[assignment]
+
+    def build(self) -> None:
+        """Build modules, and what tells neighbours."""
+        super().build()
+        self.neighbourhood = Neighbourhood(self.spec.spaces, self.config.graph)
+
+    def update_minibatch(self, batch: ReplayBatch) -> None:
+        """Step every Q network towards its bootstrapped target, then targets."""
+        means = mean_actions(batch, self.neighbourhood)
+        for group, own in batch.groups():
+            net, mean = self.net(group.id), {MEAN_ACTION: means[:, group.columns]}
+            with torch.no_grad():
+                following = net.target_q({**own.next.observations, **mean})
+                policy = net.head.distribution(following, own.next.legal)
+                value = (policy.log_probs.exp() * following).sum(-1)
+                target = self.config.reward_scale * own.rewards
+                target = target + self.gamma * torch.where(own.bootstrap, value, 0)
+            chosen = of_actions(net.q({**own.observations, **mean}), own.actions)
+            loss = self.mean((chosen - target).square(), own.alive)
+            self.step_optimizer(loss, group.id)
+            self.log(group.id, "td_loss", loss)
+        self.track(*(g.id for g in self.groups), tau=self.config.tau)
+
+
+class MeanFieldConfig(OffPolicyConfig):
+    """Settings of both mean-field algorithms.
+
+    Attributes:
+        graph: Who is whose neighbour; see `algorithms.joint.neighbours.Graph`.
+    """
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class)
+        self._defaults(graph="auto")
+        self.training(lr=1e-3)
+
+    graph: Graph
+
+    def check(self, spec: JointSpec) -> None:
+        """Refuse environments whose agents have no action in common (see `JointConfig.check`).
+
+        Raises:
+            SpaceError: Actions are not discrete, or not equally many.
+        """
+        super().check(spec)
+        if not common_actions(spec.spaces):
+            sizes = {block.agents[0]: str(block.action) for block in spec.spaces.blocks}
+            raise SpaceError(
+                f"{self.algorithm!r} takes means over actions, which differ: {sizes}",
+                place="action space",
+                remedy="give all agents equal action spaces, or use 'maddpg' or 'maac'",
+            )
+
+
+class MeanFieldQConfig(MeanFieldConfig):
+    """MF-Q.
+
+    Attributes:
+        temperature: Of the Boltzmann policy, in scaled returns: the smaller, the greedier.
+    """
+
+    algorithm = "mf_q"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or MeanFieldQLearning)
+        self._defaults(temperature=0.1)
+
+    temperature: float
+
+    def validate(self) -> None:
+        """Refuse a temperature that is not positive (RLlib).
+
+        Raises:
+            ValueError: It is not.
+        """
+        super().validate()
+        if self.temperature <= 0:
+            self._value_error(f"temperature={self.temperature} must be positive")
+
+    def adapt(self, env: VectorJointEnv) -> VectorJointEnv:
+        """Let agents see the mean action of the step before, where there is one; else `check` refuses."""
+        return WithMeanActions(env, self.graph) if common_actions(env.spaces) else env
+
+    def module_settings(self):
+        """Return the settings that networks are built from."""
+        return super().module_settings() | {"temperature": self.temperature}
+
+    def modules(self, spec: JointSpec):
+        """Return a Q network for each group."""
+        return {g.id: self.policy_spec(spec, g, MeanFieldQModule) for g in spec.groups}
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return MeanFieldQLearner
+
+
+class MeanFieldQLearning(JointAlgorithm):
+    """MF-Q."""
+
+    @classmethod
+    def get_default_config(cls) -> MeanFieldQConfig:
+        """Return the defaults (RLlib)."""
+        return MeanFieldQConfig()

@@ -1,0 +1,315 @@
+"""Networked fitted Q-iteration ("Net-Q"): agents that fit the team's value by talking to neighbours.
+
+Zhang, Yang, Liu, Zhang & Başar 2021, "Finite-Sample Analysis for Decentralized Batch Multi-Agent
+Reinforcement Learning with Networked Agents", the collaborative setting (section 3, algorithm 1). Every agent
+sees the state and the joint action, but only its own reward; the team wants the mean of all rewards. Each
+agent i keeps a Q_i(s, a) of the *joint* action. In iteration k it sets its own targets
+
+    Y_i = r_i + gamma * max_a Q_i,k(s', a)
+
+and all agents together solve, over a graph that may vary with time,
+
+    minimise over f   (1 / N) * sum over i and samples of (Y_i - f(s, a))^2
+
+which no agent can evaluate, by distributed optimisation with consensus: gradient tracking (the appendix'
+algorithm 2 is DIGing of Nedić, Olshevsky & Shi 2017), with the doubly stochastic Metropolis weights C:
+
+    g_i <- sum_j C_ij (g_j + grad_i,l - grad_i,l-1)       what agents know of the mean gradient
+    w_i <- sum_j C_ij (w_j - step along g_j)              their parameters
+
+Iterations end with `agreement_rounds` of averaging, so that agents agree before the next max. Greedy play
+takes the agent's own part of the best joint action.
+
+Deviations: adapt-then-combine order, in which both exchanges happen after the local part (a complete graph is
+then exactly the centralised fit); steps by Adam on the tracked gradient; every step on a fresh minibatch from
+replay that all agents share, instead of one fixed batch; the state is everybody's observations side by side
+with who is there, zeros for absent agents, whose only action is number 0; a group of agents that share
+a network is one node, whose weight is its size. Sections and algorithms are cited from memory; equation
+numbers could not be checked.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from math import prod
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from algorithms.errors import SpaceError
+from algorithms.joint.algorithm import JointAlgorithm
+from algorithms.joint.batch import GroupView, ReplayBatch
+from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.learner import OffPolicyLearner
+from algorithms.joint.module import JointModule
+from algorithms.joint.neighbours import Graph, Neighbourhood
+from algorithms.joint.spec import Group, JointSpec, action_size
+from algorithms.maac import of_actions
+from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
+from algorithms.parts.graph import consensus_rate, metropolis
+from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.networks import perceptron
+
+
+def joint_state(views: Sequence[GroupView]) -> Tensor:
+    """Return everybody's observations side by side and who is there, (M, D), in the order of the groups."""
+    parts = []
+    for view in views:
+        there = view.alive[..., None]
+        leaves = [leaf.reshape(*there.shape[:2], -1).float() for leaf in view.observations.values()]
+        seen = torch.cat(leaves, -1)
+        parts += [(seen * there).flatten(1), view.alive.float()]
+    return torch.cat(parts, -1)
+
+
+class JointActions:
+    """All combinations of the agents' discrete actions, agents in the order of the groups."""
+
+    def __init__(self, groups: Sequence[Group]) -> None:
+        self.sizes = tuple(action_size(group.action) for group in groups for _ in group.agents)
+        self._groups = groups
+
+    def number(self, actions: Sequence[Tensor]) -> Tensor:
+        """Return the number (M,) of the combination of actions, (M, n) of each group."""
+        number = torch.zeros_like(actions[0][:, 0])
+        for size, action in zip(self.sizes, torch.cat(list(actions), 1).unbind(1), strict=True):
+            number = number * size + action
+        return number
+
+    def legal_values(self, values: Tensor, views: Sequence[GroupView]) -> Tensor:
+        """Return values (M, A_1, ..., A_N) of joint actions (M, P), the impossible ones far below."""
+        table, agent = values.unflatten(-1, self.sizes), 0
+        for group, view in zip(self._groups, views, strict=True):
+            for place in range(group.size):
+                shape = [len(table)] + [1] * len(self.sizes)
+                shape[agent + 1] = self.sizes[agent]
+                table = table.masked_fill(
+                    ~self._possible(view, place, self.sizes[agent]).view(shape), ILLEGAL
+                )
+                agent += 1
+        return table
+
+    def own_values(self, table: Tensor, group: Group) -> Tensor:
+        """Return for a group's agents the best value (M, n, A) that each own action allows the team."""
+        first = sum(other.size for other in self._groups[: self._groups.index(group)])
+        columns = []
+        for agent in range(first, first + group.size):
+            rest = [k + 1 for k in range(len(self.sizes)) if k != agent]
+            columns.append(table.amax(rest) if rest else table)
+        return torch.stack(columns, 1)
+
+    @staticmethod
+    def _possible(view: GroupView, place: int, size: int) -> Tensor:
+        there = view.alive[:, place, None]
+        legal = torch.ones_like(there).expand(-1, size) if view.legal is None else view.legal[:, place]
+        return torch.where(there, legal, torch.arange(size, device=there.device) == 0)
+
+
+class NetworkedQModule(JointModule):
+    """A group's value of every joint action, and its target."""
+
+    targets = ("target_q",)
+    communicates = True
+
+    def make_head(self) -> Head:
+        """Act epsilon-greedily."""
+        return EpsilonGreedyHead(self.group.action)  # type: ignore[arg-type]
+
+    def make_networks(self) -> None:
+        """Create the Q network and its target."""
+        self.combinations = JointActions(self.spec.groups)
+        inputs = self.spec.joint_size + len(self.spec.agents)
+        self.q = perceptron([inputs, *self.settings["hidden"], prod(self.combinations.sizes)], nn.ReLU)
+        self.target_q = copy.deepcopy(self.q).requires_grad_(False)
+
+    def policy(self, view: GroupView) -> Tensor:
+        """Return the outputs of a group that is alone."""
+        return self.policies([self], [view])[0]
+
+    @classmethod
+    def policies(cls, modules: Sequence[NetworkedQModule], views: Sequence[GroupView]) -> list[Tensor]:  # type: ignore[override]
+        """Return for each group the best value (M, n, A) that each own action allows, by its own network."""
+        state, outputs = joint_state(views), []
+        for module in modules:
+            table = module.combinations.legal_values(module.q(state), views)
+            outputs.append(module.combinations.own_values(table, module.group))
+        return outputs
+
+    def plain(self) -> None:
+        """Return None: agents cannot be evaluated one by one."""
+
+
+class NetworkedQLearner(OffPolicyLearner):
+    """Steps of a distributed fit; every `fit_steps` of them agents agree and set new targets."""
+
+    config: NetworkedQConfig  # type: ignore[assignment]
+
+    def build(self) -> None:
+        """Build modules, with nothing known of gradients yet."""
+        super().build()
+        self.neighbourhood = Neighbourhood(self.spec.spaces, self.config.graph)
+        self.combinations = JointActions(self.groups)
+        self._fitted = {group.id: self._parameters[group.id] for group in self.groups}
+        size = sum(p.numel() for p in self._fitted[self.groups[0].id])
+        self.gradients = torch.zeros(len(self.groups), size, device=self._device)
+        self.tracked = torch.zeros_like(self.gradients)
+
+    def update_minibatch(self, batch: ReplayBatch) -> None:
+        """Take one step of the fit, and start the next iteration when it is due."""
+        mixing = self.mixing(batch)
+        gradients = self.local_gradients(batch)
+        self.tracked = mixing @ (self.tracked + gradients - self.gradients)
+        self.gradients = gradients
+        for group, along in zip(self.groups, self.tracked, strict=True):
+            own = torch.nn.utils.parameters_to_vector(self._fitted[group.id])
+            self.step_optimizer(own @ along, group.id)
+        self.average(mixing)
+        if (self.updates % self.config.fit_steps) == 0:
+            self.average(torch.linalg.matrix_power(mixing, self.config.agreement_rounds))
+            self.track(*(group.id for group in self.groups), tau=1.0)
+
+    def local_gradients(self, batch: ReplayBatch) -> Tensor:
+        """Return each node's gradient (G, W) of its own share of the team's squared error."""
+        groups = dict(batch.groups())
+        views, following = list(groups.values()), [own.next for own in groups.values()]
+        state, state_next = joint_state(views), joint_state(following)
+        number = self.combinations.number([own.actions for own in groups.values()])
+        goes_on, gradients = batch.bootstrap.any(-1), []
+        for group, own in groups.items():
+            net = self.net(group.id)
+            with torch.no_grad():
+                best = self.combinations.legal_values(net.target_q(state_next), following).flatten(1).amax(1)
+                rewards = self.config.reward_scale * torch.where(own.alive, own.rewards, 0)
+                targets = rewards + self.gamma * torch.where(goes_on, best, 0).unsqueeze(-1)
+            error = (of_actions(net.q(state), number).unsqueeze(-1) - targets).square()
+            # The mean over nodes of these losses is the mean over agents of their errors.
+            loss = error.sum(-1).mean() * len(self.groups) / len(self.spec.agents)
+            own_gradient = torch.autograd.grad(loss, self._fitted[group.id])
+            gradients.append(torch.cat([g.flatten() for g in own_gradient]))
+            self.log(group.id, "fit_loss", loss)
+        return torch.stack(gradients)
+
+    def mixing(self, batch: ReplayBatch) -> Tensor:
+        """Return the weights (G, G) of one exchange: Metropolis' on the graph of one of the moments."""
+        if not self.config.consensus:
+            return torch.eye(len(self.groups), device=self._device)
+        if self.neighbourhood.fixed is not None:
+            return metropolis(node_links(self.neighbourhood.fixed, self.groups)).to(self._device)
+        return metropolis(node_links(self.neighbourhood.of(batch[:1])[0], self.groups))
+
+    def average(self, mixing: Tensor) -> None:
+        """Let every node replace its parameters by the weighted mean of its neighbours' and its own."""
+        with torch.no_grad():
+            own = [torch.nn.utils.parameters_to_vector(self._fitted[g.id]) for g in self.groups]
+            for group, mixed in zip(self.groups, mixing @ torch.stack(own), strict=True):
+                torch.nn.utils.vector_to_parameters(mixed, self._fitted[group.id])
+
+    def _own_state(self) -> dict[str, Any]:
+        known = {"gradients": self.gradients.cpu().numpy(), "tracked": self.tracked.cpu().numpy()}
+        return {**super()._own_state(), **known}
+
+    def _set_own_state(self, state: dict[str, Any]) -> None:
+        super()._set_own_state(state)
+        self.gradients = torch.tensor(state["gradients"], device=self._device)
+        self.tracked = torch.tensor(state["tracked"], device=self._device)
+
+
+def node_links(links: Tensor, groups: Sequence[Group]) -> Tensor:
+    """Return which groups are linked, (G, G): those of whom two agents hear each other, each the other."""
+    mutual, nodes = links & links.transpose(-1, -2), len(groups)
+    linked = torch.zeros(nodes, nodes, dtype=torch.bool, device=links.device)
+    for i, one in enumerate(groups):
+        for j, other in enumerate(groups):
+            linked[i, j] = i != j and mutual[one.columns][:, other.columns].any()
+    return linked
+
+
+class NetworkedQConfig(OffPolicyConfig):
+    """Networked fitted Q-iteration.
+
+    Attributes:
+        graph: Who exchanges parameters with whom; see `algorithms.joint.neighbours.Graph`.
+        consensus: False: nobody exchanges anything, so that everybody fits his own reward.
+        fit_steps: Steps of a fit before its result gives the next targets.
+        agreement_rounds: Rounds of averaging at the end of a fit.
+        max_joint_actions: Joint actions that may be told apart.
+        epsilon: (first, last) probability of a random action.
+        epsilon_steps: Environment steps from the first to the last.
+    """
+
+    algorithm = "networked_q"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or NetworkedQ)
+        self._defaults(
+            graph="auto",
+            consensus=True,
+            fit_steps=50,
+            agreement_rounds=8,
+            max_joint_actions=4096,
+            epsilon=(1.0, 0.05),
+            epsilon_steps=10_000,
+        )
+        # A node that clips its own gradient would no longer follow the team's.
+        self.training(lr=1e-3, grad_clip=None)
+
+    graph: Graph
+    consensus: bool
+    fit_steps: int
+    agreement_rounds: int
+    max_joint_actions: int
+    epsilon: tuple[float, float]
+    epsilon_steps: int
+
+    def exploration(self, steps: int) -> Exploration:
+        """Return epsilon-greedy exploration, annealed linearly."""
+        first, last = self.epsilon
+        done = min(steps / max(self.epsilon_steps, 1), 1.0)
+        return Exploration(explore=bool(self.explore), epsilon=first + (last - first) * done)
+
+    def check(self, spec: JointSpec) -> None:
+        """Refuse environments that the algorithm cannot handle.
+
+        Raises:
+            SpaceError: Actions are not discrete or make too many combinations, an observation is an image, or
+                a fixed graph falls into parts, which could never agree.
+        """
+        super().check(spec)
+        self.check_vectors(spec)
+        joint = prod(JointActions(spec.groups).sizes)
+        if joint > self.max_joint_actions:
+            raise SpaceError(
+                f"{self.algorithm!r} values each of {joint} joint actions; max_joint_actions is "
+                f"{self.max_joint_actions}",
+                place="action space",
+                remedy="raise it, use fewer agents or actions, or use 'qmix' or 'maac'",
+            )
+        fixed = Neighbourhood(spec.spaces, self.graph).fixed
+        if not self.consensus or fixed is None:
+            return
+        rate = consensus_rate(metropolis(node_links(fixed, spec.groups)))
+        if rate > 1 - 1e-9:
+            raise SpaceError(
+                "the graph falls into parts that never agree: the second-largest eigenvalue modulus is 1",
+                place=f"training(graph={self.graph!r})",
+                remedy="link the parts",
+            )
+
+    def modules(self, spec: JointSpec):
+        """Return a network of joint values for each group."""
+        return {g.id: self.policy_spec(spec, g, NetworkedQModule) for g in spec.groups}
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return NetworkedQLearner
+
+
+class NetworkedQ(JointAlgorithm):
+    """Networked fitted Q-iteration."""
+
+    @classmethod
+    def get_default_config(cls) -> NetworkedQConfig:
+        """Return the defaults (RLlib)."""
+        return NetworkedQConfig()

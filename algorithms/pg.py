@@ -1,0 +1,153 @@
+"""Independent policy gradient (PG, REINFORCE) on whole lives.
+
+Williams 1992, "Simple Statistical Gradient-Following Algorithms for Connectionist Reinforcement Learning":
+the gradient grad log pi(a_i | o_i) (G_i - b), where G_i is the discounted sum of the agent's own rewards from
+this step to the end of its life and b does not depend on the action. Sutton et al. 2000, "Policy Gradient
+Methods for Reinforcement Learning with Function Approximation", give the same per step.
+
+Nothing is bootstrapped: a life that has not ended with the fragment is held until it does, and what was
+learnt from is its whole return. Where a time limit ends a life, its return ends too. A life that a failing
+environment breaks off has no return and is dropped.
+
+Deviations: the factor gamma^t of a step's place in its life is left out, as is usual; the baseline is a
+learned V(o_i), regressed on the returns (`baseline=False`: none); standardised advantages; an entropy bonus;
+Adam.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from algorithms.a2c import A2C, A2CConfig, A2CLearner
+from algorithms.joint.batch import JointView, OnPolicyBatch, to_tensor
+from algorithms.joint.env import Bools
+from algorithms.joint.lives import OpenLives
+from algorithms.joint.rollout import JointRollout
+from algorithms.joint.spec import JointSpec
+
+
+def returns_to_go(rewards: np.ndarray, chain: Bools, gamma: float) -> np.ndarray:
+    """Return the discounted sum of rewards (T, B, N) from each step to the end of the life or the data.
+
+    Args:
+        rewards: (T, B, N).
+        chain: The life goes on in the next row, (T, B, N).
+        gamma: Discount.
+    """
+    returns = np.empty_like(rewards)
+    running = np.zeros_like(rewards[0])
+    for t in range(len(rewards) - 1, -1, -1):
+        running = rewards[t] + gamma * chain[t] * running
+        returns[t] = running
+    return returns
+
+
+class PGLearner(A2CLearner):
+    """One policy-gradient step on all lives that have ended since the last."""
+
+    config: PGConfig  # type: ignore[assignment]
+
+    def build(self) -> None:
+        """Build modules, with no life open."""
+        super().build()
+        self.lives = OpenLives(self.config.longest_life)
+
+    def update_joint(self, rollout: JointRollout) -> None:
+        """Learn from the lives that ended in this fragment, if any did."""
+        batch = self.prepare(rollout)
+        if len(batch):
+            self.update_minibatch(batch)
+            self.updates += 1
+
+    def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
+        """Return a row for each moment in which somebody acted whose life is over by now.
+
+        `alive` marks these agents only.
+        """
+        whole, ready = self.lives.add(rollout)
+        returns = returns_to_go(whole.rewards * self.config.reward_scale, whole.masks().chain, self.gamma)
+        t, b = np.nonzero(ready.any(-1))
+        device = self._device
+        now = replace(
+            JointView.of(self.spec, whole.views[t, b], device), alive=to_tensor(ready[t, b], device)
+        )
+        alive, targets = now.alive, to_tensor(returns[t, b], device)
+        with torch.no_grad():
+            baseline = self.values(now) if self.config.baseline else torch.zeros_like(targets)
+        batch = OnPolicyBatch(
+            self.spec,
+            now.observations,
+            alive,
+            now.masks,
+            now.state,
+            now.graph,
+            actions=tuple(to_tensor(actions[t, b], device) for actions in whole.actions),
+            rewards=to_tensor(whole.rewards[t, b], device),
+            bootstrap=torch.zeros_like(alive),
+            log_prob=torch.zeros_like(targets),
+            advantages=self._scaled(targets - baseline, alive),
+            targets=torch.where(alive, targets, 0),
+        )
+        self.observe_targets(batch)
+        return batch
+
+    def observe_targets(self, batch: OnPolicyBatch) -> None:
+        """Let baselines adapt their scale."""
+        if self.config.baseline:
+            super().observe_targets(batch)
+
+    def fit_values(self, batch: OnPolicyBatch) -> None:
+        """Regress baselines on returns."""
+        if self.config.baseline:
+            super().fit_values(batch)
+
+    def _own_state(self) -> dict[str, Any]:
+        return {**super()._own_state(), "lives": self.lives.get_state()}
+
+    def _set_own_state(self, state: dict[str, Any]) -> None:
+        super()._set_own_state(state)
+        self.lives.set_state(state["lives"])
+
+
+class PGConfig(A2CConfig):
+    """Independent PG.
+
+    Attributes:
+        baseline: Whether a learned value is taken off the returns.
+        longest_life: Steps that a life may take: nothing is learnt from it before it ends.
+    """
+
+    algorithm = "pg"
+
+    def __init__(self, algo_class: type | None = None) -> None:
+        super().__init__(algo_class or PG)
+        self._defaults(baseline=True, longest_life=10_000)
+        self.env_runners(rollout_fragment_length=64)
+
+    baseline: bool
+    longest_life: int
+
+    def modules(self, spec: JointSpec):
+        """Return a policy for each group, and a value network as its baseline."""
+        return {
+            name: module
+            for name, module in super().modules(spec).items()
+            if self.baseline or not module.learner_only
+        }
+
+    def get_default_learner_class(self):
+        """Return the learner (RLlib)."""
+        return PGLearner
+
+
+class PG(A2C):
+    """Independent PG."""
+
+    @classmethod
+    def get_default_config(cls) -> PGConfig:
+        """Return the defaults (RLlib)."""
+        return PGConfig()
