@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,7 +206,10 @@ class Gifts(Game):
         super().__init__(agents=2, actions=3)
         from gymnasium.spaces import Box, Dict
 
-        spaces = {"observations": Box(-1.0, 1.0, (2,), np.float32), "action_mask": Box(0, 1, (3,), np.int8)}
+        spaces: dict[str, Any] = {
+            "observations": Box(-1.0, 1.0, (2,), np.float32),
+            "action_mask": Box(0, 1, (3,), np.int8),
+        }
         self.observation_spaces = {a: Dict(spaces) for a in self.agents}
 
     def observe(self):

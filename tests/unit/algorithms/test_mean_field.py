@@ -16,7 +16,7 @@ from algorithms.joint.neighbours import Near, Neighbourhood
 from algorithms.mf_q import mean_actions
 from algorithms.parts.communication import mean_over
 from algorithms.parts.distributions import BoltzmannHead, Exploration
-from tests.games.games import Game, Ragged, Target
+from tests.games.games import Cues, Game, Ragged, Target
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
 LEARN = {"learning_starts": 200, "updates_per_step": 0.5, "batch_size": 64, "lr": 3e-3, "gamma": 0.0}

@@ -1,0 +1,232 @@
+"""Net-Q: joint actions and their max, the consensus, when it equals the centralised fit, and a game."""
+
+import copy
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from rigs import Rig, moved, replayed
+
+import algorithms
+from algorithms.errors import SpaceError
+from algorithms.networked_q import NetworkedQModule, joint_state, node_links
+from algorithms.parts.graph import consensus_rate, metropolis, ring
+from tests.games.games import Cues, Game, Ragged, Target
+
+REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32}
+SEEDS = [1, 2, 3]
+
+
+@pytest.mark.parametrize("sharing", ["none", "all", {"odd": ["b"], "even": ["a", "c"]}])
+def test_own_values_are_the_best_over_all_possible_joint_actions(sharing):
+    """By enumeration; the dead can do nothing but action 0."""
+    rig = Rig("networked_q", Ragged, sharing=sharing)
+    rollout = rig.rollout(20, epsilon=1.0)
+    rig.learner.replay.add(rollout)
+    batch = rig.learner.replay.sample(np.random.default_rng(0), 20)
+    nets = [rig.learner.net(g.id) for g in rig.spec.groups]
+    views = [batch.view(g) for g in rig.spec.groups]
+    with torch.no_grad():
+        found = NetworkedQModule.policies(nets, views)
+        state = joint_state(views)
+        for net, group, values in zip(nets, rig.spec.groups, found, strict=True):
+            order = [a for g in rig.spec.groups for a in g.agents]
+            table = net.q(state)
+            alive = torch.cat([v.alive for v in views], 1)
+            for m in range(len(batch)):
+                best = {}
+                for number, joint in enumerate(itertools.product(range(3), repeat=3)):
+                    if any(a and not alive[m, k] for k, a in enumerate(joint)):
+                        continue
+                    for agent in group.agents:
+                        key = agent, joint[order.index(agent)]
+                        best[key] = max(best.get(key, -np.inf), table[m, number].item())
+                for (agent, action), value in best.items():
+                    assert values[m, group.agents.index(agent), action].item() == value
+
+
+def test_the_number_of_a_joint_action_is_its_place_in_the_table():
+    rig = Rig("networked_q", Ragged)
+    every = torch.tensor(list(itertools.product(range(3), repeat=3)))
+    number = rig.learner.combinations.number([every[:, :1], every[:, 1:2], every[:, 2:]])
+    assert number.tolist() == list(range(27))
+
+
+def twins(graph, **settings):
+    """Return a learner of independent nodes, and one of a single node of all agents, of equal weights."""
+    several = Rig("networked_q", Ragged, {"crash": 0.0}, graph=graph, **REPLAY, **settings)
+    single = Rig("networked_q", Ragged, {"crash": 0.0}, sharing="all", **REPLAY, **settings)
+    weights = copy.deepcopy(single.learner.net("shared").state_dict())
+    # Alone, each agent's flag stands behind its observation; together, all flags stand at the end.
+    order = [0, 1, 2, 9, 3, 4, 5, 10, 6, 7, 8, 11]
+    for name in ("q.0.weight", "target_q.0.weight"):
+        weights[name] = weights[name][:, order]
+    for group in several.spec.groups:
+        several.learner.net(group.id).load_state_dict(weights)
+    return several, single
+
+
+def test_on_a_complete_graph_every_node_takes_the_centralised_fits_steps():
+    """Adapt-then-combine with weights 1/N averages the gradients in every step."""
+    several, single = twins("all", fit_steps=4, lr=1e-2)
+    several.learner.replay.add(several.rollout(60, epsilon=1.0))
+    for update in range(1, 11):
+        batch = several.learner.replay.sample(np.random.default_rng(update), 32)
+        for rig in (several, single):
+            rig.learner.updates = update
+            rig.learner.update_minibatch(replace(batch, spec=rig.spec))
+    for group in several.spec.groups:
+        ours = q_of_all(several.learner.net(group.id), several, batch)
+        theirs = q_of_all(single.learner.net("shared"), single, batch)
+        torch.testing.assert_close(ours, theirs, rtol=1e-3, atol=1e-4)
+
+
+def q_of_all(net, rig, batch):
+    """Return a network's values of all joint actions."""
+    with torch.no_grad():
+        return net.q(joint_state([batch.view(g) for g in rig.spec.groups]))
+
+
+def least_squares(x, y):
+    """Return the centralised fit of y (n,) by features x (n, d)."""
+    return torch.linalg.lstsq(x, y.unsqueeze(-1)).solution.squeeze(-1)
+
+
+def test_gradient_tracking_on_a_ring_reaches_the_centralised_least_squares_fit():
+    """Four nodes with private targets on identical samples; without consensus each fits its own."""
+    generator = torch.Generator().manual_seed(0)
+    x = torch.randn(50, 3, generator=generator, dtype=torch.float64)
+    targets = torch.randn(4, 50, generator=generator, dtype=torch.float64)
+    central = least_squares(x, targets.mean(0))
+    mixing = metropolis(ring(4)).double()
+    for weights, expected in (
+        (mixing, central.expand(4, 3)),
+        (torch.eye(4).double(), torch.stack([least_squares(x, y) for y in targets])),
+    ):
+        w = torch.randn(4, 3, generator=generator, dtype=torch.float64)
+        tracked = known = torch.zeros_like(w)
+        for _ in range(400):
+            gradients = 2 * (w @ x.T - targets) @ x / 50
+            tracked, known = weights @ (tracked + gradients - known), gradients
+            w = weights @ (w - 0.1 * tracked)
+        torch.testing.assert_close(w, expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_the_learners_nodes_agree_on_the_linear_centralised_fit_of_one_batch():
+    """Linear features, identical joint samples, gamma 0: the least-squares fit of the mean reward."""
+    rig = Rig("networked_q", Cues, hidden=(), gamma=0.0, lr=3e-3, graph=[("agent_0", "agent_1")], **REPLAY)
+    batch = replayed(rig, 64, 128, epsilon=1.0)
+    for update in range(1, 1500):
+        rig.learner.updates = update
+        rig.learner.update_minibatch(batch)
+    views = [batch.view(g) for g in rig.spec.groups]
+    state, number = joint_state(views), batch.actions[0][:, 0] * 4 + batch.actions[0][:, 1]
+    reward = batch.rewards.mean(1)
+    for group in rig.spec.groups:
+        with torch.no_grad():
+            values = rig.learner.net(group.id).q(state).gather(1, number[:, None])[:, 0]
+        for joint in range(16):
+            rows = number == joint
+            if rows.sum() > 1:
+                x = torch.cat([state[rows], torch.ones(int(rows.sum()), 1)], 1).double()
+                y = reward[rows].double()
+                central = x @ torch.linalg.lstsq(x, y[:, None], driver="gelsd").solution[:, 0]
+                torch.testing.assert_close(values[rows].double(), central, rtol=0, atol=0.05)
+
+
+def test_mixing_keeps_the_mean_and_respects_the_graph():
+    rig = Rig("networked_q", Ragged, graph=[("a", "b"), ("b", "c")], **REPLAY)
+    batch = replayed(rig, 60, epsilon=1.0)
+    mixing = rig.learner.mixing(batch)
+    assert mixing[0, 2] == mixing[2, 0] == 0
+    before = torch.stack([torch.nn.utils.parameters_to_vector(p) for p in rig.learner._fitted.values()])
+    rig.learner.average(mixing)
+    after = torch.stack([torch.nn.utils.parameters_to_vector(p) for p in rig.learner._fitted.values()])
+    torch.testing.assert_close(after.mean(0), before.mean(0))
+    torch.testing.assert_close(after, mixing @ before)
+    assert 0 < consensus_rate(mixing) < 1
+
+
+def test_an_agents_gradient_feels_its_own_rewards_only():
+    rig = Rig("networked_q", Ragged, **REPLAY)
+    batch = replayed(rig, 60, epsilon=1.0)
+    first = rig.learner.local_gradients(batch)
+    batch.rewards[:, 1] += batch.alive[:, 1] * torch.linspace(-3, 3, len(batch))
+    second = rig.learner.local_gradients(batch)
+    assert (first != second).any(1).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("consensus", [True, False])
+def test_another_agents_reward_reaches_a_node_through_the_graph_only(consensus):
+    rig, other = (Rig("networked_q", Ragged, graph="all", consensus=consensus, **REPLAY) for _ in range(2))
+    batch = replayed(rig, 60, epsilon=1.0)
+    rig.learner.update_minibatch(batch)
+    batch.rewards[:, 1] += batch.alive[:, 1] * torch.linspace(-3, 3, len(batch))
+    other.learner.update_minibatch(batch)
+    assert moved(rig.weights(), other.weights()) == ({"a", "b", "c"} if consensus else {"b"})
+
+
+def test_groups_are_linked_where_two_agents_hear_each_other():
+    groups = Rig("networked_q", Ragged, sharing={"odd": ["b"], "even": ["a", "c"]}).spec.groups
+    one_way = torch.zeros(3, 3, dtype=torch.bool)
+    one_way[0, 1] = True
+    assert not node_links(one_way, groups).any()
+    one_way[1, 0] = True
+    assert node_links(one_way, groups).tolist() == [[False, True], [True, False]]
+
+
+def test_what_cannot_be_fitted_is_refused():
+    with pytest.raises(SpaceError, match="27 joint actions"):
+        Rig("networked_q", Ragged, max_joint_actions=20)
+    with pytest.raises(SpaceError, match="never agree"):
+        Rig("networked_q", Ragged, graph=[("a", "b")])
+    with pytest.raises(SpaceError, match="needs discrete actions"):
+        Rig("networked_q", Target)
+    assert algorithms.entry("networked_q").communication
+
+
+class Gifts(Game):
+    """Four agents; each pays 1 for its own hit, and gets 2 for that of the agent opposite on the ring.
+
+    The team earns 1 a head where everybody hits; who minds his own reward never hits: 0. Guessing: 0.5.
+    """
+
+    def __init__(self, config=None):
+        super().__init__(agents=4, width=2)
+
+    def observe(self):
+        self.cue = self.rng.integers(2, size=4)
+        return {f"agent_{i}": np.eye(2, dtype=np.float32)[c] for i, c in enumerate(self.cue)}
+
+    def reward(self, actions):
+        hits = [float(a == c) for a, c in zip(actions, self.cue, strict=True)]
+        return [2 * hits[(i + 2) % 4] - hits[i] for i in range(4)]
+
+
+def gifts_score(seed, **settings):
+    """Return what an agent earns a step after learning, greedily."""
+    learn = {"learning_starts": 200, "updates_per_step": 0.25, "batch_size": 64, "lr": 3e-3, "gamma": 0.0}
+    rig = Rig("networked_q", Gifts, seed=seed, hidden=(64,), graph="ring", fit_steps=25, **learn, **settings)
+    done = 0
+    while done < 4_000:
+        rollout = rig.rollout(8, epsilon=max(1 - done / 3_000, 0.1))
+        rig.learner.update_joint(rollout)
+        done += rollout.env_steps()
+    return rig.rollout(200, explore=False).rewards.mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+def test_agents_on_a_ring_serve_the_team(seed):
+    """1.0; without consensus 0, by guessing 0.5."""
+    assert gifts_score(seed) > 0.75
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
+def test_agents_without_consensus_serve_themselves(seed):
+    """The ablation that must fail."""
+    assert gifts_score(seed, consensus=False) < 0.5
