@@ -2,9 +2,9 @@
 
 Iqbal & Sha 2019, "Actor-Attention-Critic for Multi-Agent Reinforcement Learning". Each agent's Q_i(o, a) is a
 function of its own embedding and of a sum over the other agents' values V g_j(o_j, a_j), weighted by
-attention (eq. 5-6). One critic of all agents is fitted by their joint loss with everybody's target policies
-(eq. 7). Policies follow eq. 8 with all agents' actions drawn from the present policies, and with the
-counterfactual baseline sum_a pi_i(a | o_i) Q_i(o, (a, a_-i)) (eq. 9). So that one pass gives Q_i for every
+attention (section 3.2). One critic of all agents is fitted by their joint loss with everybody's target
+policies. Policies follow the soft policy gradient with all agents' actions drawn from the present policies,
+and with the counterfactual baseline sum_a pi_i(a | o_i) Q_i(o, (a, a_-i)). So that one pass gives Q_i for every
 own action (section 3.3), neither query nor own embedding contains the agent's own action.
 
 Deviations: losses are means over the living agents instead of sums over all (the authors' code scales the
@@ -130,7 +130,7 @@ def of_actions(values: Tensor, actions: Tensor) -> Tensor:
 
 
 def counterfactual_advantage(values: Tensor, policy: CategoricalDistribution, actions: Tensor) -> Tensor:
-    """Return Q_i(o, a) minus its expectation under the own policy (eq. 9), (M, n)."""
+    """Return Q_i(o, a) minus its expectation under the own policy, (M, n)."""
     baseline = (policy.log_probs.exp() * values).sum(-1)
     return of_actions(values, actions) - baseline
 
@@ -158,7 +158,7 @@ class MAACLearner(OffPolicyLearner):
         return policies, actions, encoded
 
     def fit_critic(self, batch: ReplayBatch) -> None:
-        """Regress Q_i(o, a) on r_i + gamma (Q'_i(o', a') - alpha log pi'_i(a'_i)), a' ~ pi' (eq. 7)."""
+        """Regress Q_i(o, a) on r_i + gamma (Q'_i(o', a') - alpha log pi'_i(a'_i)), a' ~ pi'."""
         with torch.no_grad():
             policies, chosen, encoded = self.play(batch.next, target=True)
             following = self.net(CRITIC).target_q(batch.next, encoded)
@@ -174,7 +174,7 @@ class MAACLearner(OffPolicyLearner):
         self.log(CRITIC, "critic_loss", loss)
 
     def improve_policies(self, batch: ReplayBatch) -> None:
-        """Follow grad log pi_i(a_i) (A_i(o, a) - alpha log pi_i(a_i)), a ~ pi (eq. 8)."""
+        """Follow grad log pi_i(a_i) (A_i(o, a) - alpha log pi_i(a_i)), a ~ pi."""
         policies, chosen, encoded = self.play(batch)
         with torch.no_grad():
             values = self.net(CRITIC).q(batch, encoded)

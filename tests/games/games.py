@@ -40,7 +40,7 @@ class Game(MultiAgentEnv):
         ends, cuts = (done, going) if self.ends else (going, done)
         return self.observe(), dict(zip(self.agents, rewards, strict=True)), ends, cuts, {}
 
-    def observe(self) -> dict[Any, Any]:
+    def observe(self) -> dict[str, np.ndarray]:
         return {a: np.zeros(1, np.float32) for a in self.agents}
 
     def reward(self, actions: list[int]) -> list[float]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from gymnasium.spaces import Box
 from rigs import Rig, moved, replayed
 
 import algorithms
@@ -204,7 +205,7 @@ class Gifts(Game):
 
     def __init__(self, config=None):
         super().__init__(agents=2, actions=3)
-        from gymnasium.spaces import Box, Dict
+        from gymnasium.spaces import Dict
 
         spaces: dict[str, Any] = {
             "observations": Box(-1.0, 1.0, (2,), np.float32),
@@ -212,7 +213,7 @@ class Gifts(Game):
         }
         self.observation_spaces = {a: Dict(spaces) for a in self.agents}
 
-    def observe(self):
+    def observe(self):  # type: ignore[override] - a Dict observation
         self.legal = (self.rng.random((2, 3)) < 0.5) | np.eye(3, dtype=bool)[self.rng.integers(3, size=2)]
         return {
             a: {"observations": np.zeros(2, np.float32), "action_mask": mask.astype(np.int8)}
@@ -271,6 +272,28 @@ def test_a_restored_learner_continues_exactly(name):
     for one in (rig, other):
         one.learner.update_joint(rollout)
     assert moved(rig.weights(), other.weights()) == set()
+
+
+class Pictures(Cues):
+    """`Cues` whose observation is a small picture."""
+
+    def __init__(self, config=None):
+        super().__init__(config)
+        space = Box(0, 255, (8, 8, 3), np.uint8)
+        self.observation_spaces = {"agent_0": space, "agent_1": space}
+
+    def observe(self):  # type: ignore[override] - pictures
+        super().observe()
+        first, second = (np.full((8, 8, 3), 50 * c, np.uint8) for c in self.cue)
+        return {"agent_0": first, "agent_1": second}
+
+
+@pytest.mark.parametrize(("name", "game"), [("commnet", Pictures), ("commnet", Target), ("maac", Pictures)])
+def test_those_who_hear_or_attend_learn_from_pictures_and_act_in_boxes(name, game):
+    rig = Rig(name, game, **settings_of(name))
+    before, after = update(rig, rig.rollout(24))
+    assert moved(before, after) == set(before)
+    assert all(torch.isfinite(w).all() for part in after.values() for w in part.values())
 
 
 def test_groups_are_put_together_in_the_order_of_columns():

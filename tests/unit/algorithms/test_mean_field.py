@@ -119,7 +119,7 @@ def test_actions_without_a_mean_are_refused(name):
     class Uneven(Game):
         def __init__(self, config=None):
             super().__init__()
-            self.action_spaces["agent_1"] = Discrete(3)
+            self.action_spaces = {"agent_0": Discrete(2), "agent_1": Discrete(3)}
 
     with pytest.raises(SpaceError, match="means over actions"):
         Rig(name, Uneven)

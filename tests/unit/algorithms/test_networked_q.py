@@ -72,8 +72,8 @@ def test_on_a_complete_graph_every_node_takes_the_centralised_fits_steps():
     """Adapt-then-combine with weights 1/N averages the gradients in every step."""
     several, single = twins("all", fit_steps=4, lr=1e-2)
     several.learner.replay.add(several.rollout(60, epsilon=1.0))
+    batch = several.learner.replay.sample(np.random.default_rng(0), 32)
     for update in range(1, 11):
-        batch = several.learner.replay.sample(np.random.default_rng(update), 32)
         for rig in (several, single):
             rig.learner.updates = update
             rig.learner.update_minibatch(replace(batch, spec=rig.spec))
