@@ -4,8 +4,8 @@ Iqbal & Sha 2019, "Actor-Attention-Critic for Multi-Agent Reinforcement Learning
 function of its own embedding and of a sum over the other agents' values V g_j(o_j, a_j), weighted by
 attention (section 3.2). One critic of all agents is fitted by their joint loss with everybody's target
 policies. Policies follow the soft policy gradient with all agents' actions drawn from the present policies,
-and with the counterfactual baseline sum_a pi_i(a | o_i) Q_i(o, (a, a_-i)). So that one pass gives Q_i for every
-own action (section 3.3), neither query nor own embedding contains the agent's own action.
+and with the counterfactual baseline sum_a pi_i(a | o_i) Q_i(o, (a, a_-i)). So that one pass gives Q_i for all
+own actions (section 3.3), neither query nor own embedding contains the agent's own action.
 
 Deviations: losses are means over the living agents instead of sums over all (the authors' code scales the
 critic's gradient by 1/N too); attention skips agents that are not there; no batch normalisation of
