@@ -17,6 +17,7 @@ from smarts.env.adapters.features import (
     SPEED,
     SPEED_SCALE,
     WAYPOINTS,
+    expanded,
 )
 from smarts.types.actions import LaneAction
 from smarts.types.episode import EpisodeStart
@@ -93,7 +94,7 @@ class Yielder:
         horizons = _horizons(others, turns_left=errors.max() > 0.3, yields=not is_first, claims=claims)
         ways = _ways(others, may_speed_up=not is_first and not claims)
         driven = _driven(speed, SPEEDING_UP)
-        ahead = now[GOAL] * GOAL_SCALE
+        ahead = float(expanded(now[GOAL], GOAL_SCALE))
         is_urgent = ahead < URGENT
         # Who stops between two lanes, before a junction, is run into from behind.
         may_change = wish is not None and mask[wish] and (arrival < 0.0 or is_urgent)
@@ -117,7 +118,7 @@ class Yielder:
 
 def _wish(now: Floats) -> int | None:
     """Return the lane change that leads towards the goal on a straight road, if any does."""
-    ahead, aside = now[GOAL : GOAL + 2] * GOAL_SCALE
+    ahead, aside = expanded(now[GOAL : GOAL + 2], GOAL_SCALE)
     is_straight = np.abs(now[HEADINGS : HEADINGS + WAYPOINTS]).max() < 0.08
     if not is_straight or ahead < 0.0 or not 0.6 * LANE < abs(aside) < 5 * LANE:
         return None
@@ -157,9 +158,9 @@ def _others(now: Floats, speed: float) -> Floats:
     """Return place and velocity of each neighbour as seen from the vehicle: x, y [m], vx, vy [m/s]."""
     rows = now[NEIGHBOURHOOD:FEATURES].reshape(-1, NEIGHBOUR_VALUES)
     rows = rows[rows[:, 0] > 0.0]
-    return np.column_stack(
-        [rows[:, 1:3] * RADIUS, rows[:, 3] * SPEED_SCALE + speed, rows[:, 4] * SPEED_SCALE]
-    )
+    velocities = expanded(rows[:, 3:5], SPEED_SCALE)
+    velocities[:, 0] += speed
+    return np.column_stack([expanded(rows[:, 1:3], RADIUS), velocities])
 
 
 def _path(errors: Floats) -> Floats:

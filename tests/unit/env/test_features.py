@@ -15,6 +15,8 @@ from smarts.env.adapters.features import (
     SPEED,
     STEERING,
     WAYPOINTS,
+    compressed,
+    expanded,
 )
 from smarts.env.adapters.protocol import Served
 from smarts.errors import SmartsError
@@ -64,12 +66,25 @@ def look(made, agents=1):
     return adapter.observations["observation"]
 
 
+def symlog(x):
+    return math.copysign(math.log(1 + abs(x)), x)
+
+
 def test_four_agents_see_200_numbers():
     cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(4)]
     seen = look(world_of(cars, maps=[straight()]), agents=4)
     assert seen.shape == (1, 4, 200)
     assert np.all(np.abs(seen) <= 1.0)
     np.testing.assert_array_equal(seen[0, :, 195:199], np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("metres", "feature"),
+    [(0.0, 0.0), (3.0, math.log(4) / math.log(51)), (-50.0, -1.0), (80.0, 1.0), (math.sqrt(51) - 1, 0.5)],
+)
+def test_lengths_are_compressed(metres, feature):
+    assert compressed(metres, 50.0) == pytest.approx(feature)
+    assert expanded(feature, 50.0) == pytest.approx(max(-50.0, min(50.0, metres)))
 
 
 def test_own_state():
@@ -79,7 +94,9 @@ def test_own_state():
     dx, dy = 140.0, -0.8
     ahead = dx * math.cos(0.1) + dy * math.sin(0.1)
     aside = dy * math.cos(0.1) - dx * math.sin(0.1)
-    np.testing.assert_allclose(seen[GOAL : GOAL + 2], [ahead / 200, aside / 200], rtol=1e-6)
+    np.testing.assert_allclose(
+        seen[GOAL : GOAL + 2], [symlog(ahead) / math.log(201), symlog(aside) / math.log(201)], rtol=1e-6
+    )
     np.testing.assert_allclose(seen[LANE_OFFSET], 0.25, rtol=1e-6)
     np.testing.assert_allclose([seen[SPEED], seen[STEERING]], [0.5, 0.5], rtol=1e-6)
     np.testing.assert_allclose(seen[HEADINGS : HEADINGS + WAYPOINTS], math.sin(-0.1), rtol=1e-6)
@@ -96,9 +113,14 @@ def test_neighbours_nearest_first_relative_to_oneself():
         maps=[straight()],
     )
     seen = look(made)[0, 0, NEIGHBOURHOOD:FEATURES].reshape(8, 5)
-    np.testing.assert_allclose(seen[0], [1 - 10 / 50, 0.0, -10 / 50, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(seen[0], [1 - 10 / 50, 0.0, -math.log(11) / math.log(51), 0.0, 0.0], atol=1e-6)
     # Drives east where the agent drives north: to its right, and falling back.
-    np.testing.assert_allclose(seen[1], [1 - 30 / 50, 30 / 50, 0.0, -10 / 30, -6 / 30], atol=1e-6)
+    ahead, backwards, aside = (
+        math.log(31) / math.log(51),
+        -math.log(11) / math.log(31),
+        -math.log(7) / math.log(31),
+    )
+    np.testing.assert_allclose(seen[1], [1 - 30 / 50, ahead, 0.0, backwards, aside], atol=1e-6)
     assert not seen[2:].any()
 
 
@@ -106,7 +128,7 @@ def test_the_eight_nearest_of_many():
     others = [Car(50.0 + 2.0 * n, 6.4, name=f"o{n}") for n in (9, 3, 7, 1, 11, 5, 2, 10, 4, 8, 6)]
     made = world_of([Car(50.0, 6.4, mission=mission("road")), *others], maps=[straight()], capacity=32)
     seen = look(made)[0, 0, NEIGHBOURHOOD:FEATURES].reshape(8, 5)
-    np.testing.assert_allclose(seen[:, 1] * 50, 2.0 * np.arange(1, 9), atol=1e-5)
+    np.testing.assert_allclose(expanded(seen[:, 1], 50.0), 2.0 * np.arange(1, 9), atol=1e-5)
 
 
 def test_headings_turn_with_the_bend():
