@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from algorithms.joint.env import VectorJointEnv
 from algorithms.joint.runner import JointEnvRunner
 from algorithms.joint.sampler import Episode, EvaluatedStep
 
@@ -24,6 +25,8 @@ def evaluate(
     explore: bool = False,
     on_step: Callable[[EvaluatedStep], None] | None = None,
     first_world: int = REPORTED_WORLDS,
+    env: VectorJointEnv | None = None,
+    seed: int | None = None,
 ) -> list[Episode]:
     """Play exactly `episodes` episodes with the present policies, in this process.
 
@@ -33,10 +36,17 @@ def evaluate(
         explore: Sample actions as in training, or act greedily.
         on_step: Called with every step of all copies, sampling distributions included.
         first_world: World of the first episode.
+        env: Where to play, by default in an environment like those of training; left open.
+        seed: Root seed of the episodes and of sampled actions, by default the algorithm's own. One seed for
+            all trainings makes their episodes begin alike.
+
+    Raises:
+        SpaceError: `env` has other agents or spaces than the algorithm.
 
     Returns:
         The episodes in the order of their worlds.
     """
     runner: JointEnvRunner = algo.env_runner_group.local_env_runner
     runner.set_state(algo.runner_state())
-    return runner.play(first_world + np.arange(episodes), explore=explore, on_step=on_step)
+    worlds = first_world + np.arange(episodes)
+    return runner.play(worlds, explore=explore, on_step=on_step, env=env, seed=seed)

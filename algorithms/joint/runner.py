@@ -30,7 +30,7 @@ from ray.rllib.utils.metrics import (
 )
 from ray.tune.registry import ENV_CREATOR, _global_registry
 
-from algorithms.errors import AlgorithmError, EnvironmentFailure
+from algorithms.errors import AlgorithmError, EnvironmentFailure, SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.callbacks import EpisodeCallbacks
 from algorithms.joint.env import Ints, VectorJointEnv, is_vector_env
@@ -135,14 +135,30 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return self._evaluate(num_episodes, explore, restart=force_reset or self.worker_index == 0)
 
     def play(
-        self, worlds: Ints, *, explore: bool, on_step: Callable[[EvaluatedStep], None] | None = None
+        self,
+        worlds: Ints,
+        *,
+        explore: bool,
+        on_step: Callable[[EvaluatedStep], None] | None = None,
+        env: VectorJointEnv | None = None,
+        seed: int | None = None,
     ) -> list[Episode]:
-        """Play one episode in each world, in an environment of its own, so open training episodes survive."""
-        if self._evaluator is None:
+        """Play one episode in each world, in an environment of its own, so open training episodes survive.
+
+        With an environment given, play there; it must have the agents and spaces of the training.
+        """
+        if env is not None and (found := env.spaces) != self.spec.spaces:
+            raise SpaceError(
+                f"the environment has {found}, the policies were made for {self.spec.spaces}",
+                place=type(env).__name__,
+                remedy="evaluate with the agents, adapter and options of the training",
+            )
+        if env is None and self._evaluator is None:
             self._evaluator = self._new_sampler(self._new_env(), incarnation=0)
+        evaluator = self._evaluator if env is None else self._new_sampler(env, incarnation=0, seed=seed)
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)._replace(explore=explore)
         with torch_threads(self.config.torch_threads):
-            return self._evaluator.episodes(worlds, exploration, on_step)
+            return evaluator.episodes(worlds, exploration, on_step)  # type: ignore[union-attr]
 
     def get_metrics(self) -> Any:
         """Return and clear what was logged since the last call."""
@@ -254,7 +270,12 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return self._sampler
 
     def _new_sampler(
-        self, env: VectorJointEnv, incarnation: int, listener: Listener | None = None
+        self,
+        env: VectorJointEnv,
+        incarnation: int,
+        *,
+        seed: int | None = None,
+        listener: Listener | None = None,
     ) -> Sampler:
         self.make_module()
         worker = max(self.worker_index - 1, 0)
@@ -262,7 +283,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             env,
             self._policies,  # type: ignore[arg-type]
             self.spec,
-            seed=self.config.seed or 0,
+            seed=(self.config.seed or 0) if seed is None else seed,
             source=(worker, incarnation),
             max_failures=self.config.max_env_failures,
             listener=listener,

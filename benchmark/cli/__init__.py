@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from benchmark.cli import algorithms, floors, render, scenario
+from benchmark.cli import algorithms, doctor, evaluate, floors, render, run, scenario, sweep
 from smarts.errors import SmartsError
 
 app = typer.Typer(
@@ -16,6 +16,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(scenario.app, name="scenario")
+app.command()(run.run)
+app.command()(sweep.sweep)
+app.command()(evaluate.evaluate)
+app.command()(doctor.doctor)
 app.command()(render.render)
 app.command()(floors.floors)
 app.command("algorithms")(algorithms.list_algorithms)

@@ -164,8 +164,8 @@ class Tune(Section):
     """Draws from the space, or repetitions of a grid."""
     scheduler: Literal["none", "asha", "pbt"] = "none"
     """Who stops or changes runs early: nobody, asynchronous successive halving, population-based training."""
-    metric: str = "completion"
-    """What is to be large in validation: "completion", "return", or "safety" (1 - collisions)."""
+    metric: Literal["completion", "return", "safety"] = "completion"
+    """What is to be large in validation; "safety" is 1 - collisions."""
 
 
 class Experiment(Section):

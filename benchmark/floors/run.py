@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
@@ -85,19 +86,33 @@ def _episodes(
     """Yield one episode of each world after the other."""
     options = Options(record=record)
     env = VectorHiWayEnv(1, [scenario], AGENTS, seed=seed, simulation=options, traffic=[traffic])
-    try:
-        drivers: list[Floor] = [FLOORS[policy]() for _ in env.agents]
-        now = env.reset(seed, np.array([first_world]), stride=1)
-        start = _begin(drivers, env)
-        while True:
-            now = env.step([_actions(drivers, now)])
-            for error in now.failed.values():
-                raise TrafficError("the traffic failed", place=f"{scenario}, world {start.world}") from error
-            for shares in now.metrics.values():
-                yield Ended(_outcomes(shares), shares["steps"])
-                start = _begin(drivers, env)
-    finally:
-        env.close()
+    with closing(env):
+        yield from episodes_in(env, policy, seed, first_world)
+
+
+def episodes_in(env: VectorHiWayEnv, policy: str, seed: int, first_world: int) -> Generator[Ended]:
+    """Yield one episode of each world after the other, with every agent driven by a policy.
+
+    Args:
+        env: With one simulation and the benchmark's observation.
+        policy: A name of `FLOORS`.
+        seed: Of the run.
+        first_world: The world of the first episode.
+
+    Raises:
+        TrafficError: Traffic failed.
+    """
+    drivers: list[Floor] = [FLOORS[policy]() for _ in env.agents]
+    now = env.reset(seed, np.array([first_world]), stride=1)
+    start = _begin(drivers, env)
+    while True:
+        now = env.step([_actions(drivers, now)])
+        for error in now.failed.values():
+            place = f"{start.scenario}, world {start.world}"
+            raise TrafficError("the traffic failed", place=place) from error
+        for shares in now.metrics.values():
+            yield Ended(_outcomes(shares, len(env.agents)), shares["steps"])
+            start = _begin(drivers, env)
 
 
 def _begin(drivers: Sequence[Floor], env: VectorHiWayEnv) -> EpisodeStart:
@@ -117,7 +132,7 @@ def _actions(drivers: Sequence[Floor], now: VectorStep) -> NDArray[np.int64]:
     return actions
 
 
-def _outcomes(shares: Mapping[str, float]) -> Counter[str]:
+def _outcomes(shares: Mapping[str, float], agents: int) -> Counter[str]:
     return Counter(
-        {name: round(share * AGENTS) for name, share in shares.items() if name != "steps" and share}
+        {name: round(share * agents) for name, share in shares.items() if name != "steps" and share}
     )

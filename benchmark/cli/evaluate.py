@@ -1,0 +1,60 @@
+"""`smarts-bench evaluate`: a trained policy, tested again or elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+
+def evaluate(
+    run: Annotated[Path, typer.Argument(help="Folder of a run: it holds config.yaml and checkpoint/.")],
+    scenario: Annotated[
+        list[str] | None,
+        typer.Option(help="Others than those of the training, perhaps with @VARIATION; may be repeated."),
+    ] = None,
+    traffic: Annotated[str | None, typer.Option(help="Another variation of the traffic.")] = None,
+    episodes: Annotated[int, typer.Option(help="Episodes for each way of acting.", min=1)] = 50,
+    mode: Annotated[list[str] | None, typer.Option(help="greedy or sampled; by default both.")] = None,
+    checkpoint: Annotated[str, typer.Option(help="last or best (in validation).")] = "last",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the table and the recorded episodes; else neither is kept."),
+    ] = None,
+) -> None:
+    """Test the policy of RUN and print all metrics with 95% intervals."""
+    from benchmark.running.again import evaluate_again
+
+    table = evaluate_again(
+        run,
+        scenarios=scenario or (),
+        traffic=traffic,
+        episodes=episodes,
+        modes=_modes(mode),
+        checkpoint=_checkpoint(checkpoint),
+        out=out,
+    )
+    from benchmark.metrics import compute
+
+    found = compute(table, ["mode"])
+    for name, group in found.groupby("mode"):
+        rows = group.to_dict("records")
+        typer.echo(f"{name}: {rows[0]['n']} agent-episodes")
+        for row in rows:
+            interval = f"[{row['low']:.3f}, {row['high']:.3f}]" if row["low"] == row["low"] else ""
+            value = f"{row['value']:.3f}" if row["value"] == row["value"] else "n/a"
+            typer.echo(f"  {row['metric']:<24} {value:>8}  {interval:<18} {row['note']}".rstrip())
+
+
+def _modes(given: list[str] | None) -> tuple[Literal["greedy", "sampled"], ...]:
+    for name in given or ():
+        if name not in ("greedy", "sampled"):
+            raise typer.BadParameter(f"{name!r} is neither greedy nor sampled", param_hint="--mode")
+    return tuple(given or ("greedy", "sampled"))  # type: ignore[arg-type]
+
+
+def _checkpoint(given: str) -> str:
+    if given not in ("last", "best"):
+        raise typer.BadParameter(f"{given!r} is neither last nor best", param_hint="--checkpoint")
+    return given

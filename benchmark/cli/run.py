@@ -1,0 +1,29 @@
+"""`smarts-bench run`: from a config to a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Config = Annotated[Path, typer.Argument(help="Experiment file (YAML).", show_default=False)]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="Change a value of the file, as in --set budget.minutes=5; may be repeated.",
+        metavar="KEY=VALUE",
+    ),
+]
+Out = Annotated[Path, typer.Option(help="Folder of all results; the experiment's own is in it.")]
+
+
+def run(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
+    """Train, test and report what CONFIG says. After any interruption the same command goes on."""
+    from benchmark.experiment.config import read_experiment
+
+    experiment = read_experiment(config, set_ or ())
+    from benchmark.running.experiment import run_experiment
+
+    raise typer.Exit(run_experiment(experiment, out / experiment.name))

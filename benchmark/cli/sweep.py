@@ -1,0 +1,22 @@
+"""`smarts-bench sweep`: a search for settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from benchmark.cli.run import Config, Out, Set
+
+
+def sweep(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
+    """Search settings as CONFIG's `tune` says, with Ray Tune. Interrupted, the same command goes on."""
+    from benchmark.experiment.config import read_experiment
+
+    experiment = read_experiment(config, set_ or ())
+    from benchmark.running.sweeping import sweep as search
+
+    folder = out / experiment.name
+    table = search(experiment, folder)
+    typer.echo(table.to_string(index=False))
+    typer.echo(f"table: {folder / 'trials.csv'}")

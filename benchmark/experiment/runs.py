@@ -1,0 +1,176 @@
+"""The runs that an experiment stands for, and where each keeps its results."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from benchmark.experiment.config import Budget, Environment, Evaluation, Experiment, Resources, Task
+
+REFERENCE = "reference"
+"""Folder of the scripted policies' results, among those of the algorithms."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A column of the table: a task with one traffic, and how it is played and tested."""
+
+    task: Task
+    traffic: str
+    environment: Environment
+    evaluation: Evaluation
+    copies: int
+    """Simulations side by side."""
+
+    def __str__(self) -> str:
+        return f"{self.task.name}, {self.traffic}"
+
+    @property
+    def folder(self) -> Path:
+        """Where its results are, in an algorithm's folder."""
+        return Path(self.task.name, self.traffic)
+
+    def test_content(self) -> dict[str, Any]:
+        """Return what a test of the cell consists of, as it is kept with its results."""
+        evaluation = self.evaluation
+        return {
+            "episodes": evaluation.episodes,
+            "modes": list(evaluation.modes),
+            "held_out_episodes": evaluation.held_out_episodes,
+        }
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training and its test. Plain data, since it travels to other processes."""
+
+    algorithm: str
+    cell: Cell
+    seed: int
+    settings: Mapping[str, Any]
+    """Of the algorithm, where they differ from its defaults."""
+    budget: Budget
+    resources: Resources
+
+    def __str__(self) -> str:
+        return f"{self.algorithm}, {self.cell}, seed {self.seed}"
+
+    @property
+    def folder(self) -> Path:
+        """Where its results are, in the experiment's folder."""
+        return Path(self.algorithm, self.cell.folder, f"seed_{self.seed}")
+
+    def content(self) -> dict[str, Any]:
+        """Return all that its training depends on, as it is kept beside its results."""
+        evaluation = self.cell.evaluation
+        return {
+            "algorithm": self.algorithm,
+            "scenarios": list(self.cell.task.scenarios),
+            "traffic": self.cell.traffic,
+            "seed": self.seed,
+            "settings": dict(self.settings),
+            "environment": self.cell.environment.model_dump(mode="json"),
+            "budget": self.budget.model_dump(mode="json"),
+            "validations": evaluation.validations,
+            "validation_episodes": evaluation.validation_episodes,
+            "env_runners": self.resources.env_runners,
+            "copies": self.resources.copies,
+        }
+
+    def digest(self) -> str:
+        """Return a digest of all that its training depends on."""
+        return _digest(self.content())
+
+
+def run_from(content: Mapping[str, Any]) -> Run:
+    """Return the run of a `Run.content()`, to be tested again; its test is the default one.
+
+    Raises:
+        ValueError: It is not such a content.
+    """
+    try:
+        scenarios = tuple(content["scenarios"])
+        evaluation = Evaluation(
+            validations=content["validations"], validation_episodes=content["validation_episodes"]
+        )
+        return Run(
+            content["algorithm"],
+            Cell(
+                Task(
+                    name="-".join(Path(each).name.replace("@", "-") for each in scenarios),
+                    scenarios=scenarios,
+                ),
+                content["traffic"],
+                Environment(**content["environment"]),
+                evaluation,
+                content["copies"],
+            ),
+            content["seed"],
+            content["settings"],
+            Budget(**content["budget"]),
+            Resources(env_runners=content["env_runners"], copies=content["copies"]),
+        )
+    except (KeyError, TypeError, ValidationError) as error:
+        raise ValueError(f"not the content of a run: {error}") from error
+
+
+@dataclass(frozen=True)
+class ReferenceRun:
+    """A scripted policy's test."""
+
+    policy: str
+    cell: Cell
+
+    def __str__(self) -> str:
+        return f"{self.policy}, {self.cell}"
+
+    @property
+    def folder(self) -> Path:
+        """Where its results are, in the experiment's folder."""
+        return Path(REFERENCE, self.policy, self.cell.folder)
+
+    def content(self) -> dict[str, Any]:
+        """Return all that its test depends on, but for its extent."""
+        return {
+            "policy": self.policy,
+            "scenarios": list(self.cell.task.scenarios),
+            "traffic": self.cell.traffic,
+            "environment": self.cell.environment.model_dump(mode="json"),
+        }
+
+    def digest(self) -> str:
+        """Return a digest of the content."""
+        return _digest(self.content())
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    return hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=8).hexdigest()
+
+
+def cells_of(experiment: Experiment) -> list[Cell]:
+    """Return the columns of an experiment's table."""
+    return [
+        Cell(task, traffic, experiment.environment, experiment.evaluation, experiment.resources.copies)
+        for traffic in experiment.traffic
+        for task in experiment.tasks
+    ]
+
+
+def runs_of(experiment: Experiment) -> Iterator[Run]:
+    """Yield the trainings of an experiment, the first seed of everything first: so a table fills early."""
+    for seed in experiment.seeds:
+        for cell in cells_of(experiment):
+            for algorithm in experiment.algorithms:
+                settings = experiment.settings_of(algorithm)
+                yield Run(algorithm, cell, seed, settings, experiment.budget, experiment.resources)
+
+
+def references_of(experiment: Experiment) -> list[ReferenceRun]:
+    """Return the tests of an experiment's scripted policies."""
+    return [ReferenceRun(policy, cell) for policy in experiment.reference for cell in cells_of(experiment)]

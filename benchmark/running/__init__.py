@@ -1,0 +1,1 @@
+"""Runs: training, validation, test, and what of them is on disk, whatever is killed when."""

@@ -1,0 +1,103 @@
+"""Tests of runs that are finished: the same policy in other episodes, traffic or scenarios."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
+import yaml
+
+from benchmark.experiment.config import Evaluation, Task
+from benchmark.experiment.runs import Run, run_from
+from benchmark.metrics import read_table
+from benchmark.running.driver import start_ray
+from benchmark.running.files import ResultsError
+from benchmark.running.folder import RunFolder
+from benchmark.running.testing import test
+from benchmark.running.training import algorithm_of
+from smarts.sstudio.build import build_scenario
+
+
+def evaluate_again(
+    path: Path,
+    *,
+    scenarios: Sequence[str] = (),
+    traffic: str | None = None,
+    episodes: int = 50,
+    modes: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled"),
+    checkpoint: str = "last",
+    out: Path | None = None,
+) -> pd.DataFrame:
+    """Return the table of a test of a run's policy; see `benchmark.metrics.compute`.
+
+    Args:
+        path: The run's folder, which is left as it is.
+        scenarios: By default those of the training.
+        traffic: By default that of the training.
+        episodes: For each mode.
+        modes: Ways of acting.
+        checkpoint: "last" or "best".
+        out: Folder that keeps the table and the recorded episodes.
+
+    Raises:
+        ResultsError: There is no run, or it has no such checkpoint.
+        SmartsError: A scenario or its traffic does not exist.
+        CheckpointError: The checkpoint does not fit the run's config.
+    """
+    folder = RunFolder(path)
+    run = _changed(read_run(folder), scenarios, traffic, episodes, modes, keep=out is not None)
+    for scenario in run.cell.task.scenarios:
+        build_scenario(scenario).with_traffic([run.cell.traffic]).episodes(run.cell.environment.agents)
+    kept = folder.checkpoint if checkpoint == "last" else folder.best
+    if not kept.exists():
+        raise ResultsError(
+            f"the run has no {checkpoint} checkpoint", place=str(path), remedy="train it further"
+        )
+    start_ray(run.resources)
+    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary, algorithm_of(run) as algo:
+        algo.restore_from_path(str(kept.absolute()))
+        answer = RunFolder(out or Path(temporary))
+        for _ in test(run, answer, algo):
+            pass
+        return read_table(answer.table)
+
+
+def read_run(folder: RunFolder) -> Run:
+    """Return the run whose results are in a folder.
+
+    Raises:
+        ResultsError: There is none, or its config is damaged.
+    """
+    try:
+        content: Any = yaml.safe_load(folder.config.read_text(encoding="utf-8"))
+        return run_from(content)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ResultsError(
+            f"not a run: {error}",
+            place=str(folder.config),
+            remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1",
+        ) from error
+
+
+def _changed(
+    run: Run,
+    scenarios: Sequence[str],
+    traffic: str | None,
+    episodes: int,
+    modes: tuple[Literal["greedy", "sampled"], ...],
+    *,
+    keep: bool,
+) -> Run:
+    cell = run.cell
+    task = cell.task
+    if scenarios:
+        name = "-".join(Path(each).name.replace("@", "-") for each in scenarios)
+        task = Task(name=name, scenarios=tuple(scenarios))
+    evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=keep)
+    cell = replace(cell, task=task, traffic=traffic or cell.traffic, evaluation=evaluation)
+    resources = run.resources.model_copy(update={"env_runners": 0})
+    return replace(run, cell=cell, resources=resources)

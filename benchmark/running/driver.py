@@ -1,0 +1,173 @@
+"""Runs an experiment: its runs as Ray tasks side by side, each of which goes on where it was interrupted."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import ray
+from ray.exceptions import RayError, RayTaskError
+
+from benchmark.experiment.config import Experiment, Resources
+from benchmark.experiment.runs import ReferenceRun, Run, references_of, runs_of
+from benchmark.running.files import ResultsError
+from benchmark.running.folder import FINISHED, TESTING, RunFolder
+from benchmark.running.progress import Progress
+from smarts.errors import SmartsError, shortened
+
+ATTEMPTS = 3
+"""How often a run may lose its process before it counts as failed."""
+
+Job = Run | ReferenceRun
+
+
+@dataclass
+class JobState:
+    """What is known of a job while an experiment runs."""
+
+    job: Job
+    status: str = "waiting"
+    """"waiting", a phase of `Progress`, or "failed"."""
+    progress: Progress | None = None
+    attempts: int = 0
+    error: str = ""
+    updates: Any = field(default=None, repr=False)
+    """The stream of its progress."""
+
+
+def jobs_of(experiment: Experiment) -> list[Job]:
+    """Return all jobs of an experiment in the order in which they are begun."""
+    return [*references_of(experiment), *runs_of(experiment)]
+
+
+def start_ray(resources: Resources) -> None:
+    """Join the cluster, or start Ray on this machine.
+
+    Raises:
+        ResultsError: There is no cluster at the address.
+    """
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    try:
+        ray.init(
+            address=resources.address,
+            include_dashboard=None if resources.address else False,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            ignore_reinit_error=True,
+        )
+    except ConnectionError as error:
+        raise ResultsError(
+            f"there is no Ray cluster at {resources.address!r}",
+            place="resources.address",
+            remedy="start one with `ray start --head`, or leave the address out",
+        ) from error
+
+
+class Driver:
+    """Keeps as many jobs under way as resources allow.
+
+    Args:
+        jobs: What is to be done; what is finished already is not done again.
+        root: Folder of the experiment's results.
+        resources: What each run needs.
+        show: Called with the states of all jobs whenever one changes.
+
+    Raises:
+        ResultsError: In a job's folder are the results of something else.
+    """
+
+    def __init__(
+        self,
+        jobs: Sequence[Job],
+        root: Path,
+        resources: Resources,
+        show: Callable[[Sequence[JobState]], None] = lambda states: None,
+    ) -> None:
+        self.states = [JobState(job) for job in jobs]
+        self._root, self._resources, self._show = root.absolute(), resources, show
+        self._waiting: deque[JobState] = deque()
+        for state in self.states:
+            folder = RunFolder(self._root / state.job.folder)
+            folder.check(state.job.digest())
+            if folder.is_finished(state.job.cell.test_content()):
+                state.status = FINISHED
+            else:
+                self._waiting.append(state)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing is left to do."""
+        return not self._waiting
+
+    def run(self) -> list[JobState]:
+        """Do all jobs; return their states, in which a job that cannot be done says why."""
+        parallel = self._resources.parallel or self._fitting()
+        under_way: dict[Any, JobState] = {}
+        self._show(self.states)
+        while self._waiting or under_way:
+            while self._waiting and len(under_way) < parallel:
+                state = self._waiting.popleft()
+                self._begin(state)
+                under_way[state.updates] = state
+            ready, _ = ray.wait([*under_way], num_returns=1, timeout=1.0)
+            for stream in ready:
+                state = under_way[stream]
+                if not self._take(state):
+                    del under_way[stream]
+            self._show(self.states)
+        return self.states
+
+    def _fitting(self) -> int:
+        needed = 1 + self._resources.env_runners
+        return max(1, int(ray.cluster_resources().get("CPU", 1)) // needed)
+
+    def _begin(self, state: JobState) -> None:
+        state.attempts += 1
+        state.status = "beginning"
+        gpus = self._resources.learner_gpus
+        task = _carry_out.options(num_cpus=1, num_gpus=gpus, max_retries=0, num_returns="streaming")
+        state.updates = task.remote(state.job, str(self._root))
+
+    def _take(self, state: JobState) -> bool:
+        """Take a message of a job in; return whether more will come."""
+        try:
+            progress: Any = ray.get(next(state.updates))
+            state.progress, state.status = progress, progress.phase
+            return True
+        except StopIteration:
+            state.status = FINISHED
+        except RayTaskError as error:
+            state.status, state.error = "failed", _words(error.cause or error)
+        except RayError as error:
+            # The process is gone, killed from outside or for want of memory: what it saved is not.
+            if state.attempts < ATTEMPTS:
+                self._waiting.appendleft(state)
+                state.status = "waiting"
+            else:
+                state.status, state.error = "failed", f"lost its process {ATTEMPTS} times: {_words(error)}"
+        return False
+
+
+def _words(error: BaseException) -> str:
+    kind = "" if isinstance(error, SmartsError) else f"{type(error).__name__}: "
+    return shortened(f"{kind}{error}")
+
+
+@ray.remote
+def _carry_out(job: Job, root: str) -> Iterator[Progress]:
+    """Do a job in a process of its own; yields its progress."""
+    # Here, so that the driver's own process loads neither torch nor the simulation.
+    from benchmark.running.testing import test_reference
+    from benchmark.running.training import carry_out
+
+    folder = RunFolder(Path(root) / job.folder)
+    if isinstance(job, Run):
+        yield from carry_out(job, folder)
+    else:
+        for share in test_reference(job, folder):
+            yield Progress(TESTING, share)

@@ -1,0 +1,87 @@
+"""A whole experiment: check, train, test, report."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+import ray
+
+from benchmark.experiment.config import Experiment
+from benchmark.experiment.runs import cells_of
+from benchmark.running.driver import Driver, JobState, jobs_of, start_ray
+from benchmark.running.files import locked, write_json
+from benchmark.running.folder import FINISHED
+from benchmark.running.live import LiveProgress
+from smarts.sstudio.build import build_scenario
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C or SIGTERM."""
+FAILED = 1
+"""Exit code where a run could not be finished."""
+
+
+def run_experiment(experiment: Experiment, root: Path) -> int:
+    """Do all that is left of an experiment and write its report; return the exit code.
+
+    Raises:
+        SmartsError: A scenario is wrong, or the folder cannot be used.
+    """
+    check_cells(experiment)
+    with locked(root):
+        live = LiveProgress()
+        driver = Driver(jobs_of(experiment), root, experiment.resources, live.show)
+        write_json(root / "experiment.json", experiment.model_dump(mode="json", exclude_unset=True))
+        if driver.is_done:
+            return _tell(driver.states, root)
+        start_ray(experiment.resources)
+        try:
+            with _stoppable(), live:
+                states = driver.run()
+        except KeyboardInterrupt:
+            print(f"interrupted; what is finished is in {root}, the same command goes on", file=sys.stderr)
+            return INTERRUPTED
+        finally:
+            ray.shutdown()
+        return _tell(states, root)
+
+
+def check_cells(experiment: Experiment) -> None:
+    """Build all scenarios and see that they can be played as wanted.
+
+    Raises:
+        SmartsError: The first that cannot.
+    """
+    for cell in cells_of(experiment):
+        for scenario in cell.task.scenarios:
+            build_scenario(scenario).with_traffic([cell.traffic]).episodes(cell.environment.agents)
+
+
+def _tell(states: Sequence[JobState], root: Path) -> int:
+    failed = [state for state in states if state.status != FINISHED]
+    for state in failed:
+        print(f"error: {state.job}: {state.error}", file=sys.stderr)
+    if failed:
+        print(
+            f"{len(failed)} of {len(states)} runs failed; the same command tries them again", file=sys.stderr
+        )
+    print(f"results: {root}")
+    return FAILED if failed else 0
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """Let SIGTERM end what Ctrl-C ends."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

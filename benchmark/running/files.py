@@ -1,0 +1,148 @@
+"""Files that are whole or not there, and a lock against a second writer."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from smarts.errors import SmartsError
+
+PARTIAL = ".partial"
+
+
+class ResultsError(SmartsError):
+    """Results cannot be written or read, or are of something else."""
+
+
+def write_whole(file: Path, write: Callable[[Path], Any]) -> None:
+    """Let `write` fill a file under another name, and give it its own when it is on disk.
+
+    Raises:
+        ResultsError: The disk is full, or the folder cannot be written to. What was there before stays.
+    """
+    partial = file.with_name(f"{PARTIAL}-{file.name}")
+    with named_failures(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            write(partial)
+            _to_disk(partial)
+            partial.replace(file)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
+
+
+def write_json(file: Path, content: Any) -> None:
+    """Write a JSON file, whole or not at all; see `write_whole`."""
+    text = json.dumps(content, indent=1) + "\n"
+    write_whole(file, lambda partial: partial.write_text(text, encoding="utf-8"))
+
+
+def read_json(file: Path) -> Any:
+    """Return the content of a JSON file.
+
+    Raises:
+        ResultsError: It cannot be read, or is damaged.
+    """
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ResultsError(
+            f"cannot be read: {error}", place=str(file), remedy="remove it, and what was lost is made again"
+        ) from error
+
+
+def replace_folder(folder: Path, fill: Callable[[Path], Any]) -> None:
+    """Let `fill` write a folder under another name, then put it in the place of the one that was there.
+
+    Between the two a kill leaves the old one under the name of `previous_of`; `recover_folder` puts it back.
+
+    Raises:
+        ResultsError: The disk is full, or the folder cannot be written to. What was there before stays.
+    """
+    partial, previous = folder.with_name(f"{PARTIAL}-{folder.name}"), previous_of(folder)
+    with named_failures(folder):
+        shutil.rmtree(partial, ignore_errors=True)
+        try:
+            fill(partial)
+        except BaseException:
+            shutil.rmtree(partial, ignore_errors=True)
+            raise
+        shutil.rmtree(previous, ignore_errors=True)
+        if folder.exists():
+            folder.rename(previous)
+        partial.rename(folder)
+        shutil.rmtree(previous, ignore_errors=True)
+
+
+def recover_folder(folder: Path) -> None:
+    """Put the folder back that a kill left between two names."""
+    previous = previous_of(folder)
+    if previous.exists() and not folder.exists():
+        previous.rename(folder)
+    shutil.rmtree(previous, ignore_errors=True)
+    shutil.rmtree(folder.with_name(f"{PARTIAL}-{folder.name}"), ignore_errors=True)
+
+
+def previous_of(folder: Path) -> Path:
+    """Return the name of a folder while the one after it takes its place."""
+    return folder.with_name(f"{PARTIAL}-previous-{folder.name}")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep others from writing into a folder; the lock goes with the process, however it ends.
+
+    Raises:
+        ResultsError: Another process has it, or the folder cannot be written to.
+    """
+    file = folder / ".lock"
+    with named_failures(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip() or "another process"
+            raise ResultsError(
+                f"process {holder} is writing here",
+                place=str(folder),
+                remedy="wait until it is done, stop it, or give this run another --out",
+            ) from error
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def named_failures(place: Path) -> Iterator[None]:
+    """Raise errors of the file system as `ResultsError`."""
+    try:
+        yield
+    except OSError as error:
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        raise ResultsError(
+            f"cannot be written: {error.strerror or error}",
+            place=str(place),
+            remedy="free some space, and give the same command again to go on"
+            if full
+            else "give a folder that can be written to: --out",
+        ) from error
+
+
+def _to_disk(file: Path) -> None:
+    descriptor = os.open(file, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

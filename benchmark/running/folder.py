@@ -1,0 +1,136 @@
+"""A run's folder: what is in it, and how a run that was interrupted goes on.
+
+config.yaml      what the run depends on
+run.json         status, versions, machine, times
+progress.csv     a line for each iteration
+checkpoint/      the last one, with how far training was
+best/            the one that did best in validation
+episodes.parquet what the test measured: a row for each agent-episode
+episodes/        the recorded test episodes, if they are kept
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from benchmark.running.files import (
+    ResultsError,
+    named_failures,
+    read_json,
+    recover_folder,
+    replace_folder,
+    write_json,
+    write_whole,
+)
+
+FINISHED, TRAINING, TESTING = "finished", "training", "testing"
+PROGRESS_COLUMNS: tuple[str, ...] = (
+    "iteration",
+    "agent_steps",
+    "seconds",
+    "agent_steps_per_second",
+    "return",
+    "completion",
+    "collision",
+    "validation_return",
+    "validation_completion",
+    "validation_collision",
+)
+"""Of progress.csv: means over the last episodes of training, and of the validation if there was one."""
+
+
+class RunFolder:
+    """The results of one run on disk."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.config = path / "config.yaml"
+        self.run = path / "run.json"
+        self.progress = path / "progress.csv"
+        self.checkpoint = path / "checkpoint"
+        self.best = path / "best"
+        self.table = path / "episodes.parquet"
+        self.episodes = path / "episodes"
+
+    @property
+    def status(self) -> str | None:
+        """How far the run is; None if it has not begun."""
+        return read_json(self.run).get("status") if self.run.exists() else None
+
+    def is_finished(self, tested: Mapping[str, Any]) -> bool:
+        """Whether there is nothing left to do: it is trained, and tested in this way."""
+        if self.status != FINISHED or not self.table.exists():
+            return False
+        return read_json(self.run).get("tested") == dict(tested)
+
+    def check(self, digest: str) -> None:
+        """See that here is nothing, or a part of this run.
+
+        Raises:
+            ResultsError: Here are the results of another run, or they are damaged.
+        """
+        if self.run.exists() and (found := read_json(self.run).get("digest")) != digest:
+            raise ResultsError(
+                f"here are results of a run with another config ({found}, this one is {digest})",
+                place=str(self.config),
+                remedy="give the experiment another name or --out, or remove the folder to begin anew",
+            )
+
+    def open(self, content: Mapping[str, Any], digest: str) -> None:
+        """Begin the run, or make sure that what is here is a part of it; see `check`."""
+        self.check(digest)
+        with named_failures(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+        if not self.config.exists():
+            text = yaml.safe_dump(dict(content), sort_keys=False)
+            write_whole(self.config, lambda file: file.write_text(text, encoding="utf-8"))
+        recover_folder(self.checkpoint)
+        recover_folder(self.best)
+
+    def note(self, **changes: Any) -> None:
+        """Write into run.json."""
+        before = read_json(self.run) if self.run.exists() else {}
+        write_json(self.run, {**before, **changes})
+
+    def save(self, folder: Path, algo: Any, state: Mapping[str, Any]) -> None:
+        """Put a checkpoint into one of the two folders, with how far training is."""
+
+        def fill(partial: Path) -> None:
+            algo.save_to_path(str(partial.absolute()))
+            write_json(partial / "training.json", dict(state))
+
+        replace_folder(folder, fill)
+
+    def training_state(self) -> dict[str, Any] | None:
+        """Return how far training was at the last checkpoint, None without one."""
+        file = self.checkpoint / "training.json"
+        return read_json(file) if file.exists() else None
+
+    def begin_progress(self, iteration: int) -> None:
+        """Keep the lines of progress.csv up to an iteration, since those after it will be made again."""
+        lines = [line for line in self.read_progress() if int(line["iteration"]) <= iteration]
+        write_whole(self.progress, lambda file: _write_lines(file, lines))
+
+    def add_progress(self, line: Mapping[str, Any]) -> None:
+        """Add a line to progress.csv."""
+        with named_failures(self.progress), self.progress.open("a", newline="", encoding="utf-8") as file:
+            csv.DictWriter(file, PROGRESS_COLUMNS).writerow(line)
+
+    def read_progress(self) -> list[dict[str, str]]:
+        """Return the lines of progress.csv; one that a kill cut short is left out."""
+        if not self.progress.exists():
+            return []
+        with self.progress.open(newline="", encoding="utf-8") as file:
+            return [line for line in csv.DictReader(file) if None not in line and None not in line.values()]
+
+
+def _write_lines(file: Path, lines: Sequence[Mapping[str, Any]]) -> None:
+    with file.open("w", newline="", encoding="utf-8") as out:
+        writer = csv.DictWriter(out, PROGRESS_COLUMNS)
+        writer.writeheader()
+        writer.writerows(lines)

@@ -1,0 +1,106 @@
+"""Live progress of an experiment in the terminal."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from benchmark.running.folder import FINISHED, TESTING, TRAINING
+
+if TYPE_CHECKING:
+    from benchmark.running.driver import JobState
+
+MOST_ROWS = 12
+"""Jobs that are shown at a time."""
+SECONDS = 30.0
+"""From one line to the next where the output is no terminal."""
+
+
+class LiveProgress:
+    """Shows how far jobs are: a table in a terminal, else a line now and then."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console(stderr=True)
+        self._live = Live(console=self._console, auto_refresh=False, transient=True)
+        self._began = time.monotonic()
+        self._said = -math.inf
+        self._ended: set[str] = set()
+
+    def __enter__(self) -> LiveProgress:
+        if self._console.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def show(self, states: Sequence[JobState]) -> None:
+        """Show the present states."""
+        if self._console.is_terminal:
+            self._live.update(self._table(states), refresh=True)
+            return
+        self._say_ends(states)
+        if time.monotonic() - self._said > SECONDS:
+            self._said = time.monotonic()
+            for state in states:
+                if state.status in (TRAINING, TESTING):
+                    self._console.print(f"{state.job}: {' '.join(_cells(state)[1:])}", highlight=False)
+
+    def _say_ends(self, states: Sequence[JobState]) -> None:
+        for state in states:
+            name = str(state.job)
+            if state.status in (FINISHED, "failed") and name not in self._ended:
+                self._ended.add(name)
+                self._console.print(f"{name}: {state.status} {state.error}".rstrip(), highlight=False)
+
+    def _table(self, states: Sequence[JobState]) -> Table:
+        done = sum(state.status == FINISHED for state in states)
+        minutes = (time.monotonic() - self._began) / 60
+        table = Table(title=f"{done} of {len(states)} runs finished, {minutes:.0f} min", title_justify="left")
+        for title in (
+            "run",
+            "phase",
+            "done",
+            "iteration",
+            "steps/s",
+            "return",
+            "completion",
+            "collision",
+            "left",
+        ):
+            table.add_column(title, justify="left" if title in ("run", "phase") else "right")
+        busy = [state for state in states if state.status not in (FINISHED, "waiting")]
+        waiting = [state for state in states if state.status == "waiting"]
+        for state in [*busy, *waiting][:MOST_ROWS]:
+            table.add_row(*_cells(state))
+        if len(busy) + len(waiting) > MOST_ROWS:
+            table.add_row(f"and {len(busy) + len(waiting) - MOST_ROWS} more")
+        return table
+
+
+def _cells(state: JobState) -> list[str]:
+    progress = state.progress
+    if state.status == "failed":
+        return [str(state.job), "failed", state.error.splitlines()[0] if state.error else ""]
+    if progress is None:
+        return [str(state.job), state.status]
+    if progress.phase != TRAINING:
+        return [str(state.job), progress.phase, f"{progress.share:.0%}"]
+    left = progress.seconds * (1 / progress.share - 1) if progress.share else math.nan
+    return [
+        str(state.job),
+        progress.phase,
+        f"{progress.share:.0%}",
+        str(progress.iteration),
+        f"{progress.agent_steps_per_second:,.0f}",
+        f"{progress.returns:.2f}",
+        f"{progress.completion:.2f}",
+        f"{progress.collision:.2f}",
+        f"{left / 60:.1f} min" if math.isfinite(left) else "",
+    ]

@@ -1,0 +1,186 @@
+"""One run: training by a budget, validation on the way, checkpoints, and the test at the end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from ray.tune.registry import register_env
+
+import algorithms
+from algorithms.joint.evaluation import evaluate
+from algorithms.settings import apply
+from benchmark.experiment.runs import Run
+from benchmark.running.environments import NAME, create, environment
+from benchmark.running.folder import FINISHED, TESTING, TRAINING, RunFolder
+from benchmark.running.machine import machine
+from benchmark.running.progress import Progress
+from benchmark.running.testing import EVALUATION_SEED, test
+
+VALIDATION_WORLDS = 1_000_000
+"""First world of validation: training counts from 0, tests from 2,000,000."""
+CHECKPOINT_SECONDS = 60.0
+"""Time between checkpoints, which is what a kill can cost."""
+
+
+@dataclass(frozen=True)
+class State:
+    """How far training is; kept with each checkpoint."""
+
+    iteration: int = 0
+    agent_steps: int = 0
+    seconds: float = 0.0
+    validations: int = 0
+    best: tuple[float, float] | None = None
+    """Completion and collision of the best validation."""
+
+
+def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
+    """Train and test, from where the folder says it was interrupted; nothing if it is finished.
+
+    Yields:
+        Where the run is, after each iteration.
+
+    Raises:
+        SmartsError: The folder cannot be used, or the environment cannot be made.
+        AlgorithmError: The settings do not fit the environment, or training cannot go on.
+    """
+    tested = run.cell.test_content()
+    if folder.is_finished(tested):
+        return
+    folder.open(run.content(), run.digest())
+    if folder.status is None:
+        folder.note(status=TRAINING, digest=run.digest(), run=str(run), begun=_now(), **machine())
+    with algorithm_of(run) as algo:
+        yield from Training(run, folder, algo).go()
+        folder.note(status=TESTING)
+        began = time.monotonic()
+        for share in test(run, folder, algo):
+            yield Progress(TESTING, share)
+    folder.note(status=FINISHED, tested=tested, ended=_now(), test_seconds=round(time.monotonic() - began, 1))
+
+
+@contextmanager
+def algorithm_of(run: Run) -> Iterator[Any]:
+    """Provide the built algorithm of a run."""
+    register_env(NAME, create)
+    config = algorithms.config(run.algorithm).environment(NAME, env_config={"cell": run.cell})
+    config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
+    if run.resources.learner_gpus:
+        config.learners(num_gpus_per_learner=run.resources.learner_gpus)
+    config.debugging(seed=run.seed, log_level="ERROR")
+    settings = dict(run.settings)
+    if "checkpoint_replay" in config.setting_names:
+        # Hundreds of megabytes a minute; a run that goes on fills its replay anew instead.
+        settings.setdefault("checkpoint_replay", False)
+    algo = apply(config, settings).build_algo()
+    try:
+        yield algo
+    finally:
+        algo.stop()
+
+
+class Training:
+    """The loop from the last checkpoint to the end of the budget."""
+
+    def __init__(self, run: Run, folder: RunFolder, algo: Any) -> None:
+        self._run, self._folder, self._algo = run, folder, algo
+        kept = folder.training_state()
+        if kept is None:
+            self._state = State()
+        else:
+            algo.restore_from_path(str(folder.checkpoint.absolute()))
+            self._state = State(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})
+        folder.begin_progress(self._state.iteration)
+
+    def go(self) -> Iterator[Progress]:
+        """Train until the budget is used up; yields after each iteration."""
+        saved = time.monotonic()
+        while self._share() < 1:
+            progress, line = self._iterate()
+            validation = self._validate() if self._is_validation_due() else None
+            shown = {f"validation_{name}": value for name, value in (validation or {}).items()}
+            self._folder.add_progress({**line, **shown})
+            if validation or time.monotonic() - saved > CHECKPOINT_SECONDS or self._share() >= 1:
+                self._folder.save(self._folder.checkpoint, self._algo, asdict(self._state))
+                saved = time.monotonic()
+            yield replace(progress, validation=validation)
+
+    def _share(self) -> float:
+        budget, state = self._run.budget, self._state
+        share = state.agent_steps / budget.agent_steps
+        return min(1.0, max(share, state.seconds / (60 * budget.minutes) if budget.minutes else 0.0))
+
+    def _iterate(self) -> tuple[Progress, dict[str, Any]]:
+        began = time.monotonic()
+        result = self._algo.train()
+        took = time.monotonic() - began
+        runners = result["env_runners"]
+        decisions = sum(runners["num_agent_steps_sampled_lifetime"].values())
+        agent_steps = int(decisions * self._run.cell.environment.decision_interval)
+        speed = (agent_steps - self._state.agent_steps) / took
+        self._state = replace(
+            self._state,
+            iteration=self._state.iteration + 1,
+            agent_steps=agent_steps,
+            seconds=self._state.seconds + took,
+        )
+        outcomes = runners.get("env", {})
+        agents = self._run.cell.environment.agents
+        progress = Progress(
+            TRAINING,
+            self._share(),
+            self._state.iteration,
+            agent_steps,
+            self._state.seconds,
+            speed,
+            float(runners.get("episode_return_mean", np.nan)) / agents,
+            float(outcomes.get("goal", np.nan)),
+            float(outcomes.get("collision", np.nan)),
+        )
+        return progress, {
+            "iteration": progress.iteration,
+            "agent_steps": agent_steps,
+            "seconds": round(progress.seconds, 2),
+            "agent_steps_per_second": round(speed),
+            "return": round(progress.returns, 4),
+            "completion": round(progress.completion, 4),
+            "collision": round(progress.collision, 4),
+        }
+
+    def _is_validation_due(self) -> bool:
+        wanted = self._run.cell.evaluation.validations
+        return self._share() * wanted >= self._state.validations + 1
+
+    def _validate(self) -> Mapping[str, float]:
+        """Play the validation's episodes, and keep the policy if it is the best so far."""
+        with closing(environment(self._run.cell)) as env:
+            episodes = evaluate(
+                self._algo,
+                self._run.cell.evaluation.validation_episodes,
+                first_world=VALIDATION_WORLDS,
+                env=env,
+                seed=EVALUATION_SEED,
+            )
+        completion, collision = (
+            float(np.mean([episode.metrics[name] for episode in episodes])) for name in ("goal", "collision")
+        )
+        done = int(self._share() * self._run.cell.evaluation.validations)
+        self._state = replace(self._state, validations=done)
+        best = self._state.best
+        if best is None or (completion, -collision) > (best[0], -best[1]):
+            self._state = replace(self._state, best=(completion, collision))
+            self._folder.save(self._folder.best, self._algo, asdict(self._state))
+        return {
+            "return": round(float(np.mean([episode.returns.mean() for episode in episodes])), 4),
+            "completion": round(completion, 4),
+            "collision": round(collision, 4),
+        }
+
+
+def _now() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%S%z")

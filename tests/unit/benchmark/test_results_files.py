@@ -1,0 +1,136 @@
+"""Results on disk are whole or not there, whatever fails or is killed when."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from benchmark.running.files import (
+    PARTIAL,
+    ResultsError,
+    locked,
+    previous_of,
+    read_json,
+    recover_folder,
+    replace_folder,
+    write_json,
+)
+from benchmark.running.folder import PROGRESS_COLUMNS, RunFolder
+
+
+class FakeAlgo:
+    def __init__(self, content):
+        self.content = content
+
+    def save_to_path(self, path):
+        os.makedirs(path)
+        with open(f"{path}/weights", "w") as file:
+            file.write(self.content)
+
+
+def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path):
+    file = tmp_path / "a.json"
+    write_json(file, {"a": 1})
+    with pytest.raises(TypeError):
+        write_json(file, {"a": object()})
+    assert read_json(file) == {"a": 1}
+    assert [*tmp_path.iterdir()] == [file]
+
+
+def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
+    # A limit on the size of files makes the write fail as a full disk does.
+    code = (
+        "import resource, signal, sys; from pathlib import Path\n"
+        "from benchmark.running.files import write_json, ResultsError\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "write_json(Path(sys.argv[1]), 1)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "try: write_json(Path(sys.argv[1]), 'x' * 5000)\n"
+        "except ResultsError as error: print(error)\n"
+    )
+    file = tmp_path / "a.json"
+    out = subprocess.run(
+        [sys.executable, "-c", code, str(file)], capture_output=True, text=True, check=True
+    ).stdout
+    assert "cannot be written: File too large" in out
+    assert "free some space" in out
+    assert read_json(file) == 1
+    assert [*tmp_path.iterdir()] == [file]
+
+
+@pytest.mark.parametrize("moment", ["partial", "between"])
+def test_a_kill_while_a_folder_is_replaced_leaves_one_that_is_whole(tmp_path, moment):
+    folder = tmp_path / "checkpoint"
+    replace_folder(folder, lambda path: FakeAlgo("old").save_to_path(path))
+    partial = tmp_path / f"{PARTIAL}-checkpoint"
+    FakeAlgo("new").save_to_path(str(partial))
+    if moment == "between":
+        folder.rename(previous_of(folder))
+    recover_folder(folder)
+    assert (folder / "weights").read_text() == "old"
+    assert [*tmp_path.iterdir()] == [folder]
+
+
+def test_a_second_writer_is_refused_and_a_dead_one_is_not_in_the_way(tmp_path):
+    code = (
+        "import sys, time; from pathlib import Path; from benchmark.running.files import locked\n"
+        "with locked(Path(sys.argv[1])): print('locked', flush=True); time.sleep(60)\n"
+    )
+    holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    try:
+        assert holder.stdout
+        assert holder.stdout.readline() == "locked\n"
+        with pytest.raises(ResultsError, match=f"process {holder.pid} is writing here"), locked(tmp_path):
+            pass
+    finally:
+        holder.send_signal(signal.SIGKILL)
+        holder.wait()
+    with locked(tmp_path):
+        pass
+
+
+def test_results_of_another_config_are_refused(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    folder.open({"a": 1}, "digest-1")
+    folder.note(status="training", digest="digest-1")
+    folder.open({"a": 1}, "digest-1")
+    with pytest.raises(ResultsError, match="a run with another config"):
+        folder.open({"a": 2}, "digest-2")
+
+
+def test_a_damaged_run_file_is_named(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    folder.open({}, "d")
+    folder.note(status="training", digest="d")
+    folder.run.write_text('{"status": "fin')
+    with pytest.raises(ResultsError, match=r"run\.json: cannot be read"):
+        folder.open({}, "d")
+
+
+def test_lines_after_the_checkpoint_are_made_again(tmp_path):
+    folder = RunFolder(tmp_path)
+    folder.begin_progress(0)
+    for iteration in range(1, 6):
+        folder.add_progress({**dict.fromkeys(PROGRESS_COLUMNS, ""), "iteration": iteration})
+    with folder.progress.open("a") as file:
+        file.write("6,12")  # cut short by a kill
+    folder.begin_progress(3)
+    assert [line["iteration"] for line in folder.read_progress()] == ["1", "2", "3"]
+
+
+def test_an_unwritable_folder_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultsError, match="cannot be written"), locked(tmp_path / "file" / "results"):
+        pass
+
+
+def test_checkpoints_carry_how_far_training_was(tmp_path):
+    folder = RunFolder(tmp_path)
+    assert folder.training_state() is None
+    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    folder.save(folder.checkpoint, FakeAlgo("2"), {"iteration": 2})
+    assert folder.training_state() == {"iteration": 2}
+    assert (folder.checkpoint / "weights").read_text() == "2"
+    assert {path.name for path in tmp_path.iterdir()} == {"checkpoint"}

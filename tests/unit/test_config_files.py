@@ -1,0 +1,98 @@
+"""Reading YAML into typed sections: every mistake at once, with its line and the nearest name."""
+
+from typing import Annotated, Literal
+
+import pytest
+from pydantic import Field
+
+from smarts.config import ConfigError, Section, read_config
+
+
+class Wheel(Section):
+    radius: Annotated[float, Field(gt=0)]
+    tyre: Literal["summer", "winter"] = "summer"
+
+
+class Car(Section):
+    name: str
+    wheels: tuple[Wheel, ...] = Field(min_length=1, strict=False)
+    seats: int = 5
+    extra: dict[str, int] = Field(default_factory=dict)
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text, name="car.yaml"):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return write
+
+
+def problems(file, *overrides):
+    with pytest.raises(ConfigError) as caught:
+        read_config(file, Car, overrides)
+    return {str(problem).replace(f"{file.parent}/", "") for problem in caught.value.problems}
+
+
+def test_a_good_file(write):
+    car = read_config(write("name: a\nwheels:\n- {radius: 0.3}\n- {radius: 1, tyre: winter}\n"), Car)
+    assert car == Car(name="a", wheels=(Wheel(radius=0.3), Wheel(radius=1.0, tyre="winter")))
+
+
+def test_all_mistakes_are_named_with_their_lines(write):
+    file = write("nmae: a\nwheels:\n- radius: -1\n  tyre: wintr\n- {radius: wide}\nseats: 4.5\n")
+    assert problems(file) == {
+        "car.yaml:1: there is no key nmae; did you mean 'name'?",
+        "car.yaml:1: name is missing; add it",
+        "car.yaml:3: wheels[0].radius is -1; input should be greater than 0",
+        "car.yaml:4: wheels[0].tyre is 'wintr'; input should be 'summer' or 'winter'",
+        "car.yaml:5: wheels[1].radius is 'wide'; input should be a valid number",
+        "car.yaml:6: seats is 4.5; input should be a valid integer",
+    }
+
+
+def test_a_file_extends_another_and_mistakes_are_placed_where_they_stand(write):
+    write("name: base\nseats: two\nextra: {a: 1, b: 2}\nwheels: [{radius: 1}, {radius: 2}]\n", "base.yaml")
+    file = write("extends: base.yaml\nextra: {b: 3, c: x}\nwheels: [{radius: 0}]\n")
+    assert problems(file) == {
+        "base.yaml:2: seats is 'two'; input should be a valid integer",
+        "car.yaml:2: extra.c is 'x'; input should be a valid integer",
+        "car.yaml:3: wheels[0].radius is 0; input should be greater than 0",
+    }
+    good = write("extends: base.yaml\nseats: 2\nextra: {b: 3}\nwheels: [{radius: 3}]\n")
+    car = read_config(good, Car)
+    assert (car.name, car.extra, [wheel.radius for wheel in car.wheels]) == ("base", {"a": 1, "b": 3}, [3.0])
+
+
+def test_the_command_line_goes_before_the_file(write):
+    file = write("name: a\nwheels: [{radius: 1}]\nextra: {a: 1}\n")
+    car = read_config(file, Car, ["extra.b=2", "seats=2"])
+    assert (car.extra, car.seats) == ({"a": 1, "b": 2}, 2)
+    assert problems(file, "seats=x") == {
+        "command line, seats=x: seats is 'x'; input should be a valid integer",
+    }
+    assert problems(file, "seats") == {"command line: 'seats' is not KEY=VALUE; as in budget.minutes=5"}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a: [", "not YAML"),
+        ("- a\n- b\n", "the file holds a list, not keys with values"),
+        ("name: a\nname: b\nwheels: [{radius: 1}]\n", "name is there twice"),
+        ("3: a\n", "the key 3 is not a text"),
+        ("extends: other.yaml\n", "cannot read"),
+        ("extends: car.yaml\n", "extends itself"),
+        ("extends: 3\n", "extends is 3"),
+        ("", "name is missing"),
+    ],
+)
+def test_files_that_cannot_be_read_at_all(write, text, said):
+    assert any(said in problem for problem in problems(write(text)))
+
+
+def test_a_missing_file_and_one_that_is_not_text(tmp_path):
+    assert any("No such file" in problem for problem in problems(tmp_path / "none.yaml"))
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    assert any("not UTF-8 text" in problem for problem in problems(tmp_path / "binary.yaml"))
