@@ -6,7 +6,19 @@ import sys
 
 import typer
 
-from benchmark.cli import algorithms, doctor, evaluate, floors, render, run, scenario, sweep
+from benchmark.cli import (
+    algorithms,
+    compare,
+    doctor,
+    evaluate,
+    floors,
+    leaderboard,
+    render,
+    report,
+    run,
+    scenario,
+    sweep,
+)
 from smarts.errors import SmartsError
 
 app = typer.Typer(
@@ -22,6 +34,9 @@ app.command()(evaluate.evaluate)
 app.command()(doctor.doctor)
 app.command()(render.render)
 app.command()(floors.floors)
+app.command()(report.report)
+app.command()(leaderboard.leaderboard)
+app.command()(compare.compare)
 app.command("algorithms")(algorithms.list_algorithms)
 
 

@@ -13,10 +13,12 @@ import ray
 
 from benchmark.experiment.config import Experiment
 from benchmark.experiment.runs import cells_of
+from benchmark.report.writing import write_report
 from benchmark.running.driver import Driver, JobState, jobs_of, start_ray
 from benchmark.running.files import locked, write_json
-from benchmark.running.folder import FINISHED
+from benchmark.running.folder import COMMAND, FINISHED
 from benchmark.running.live import LiveProgress
+from benchmark.running.machine import command
 from smarts.sstudio.build import build_scenario
 
 INTERRUPTED = 130
@@ -36,6 +38,7 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         live = LiveProgress()
         driver = Driver(jobs_of(experiment), root, experiment.resources, live.show)
         write_json(root / "experiment.json", experiment.model_dump(mode="json", exclude_unset=True))
+        write_json(root / COMMAND, {"command": command()})
         if driver.is_done:
             return _tell(driver.states, root)
         start_ray(experiment.resources)
@@ -70,6 +73,7 @@ def _tell(states: Sequence[JobState], root: Path) -> int:
             f"{len(failed)} of {len(states)} runs failed; the same command tries them again", file=sys.stderr
         )
     print(f"results: {root}")
+    print(f"report: {write_report(root)}")
     return FAILED if failed else 0
 
 

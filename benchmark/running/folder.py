@@ -28,6 +28,8 @@ from benchmark.running.files import (
     write_whole,
 )
 
+COMMAND = "command.json"
+"""Beside experiment.json: the command that made or last went on with an experiment."""
 FINISHED, TRAINING, TESTING = "finished", "training", "testing"
 PROGRESS_COLUMNS: tuple[str, ...] = (
     "iteration",

@@ -1,0 +1,76 @@
+"""`smarts-bench compare`: paired differences of two experiments or algorithms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from benchmark.metrics.results import Frame
+
+Side = Annotated[Path, typer.Argument(help="results/NAME or results/NAME/ALGORITHM.", show_default=False)]
+Metrics = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--metric", help="What to compare; may be repeated.", show_default="completion and collision rate"
+    ),
+]
+Mode = Annotated[Literal["greedy", "sampled"], typer.Option(help="Which test episodes count.")]
+Csv = Annotated[Path | None, typer.Option("--csv", help="Table to write as well.", show_default=False)]
+
+
+def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv: Csv = None) -> None:
+    """Show A minus B in episodes with equal starts and traffic, p-values Holm-corrected over all lines.
+
+    Of two experiments, the algorithms that both have; of two algorithms, these two.
+    """
+    from benchmark.report.comparing import compare_sides, differing_protocols, read_side
+    from benchmark.report.ranking import RANKED_BY
+    from benchmark.running.files import write_whole
+
+    first, second = read_side(a), read_side(b)
+    found = compare_sides(first, second, metric or RANKED_BY, mode)
+    differing = differing_protocols(first, second)
+    if differing:
+        typer.echo("note: these were not made under the same protocol:", err=True)
+        for line in differing:
+            typer.echo(f"  {line}", err=True)
+    if csv is not None:
+        text = found.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+        write_whole(csv, lambda file: file.write_text(text, encoding="utf-8"))
+    typer.echo(_shown(found))
+
+
+def _shown(found: Frame) -> str:
+    titles = [
+        "first",
+        "second",
+        "task",
+        "traffic",
+        "metric",
+        "difference",
+        "95% interval",
+        "pairs",
+        "p",
+        "better",
+    ]
+    lines = [titles, *map(_line, found.to_dict("records"))]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(titles))]
+    return "\n".join(
+        "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    )
+
+
+def _line(row: dict[Any, Any]) -> list[str]:
+    known = row["low"] == row["low"]
+    return [
+        *(str(row[name]) for name in ("first", "second", "task", "task_traffic", "metric")),
+        f"{row['value']:+.3f}" if row["value"] == row["value"] else "n/a",
+        f"[{row['low']:+.3f}, {row['high']:+.3f}]" if known else "no interval",
+        str(row["pairs"]),
+        f"{row['corrected']:.3f}" if row["corrected"] == row["corrected"] else "",
+        row["better"] or "tie",
+    ]

@@ -1,0 +1,1 @@
+"""Reports of experiments, made again at any time from what is on disk: pages, tables, plots, leaderboards."""

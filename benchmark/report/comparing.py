@@ -1,0 +1,137 @@
+"""Two experiments or algorithms side by side: paired differences in equal episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from benchmark.experiment.runs import REFERENCE
+from benchmark.metrics import METRICS, compare
+from benchmark.metrics.results import Frame
+from benchmark.report.data import Results, RunResult, read_results
+from benchmark.report.protocol import described, protocol_of
+from benchmark.report.ranking import CELL, beside_each_seed
+from benchmark.report.values import SCRIPTED
+from benchmark.running.files import ResultsError
+
+COLUMNS = (
+    "first",
+    "second",
+    *CELL,
+    "metric",
+    "value",
+    "low",
+    "high",
+    "pairs",
+    "p_value",
+    "corrected",
+    "better",
+)
+
+
+@dataclass(frozen=True)
+class Side:
+    """What is compared."""
+
+    path: Path
+    results: Results
+    runs: tuple[RunResult, ...]
+    """Finished ones."""
+
+    @property
+    def algorithms(self) -> list[str]:
+        """Names, in the order of their runs."""
+        return [*dict.fromkeys(run.algorithm for run in self.runs)]
+
+
+def read_side(path: Path) -> Side:
+    """Return the finished runs of an experiment, or of one algorithm: results/NAME or results/NAME/ALGORITHM.
+
+    Raises:
+        ResultsError: There are none.
+    """
+    if not path.is_dir():
+        raise ResultsError("there is no such folder", place=str(path), remedy="give results/NAME[/ALGORITHM]")
+    root, algorithm = path, ""
+    if not (path / "experiment.json").exists():
+        levels = 2 if path.resolve().parent.name == REFERENCE else 1
+        root, algorithm = path.resolve().parents[levels - 1], path.resolve().name
+    results = read_results(root)
+    runs = tuple(
+        run
+        for run in results.finished
+        if run.algorithm == algorithm or (not algorithm and not run.is_reference)
+    )
+    if not runs:
+        raise ResultsError(
+            "there is no finished run",
+            place=str(path),
+            remedy="give results/NAME[/ALGORITHM] of a finished one",
+        )
+    return Side(path, results, runs)
+
+
+def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) -> Frame:
+    """Return the paired differences between two sides in all cells, Holm-corrected over all of them.
+
+    One algorithm a side is compared whatever their names; of several, those that both sides have.
+
+    Args:
+        first: Whose figures the second's are taken from.
+        second: The other one.
+        metrics: Names.
+        mode: Way of acting.
+
+    Returns:
+        A row for each pair of algorithms, cell and metric, with `COLUMNS`; `better` is "" for a tie.
+
+    Raises:
+        ResultsError: There is nothing in common.
+        UnknownNameError: A metric is unknown.
+    """
+    for name in metrics:
+        METRICS[name]
+    parts = []
+    pairs = _pairs(first, second)
+    for number, (one, other) in enumerate(pairs):
+        for side, name, letter in ((first, one, "A"), (second, other, "B")):
+            tables = [run.table for run in side.runs if run.algorithm == name and run.table is not None]
+            parts.append(pd.concat(tables, ignore_index=True).assign(pair=number, side=letter))
+    table = pd.concat(parts, ignore_index=True)
+    table = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
+    found = compare(beside_each_seed(table), [*metrics], ["pair", *CELL], "side")
+    if not len(found):
+        raise ResultsError(
+            f"nothing that both have: no common task, traffic and {mode} episodes",
+            place=f"{first.path}, {second.path}",
+            remedy="compare experiments on the same tasks and traffic",
+        )
+    sides = [pairs[number] for number in found["pair"]]
+    names = {"A": [f"{first.results.name}: {one}" for one, _ in sides]}
+    names["B"] = [f"{second.results.name}: {other}" for _, other in sides]
+    better = [names[wins][row] if wins else "" for row, wins in enumerate(found["wins"])]
+    answer = found.assign(first=names["A"], second=names["B"], better=better)
+    return answer[[*COLUMNS]]
+
+
+def differing_protocols(first: Side, second: Side) -> list[str]:
+    """Return wherein the two sides' protocols differ, a line for each protocol; none if there is one."""
+    found = dict.fromkeys(protocol_of(run, side.results) for side in (first, second) for run in side.runs)
+    return described([*found]) if len(found) > 1 else []
+
+
+def _pairs(first: Side, second: Side) -> list[tuple[str, str]]:
+    one, other = first.algorithms, second.algorithms
+    if len(one) == 1 and len(other) == 1:
+        return [(one[0], other[0])]
+    common = [(name, name) for name in one if name in other]
+    if not common:
+        raise ResultsError(
+            f"no algorithm that both have: {', '.join(one)} and {', '.join(other)}",
+            place=f"{first.path}, {second.path}",
+            remedy="name one of each: results/NAME/ALGORITHM",
+        )
+    return common

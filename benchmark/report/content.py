@@ -1,0 +1,164 @@
+"""What a report says, before it is a page: main table, metrics, generalization, runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from benchmark.metrics import METRICS
+from benchmark.metrics.results import Frame
+from benchmark.report.data import Results
+from benchmark.report.paper import Printed, is_as_good, paper, printed
+from benchmark.report.ranking import RANKED_BY, differences, of_cell, ranks
+from benchmark.report.values import (
+    GENERALIZATION,
+    MODES,
+    SCRIPTED,
+    Key,
+    Value,
+    by_key,
+    measure_cells,
+)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of the main table."""
+
+    task: str
+    traffic: str
+    collision: Value | None
+    """None, as is completion, where no run is finished."""
+    completion: Value | None
+    printed: tuple[Printed, ...]
+    """The paper's."""
+    is_as_good: bool | None
+    """As the paper; None where it has none, or we."""
+    rank: int | None
+    """Among the learning algorithms of the column; None without another one."""
+    is_tied: bool
+    """Whether others have the same rank."""
+    is_best: bool
+    """Whether its figures are the best of the column, decided or not, as bold figures in the paper are."""
+
+    @property
+    def is_short(self) -> bool:
+        """Whether there are fewer test episodes than a comparison with the paper asks for."""
+        found = self.completion
+        return found is not None and found.episodes < paper()["test_episodes"] * max(1, found.seeds)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the main table."""
+
+    algorithm: str
+    is_reference: bool
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything that is computed of an experiment's results."""
+
+    results: Results
+    values: Frame
+    """Of `measure_cells`."""
+    differences: dict[str, Frame]
+    """By mode; of `benchmark.report.ranking.differences`."""
+
+    @cached_property
+    def _by_key(self) -> dict[Key, Value]:
+        return by_key(self.values)
+
+    @cached_property
+    def modes(self) -> list[str]:
+        """Ways of acting that were tested, the main one first; one even if nothing was."""
+        there = set(self.values["mode"])
+        return [mode for mode in MODES if mode in there] or [MODES[0]]
+
+    @cached_property
+    def names(self) -> list[tuple[str, bool]]:
+        """Rows of tables: name, and whether it is a reference."""
+        learning = [(name, False) for name in self.results.algorithms]
+        return learning + [(name, True) for name in self.results.references]
+
+    @cached_property
+    def metrics(self) -> list[str]:
+        """Metrics of which there is a row, in the order of `METRICS`."""
+        there = set(self.values["metric"])
+        return [name for name in METRICS if name in there]
+
+    def value(self, algorithm: str, task: str, traffic: str, mode: str, metric: str) -> Value | None:
+        """Return a value, of a scripted policy for any mode; None where there is none."""
+        found = self._by_key.get((algorithm, task, traffic, mode, metric))
+        return found or self._by_key.get((algorithm, task, traffic, SCRIPTED, metric))
+
+    def main_table(self, mode: str) -> list[Row]:
+        """Return the paper's table, references below."""
+        standings = {column: self._ranks(*column, mode) for column in self.results.columns}
+        rows = []
+        for name, is_reference in self.names:
+            cells = [self._cell(name, *column, mode, standings[column]) for column in standings]
+            rows.append(Row(name, is_reference, tuple(cells)))
+        return rows
+
+    def _ranks(self, task: str, traffic: str, mode: str) -> dict[str, int]:
+        entries = [
+            name
+            for name in self.results.algorithms
+            if self.value(name, task, traffic, mode, "completion_rate") is not None
+        ]
+        found = ranks(of_cell(self.differences[mode], task, traffic), entries)
+        return {str(name): rank for name, rank in found.items()} if len(entries) > 1 else {}
+
+    def _cell(self, name: str, task: str, traffic: str, mode: str, standing: dict[str, int]) -> Cell:
+        collision = self.value(name, task, traffic, mode, "collision_rate")
+        completion = self.value(name, task, traffic, mode, "completion_rate")
+        theirs = printed(name, task, traffic)
+        rank = standing.get(name)
+        best = max((self._order(each, task, traffic, mode) for each in standing), default=None)
+        return Cell(
+            task,
+            traffic,
+            collision,
+            completion,
+            theirs,
+            _is_as_good(theirs, collision, completion),
+            rank,
+            rank is not None and list(standing.values()).count(rank) > 1,
+            rank is not None and self._order(name, task, traffic, mode) == best,
+        )
+
+    def _order(self, name: str, task: str, traffic: str, mode: str) -> tuple[float, float]:
+        """Return completion rate and -collision rate, of which more is better."""
+        found = [self.value(name, task, traffic, mode, metric) for metric in RANKED_BY]
+        completion, collision = (each.value if each and each.is_known else -1.0 for each in found)
+        return completion, -collision
+
+    def generalization(self) -> Iterator[tuple[str, str, str, Value]]:
+        """Yield algorithm, task, traffic and generalization where held-out variations were played."""
+        for name, _ in self.names:
+            for task, traffic in self.results.columns:
+                found = self.value(name, task, traffic, self.modes[0], GENERALIZATION)
+                if found and found.terms["held_out_completion"] == found.terms["held_out_completion"]:
+                    yield name, task, traffic, found
+
+
+def _is_as_good(
+    theirs: tuple[Printed, ...], collision: Value | None, completion: Value | None
+) -> bool | None:
+    if collision is None or completion is None or not (collision.is_known and completion.is_known):
+        return None
+    return is_as_good(theirs, collision.value, completion.value)
+
+
+def make_report(results: Results) -> Report:
+    """Return all that a report says of an experiment."""
+    values = measure_cells(results.table)
+    report = Report(results, values, {})
+    table = results.table
+    for mode in report.modes:
+        report.differences[mode] = differences(table, mode)
+    return report

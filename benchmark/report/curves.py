@@ -1,0 +1,99 @@
+"""Learning curves: return, completion and collision over agent-steps, with the seeds' band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.metrics.results import Frame
+from benchmark.report.content import Report
+from benchmark.report.style import label, line
+
+Floats = NDArray[np.float64]
+
+SHOWN = ("return", "completion", "collision")
+"""Columns of progress.csv, one below the other."""
+TITLES = {"return": "Return", "completion": "Completion rate", "collision": "Collision rate"}
+POINTS = 120
+"""Of a curve: as fine as can be seen."""
+
+
+def seeds_curve(runs: Sequence[Frame], column: str) -> tuple[Floats, Floats]:
+    """Return a column of several runs at common steps.
+
+    Args:
+        runs: Progress of each.
+        column: Of progress.csv.
+
+    Returns:
+        Agent-steps, shape (P,), and the column of each run there, shape (S, P), NaN where a run has not yet
+        or no longer a value.
+    """
+    known = [points for run in runs if (points := _points(run, column)).size]
+    if not known:
+        return np.zeros(0), np.zeros((0, 0))
+    begin, end = min(each[0, 0] for each in known), max(each[0, -1] for each in known)
+    steps = np.linspace(begin, end, POINTS)
+    return steps, np.stack([np.interp(steps, *points, left=np.nan, right=np.nan) for points in known])
+
+
+def _points(run: Frame, column: str) -> Floats:
+    """Return agent-steps and a column where it has a value, shape (2, N)."""
+    steps, values = run["agent_steps"].to_numpy(float), run[column].to_numpy(float)
+    known = np.isfinite(steps) & np.isfinite(values)
+    return np.stack([steps[known], values[known]])
+
+
+def draw_curves(panels: Sequence[Any], report: Report, task: str, traffic: str) -> None:
+    """Draw a cell's curves of all algorithms: mean over seeds, band from the lowest to the highest seed.
+
+    Dots are validations, each of one seed.
+
+    Args:
+        panels: Axes of matplotlib, one for each of `SHOWN`.
+        report: That has the runs.
+        task: Of the cell.
+        traffic: Of the cell.
+    """
+    for algorithm in report.results.algorithms:
+        runs = [
+            run.progress
+            for run in report.results.runs
+            if (run.algorithm, run.task, run.traffic) == (algorithm, task, traffic)
+            and run.progress is not None
+        ]
+        for axes, column in zip(panels, SHOWN, strict=True):
+            _draw(axes, runs, column, algorithm)
+    for axes, column in zip(panels, SHOWN, strict=True):
+        axes.set_ylabel(TITLES[column])
+        axes.grid(color="#e3e3e3", linewidth=0.6)
+        if column != "return":
+            axes.set_ylim(-0.02, 1.02)
+    panels[-1].set_xlabel("Agent-steps")
+    for axes in panels:
+        axes.set_xlim(left=0)
+        axes.xaxis.set_major_formatter(_thousands)
+
+
+def _thousands(steps: float, _: Any) -> str:
+    if steps >= 1_000_000:
+        return f"{steps / 1_000_000:g} M"
+    return f"{steps / 1000:g} k" if steps >= 1000 else f"{steps:g}"
+
+
+def _draw(axes: Any, runs: Sequence[Frame], column: str, algorithm: str) -> None:
+    steps, rows = seeds_curve(runs, column)
+    how = line(algorithm)
+    if len(steps):
+        some = np.isfinite(rows).any(axis=0)
+        steps, rows = steps[some], rows[:, some]
+        axes.plot(steps, np.nanmean(rows, axis=0), label=label(algorithm), **how)
+        if len(rows) > 1:
+            low, high = np.nanmin(rows, axis=0), np.nanmax(rows, axis=0)
+            axes.fill_between(steps, low, high, color=how["color"], alpha=0.15, linewidth=0)
+    for run in runs:
+        points = _points(run, f"validation_{column}")
+        axes.plot(*points, ".", color=how["color"], markersize=4, alpha=0.8)

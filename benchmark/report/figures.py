@@ -1,0 +1,164 @@
+"""All plots of a report: one a cell for the page, one of all cells for a paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from benchmark.report import curves, outcomes, radar
+from benchmark.report.content import Report
+from benchmark.report.paper import task_label, traffic_label
+from benchmark.report.style import (
+    OUTCOME_COLOURS,
+    TEXT,
+    as_dots,
+    as_lines,
+    colour,
+    label,
+    line,
+    new_figure,
+    png,
+)
+
+SHORT_TRAFFIC = {"no_social_vehicles": "No SV", "random_social_vehicles": "SV"}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of plot."""
+
+    name: str
+    """Of its file."""
+    title: str
+    note: str
+    """What one has to know to read it."""
+    size: tuple[float, float]
+    """Of a cell's plot [inches]."""
+    panels: int
+    """Axes of a cell, one below the other."""
+    projection: str | None
+    draw: Callable[[Any, Report, str, str], None]
+    """Draws a cell into its axes, or into the list of them."""
+
+
+KINDS = (
+    Kind(
+        "radar",
+        "Behaviour",
+        "Greedy test episodes of the last checkpoint. All scales go from 0 to 1 in every plot; a gap is a"
+        " metric with nothing to measure. Diversity describes, more of it is not better.",
+        (3.1, 2.75),
+        1,
+        "polar",
+        radar.draw_radar,
+    ),
+    Kind(
+        "learning_curves",
+        "Learning curves",
+        "Line: mean over training seeds of the last training episodes, which explore. Band: from the lowest"
+        " seed to the highest. Dots: greedy validation episodes of each seed.",
+        (3.6, 5.0),
+        3,
+        None,
+        curves.draw_curves,
+    ),
+    Kind(
+        "outcomes",
+        "Outcomes",
+        "Each agent-episode has one outcome; shares add up to 1.",
+        (3.6, 2.4),
+        1,
+        None,
+        outcomes.draw_outcomes,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A cell's plot, for a page."""
+
+    title: str
+    source: str
+    """Data URI."""
+
+
+def cell_title(task: str, traffic: str) -> str:
+    """Return the name of a cell as the paper's plots have it."""
+    return f"{task_label(task)}: {SHORT_TRAFFIC.get(traffic, traffic_label(traffic))}"
+
+
+def draw_cells(kind: Kind, report: Report) -> list[Plot]:
+    """Return a plot for each cell."""
+    import matplotlib as mpl
+
+    plots = []
+    with mpl.rc_context(TEXT):
+        for task, traffic in report.results.columns:
+            width, height = kind.size
+            if kind.name == "outcomes":
+                height = 0.7 + 0.27 * len(report.names)
+            figure = new_figure(width, height)
+            panels = _panels(figure, kind, [(task, traffic)])
+            kind.draw(_one_or_all(panels[0]), report, task, traffic)
+            plots.append(Plot(cell_title(task, traffic), _source(kind, figure)))
+    return plots
+
+
+def _source(kind: Kind, figure: Any) -> str:
+    return as_dots(figure) if kind.panels > 1 else as_lines(figure)
+
+
+def draw_all(kind: Kind, report: Report) -> bytes:
+    """Return one picture of all cells with its legend, a PNG file."""
+    import matplotlib as mpl
+
+    columns = report.results.columns
+    across = len(columns) if kind.panels > 1 else max(1, len(report.results.tasks))
+    down = -(-len(columns) // across)
+    width, height = kind.size
+    if kind.name == "outcomes":
+        height = 0.7 + 0.27 * len(report.names)
+    with mpl.rc_context(TEXT):
+        figure = new_figure(width * across * (0.8 if kind.panels > 1 else 1.0), height * down + 0.5)
+        for panels, (task, traffic) in zip(_panels(figure, kind, columns, across), columns, strict=True):
+            panels[0].set_title(cell_title(task, traffic))
+            kind.draw(_one_or_all(panels), report, task, traffic)
+        handles = _handles(kind, report)
+        if handles:
+            figure.legend(
+                handles=handles, loc="outside lower center", ncols=min(len(handles), 9), frameon=False
+            )
+        return png(figure)
+
+
+def legend(kind: Kind, report: Report) -> list[tuple[str, str]]:
+    """Return colour and name of all that a kind of plot shows."""
+    if kind.name == "outcomes":
+        shown = outcomes.shown_outcomes(report)
+        return [(OUTCOME_COLOURS[name], outcomes.outcome_label(name)) for name in shown]
+    return [(colour(name), label(name)) for name in report.results.algorithms]
+
+
+def _handles(kind: Kind, report: Report) -> list[Any]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    if kind.name == "outcomes":
+        return [Patch(color=shade, label=name) for shade, name in legend(kind, report)]
+    return [Line2D([], [], label=label(name), **line(name)) for name in report.results.algorithms]
+
+
+def _panels(figure: Any, kind: Kind, columns: Sequence[tuple[str, str]], across: int = 1) -> list[list[Any]]:
+    """Return the axes of each cell."""
+    given: Mapping[str, Any] = {"projection": kind.projection} if kind.projection else {}
+    if kind.panels == 1:
+        down = -(-len(columns) // across)
+        return [[figure.add_subplot(down, across, number + 1, **given)] for number in range(len(columns))]
+    grid = figure.subplots(kind.panels, len(columns), sharex="col", squeeze=False, subplot_kw=given)
+    return [list(grid[:, number]) for number in range(len(columns))]
+
+
+def _one_or_all(panels: list[Any]) -> Any:
+    return panels if len(panels) > 1 else panels[0]

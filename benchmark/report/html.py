@@ -1,0 +1,126 @@
+"""The page: one file that needs nothing else, no network either."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import groupby
+from typing import Any
+
+from benchmark.metrics import METRICS
+from benchmark.report import provenance, tables, wording
+from benchmark.report.content import Cell, Report, Row
+from benchmark.report.figures import KINDS, draw_cells, legend
+from benchmark.report.paper import algorithm_label, task_label, traffic_label
+
+
+@cache
+def _templates() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    loader = PackageLoader("benchmark.report")
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+
+
+def fill(template: str, **content: Any) -> str:
+    """Return a page, with this package's style and script in it."""
+    from markupsafe import Markup
+
+    # The one place where text goes into a page unescaped: files of this package.
+    own = {name: Markup(_templates().loader.get_source(_templates(), file)[0]) for name, file in _OWN.items()}
+    return _templates().get_template(template).render(**own, **content) + "\n"
+
+
+_OWN = {"style": "page.css", "script": "page.js"}
+
+
+def report_page(report: Report) -> str:
+    """Return a report as an HTML page."""
+    results = report.results
+    rows, notes = tables.metrics_table(report)
+    decided, ties = tables.difference_rows(report)
+    return fill(
+        "report.html.j2",
+        name=results.name,
+        description=results.description,
+        totals=provenance.totals(results),
+        standing=wording.standing(report),
+        gaps=provenance.gaps(results),
+        tables=[_main_table(report, mode) for mode in report.modes],
+        main_mode=report.modes[0],
+        metrics={
+            "rows": rows,
+            "notes": notes,
+            "columns": [_column(name) for name in report.metrics],
+            "tasks": [(name, task_label(name)) for name in results.tasks],
+            "traffics": [(name, traffic_label(name)) for name in results.traffics],
+            "modes": tables.mode_choices(report),
+            "chosen": report.modes[0],
+        },
+        plots=[
+            {
+                "name": kind.name,
+                "title": kind.title,
+                "note": kind.note,
+                "legend": legend(kind, report),
+                "cells": draw_cells(kind, report),
+            }
+            for kind in KINDS
+        ],
+        generalization=tables.generalization_rows(report),
+        generalization_columns=tables.GENERALIZATION_COLUMNS.items(),
+        differences=decided,
+        ties=ties,
+        difference_columns=tables.DIFFERENCE_COLUMNS.items(),
+        commands=provenance.commands(results),
+        circumstances=provenance.circumstances(results),
+        runs=[line.cells for line in provenance.run_lines(results)],
+        run_columns=provenance.RUN_COLUMNS.items(),
+    )
+
+
+def _column(name: str) -> dict[str, Any]:
+    measure = METRICS[name]
+    unit = f" [{measure.unit}]" if measure.unit else ""
+    parts = ("label", "meaning", "unit", "better", "missing")
+    return {"name": name, "title": measure.label + unit} | {part: getattr(measure, part) for part in parts}
+
+
+def _main_table(report: Report, mode: str) -> dict[str, Any]:
+    columns = report.results.columns
+    return {
+        "mode": mode,
+        "title": f"{wording.MODE_TITLES[mode]} episodes",
+        "note": f"{wording.MODE_NOTES[mode]} Bold: the best figures of the column; ranks say what is decided."
+        " Below each cell: 95% intervals, the paper's figures, training seeds and test episodes.",
+        "groups": [
+            (traffic_label(traffic), len([*group]))
+            for traffic, group in groupby(columns, key=lambda it: it[1])
+        ],
+        "columns": [task_label(task) for task, _ in columns],
+        "rows": [_row(row) for row in report.main_table(mode)],
+    }
+
+
+def _row(row: Row) -> dict[str, Any]:
+    return {
+        "label": algorithm_label(row.algorithm),
+        "is_reference": row.is_reference,
+        "cells": [_cell(cell) for cell in row.cells],
+    }
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    known = cell.completion is not None and cell.completion.is_known
+    return {
+        "figures": wording.figures(cell),
+        "sort": f"{cell.completion.value:.6g}" if cell.completion is not None and known else "",
+        "is_best": cell.is_best,
+        "rank": wording.rank_text(cell),
+        "intervals": wording.intervals(cell),
+        "interval_meaning": wording.interval_meaning(cell),
+        "paper": wording.printed_text(cell.printed),
+        "mark": wording.mark(cell),
+        "mark_class": "as-good" if cell.is_as_good else "worse",
+        "mark_meaning": wording.mark_meaning(cell),
+        "count": wording.count(cell),
+    }

@@ -1,0 +1,224 @@
+"""Many experiments in one list: ranks in each cell, and a summary over cells."""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from algorithms.registry import ALGORITHMS
+from benchmark.metrics.results import Frame
+from benchmark.report.data import Results, read_results
+from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.protocol import described, protocol_of
+from benchmark.report.ranking import RANKED_BY, differences, of_cell, ranks
+from benchmark.report.values import MODES, SCRIPTED, Value, by_key, measure_cells
+from benchmark.running.files import ResultsError
+from benchmark.statistics import interquartile_mean
+
+REFERENCE, OTHER = "reference policy", "other"
+"""Paradigms of scripted policies and of algorithms that the registry does not know."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """An algorithm of an experiment in a cell."""
+
+    protocol: str
+    """Letter of its protocol: only those with the same one are ranked among each other."""
+    task: str
+    traffic: str
+    experiment: str
+    algorithm: str
+    paradigm: str
+    rank: int | None
+    """None of references, and where there is no figure."""
+    is_tied: bool
+    completion: Value
+    collision: Value
+
+    @property
+    def label(self) -> str:
+        """Name of the algorithm."""
+        return algorithm_label(self.algorithm)
+
+    @property
+    def cell(self) -> str:
+        """Name of the cell."""
+        return f"{task_label(self.task)}, {traffic_label(self.traffic)}"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """An algorithm of an experiment over all cells."""
+
+    protocol: str
+    experiment: str
+    algorithm: str
+    paradigm: str
+    completion: float
+    """Interquartile mean over cells."""
+    collision: float
+    cells: int
+    most_cells: int
+    """That anyone under the protocol has; means over fewer are not comparable."""
+
+    @property
+    def label(self) -> str:
+        """Name of the algorithm."""
+        return algorithm_label(self.algorithm)
+
+
+@dataclass(frozen=True)
+class Leaderboard:
+    """All places of all experiments."""
+
+    mode: str
+    protocols: dict[str, str]
+    """Letter -> what it says, or wherein it differs."""
+    places: tuple[Place, ...]
+    """By protocol, task, traffic and rank."""
+    summaries: tuple[Summary, ...]
+    """By protocol and completion."""
+    problems: tuple[str, ...]
+
+
+def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard:
+    """Return the places of all algorithms of several experiments.
+
+    Args:
+        roots: Folders of the experiments' results.
+        mode: Way of acting.
+
+    Raises:
+        ResultsError: One is not there, or is given twice.
+    """
+    _check_distinct(roots)
+    experiments = dict(zip(_names(roots), map(read_results, roots), strict=True))
+    parts = [_labelled(results, name) for name, results in experiments.items()]
+    table = pd.concat(parts, ignore_index=True)
+    letters = {text: _letters(number) for number, text in enumerate(dict.fromkeys(table["protocol"]))}
+    places: list[Place] = []
+    for protocol, letter in letters.items():
+        places += _places(table[table["protocol"] == protocol], letter, mode)
+    return Leaderboard(
+        mode=mode,
+        protocols=dict(zip(letters.values(), described([*letters]), strict=True)),
+        places=tuple(places),
+        summaries=tuple(summary for letter in letters.values() for summary in _summaries(places, letter)),
+        problems=tuple(_problems(experiments)),
+    )
+
+
+def paradigm_of(algorithm: str, is_reference: bool) -> str:
+    """Return who knows what, when, by the registry of algorithms."""
+    if is_reference:
+        return REFERENCE
+    return str(ALGORITHMS[algorithm].paradigm) if algorithm in ALGORITHMS else OTHER
+
+
+def _check_distinct(roots: Sequence[Path]) -> None:
+    seen: set[Path] = set()
+    for root in roots:
+        if root.resolve() in seen:
+            raise ResultsError("is given twice", place=str(root), remedy="name each experiment once")
+        seen.add(root.resolve())
+
+
+def _names(roots: Sequence[Path]) -> list[str]:
+    """Return a name for each experiment: its folder's, or more of its path where that is another's, too."""
+    names = [root.resolve().name for root in roots]
+    return [
+        name if names.count(name) == 1 else root.resolve().as_posix()
+        for name, root in zip(names, roots, strict=True)
+    ]
+
+
+def _labelled(results: Results, name: str) -> Frame:
+    parts = []
+    for run in results.finished:
+        table = run.table
+        if table is not None:
+            labels = {
+                "experiment": name,
+                "protocol": protocol_of(run, results),
+                "is_scripted": run.is_reference,
+            }
+            parts.append(table.assign(**labels, entry=f"{name}\n{run.algorithm}"))
+    empty = results.table.assign(experiment="", protocol="", is_scripted=False, entry="")
+    return pd.concat(parts, ignore_index=True) if parts else empty
+
+
+def _letters(number: int) -> str:
+    high, low = divmod(number, 26)
+    return (_letters(high - 1) if high else "") + string.ascii_uppercase[low]
+
+
+def _places(table: Frame, letter: str, mode: str) -> list[Place]:
+    """Return the places under one protocol."""
+    table = table[table["mode"].isin([mode, SCRIPTED])]
+    values = by_key(measure_cells(table.assign(algorithm=table["entry"]), RANKED_BY))
+    differing = differences(table, mode, column="entry")
+    scripted = set(table.loc[table["is_scripted"], "entry"])
+    places = []
+    for task, traffic in sorted({(key[1], key[2]) for key in values}):
+        found = {key[0]: key[3] for key in values if (key[1], key[2]) == (task, traffic)}
+        figures = {
+            entry: [values[entry, task, traffic, acting, name] for name in RANKED_BY]
+            for entry, acting in found.items()
+        }
+        ranked = [
+            entry
+            for entry, pair in figures.items()
+            if entry not in scripted and all(x.is_known for x in pair)
+        ]
+        standing = ranks(of_cell(differing, task, traffic), ranked)
+        for entry in sorted(figures, key=lambda each: _order(standing.get(each), figures[each])):
+            experiment, _, algorithm = entry.partition("\n")
+            rank = standing.get(entry)
+            places.append(
+                Place(
+                    letter,
+                    task,
+                    traffic,
+                    experiment,
+                    algorithm,
+                    paradigm_of(algorithm, entry in scripted),
+                    rank,
+                    rank is not None and list(standing.values()).count(rank) > 1,
+                    *figures[entry],
+                )
+            )
+    return places
+
+
+def _order(rank: int | None, figures: Sequence[Value]) -> tuple[float, float, float]:
+    completion, collision = (value.value if value.is_known else 0.0 for value in figures)
+    return float("inf") if rank is None else rank, -completion, collision
+
+
+def _summaries(places: Sequence[Place], letter: str) -> list[Summary]:
+    own = [place for place in places if place.protocol == letter]
+    most = len({(place.task, place.traffic) for place in own})
+    entries = dict.fromkeys((place.experiment, place.algorithm, place.paradigm) for place in own)
+    found = []
+    for experiment, algorithm, paradigm in entries:
+        cells = [place for place in own if (place.experiment, place.algorithm) == (experiment, algorithm)]
+        means = [
+            interquartile_mean([getattr(place, name).value for place in cells])
+            for name in ("completion", "collision")
+        ]
+        found.append(Summary(letter, experiment, algorithm, paradigm, means[0], means[1], len(cells), most))
+    return sorted(found, key=lambda each: (-each.completion, each.collision))
+
+
+def _problems(experiments: dict[str, Results]) -> list[str]:
+    lines = []
+    for name, results in experiments.items():
+        if results.unfinished:
+            lines.append(f"{name}: {len(results.unfinished)} of {len(results.runs)} runs are not finished")
+        lines += [f"{name}: {place}: {reason}" for place, reason in results.problems.items()]
+    return lines

@@ -1,0 +1,70 @@
+"""The leaderboard as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmark.metrics import METRICS
+from benchmark.report.html import fill
+from benchmark.report.leaderboard import Leaderboard, make_leaderboard
+from benchmark.report.paper import task_label, traffic_label
+from benchmark.report.ranking import RANKED_BY
+from benchmark.running.files import write_whole
+
+Column = tuple[str, str, bool]
+"""Title, meaning, whether its cells begin at the left."""
+
+PROTOCOL: Column = ("protocol", "Environment and budget; ranks hold within one only", True)
+EXPERIMENT: Column = ("experiment", "Folder of its results", True)
+PARADIGM: Column = ("paradigm", "Who knows what, when", True)
+ALGORITHM: Column = ("algorithm", "Or reference policy", True)
+
+
+def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
+    """Write the leaderboard of several experiments.
+
+    Raises:
+        ResultsError: One is not there or given twice, or the page cannot be written.
+    """
+    page = leaderboard_page(make_leaderboard(roots, mode))
+    write_whole(out, lambda file: file.write_text(page, encoding="utf-8"))
+
+
+def leaderboard_page(board: Leaderboard) -> str:
+    """Return a leaderboard as an HTML page."""
+    several = [PROTOCOL] if len(board.protocols) > 1 else []
+    rates: list[Column] = [(METRICS[name].label, METRICS[name].meaning, False) for name in RANKED_BY]
+    means: list[Column] = [
+        (METRICS[name].label, f"Interquartile mean of: {METRICS[name].meaning}", False) for name in RANKED_BY
+    ]
+    columns: list[Column] = [
+        ("cell", "Task and traffic", True),
+        *several,
+        ("rank", "In the cell, among the same protocol", False),
+        *(ALGORITHM, EXPERIMENT, PARADIGM),
+        *rates,
+        ("seeds", "Of training", False),
+        ("episodes", "Of the test, all seeds together", False),
+    ]
+    summary_columns: list[Column] = [
+        *(ALGORITHM, *several, EXPERIMENT, PARADIGM),
+        *means,
+        ("cells", "That it was tested in", False),
+    ]
+    places = board.places
+    return fill(
+        "leaderboard.html.j2",
+        mode=board.mode,
+        problems=board.problems,
+        protocols=list(board.protocols.items()),
+        places=places,
+        summaries=board.summaries,
+        columns=columns,
+        summary_columns=summary_columns,
+        letters=[(letter, letter) for letter in board.protocols],
+        tasks=[(name, task_label(name)) for name in dict.fromkeys(each.task for each in places)],
+        traffics=[(name, traffic_label(name)) for name in dict.fromkeys(each.traffic for each in places)],
+        paradigms=[(name, name) for name in sorted({each.paradigm for each in places})],
+        metrics=[METRICS[name] for name in RANKED_BY],
+    )

@@ -1,0 +1,116 @@
+"""The report as Markdown, its plots as PNG files beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from benchmark.metrics import METRICS
+from benchmark.report import provenance, tables, wording
+from benchmark.report.content import Cell, Report
+from benchmark.report.figures import KINDS
+from benchmark.report.paper import algorithm_label, task_label, traffic_label
+
+
+def report_text(report: Report, pictures: Iterable[str]) -> str:
+    """Return a report as Markdown.
+
+    Args:
+        report: What it says.
+        pictures: Names of the kinds of plots that lie beside it.
+    """
+    results = report.results
+    parts = [f"# {results.name}", results.description, " ".join(provenance.totals(results))]
+    parts += wording.standing(report)
+    gaps = provenance.gaps(results)
+    if gaps:
+        parts += ["Missing from the tables:", "\n".join(f"- {place}: {reason}" for place, reason in gaps)]
+    for mode in report.modes:
+        parts += [f"## {wording.MODE_TITLES[mode]} episodes: collision rate / completion rate"]
+        parts += [wording.MODE_NOTES[mode], _main_table(report, mode)]
+    there = set(pictures)
+    for kind in KINDS:
+        if kind.name in there:
+            parts += [f"## {kind.title}", f"![{kind.title}]({kind.name}.png)", kind.note]
+    parts += ["## All metrics", *_metrics(report), "## Generalization", _generalization(report)]
+    parts += ["## Definitions", _definitions(report)]
+    parts += ["## Runs and machine", "\n".join(f"    {command}" for command in provenance.commands(results))]
+    parts += ["\n".join(f"- {name}: {'; '.join(each)}" for name, each in provenance.circumstances(results))]
+    lines = [line.cells for line in provenance.run_lines(results)]
+    parts += [table([*provenance.RUN_COLUMNS], lines, left=5)]
+    return "\n\n".join(filter(None, parts)) + "\n"
+
+
+def table(titles: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
+    """Return a table, its first `left` columns to the left and the others to the right."""
+    rule = [":--" if number < left else "--:" for number in range(len(titles))]
+    lines = [titles, rule, *([_escaped(cell) for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _main_table(report: Report, mode: str) -> str:
+    columns = report.results.columns
+    titles = ["Algorithm", *(f"{task_label(task)}, {traffic_label(traffic)}" for task, traffic in columns)]
+    rows = []
+    for row in report.main_table(mode):
+        name = algorithm_label(row.algorithm) + (" (reference)" if row.is_reference else "")
+        rows.append([name, *map(_cell, row.cells)])
+    return table(titles, rows)
+
+
+def _cell(cell: Cell) -> str:
+    paper = wording.printed_text(cell.printed)
+    beside = f"paper {paper}{' ' if wording.mark(cell) else ''}{wording.mark(cell)}" if paper else ""
+    if not wording.figures(cell):
+        return "<br>".join(filter(None, (wording.NO_RUN, beside)))
+    first = f"**{wording.figures(cell)}**" if cell.is_best else wording.figures(cell)
+    rank = wording.rank_text(cell)
+    return "<br>".join(filter(None, (first, rank, wording.intervals(cell), beside, wording.count(cell))))
+
+
+def _metrics(report: Report) -> list[str]:
+    """Return a table for each cell: a row for each metric, since pages are narrow."""
+    rows, notes = tables.metrics_table(report)
+    parts = []
+    for task, traffic in report.results.columns:
+        mode = report.modes[0]
+        own = [row for row in rows if (row.task, row.traffic, row.mode) == (task, traffic, mode)]
+        if not own:
+            continue
+        lines = []
+        for number, metric in enumerate(report.metrics):
+            cells = [row.cells[number] for row in own]
+            unit = f" [{METRICS[metric].unit}]" if METRICS[metric].unit else ""
+            lines.append([METRICS[metric].label + unit, *map(_entry, cells)])
+        parts.append(f"### {task_label(task)}, {traffic_label(traffic)}")
+        parts.append(table(["Metric", *(row.label for row in own)], lines))
+    parts.append("\n".join(f"{number}. {note}" for number, note in enumerate(notes, start=1)))
+    return parts
+
+
+def _entry(entry: tables.Entry | None) -> str:
+    if entry is None:
+        return ""
+    notes = f" ({', '.join(map(str, entry.notes))})" if entry.notes else ""
+    return f"{entry.text}{notes}<br>{entry.interval}" if entry.interval else f"{entry.text}{notes}"
+
+
+def _generalization(report: Report) -> str:
+    rows = tables.generalization_rows(report)
+    return (
+        table([*tables.GENERALIZATION_COLUMNS], rows, left=3)
+        if rows
+        else "No held-out variations were played."
+    )
+
+
+def _definitions(report: Report) -> str:
+    lines = []
+    for name in report.metrics:
+        measure = METRICS[name]
+        better = f"; {measure.better} is better" if measure.better else "; describes"
+        lines.append(f"- **{measure.label}**: {measure.meaning}{better}; n/a: {measure.missing}")
+    return "\n".join(lines)

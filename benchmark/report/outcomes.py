@@ -1,0 +1,55 @@
+"""How agent-episodes ended, as stacked bars."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from benchmark.metrics import METRICS
+from benchmark.report.content import Report
+from benchmark.report.style import OUTCOME_COLOURS, label
+from benchmark.report.values import OUTCOMES
+
+SHORT = {"completion_rate": "Goal", "collision_rate": "Collision"}
+"""Names of the outcomes that the two rates are of."""
+LEAST_NAMED = 0.08
+"""Shares below are drawn without their number."""
+
+
+def outcome_label(name: str) -> str:
+    """Return the name of a share's outcome."""
+    return SHORT[name] if name in SHORT else METRICS[name].label
+
+
+def shown_outcomes(report: Report) -> list[str]:
+    """Return the outcomes that there are."""
+    rows = report.values
+    seen = set(rows.loc[rows["value"] > 0, "metric"])
+    return [name for name in OUTCOMES if name in seen or name in SHORT]
+
+
+def draw_outcomes(axes: Any, report: Report, task: str, traffic: str) -> None:
+    """Draw a bar for each algorithm and reference of a cell.
+
+    Args:
+        axes: Of matplotlib.
+        report: That has the values, those of its main mode.
+        task: Of the cell.
+        traffic: Of the cell.
+    """
+    names = [name for name, _ in report.names]
+    left = np.zeros(len(names))
+    for outcome in shown_outcomes(report):
+        found = [report.value(name, task, traffic, report.modes[0], outcome) for name in names]
+        shares = np.array([value.value if value and value.is_known else 0.0 for value in found])
+        bars = axes.barh(names, shares, left=left, color=OUTCOME_COLOURS[outcome], height=0.72)
+        texts = [f"{share:.2f}" if share >= LEAST_NAMED else "" for share in shares]
+        axes.bar_label(bars, texts, label_type="center", fontsize=7, color="white")
+        left += shares
+    for row in np.flatnonzero(left == 0.0).tolist():
+        axes.text(0.01, row, "no finished run", va="center", fontsize=7, color="#777777")
+    axes.set_yticks(range(len(names)), [label(name) for name in names])
+    axes.set_xlim(0.0, 1.0)
+    axes.invert_yaxis()
+    axes.tick_params(axis="y", length=0)

@@ -1,0 +1,48 @@
+"""What must be alike for results to be compared: environment and budget."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from benchmark.report.data import Results, RunResult
+
+COMPARED = ("environment", "budget")
+"""Keys of config.yaml. The environment holds agents, decision interval, observation, action and reward; the
+horizon and the starts are the scenario's, by whose name results are told apart anyway."""
+
+
+def protocol_of(run: RunResult, results: Results) -> str:
+    """Return what a run was made under, as a text that is equal if and only if the protocol is.
+
+    A scripted policy is tested in the environment of the experiment's runs in the same cell.
+    """
+    config = run.config
+    if run.is_reference:
+        beside = (each for each in results.runs if _cell(each) == _cell(run) and not each.is_reference)
+        config = next((each.config for each in beside if each.config), config)
+    return json.dumps({name: config.get(name) for name in COMPARED}, sort_keys=True)
+
+
+def _cell(run: RunResult) -> tuple[str, str]:
+    return run.task, run.traffic
+
+
+def described(protocols: Sequence[str]) -> list[str]:
+    """Return what each protocol says; with several, only what is not the same in all."""
+    flat = [_flat(json.loads(each)) for each in protocols]
+    names = sorted({name for each in flat for name in each})
+    if len(flat) > 1:
+        names = [name for name in names if len({each.get(name) for each in flat}) > 1]
+    return [", ".join(f"{name} {each.get(name, 'not given')}" for name in names) for each in flat]
+
+
+def _flat(content: Mapping[str, Any], before: str = "") -> dict[str, str]:
+    found: dict[str, str] = {}
+    for name, value in content.items():
+        if isinstance(value, dict):
+            found |= _flat(value, f"{before}{name}.")
+        else:
+            found[before + name] = "none" if value is None else str(value)
+    return found

@@ -1,0 +1,142 @@
+"""How results came about: runs with their times and speeds, versions, machines, commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from benchmark.report.data import NOT_BEGUN, Results, RunResult
+
+
+@dataclass(frozen=True)
+class RunLine:
+    """What a report says of one run; empty where it is not known."""
+
+    run: RunResult
+    agent_steps: str
+    training: str
+    speed: str
+    test: str
+    begun: str
+    ended: str
+
+    @property
+    def cells(self) -> list[str]:
+        """As text, in the order of `RUN_COLUMNS`."""
+        run = self.run
+        seed = "" if run.is_reference else str(run.seed)
+        times = [self.agent_steps, self.training, self.speed, self.test, self.begun, self.ended]
+        return [run.algorithm, run.task, run.traffic, seed, run.status, *times]
+
+
+RUN_COLUMNS = {
+    "algorithm": "Or scripted policy",
+    "task": "What is driven",
+    "traffic": "Who else is on the road",
+    "seed": "Of training",
+    "status": "Only runs that are finished are in the tables",
+    "agent-steps": "Simulation steps of 0.1 s, counted once for each agent on the road",
+    "training": "Wall-clock time of training",
+    "steps/s": "Agent-steps per second of training, learning included",
+    "test": "Wall-clock time of the test",
+    "begun": "As the machine's clock had it",
+    "ended": "As the machine's clock had it",
+}
+"""Title and meaning of the columns of the table of runs."""
+
+
+def run_lines(results: Results) -> list[RunLine]:
+    """Return a line for each run, begun or not."""
+    return [_line(run) for run in results.runs]
+
+
+def _line(run: RunResult) -> RunLine:
+    steps, training, speed = "", "", ""
+    if run.progress is not None and len(run.progress):
+        last = run.progress.iloc[-1]
+        count, seconds = float(last["agent_steps"]), float(last["seconds"])
+        steps, training = f"{count:,.0f}", duration(seconds)
+        speed = f"{count / seconds:,.0f}" if seconds > 0 else ""
+    test = run.facts.get("test_seconds")
+    return RunLine(
+        run,
+        steps,
+        training,
+        speed,
+        duration(float(test)) if isinstance(test, int | float) else "",
+        str(run.facts.get("begun", "")),
+        str(run.facts.get("ended", "")),
+    )
+
+
+def duration(seconds: float) -> str:
+    """Return a time in hours, minutes and seconds."""
+    hours, rest = divmod(round(seconds), 3600)
+    minutes, left = divmod(rest, 60)
+    return f"{hours}:{minutes:02}:{left:02}"
+
+
+def circumstances(results: Results) -> list[tuple[str, list[str]]]:
+    """Return name and distinct values of what runs were made with; more than one value is worth a look."""
+    facts = [run.facts for run in results.runs if run.facts]
+    versions = [_text(each.get("versions")) for each in facts]
+    machines = [
+        ", ".join(filter(None, (_text(each.get(name)) for name in ("processor", "cores", "system"))))
+        for each in facts
+    ]
+    found = {
+        "Commit": _distinct(_text(each.get("commit")) for each in facts),
+        "Python": _distinct(_text(each.get("python")) for each in facts),
+        "Versions": _distinct(versions),
+        "Machine (processor, cores, system)": _distinct(machines),
+        "Environment": _distinct(_text(run.config.get("environment")) for run in results.runs),
+        "Budget": _distinct(_text(run.config.get("budget")) for run in results.runs),
+        "Settings": _distinct(
+            f"{run.algorithm}: {_text(run.config.get('settings'))}"
+            for run in results.runs
+            if run.config and not run.is_reference
+        ),
+    }
+    return [(name, values) for name, values in found.items() if values]
+
+
+def commands(results: Results) -> list[str]:
+    """Return the commands that made the results, and the one that makes the report again."""
+    return [*filter(None, [results.command]), f"smarts-bench report {results.root}"]
+
+
+def totals(results: Results) -> list[str]:
+    """Return sentences on what there is and what is missing."""
+    counts = results.counts
+    lines = [
+        f"{len(results.finished)} of {len(results.runs)} runs are finished.",
+        f"{counts['measured']} test episodes were measured.",
+    ]
+    if counts["void"]:
+        lines.append(f"{counts['void']} were void (vehicles overlapped at the start) and do not count.")
+    if counts["incomplete"]:
+        lines.append(f"{counts['incomplete']} were cut short and do not count.")
+    if counts["corrupted"]:
+        lines.append(f"{len(counts['corrupted'])} could not be read and do not count.")
+    return lines
+
+
+def gaps(results: Results) -> list[tuple[str, str]]:
+    """Return name and reason of all that is missing: runs, files, episodes."""
+    missing = [
+        (str(run), "has not begun" if run.status == NOT_BEGUN else f"is not finished: {run.status}")
+        for run in results.unfinished
+    ]
+    episodes = [(f"episode {name}", reason) for name, reason in results.counts["corrupted"].items()]
+    return [*missing, *results.problems.items(), *episodes]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_text(each) or '{}'}" for name, each in value.items())
+    return "" if value is None else str(value)
+
+
+def _distinct(values: Iterable[str]) -> list[str]:
+    return [value for value in dict.fromkeys(values) if value]

@@ -1,0 +1,58 @@
+"""Radar plots of the paper's four behaviour metrics, on fixed scales from 0 to 1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmark.metrics import METRICS
+from benchmark.report.content import Report
+from benchmark.report.style import label, line
+
+RINGS = (0.25, 0.5, 0.75, 1.0)
+NAMED_RINGS = (0.5, 1.0)
+
+
+def axes_of_radar() -> list[str]:
+    """Return the metrics that are axes."""
+    return [name for name in METRICS if METRICS[name].is_axis]
+
+
+def draw_radar(axes: Any, report: Report, task: str, traffic: str) -> None:
+    """Draw all algorithms of a cell over each other; where a metric is n/a its line has a gap.
+
+    Args:
+        axes: Polar ones of matplotlib.
+        report: That has the values, those of its main mode.
+        task: Of the cell.
+        traffic: Of the cell.
+    """
+    names = axes_of_radar()
+    angles = np.linspace(0.0, 2 * np.pi, len(names), endpoint=False)
+    axes.set_theta_offset(np.pi / 2)
+    axes.set_theta_direction(-1)
+    axes.set_ylim(0.0, 1.0)
+    axes.set_yticks(RINGS, [""] * len(RINGS))
+    for ring in NAMED_RINGS:
+        # Above the lines, which tick labels are not.
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
+        place = {"ha": "center", "va": "center", "zorder": 5}
+        axes.text(np.pi / 4, ring, f"{ring:g}", fontsize=6.5, color="#555555", bbox=box, **place)
+    axes.set_xticks(angles, [METRICS[name].label.replace("Control d", "D") for name in names])
+    for text, side in zip(axes.get_xticklabels(), ("center", "left", "center", "right"), strict=False):
+        text.set_horizontalalignment(side)
+    axes.tick_params(axis="x", pad=2)
+    axes.grid(color="#d5d5d5", linewidth=0.6)
+    axes.spines["polar"].set_color("#aaaaaa")
+    for algorithm in report.results.algorithms:
+        found = [report.value(algorithm, task, traffic, report.modes[0], name) for name in names]
+        radii = [value.value if value else np.nan for value in found]
+        _draw_line(axes, angles, radii, line(algorithm), label(algorithm))
+
+
+def _draw_line(axes: Any, angles: Any, radii: Sequence[float], how: dict[str, Any], name: str) -> None:
+    closed = np.append(radii, radii[0])
+    around = np.append(angles, angles[0] + 2 * np.pi)
+    axes.plot(around, closed, marker="o", markersize=3, label=name, clip_on=False, **how)

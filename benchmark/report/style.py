@@ -1,0 +1,104 @@
+"""The look of the plots: the same colour for an algorithm in every report."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from typing import Any
+
+from algorithms.registry import ALGORITHMS
+from benchmark.report.paper import algorithm_label, paper
+
+PALETTE = (
+    *("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d00", "#56b4e9", "#5b3fa0"),
+    *("#e69f00", "#7f7f7f", "#b2182b", "#1b7837", "#2d2d2d"),
+)
+"""Okabe and Ito's colours for the paper's seven, told apart by the colour-blind, then others."""
+GREYS = ("#444444", "#777777", "#999999", "#bbbbbb")
+"""Of reference policies."""
+DASHES = ("-", (0, (4, 1.2)), (0, (1.2, 1)), (0, (4, 1, 1, 1)))
+"""Line styles, of which colours that are alike in print have different ones."""
+OUTCOME_COLOURS = {
+    "completion_rate": "#3a9d5d",
+    "collision_rate": "#c8372d",
+    "ended_off_road": "#e08214",
+    "ended_off_route": "#f1b656",
+    "ended_missed_goal": "#8073ac",
+    "ended_not_moving": "#7fa6c9",
+    "ended_time_out": "#9a9a9a",
+    "ended_other": "#c9c9c9",
+    "ended_other_terminal": "#5d4a3a",
+}
+TEXT: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Arial", "sans-serif"],
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "smarts-bench",
+}
+DOTS_PER_INCH = 150
+COLOURS = 128
+_LONG_NUMBER = re.compile(r"(\d\.\d\d)\d+")
+"""Coordinates to a hundredth of a point are finer than any screen."""
+
+
+def _number(name: str) -> int:
+    known = [*paper()["algorithms"], *(each for each in ALGORITHMS if each not in paper()["algorithms"])]
+    return known.index(name) if name in known else len(known)
+
+
+def colour(name: str) -> str:
+    """Return the colour of an algorithm."""
+    return PALETTE[_number(name) % len(PALETTE)]
+
+
+def line(name: str) -> dict[str, Any]:
+    """Return how matplotlib draws an algorithm's line."""
+    return {"color": colour(name), "linestyle": DASHES[_number(name) % len(DASHES)], "linewidth": 1.6}
+
+
+def label(name: str) -> str:
+    """Return an algorithm's name for a legend."""
+    return algorithm_label(name)
+
+
+def new_figure(width: float, height: float) -> Any:
+    """Return an empty figure that belongs to no window.
+
+    Args:
+        width: In inches.
+        height: In inches.
+    """
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def as_lines(figure: Any) -> str:
+    """Return a figure as the source of an image in a page: lines and text, for what has few of them."""
+    out = io.StringIO()
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    figure.savefig(out, format="svg", metadata=nothing)
+    text = out.getvalue()
+    text = _LONG_NUMBER.sub(r"\1", text[text.index("<svg") :])
+    return "data:image/svg+xml;base64," + base64.b64encode(text.encode()).decode()
+
+
+def as_dots(figure: Any) -> str:
+    """Return a figure as the source of an image in a page: pixels, for what has thousands of points."""
+    return "data:image/png;base64," + base64.b64encode(png(figure)).decode()
+
+
+def png(figure: Any) -> bytes:
+    """Return a figure as a PNG file, of few colours and so a fraction of the size."""
+    from PIL import Image
+
+    drawn, out = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=DOTS_PER_INCH)
+    Image.open(drawn).convert("RGB").quantize(COLOURS).save(out, format="png", optimize=True)
+    return out.getvalue()

@@ -1,0 +1,142 @@
+"""The tables beside the main one, as text: metrics with numbered notes, generalization, differences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from benchmark.metrics import METRICS
+from benchmark.report.content import Report
+from benchmark.report.paper import algorithm_label, task_label, traffic_label
+from benchmark.report.values import MODES, SCRIPTED
+
+GENERALIZATION_COLUMNS = {
+    "algorithm": "Or scripted policy",
+    "task": "What is driven",
+    "traffic": "Who else is on the road",
+    "generalization": METRICS["generalization"].meaning,
+    "completion, trained": "Completion rate on unseen seeds of the training's variations",
+    "completion, held out": "Completion rate on the held-out variations",
+    "no collision, trained": "1 - collision rate on unseen seeds of the training's variations",
+    "no collision, held out": "1 - collision rate on the held-out variations",
+}
+DIFFERENCE_COLUMNS = {
+    "task": "What is driven",
+    "traffic": "Who else is on the road",
+    "metric": "What is compared",
+    "first": "Minuend",
+    "second": "Subtrahend",
+    "difference": "First minus second",
+    "95% interval": "Of the difference, before correction",
+    "p": "Two-sided, that there is no difference; after Holm over the table",
+    "pairs": "Training seeds or, with fewer than three, starts",
+    "better": "Whose figure is better",
+}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A value in the table of metrics."""
+
+    text: str
+    interval: str
+    sort: str
+    """By which it is sorted, empty for n/a."""
+    notes: tuple[int, ...]
+    """Numbers of its notes."""
+
+
+@dataclass(frozen=True)
+class MetricsRow:
+    """An algorithm in a cell and a mode."""
+
+    algorithm: str
+    task: str
+    traffic: str
+    mode: str
+    """That a filter shows it for: a scripted policy has a row for each."""
+    acting: str
+    n: int
+    cells: tuple[Entry | None, ...]
+
+    @property
+    def label(self) -> str:
+        """Name of the algorithm."""
+        return algorithm_label(self.algorithm)
+
+    @property
+    def task_label(self) -> str:
+        """Name of the task."""
+        return task_label(self.task)
+
+    @property
+    def traffic_label(self) -> str:
+        """Name of the traffic."""
+        return traffic_label(self.traffic)
+
+
+def metrics_table(report: Report) -> tuple[list[MetricsRow], list[str]]:
+    """Return the rows of the table of all metrics, and its notes in the order of their numbers."""
+    notes: dict[str, int] = {}
+    rows = []
+    for mode in report.modes:
+        for task, traffic in report.results.columns:
+            for name, is_reference in report.names:
+                cells = [_entry(report, (name, task, traffic, mode), each, notes) for each in report.metrics]
+                first = report.value(name, task, traffic, mode, "completion_rate")
+                if first is not None:
+                    acting = SCRIPTED if is_reference else mode
+                    rows.append(MetricsRow(name, task, traffic, mode, acting, first.n, tuple(cells)))
+    return rows, [*notes]
+
+
+def _entry(
+    report: Report, place: tuple[str, str, str, str], metric: str, notes: dict[str, int]
+) -> Entry | None:
+    found = report.value(*place, metric)
+    if found is None:
+        return None
+    numbers = [notes.setdefault(note, len(notes) + 1) for note in found.note.split("; ") if note]
+    sort = f"{found.value:.6g}" if found.is_known else ""
+    return Entry(found.text, found.interval, sort, tuple(numbers))
+
+
+def generalization_rows(report: Report) -> list[list[str]]:
+    """Return a row for each algorithm and cell in which held-out variations were played."""
+    rows = []
+    for name, task, traffic, found in report.generalization():
+        pairs = ("train_completion", "held_out_completion", "train_non_collision", "held_out_non_collision")
+        raw = [f"{found.terms[each]:.2f}" for each in pairs]
+        names = [algorithm_label(name), task_label(task), traffic_label(traffic)]
+        rows.append([*names, f"{found.text} {found.interval}".strip(), *raw])
+    return rows
+
+
+def difference_rows(report: Report) -> tuple[list[list[str]], int]:
+    """Return a row for each decided pair, cell and metric of the main mode, and the number of ties."""
+    rows = [*_differences(report)]
+    decided = [row for row in rows if row[-1]]
+    return decided, len(rows) - len(decided)
+
+
+def _differences(report: Report) -> Iterator[list[str]]:
+    for row in report.differences[report.modes[0]].to_dict("records"):
+        is_known = math.isfinite(row["low"])
+        yield [
+            task_label(row["task"]),
+            traffic_label(row["task_traffic"]),
+            METRICS[row["metric"]].label,
+            algorithm_label(row["first"]),
+            algorithm_label(row["second"]),
+            f"{row['value']:+.2f}" if math.isfinite(row["value"]) else "n/a",
+            f"[{row['low']:+.2f}, {row['high']:+.2f}]" if is_known else "",
+            f"{row['corrected']:.3f}" if math.isfinite(row["corrected"]) else "",
+            str(row["pairs"]),
+            algorithm_label(row["wins"]) if row["wins"] else "",
+        ]
+
+
+def mode_choices(report: Report) -> list[tuple[str, str]]:
+    """Return the modes for a filter."""
+    return [(mode, mode) for mode in MODES if mode in report.modes]

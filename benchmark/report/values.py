@@ -1,0 +1,123 @@
+"""The value of every metric in every cell: the one table from which all pages are made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
+
+from benchmark.metrics import METRICS, compute
+from benchmark.metrics.results import Frame
+from benchmark.report.data import SCRIPTED_SEED
+
+SCRIPTED = "scripted"
+"""Mode of policies that act in one way only; they stand beside every mode of the others."""
+MODES = ("greedy", "sampled")
+"""In the order in which they are shown."""
+GENERALIZATION = "generalization"
+"""The metric of both splits; all others are of the training's variations."""
+OUTCOMES = (
+    "completion_rate",
+    "collision_rate",
+    *(name for name in METRICS if name.startswith("ended_")),
+)
+"""Metrics that are shares of outcomes and add up to 1."""
+COLUMNS = (
+    *("algorithm", "kind", "task", "traffic", "mode", "metric", "value", "low", "high"),
+    *("n", "episodes", "seeds", "label", "note", "terms"),
+)
+
+
+@dataclass(frozen=True)
+class Value:
+    """A metric in a cell."""
+
+    metric: str
+    value: float
+    """NaN: n/a, and `note` says why."""
+    low: float
+    high: float
+    n: int
+    """Agent-episodes."""
+    episodes: int
+    seeds: int
+    """Training seeds."""
+    label: str
+    """What the interval is of."""
+    note: str
+    terms: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there was something to measure."""
+        return math.isfinite(self.value)
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether there is an interval."""
+        return math.isfinite(self.low) and math.isfinite(self.high)
+
+    @property
+    def digits(self) -> int:
+        """Decimals that are shown."""
+        return 2 if METRICS[self.metric].is_share else 1
+
+    @property
+    def text(self) -> str:
+        """The value as it is shown everywhere."""
+        return f"{self.value:.{self.digits}f}" if self.is_known else "n/a"
+
+    @property
+    def interval(self) -> str:
+        """The interval as it is shown everywhere, empty without one."""
+        return f"[{self.low:.{self.digits}f}, {self.high:.{self.digits}f}]" if self.has_interval else ""
+
+
+Key = tuple[str, str, str, str, str]
+"""Algorithm, task, traffic, mode, metric."""
+
+
+def measure_cells(table: Frame, metrics: Sequence[str] = ()) -> Frame:
+    """Return a row for each algorithm, cell, mode and metric, with `COLUMNS`.
+
+    Args:
+        table: Agent-episodes of all runs.
+        metrics: Names, by default all whose columns the table has.
+    """
+    if not len(table):
+        return pd.DataFrame(columns=[*COLUMNS])
+    by = ["algorithm", "task", "task_traffic", "mode"]
+    trained_on = table[table["split"] == "train"]
+    wanted = metrics or _present(table)
+    parts = [compute(trained_on, by, [name for name in wanted if name != GENERALIZATION])]
+    if GENERALIZATION in wanted:
+        parts.append(compute(table, by, [GENERALIZATION]))
+    answer = pd.concat(parts, ignore_index=True).rename(columns={"task_traffic": "traffic"})
+    scripted = set(table.loc[table["training_seed"] == SCRIPTED_SEED, "algorithm"])
+    answer["kind"] = ["reference" if name in scripted else "learning" for name in answer["algorithm"]]
+    order = {name: number for number, name in enumerate(METRICS)}
+    answer = answer.sort_values(
+        ["algorithm", "task", "traffic", "mode", "metric"],
+        key=lambda column: column.map(order) if column.name == "metric" else column,
+        kind="stable",
+    )
+    return answer[[*COLUMNS]].reset_index(drop=True)
+
+
+def _present(table: Frame) -> list[str]:
+    """Return the metrics whose columns a table has."""
+    return [name for name in METRICS if set(METRICS[name].columns) <= set(table.columns)]
+
+
+def by_key(rows: Frame) -> dict[Key, Value]:
+    """Return the values of `measure_cells` by algorithm, task, traffic, mode and metric."""
+    found: dict[Key, Value] = {}
+    records: list[dict[str, Any]] = rows.to_dict("records")
+    for row in records:
+        key = row["algorithm"], row["task"], row["traffic"], row["mode"], row["metric"]
+        names = ("value", "low", "high", "n", "episodes", "seeds", "label", "note", "terms")
+        found[key] = Value(row["metric"], *(row[name] for name in names))
+    return found

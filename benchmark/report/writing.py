@@ -1,0 +1,83 @@
+"""Writes a report: all of its files, or none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchmark.metrics.results import Frame
+from benchmark.report.content import Report, make_report
+from benchmark.report.data import read_results
+from benchmark.report.figures import KINDS, draw_all
+from benchmark.report.html import report_page
+from benchmark.report.latex import main_table
+from benchmark.report.markdown import report_text
+from benchmark.running.files import ResultsError, replace_folder
+
+FOLDER = "report"
+"""In an experiment's results."""
+PAGE, TEXT, VALUES, DIFFERENCES = "report.html", "report.md", "values.csv", "differences.csv"
+
+
+def write_report(root: Path, out: Path | None = None) -> Path:
+    """Make an experiment's report from what is on disk; return its page.
+
+    Args:
+        root: The experiment's results.
+        out: Folder of the report, by default `report` among the results.
+
+    Raises:
+        ResultsError: There are no results, or the folder cannot be written to or holds something else.
+    """
+    results = read_results(root)
+    folder = (out or root / FOLDER).absolute()
+    _check_free(folder)
+    files = report_files(make_report(results))
+
+    def write(partial: Path) -> None:
+        partial.mkdir(parents=True)
+        for name, content in files.items():
+            (partial / name).write_bytes(content)
+
+    replace_folder(folder, write)
+    return folder / PAGE
+
+
+def report_files(report: Report) -> dict[str, bytes]:
+    """Return name and content of the files of a report."""
+    pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.results.columns else {}
+    texts = {
+        PAGE: report_page(report),
+        TEXT: report_text(report, pictures),
+        VALUES: values_csv(report.values),
+        DIFFERENCES: report.differences[report.modes[0]].to_csv(index=False, lineterminator="\n"),
+        **{f"main_table_{mode}.tex": main_table(report, mode) for mode in report.modes},
+    }
+    return {name: text.encode() for name, text in texts.items()} | {
+        f"{name}.png": picture for name, picture in pictures.items()
+    }
+
+
+def values_csv(values: Frame) -> str:
+    """Return a row for each algorithm, cell, mode and metric; n/a is empty, and its note says why."""
+    terms = ["; ".join(f"{name}={value:.6g}" for name, value in each.items()) for each in values["terms"]]
+    return values.assign(terms=terms).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+
+
+def _check_free(folder: Path) -> None:
+    """Refuse to put a report in the place of something else.
+
+    Raises:
+        ResultsError: The folder is a file, or has files but no report.
+    """
+    if folder.is_file():
+        raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
+    if folder.is_dir() and any(folder.iterdir()):
+        known = {PAGE, TEXT, VALUES, DIFFERENCES, *(f"{kind.name}.png" for kind in KINDS)}
+        others = sorted(file.name for file in folder.iterdir() if file.name not in known)
+        others = [name for name in others if not (name.startswith("main_table_") and name.endswith(".tex"))]
+        if others:
+            raise ResultsError(
+                f"holds '{others[0]}', which is not of a report and would be lost",
+                place=str(folder),
+                remedy="choose another --out, or an empty folder",
+            )

@@ -1,0 +1,126 @@
+"""Results folders written by hand: outcomes are given, the rest is as `smarts-bench run` leaves it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from benchmark.metrics import METRICS, join_tables, write_table
+from benchmark.running.folder import PROGRESS_COLUMNS
+
+ALONE, SOCIAL = "no_social_vehicles", "random_social_vehicles"
+OUTCOME_COLUMN = {"collision": "collisions", "goal": "goals"}
+ENVIRONMENT = {"agents": 2, "decision_interval": 5, "adapter": "benchmark", "options": {}}
+BUDGET = {"agent_steps": 1000, "minutes": None}
+
+Outcomes = Sequence[Sequence[str]]
+"""Of each agent of each episode; "void" voids the episode."""
+
+
+def agent_episodes(outcomes: Outcomes, *, split="train", variation="", starts_vary=True, **labels):
+    """Return a table with a row for each agent-episode; of other metrics than outcomes there is nothing.
+
+    Args:
+        outcomes: How they end.
+        split: "train" or "held_out".
+        variation: Of the scenario.
+        starts_vary: Whether each episode has a start of its own.
+        labels: algorithm, training_seed, task, task_traffic, mode, and columns of metrics.
+    """
+    columns = sorted({name for metric in METRICS.values() for name in metric.columns})
+    rows = []
+    for number, ends in enumerate(outcomes):
+        for agent, end in enumerate(ends):
+            own = {
+                OUTCOME_COLUMN.get(end, f"ended_{end}"): 1.0,
+                f"{split}_agents": 1.0,
+                f"{split}_goals": float(end == "goal"),
+                f"{split}_collisions": float(end == "collision"),
+            }
+            rows.append(
+                {
+                    "split": split,
+                    "scenario": labels.get("task", "intersection"),
+                    "variation": variation,
+                    "traffic": labels.get("task_traffic", ALONE),
+                    **{"seed": 42, "world": 2_000_000 + number, "episode": 0},
+                    **{"agent": f"agent_{agent}", "outcome": end, "is_void": end == "void"},
+                    **{"start_x": float(number * starts_vary), "start_y": 0.0},
+                    **{"start_heading": 0.0, "start_speed": float(agent), "agents": float(end != "void")},
+                    **dict.fromkeys(columns, 0.0),
+                    **{name: value for name, value in own.items() if name in columns},
+                    **labels,
+                }
+            )
+    table = pd.DataFrame(rows)
+    void = sum("void" in ends for ends in outcomes)
+    table.attrs["episodes"] = {
+        **{"measured": len(outcomes) - void, "void": void, "incomplete": 0, "corrupted": {}},
+    }
+    return table
+
+
+def write_experiment(root: Path, **keys) -> None:
+    """Write experiment.json, by default of PPO at the intersection without others."""
+    content = {
+        **{"name": root.name, "description": "Made by hand.", "algorithms": ["ppo"]},
+        **{"tasks": ["intersection"], "traffic": [ALONE], "seeds": [1]},
+    }
+    root.mkdir(parents=True, exist_ok=True)
+    (root / "experiment.json").write_text(json.dumps(content | keys))
+    (root / "command.json").write_text(json.dumps({"command": "smarts-bench run hand.yaml"}))
+
+
+def write_run(
+    root: Path,
+    algorithm: str,
+    tables: Sequence[pd.DataFrame] | None,
+    *,
+    task="intersection",
+    traffic=ALONE,
+    seed=1,
+    progress: Sequence[Sequence[object]] = (),
+    environment=ENVIRONMENT,
+    budget=BUDGET,
+) -> Path:
+    """Write a run's folder and return it; without tables, of a run that still trains.
+
+    Args:
+        root: The experiment's.
+        algorithm: Or scripted policy, with seed -1.
+        tables: Of `agent_episodes`, the labels of the run are put in.
+        task: Its name.
+        traffic: Its name.
+        seed: Of training.
+        progress: Lines of progress.csv.
+        environment: For config.yaml.
+        budget: For config.yaml.
+    """
+    cell = Path(task, traffic)
+    folder = root / ("reference" / Path(algorithm) / cell if seed < 0 else algorithm / cell / f"seed_{seed}")
+    folder.mkdir(parents=True)
+    facts = {
+        **{"status": "training" if tables is None else "finished"},
+        **{"commit": "0123456789ab", "python": "3.11.7", "versions": {"numpy": "2.0"}, "cores": 2},
+        **{"processor": "abacus", "begun": "2026-01-01T00:00:00+0000", "ended": "2026-01-01T01:00:00+0000"},
+        **{"test_seconds": 61.0},
+    }
+    (folder / "run.json").write_text(json.dumps(facts))
+    config = {"algorithm": algorithm, "environment": environment, "budget": budget, "settings": {}}
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    if progress:
+        lines = [PROGRESS_COLUMNS, *progress]
+        text = "".join(",".join(map(str, line)) + "\n" for line in lines)
+        (folder / "progress.csv").write_text(text)
+    if tables is not None:
+        labels = {"algorithm": algorithm, "training_seed": seed, "task": task, "task_traffic": traffic}
+        table = join_tables(tables)
+        counts = table.attrs
+        table = table.assign(**labels)
+        table.attrs = counts
+        write_table(table, folder / "episodes.parquet")
+    return folder

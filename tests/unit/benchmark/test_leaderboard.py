@@ -1,0 +1,135 @@
+"""Many experiments against each other: ranks, protocols, differences."""
+
+import csv
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmark.cli import app
+from benchmark.report.comparing import compare_sides, read_side
+from benchmark.report.leaderboard import make_leaderboard
+from benchmark.report.leaderboard_page import write_leaderboard
+from benchmark.running.files import ResultsError
+from smarts.errors import UnknownNameError
+from tests.hand_made_results import ALONE, BUDGET, SOCIAL, agent_episodes, write_experiment, write_run
+
+GOOD = [["goal", "goal"]] * 12
+BAD = [["collision", "collision"]] * 12
+SLOW = [["time_out", "time_out"]] * 12
+
+
+def experiment(root, runs, budget=BUDGET, traffic=ALONE):
+    """Write an experiment with one greedy run for each algorithm."""
+    names = [name for name in runs if name != "parked"]
+    write_experiment(root, algorithms=names, traffic=[traffic])
+    for name, outcomes in runs.items():
+        mode, seed = ("scripted", -1) if name == "parked" else ("greedy", 1)
+        table = agent_episodes(outcomes, mode=mode, task_traffic=traffic)
+        write_run(root, name, [table], seed=seed, budget=budget, traffic=traffic)
+    return root
+
+
+def test_ranks_over_experiments(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": BAD, "parked": SLOW})
+    two = experiment(tmp_path / "two", {"ppo": GOOD, "maddpg": SLOW})
+    board = make_leaderboard([one, two])
+    assert [*board.protocols] == ["A"]
+    found = {(place.experiment, place.algorithm): (place.rank, place.is_tied) for place in board.places}
+    # Completion decides; where nobody arrives, collisions do.
+    assert found == {
+        ("one", "ppo"): (1, True),
+        ("two", "ppo"): (1, True),
+        ("two", "maddpg"): (3, False),
+        ("one", "dqn"): (4, False),
+        ("one", "parked"): (None, False),
+    }
+    assert [place.rank for place in board.places] == [1, 1, 3, 4, None]
+    paradigms = {place.algorithm: place.paradigm for place in board.places}
+    assert paradigms["ppo"] == "fully decentralised"
+    assert paradigms["maddpg"] == "centralised training, decentralised execution"
+    assert paradigms["parked"] == "reference policy"
+
+
+def test_protocols_are_not_mixed(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "parked": SLOW})
+    two = experiment(tmp_path / "two", {"dqn": BAD}, budget={"agent_steps": 7, "minutes": None})
+    board = make_leaderboard([one, two])
+    assert board.protocols == {"A": "budget.agent_steps 1000", "B": "budget.agent_steps 7"}
+    assert {(place.algorithm, place.protocol, place.rank) for place in board.places} == {
+        ("ppo", "A", 1),
+        ("parked", "A", None),
+        ("dqn", "B", 1),
+    }
+    page = tmp_path / "page.html"
+    write_leaderboard([one, two], page, "greedy")
+    assert "do not have the same protocol" in page.read_text()
+
+
+def test_summary_is_the_interquartile_mean_over_cells(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": [["goal", "collision"]] * 12})
+    experiment(tmp_path / "two", {"ppo": GOOD, "dqn": GOOD}, traffic=SOCIAL)
+    place = f"ppo/intersection/{SOCIAL}"
+    (tmp_path / "two" / place).rename(one / place)
+    summary = {
+        (each.experiment, each.algorithm): each
+        for each in make_leaderboard([one, tmp_path / "two"]).summaries
+    }
+    # Of 0.5 and 1, half of each counts.
+    assert summary["one", "ppo"].completion == pytest.approx(0.75)
+    assert (summary["one", "ppo"].cells, summary["two", "dqn"].cells, summary["two", "dqn"].most_cells) == (
+        2,
+        1,
+        2,
+    )
+
+
+def test_one_experiment_twice(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD})
+    with pytest.raises(ResultsError, match="twice"):
+        make_leaderboard([one, tmp_path / "other" / ".." / "one"])
+
+
+def test_the_page_of_nothing(tmp_path):
+    write_experiment(tmp_path / "one")
+    page = tmp_path / "page.html"
+    write_leaderboard([tmp_path / "one"], page, "greedy")
+    assert "1 of 1 runs are not finished" in page.read_text()
+
+
+def test_two_experiments(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
+    two = experiment(tmp_path / "two", {"ppo": BAD, "dqn": GOOD, "maac": GOOD})
+    table = tmp_path / "table.csv"
+    done = CliRunner().invoke(app, ["compare", str(one), str(two), "--csv", str(table)])
+    assert done.exit_code == 0, done.output
+    rows = list(csv.DictReader(table.open()))
+    assert [(row["first"], row["second"], row["metric"], row["value"], row["better"]) for row in rows] == [
+        ("one: dqn", "two: dqn", "completion_rate", "0", ""),
+        ("one: dqn", "two: dqn", "collision_rate", "0", ""),
+        ("one: ppo", "two: ppo", "completion_rate", "1", "one: ppo"),
+        ("one: ppo", "two: ppo", "collision_rate", "-1", "one: ppo"),
+    ]
+    assert "+1.000" in done.output
+    assert "tie" in done.output
+
+
+def test_two_algorithms(tmp_path):
+    root = experiment(tmp_path / "one", {"ppo": GOOD, "parked": SLOW})
+    first, second = read_side(root / "ppo"), read_side(root / "reference" / "parked")
+    row = compare_sides(first, second, ["completion_rate"], "greedy").iloc[0]
+    assert (row["value"], row["pairs"], row["better"]) == (1.0, 12, "one: ppo")
+    with pytest.raises(UnknownNameError, match="completion"):
+        compare_sides(first, second, ["completion"], "greedy")
+    (root / "maac").mkdir()
+    with pytest.raises(ResultsError, match="no finished run"):
+        read_side(root / "maac")
+
+
+def test_nothing_in_common(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
+    two = experiment(tmp_path / "two", {"maac": GOOD, "maddpg": GOOD})
+    three = experiment(tmp_path / "three", {"ppo": GOOD}, traffic=SOCIAL)
+    with pytest.raises(ResultsError, match="no algorithm that both have"):
+        compare_sides(read_side(one), read_side(two), ["completion_rate"], "greedy")
+    with pytest.raises(ResultsError, match="nothing that both have"):
+        compare_sides(read_side(one), read_side(three), ["completion_rate"], "greedy")

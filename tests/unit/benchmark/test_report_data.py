@@ -1,0 +1,97 @@
+"""What a report reads: whole runs are used, everything else is named."""
+
+import pytest
+
+from benchmark.report.data import NOT_BEGUN, UNREADABLE, read_results
+from benchmark.running.files import ResultsError
+from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run
+
+TWO = [["goal", "goal"], ["collision", "goal"]]
+
+
+def greedy(outcomes=TWO, **labels):
+    return [agent_episodes(outcomes, mode="greedy", **labels)]
+
+
+def test_runs_that_are_there_under_way_and_missing(tmp_path):
+    write_experiment(tmp_path, seeds=[1, 2, 3], reference=["parked"])
+    write_run(tmp_path, "ppo", greedy(), seed=1)
+    write_run(tmp_path, "ppo", None, seed=2, progress=[[1, 400, 2.0, 200, -1.5, 0.25, 0.5, "", "", ""]])
+    results = read_results(tmp_path)
+    assert [(run.algorithm, run.seed, run.status) for run in results.runs] == [
+        ("ppo", 1, "finished"),
+        ("ppo", 2, "training"),
+        ("ppo", 3, NOT_BEGUN),
+        ("parked", -1, NOT_BEGUN),
+    ]
+    assert [run.seed for run in results.finished] == [1]
+    assert results.runs[1].progress.loc[0, "completion"] == 0.25
+    assert len(results.table) == 4
+    assert not results.problems
+
+
+def test_order_is_the_papers(tmp_path):
+    write_experiment(
+        tmp_path,
+        algorithms=["a2c", "maddpg", "dqn"],
+        tasks=["intersection", "two_way"],
+        traffic=[SOCIAL, ALONE],
+    )
+    results = read_results(tmp_path)
+    assert results.algorithms == ["dqn", "maddpg", "a2c"]
+    assert results.columns == [
+        ("two_way", ALONE),
+        ("intersection", ALONE),
+        ("two_way", SOCIAL),
+        ("intersection", SOCIAL),
+    ]
+
+
+def test_damaged_and_foreign_files_are_named_and_left_out(tmp_path):
+    write_experiment(tmp_path, algorithms=["ppo", "dqn", "maac", "a2c"], seeds=[1, 2])
+    good = write_run(tmp_path, "ppo", greedy())
+    cut = write_run(tmp_path, "dqn", greedy()) / "episodes.parquet"
+    cut.write_bytes(cut.read_bytes()[:-40])
+    foreign = write_run(tmp_path, "maac", greedy()) / "episodes.parquet"
+    foreign.write_bytes((good / "episodes.parquet").read_bytes())
+    (write_run(tmp_path, "a2c", greedy()) / "run.json").write_text('{"status": "fini')
+    (write_run(tmp_path, "a2c", greedy(), seed=2) / "config.yaml").write_text("a: [")
+    (tmp_path / "dqn" / "intersection" / ALONE / "seed_2").mkdir()
+    other = tmp_path / "notes" / "a" / "b" / "c"
+    other.mkdir(parents=True)
+    results = read_results(tmp_path)
+    place = f"intersection/{ALONE}"
+    assert set(results.problems) == {
+        f"dqn/{place}/seed_1/episodes.parquet",
+        f"maac/{place}/seed_1/episodes.parquet",
+        f"a2c/{place}/seed_1",
+        f"a2c/{place}/seed_2",
+        f"dqn/{place}/seed_2",
+    }
+    assert "algorithm is 'ppo', not 'maac'" in results.problems[f"maac/{place}/seed_1/episodes.parquet"]
+    assert "run.json" in results.problems[f"a2c/{place}/seed_1"]
+    assert [run.algorithm for run in results.finished] == ["ppo"]
+    assert [run.status for run in results.runs if run.algorithm == "dqn"] == [UNREADABLE, NOT_BEGUN]
+
+
+def test_without_a_whole_experiment_file_the_runs_count(tmp_path):
+    write_run(tmp_path, "ppo", greedy())
+    assert "missing" in read_results(tmp_path).problems["experiment.json"]
+    (tmp_path / "experiment.json").write_text('{"algorithms": ["pppo"], "tasks": ["intersection"]}')
+    results = read_results(tmp_path)
+    assert "experiment.json" in results.problems
+    assert [str(run) for run in results.finished] == [f"ppo, intersection, {ALONE}, seed 1"]
+
+
+def test_no_results(tmp_path):
+    with pytest.raises(ResultsError, match="no such folder"):
+        read_results(tmp_path / "nowhere")
+    with pytest.raises(ResultsError, match="no results"):
+        read_results(tmp_path)
+
+
+def test_void_episodes_are_counted(tmp_path):
+    write_experiment(tmp_path)
+    write_run(tmp_path, "ppo", greedy([*TWO, ["void", "void"]]))
+    counts = read_results(tmp_path).counts
+    assert (counts["measured"], counts["void"]) == (2, 1)
