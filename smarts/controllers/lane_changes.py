@@ -177,7 +177,7 @@ def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
 
 @kernel
 def write_legal(
-    roads: Roads, table: RouteTable, state: LaneState, chosen: NDArray[np.bool_], legal: NDArray[np.bool_]
+    roads: Roads, table: RouteTable, state: LaneState, legal: NDArray[np.bool_], chosen: NDArray[np.bool_]
 ) -> None:
     """Write which of the four lane actions the agents of `chosen` seats may take next, shape (B, A, 4)."""
     for b in range(chosen.shape[0]):

@@ -13,6 +13,7 @@ from smarts.controllers.lane_path import write_reference
 from smarts.controllers.lane_state import LaneState
 from smarts.controllers.leaders import heed_leaders
 from smarts.controllers.tracking import SPEED_GAIN
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
@@ -39,12 +40,12 @@ def follow_lanes(
     roads: Roads,
     table: RouteTable,
     state: LaneState,
-    chosen: NDArray[np.bool_],
     manner: int,
+    speeds: NDArray[np.float64],
+    chosen: NDArray[np.bool_],
     fresh: NDArray[np.bool_],
     values: NDArray[np.float64],
     legal: NDArray[np.bool_],
-    speeds: NDArray[np.float64],
     mode: NDArray[np.int8],
     reference: NDArray[np.float64],
     length: NDArray[np.int32],
@@ -55,12 +56,12 @@ def follow_lanes(
         roads: The maps' lanes.
         table: The routes.
         state: Of the world; latch, effective and desired speed are written.
-        chosen: Shape (B, A).
         manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
+        speeds: The largest speed of discrete actions on each map [m/s], shape (M,).
+        chosen: Shape (B, A).
         fresh: See `Actions`, shape (B, A).
         values: See `Actions`, shape (B, A, 8).
         legal: See `Actions`, shape (B, A, 4).
-        speeds: The largest speed of discrete actions on each map [m/s], shape (M,).
         mode: Written, see `Commands`, shape (B, A).
         reference: Written, shape (B, A, R, 4).
         length: Written, shape (B, A).
@@ -135,24 +136,13 @@ class LaneFollowing:
     manner: ClassVar[int] = BY_SPEED
 
     def __init__(self, scene: Scene, speeds: Floats | None = None) -> None:
-        self._state = LaneState.of(scene)
-        self._speeds = np.full(len(scene.atlas.graphs), np.inf)
+        top_speeds = np.full(len(scene.atlas.graphs), np.inf)
         if speeds is not None:
-            self._speeds[:] = speeds
+            top_speeds[:] = speeds
+        arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene)
+        self._follow = bind(follow_lanes, *arrays, self.manner, top_speeds)
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the reference along each chosen seat's lane; see `Controller`."""
-        follow_lanes(
-            scene.atlas.roads,
-            scene.routes.table,
-            self._state,
-            chosen,
-            self.manner,
-            actions.fresh,
-            actions.values,
-            actions.legal,
-            self._speeds,
-            out.mode,
-            out.reference,
-            out.reference_length,
-        )
+        command = out.mode, out.reference, out.reference_length
+        self._follow(chosen, actions.fresh, actions.values, actions.legal, *command)

@@ -7,11 +7,14 @@ from numpy.typing import NDArray
 
 from smarts.controllers.lane_changes import write_legal
 from smarts.controllers.lane_state import LaneState
+from smarts.geometry.binding import bind
 from smarts.roads.scene import Scene
 from smarts.types.seats import SeatState
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
+
+_SHADOWING, _ACTIVE = int(SeatState.SHADOWING), int(SeatState.ACTIVE)
 
 
 class Legality:
@@ -24,13 +27,12 @@ class Legality:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._state = LaneState.of(scene)
+        arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene), scene.world.seats.legal
+        self._write = bind(write_legal, *arrays)
 
     def write(self, world: World, rows: Bools) -> None:
         """Say what is legal in all occupied seats of some simulations."""
         state = world.seats.state
-        chosen = (state == SeatState.ACTIVE) | (state == SeatState.SHADOWING)
+        chosen = (state == _ACTIVE) | (state == _SHADOWING)
         chosen &= rows[:, None]
-        scene = self._scene
-        write_legal(scene.atlas.roads, scene.routes.table, self._state, chosen, world.seats.legal)
+        self._write(chosen)

@@ -18,6 +18,8 @@ from smarts.types.world import World
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
+_ACTIVE, _NONE = int(SeatState.ACTIVE), int(CommandMode.NONE)
+
 LANE_TYPES = (ActionSpaceType.Lane, ActionSpaceType.LaneWithContinuousSpeed)
 
 
@@ -47,11 +49,11 @@ class ControllerSet:
     def command(self, world: World, actions: Actions, rows: Bools) -> Commands:
         """Return what the vehicles of all active seats are to do in this step."""
         seats, out = world.seats, self._commands
-        active = (seats.state == SeatState.ACTIVE) & rows[:, None]
-        out.mode[rows] = CommandMode.NONE
+        active = (seats.state == _ACTIVE) & rows[:, None]
+        out.mode[rows] = _NONE
         given = active & actions.given
         for controller in self._controllers:
-            chosen = given & (actions.kind == controller.action)
+            chosen = given & (actions.kind == int(controller.action))
             if chosen.any():
                 controller.command(self._scene, actions, chosen, out)
                 if controller.action not in LANE_TYPES:

@@ -66,11 +66,10 @@ _NONE = int(CommandMode.NONE)
 
 
 @kernel
-def drive(rows, cars, states, bodies, controls, mode, actuators, reference, length, slips, memory, shown, dt):
+def drive(cars, states, bodies, controls, mode, actuators, reference, length, slips, memory, shown, dt, rows):
     """Write the controls of vehicles for one sub-step, as their commands say.
 
     Args:
-        rows: The vehicles, shape (R,).
         cars: Shape (E,), dtype `layout.PARAMETERS`.
         states: Shape (E,), dtype `layout.STATE`.
         bodies: Shape (E, 13).
@@ -83,6 +82,7 @@ def drive(rows, cars, states, bodies, controls, mode, actuators, reference, leng
         memory: Shape (E, MEMORY); written.
         shown: Written: the controls again, shape (E, 3).
         dt: Sub-step [s].
+        rows: The vehicles, shape (R,).
     """
     pose = np.empty(3)
     for row in rows:
@@ -114,7 +114,7 @@ def drive(rows, cars, states, bodies, controls, mode, actuators, reference, leng
 
 
 @kernel
-def first_bad_command(active, mode, actuators, reference, length, poses):
+def first_bad_command(mode, actuators, reference, length, poses, active):
     """Return the first active row b * A + a whose command holds a number that is not finite, or -1."""
     for b in range(active.shape[0]):
         for a in range(active.shape[1]):

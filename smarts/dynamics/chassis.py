@@ -24,13 +24,12 @@ SHELL_FRICTION = 0.6
 
 
 @kernel
-def advance(rows, cars, states, bodies, controls, road, velocities, dt):
+def advance(cars, states, bodies, controls, road, velocities, dt, rows):
     """Write the velocities that one sub-step's forces give the bodies of `rows`; return a row or -1.
 
     The row is the first whose velocities are not finite numbers, which Bullet must not be given.
 
     Args:
-        rows: Vehicles to advance, shape (R,).
         cars: Parameters, shape (E,), dtype `layout.PARAMETERS`.
         states: Shape (E,), dtype `layout.STATE`; written.
         bodies: Shape (E, 13), see `layout.BODY_SIZE`.
@@ -39,6 +38,7 @@ def advance(rows, cars, states, bodies, controls, road, velocities, dt):
             8).
         velocities: Written: linear [m/s] and angular velocity [rad/s], shape (E, 2, 3).
         dt: Sub-step [s].
+        rows: Vehicles to advance, shape (R,).
     """
     for row in rows:
         velocity = velocities[row]

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
-from typing import NoReturn, Protocol
+from dataclasses import astuple
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.dynamics import chassis, layout, readout, single_track
 from smarts.dynamics.bullet import Box, BulletWorld
+from smarts.dynamics.motion import Driver, Motion, Road, Wheels
+from smarts.dynamics.tyre_faults import FLAT_TYRE, TyreFault
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
+from smarts.geometry.binding import bind
 
 Floats = NDArray[np.float64]
 
@@ -29,107 +32,6 @@ class ControlError(SmartsError):
 
 class MotionError(SmartsError):
     """A vehicle's motion has left the finite numbers."""
-
-
-@dataclass(frozen=True)
-class TyreFault:
-    """What is wrong with one tyre. The default is a sound tyre."""
-
-    radius: float = 1.0
-    """Factor on the rolling radius."""
-    stiffness: float = 1.0
-    """Factor on slip and carcass stiffness."""
-    grip: float = 1.0
-    """Factor on the road's friction."""
-    resistance: float = 0.0
-    """Rolling resistance over load that comes on top."""
-
-
-SOUND_TYRE = TyreFault()
-FLAT_TYRE = TyreFault(radius=0.93, stiffness=0.3, grip=0.7, resistance=0.1)
-"""An aired-out tyre: orders of magnitude only, no measured set lies behind them."""
-
-
-@dataclass(frozen=True)
-class Road:
-    """The road under each vehicle. Written by whoever knows it, kept until written again."""
-
-    friction: Floats
-    """Largest longitudinal force over load at each wheel, shape (E, 4)."""
-    normal: Floats
-    """Unit normal of the plane that the vehicle drives on, shape (E, 3). Only "bullet" vehicles know
-    slopes."""
-    offset: Floats
-    """Distance of that plane from the origin along the normal [m], shape (E,)."""
-
-
-@dataclass(frozen=True)
-class Motion:
-    """How the vehicles move; row *i* of every array is vehicle *i*.
-
-    The arrays are read-only and overwritten by the next step.
-    """
-
-    active: NDArray[np.bool_]
-    """Whether the row holds a vehicle; the other values of a row without are meaningless. Shape (E,)."""
-    substeps: Floats
-    """x, y of the footprint's centre [m] and heading [rad] after each sub-step, shape (E, S, 3)."""
-    position: Floats
-    """Centre of the footprint [m], shape (E, 2)."""
-    heading: Floats
-    """[rad], shape (E,)."""
-    velocity: Floats
-    """Of the centre of gravity, forward and left [m/s], shape (E, 2)."""
-    yaw_rate: Floats
-    """[rad/s], shape (E,)."""
-    acceleration: Floats
-    """Of the centre of gravity, forward and left, the mean over the step [m/s^2], shape (E, 2)."""
-    steering: Floats
-    """Angle of an imagined wheel between the front wheels, positive to the left [rad], shape (E,)."""
-
-
-@dataclass(frozen=True)
-class Wheels:
-    """The wheels after the last sub-step, shape (E, 4): front left, front right, rear left, rear right."""
-
-    position: Floats
-    """Where they stand on the map [m], shape (E, 4, 2): there the road's friction is to be looked up."""
-    spin: Floats
-    """[rad/s]."""
-    slip: Floats
-    """Longitudinal slip at the contact, positive when driving. Zero for single-track vehicles."""
-    slip_angle: Floats
-    """[rad], positive when the tyre pushes to the left."""
-    load: Floats
-    """[N]."""
-    force_x: Floats
-    """Of the tyre along its heading [N]."""
-    force_y: Floats
-    """Of the tyre to its left [N]."""
-
-
-class Driver(Protocol):
-    """Who changes the controls within a step."""
-
-    def __call__(
-        self,
-        rows: NDArray[np.int64],
-        cars: NDArray[np.void],
-        states: NDArray[np.void],
-        bodies: Floats,
-        controls: Floats,
-        /,
-    ) -> None:
-        """Write the controls of `rows` for the next sub-step.
-
-        Args:
-            rows: The vehicles that move, shape (R,).
-            cars: Parameters, shape (E,), dtype `layout.PARAMETERS`.
-            states: Shape (E,), dtype `layout.STATE`.
-            bodies: Shape (E, 13), see `layout.BODY_SIZE`.
-            controls: Throttle, brake, steering within their bounds, shape (E, 3); to be written.
-        """
-        ...
 
 
 class Fleet:
@@ -181,6 +83,21 @@ class Fleet:
         names = ("spin", "slip", "slip_angle", "load", "force_x", "force_y")
         self.wheels = Wheels(
             position=_view(self._wheel_position), **{name: _view(self._states[name]) for name in names}
+        )
+        vehicles = self._cars, self._states, self._bodies
+        self._take_controls = bind(readout.take_controls, self._controls)
+        self._remember_velocity = bind(readout.remember_velocity, self._bodies, self._before)
+        self._advance_bodies = bind(
+            chassis.advance, *vehicles, self._controls, self._road, self._velocities, self._dt
+        )
+        planar = *vehicles, self._controls, self._road, self._poses, self._dt
+        self._advance_dynamic = bind(single_track.advance_dynamic, *planar)
+        self._advance_kinematic = bind(single_track.advance_kinematic, *planar)
+        self._record_poses = bind(readout.record_poses, self._cars, self._bodies, self._poses)
+        shown = self._velocity, self._yaw_rate, self._acceleration
+        self._show_motion = bind(readout.show_motion, self._bodies, self._before, *shown, step)
+        self._show_wheels = bind(
+            readout.show_wheels, self._active, self._cars, self._poses, self._wheel_position
         )
 
     def __enter__(self) -> Fleet:
@@ -267,7 +184,7 @@ class Fleet:
         self._velocity[row] = speed, yaw_rate * car["cog_to_rear_axle"]
         self._yaw_rate[row] = yaw_rate
         self._acceleration[row] = 0.0
-        readout.show_wheels(self._active, self._cars, self._poses, self._wheel_position)
+        self._show_wheels()
 
     def despawn(self, row: int) -> None:
         """Take a vehicle off the road.
@@ -359,6 +276,18 @@ class Fleet:
         self._require_simulation(simulation)
         self._worlds[simulation].place_boxes(boxes)
 
+    def driver(self, law: Any, *arguments: Any) -> Driver:
+        """Return a driver that follows a law.
+
+        Args:
+            law: A kernel that takes the vehicles' parameters, shape (E,), dtype `layout.PARAMETERS`; their
+                states, shape (E,), dtype `layout.STATE`; their bodies, shape (E, 13), see
+                `layout.BODY_SIZE`; throttle, brake, steering within their bounds, shape (E, 3), to be
+                written; then the arguments; and last the rows of those that move, shape (R,).
+            arguments: See `bind`.
+        """
+        return bind(law, self._cars, self._states, self._bodies, self._controls, *arguments)
+
     def step(
         self,
         controls: Floats,
@@ -384,14 +313,14 @@ class Fleet:
                 f"controls have shape {controls.shape}", remedy=f"send shape {self._controls.shape}"
             )
         moving, rows, worlds = self._chosen(simulations)
-        bad = readout.take_controls(moving, controls, self._controls)
+        bad = self._take_controls(moving, controls)
         if bad >= 0:
             raise ControlError(
                 f"controls {controls[bad].tolist()} (throttle, brake, steering) are not numbers",
                 place=f"vehicle in row {bad}",
                 remedy="send finite controls",
             )
-        readout.remember_velocity(self._bodies, self._before)
+        self._remember_velocity()
         if driver is None:
             for substep in range(self._poses.shape[1] if rows[0].size else 0):
                 self._substep_bullet(rows[0], worlds, substep)
@@ -399,22 +328,14 @@ class Fleet:
         else:
             everyone = np.flatnonzero(moving)
             for substep in range(self._poses.shape[1]):
-                driver(everyone, self._cars, self._states, self._bodies, self._controls)
+                driver(everyone)
                 if rows[0].size:
                     self._substep_bullet(rows[0], worlds, substep)
                 self._advance_single_tracks(rows, substep, substep + 1)
-        bad = readout.show_motion(
-            moving,
-            self._bodies,
-            self._before,
-            self._velocity,
-            self._yaw_rate,
-            self._acceleration,
-            self._step,
-        )
+        bad = self._show_motion(moving)
         if bad >= 0:
             self._refuse_motion(bad)
-        readout.show_wheels(self._active, self._cars, self._poses, self._wheel_position)
+        self._show_wheels()
         return self.motion
 
     def _chosen(
@@ -430,23 +351,21 @@ class Fleet:
 
     def _substep_bullet(self, rows: NDArray[np.int64], worlds: Sequence[BulletWorld], substep: int) -> None:
         """Advance the vehicles in Bullet by one sub-step, all simulations in one call."""
-        cars, states, bodies, velocities = self._cars, self._states, self._bodies, self._velocities
-        bad = chassis.advance(rows, cars, states, bodies, self._controls, self._road, velocities, self._dt)
+        bad = self._advance_bodies(rows)
         if bad >= 0:
             self._refuse_motion(bad)
-        commands = velocities.tolist()
+        commands = self._velocities.tolist()
         for world in worlds:
             world.substep(commands)
-        readout.record_poses(rows, cars, bodies, self._poses, substep)
+        self._record_poses(rows, substep)
 
     def _advance_single_tracks(self, rows: Sequence[NDArray[np.int64]], begin: int, end: int) -> None:
         """Advance the vehicles that are not in Bullet from one sub-step to before another."""
         _, dynamic, kinematic = rows
-        shared = (self._cars, self._states, self._bodies, self._controls, self._road, self._poses, self._dt)
         if dynamic.size:
-            single_track.advance_dynamic(dynamic, *shared, begin, end)
+            self._advance_dynamic(dynamic, begin, end)
         if kinematic.size:
-            single_track.advance_kinematic(kinematic, *shared, begin, end)
+            self._advance_kinematic(kinematic, begin, end)
 
     def _refuse_motion(self, row: int) -> NoReturn:
         body, road = self._bodies[row].tolist(), self._road[row].tolist()

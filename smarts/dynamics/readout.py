@@ -9,7 +9,7 @@ from smarts.geometry.compiling import kernel
 
 
 @kernel
-def take_controls(active, given, controls):
+def take_controls(controls, active, given):
     """Clip `given` controls of shape (E, 3) into `controls`; return the first active row with a NaN, or -1.
 
     Throttle and steering are clipped to [-1, 1], brake to [0, 1]. Nothing is written for rows that are not
@@ -35,7 +35,7 @@ def remember_velocity(bodies, before):
 
 
 @kernel
-def record_poses(rows, cars, bodies, poses, substep):
+def record_poses(cars, bodies, poses, rows, substep):
     """Write the footprints' poses of `rows` after a sub-step into `poses`, shape (E, S, 3)."""
     for row in rows:
         record_pose(cars[row], bodies[row], poses[row, substep])
@@ -56,17 +56,17 @@ def show_wheels(active, cars, poses, positions):
 
 
 @kernel
-def show_motion(active, bodies, before, velocity, yaw_rate, acceleration, step):
+def show_motion(bodies, before, velocity, yaw_rate, acceleration, step, active):
     """Write the active vehicles' planar motion; return the first row whose motion is not finite, or -1.
 
     Args:
-        active: Shape (E,).
         bodies: Shape (E, 13).
         before: Velocity in the world at the step's beginning [m/s], shape (E, 2).
         velocity: Forward and left [m/s], shape (E, 2); written.
         yaw_rate: [rad/s], shape (E,); written.
         acceleration: Forward and left, the mean over the step [m/s^2], shape (E, 2); written.
         step: [s].
+        active: Shape (E,).
     """
     for row in range(active.size):
         if not active[row]:

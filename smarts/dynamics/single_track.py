@@ -22,7 +22,7 @@ FRONT, REAR = 0, 2
 
 
 @kernel
-def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt, begin, end):
+def advance_kinematic(cars, states, bodies, controls, road, poses, dt, rows, begin, end):
     """Advance kinematic vehicles by some sub-steps of one step.
 
     Args:
@@ -58,7 +58,7 @@ def advance_kinematic(rows, cars, states, bodies, controls, road, poses, dt, beg
 
 
 @kernel
-def advance_dynamic(rows, cars, states, bodies, controls, road, poses, dt, begin, end):
+def advance_dynamic(cars, states, bodies, controls, road, poses, dt, rows, begin, end):
     """Advance dynamic single-track vehicles by some sub-steps of one step; see `advance_kinematic`."""
     for row in rows:
         for substep in range(begin, end):

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.controllers import tracking
-from smarts.dynamics import MODELS, Box, Fleet, vehicle
+from smarts.dynamics import MODELS, Box, Driver, Fleet, vehicle
 from smarts.errors import ActionError
+from smarts.geometry.binding import bind
 from smarts.providers.vehicle_kernels import (
     NOWHERE,
+    SeatGroups,
     find_changes,
     find_near,
+    part_seats,
     place_vehicles,
     show_vehicles,
 )
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
 from smarts.types.actions import CommandMode, Commands
-from smarts.types.seats import SeatState
 from smarts.types.vehicles import VehicleKind
 from smarts.types.world import World
 
@@ -31,6 +34,15 @@ Floats = NDArray[np.float64]
 SUBSTEPS = 10
 TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
 """The type of `smarts.dynamics` that a kind of vehicle drives like; a trailer does not drive."""
+
+
+@dataclass(frozen=True)
+class _Commanded:
+    """Kernels bound to commands."""
+
+    commands: Commands
+    drive: Driver
+    first_bad: Callable[[Bools], int]
 
 
 class FleetVehicles:
@@ -65,24 +77,16 @@ class FleetVehicles:
         self._slot = np.full((worlds, seats), NOWHERE, np.int32)
         self._generation = np.zeros((worlds, seats), np.int32)
         self._wanted = np.zeros((worlds, seats), np.int32)
-        self._in_bullet_model = np.array([model == MODELS[0] for model in self._models])
         self._slips = np.tile([model != "kinematic" for model in self._models], worlds)
         self._memory = np.zeros((worlds * seats, tracking.MEMORY))
         self._tracks = np.zeros((worlds, seats, SUBSTEPS, 3))
         self._no_controls = np.zeros((worlds * seats, 3))
         self._shown = np.zeros((worlds * seats, 3))
         self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)
-        self._has_boxes = np.zeros(worlds, np.bool_)
-        self._columns = tuple(
-            getattr(world.vehicles, name)
-            for name in (
-                *("position", "heading", "speed", "lateral_speed"),
-                *("acceleration", "lateral_acceleration", "yaw_rate", "yaw_acceleration"),
-            )
-        )
-        self._actuators = tuple(
-            getattr(world.seats, name) for name in ("throttle", "brake", "steering", "travelled")
-        )
+        self._with_boxes: set[int] = set()
+        self._groups = SeatGroups(*(np.zeros((worlds, seats), np.bool_) for _ in SeatGroups._fields))
+        self._commanded: _Commanded | None = None
+        self._bind()
 
     def reset(self, world: World, rows: Bools) -> None:
         """Forget all vehicles of some simulations; those in their rows now are new."""
@@ -90,7 +94,7 @@ class FleetVehicles:
             self.fleet.clear(row)
             self._slot[row] = NOWHERE
             self._boxed[row] = False
-            self._has_boxes[row] = False
+            self._with_boxes.discard(row)
             self._tracks[row] = 0.0
 
     def step(self, world: World, commands: Commands, rows: Bools) -> Floats:
@@ -108,18 +112,18 @@ class FleetVehicles:
             ActionError: A command holds a number that is not finite; nothing has moved.
             MotionError: A vehicle's motion is no longer finite.
         """
-        seats = world.seats
-        active = (seats.state == SeatState.ACTIVE) & rows[:, None]
-        self._refuse_bad_commands(commands, active)
-        by_poses = active & (commands.mode == CommandMode.PLACE)
-        self._follow_ownership(active, by_poses, rows)
-        driven = active & ~by_poses
-        if by_poses.any():
-            place_vehicles(
-                by_poses, seats.slot, commands.poses, world.dt, self._tracks, self._columns, self._actuators
-            )
-        if driven.any():
-            self._drive(world, commands, driven, rows)
+        if self._commanded is None or self._commanded.commands is not commands:
+            self._commanded = self._bind_commands(commands)
+        placed, driven = self._part_seats(commands.mode, rows)
+        bad = self._commanded.first_bad(self._groups.active)
+        if bad >= 0:
+            self._refuse(commands, bad)
+        if self._find_changes(self._groups.active, self._groups.by_poses, rows):
+            self._follow_ownership()
+        if placed:
+            self._place(self._groups.by_poses, commands.poses)
+        if driven:
+            self._drive(world, self._commanded.drive, rows)
         return self._tracks
 
     def can_accept(self, row: int, slot: int) -> bool:
@@ -130,63 +134,55 @@ class FleetVehicles:
         """Give back Bullet's worlds."""
         self.fleet.close()
 
-    def _drive(self, world: World, commands: Commands, driven: Bools, rows: Bools) -> None:
-        """Advance the fleet, and write its motion into the world."""
-        seats, fleet = world.seats, self.fleet
-        self._place_boxes(world, driven & self._in_bullet_model, rows)
-        count = len(self._no_controls)
-        if self._surfaces is not None:
-            self._surfaces.look_up(world, driven, fleet)
-        mode, actuators = commands.mode.reshape(count), commands.actuators.reshape(count, 3)
-        reference = commands.reference.reshape(count, *commands.reference.shape[2:])
-        length, dt = commands.reference_length.reshape(count), world.dt / SUBSTEPS
-
-        def driver(
-            driven_rows: NDArray[np.int64],
-            cars: NDArray[np.void],
-            states: NDArray[np.void],
-            bodies: Floats,
-            controls: Floats,
-        ) -> None:
-            tracking.drive(
-                driven_rows,
-                cars,
-                states,
-                bodies,
-                controls,
-                mode,
-                actuators,
-                reference,
-                length,
-                self._slips,
-                self._memory,
-                self._shown,
-                dt,
-            )
-
-        motion = fleet.step(self._no_controls, simulations=rows, driver=driver)
-        show_vehicles(
-            driven,
-            seats.slot,
-            motion.substeps,
-            motion.velocity,
-            motion.yaw_rate,
-            motion.acceleration,
-            motion.steering,
-            self._shown,
-            world.dt,
-            self._tracks,
-            self._columns,
-            self._actuators,
+    def _bind(self) -> None:
+        """Hand the kernels what stays the same."""
+        vehicles, seats, motion = self._world.vehicles, self._world.seats, self.fleet.motion
+        columns = (
+            *(vehicles.position, vehicles.heading, vehicles.speed, vehicles.lateral_speed),
+            *(vehicles.acceleration, vehicles.lateral_acceleration),
+            *(vehicles.yaw_rate, vehicles.yaw_acceleration),
         )
+        shown = self._world.dt, self._tracks, columns
+        shown = *shown, (seats.throttle, seats.brake, seats.steering, seats.travelled)
+        moved = motion.substeps, motion.velocity, motion.yaw_rate, motion.acceleration, motion.steering
+        self._show = bind(show_vehicles, seats.slot, *moved, self._shown, *shown)
+        self._place = bind(place_vehicles, seats.slot, *shown)
+        is_bullet = np.array([model == MODELS[0] for model in self._models])
+        self._part_seats = bind(part_seats, seats.state, is_bullet, self._groups)
+        held = self._slot, self._generation, self._wanted
+        self._find_changes = bind(find_changes, seats.slot, seats.generation, *held)
+        footprints = vehicles.position, vehicles.speed, vehicles.length, vehicles.width
+        self._find_near = bind(find_near, seats.slot, vehicles.alive, *footprints, self._boxed)
 
-    def _follow_ownership(self, active: Bools, by_poses: Bools, rows: Bools) -> None:
+    def _bind_commands(self, commands: Commands) -> _Commanded:
+        """Hand the kernels commands, which a set of controllers writes into the same arrays in every step."""
+        count, reference = len(self._no_controls), commands.reference
+        drive = self.fleet.driver(
+            tracking.drive,
+            commands.mode.reshape(count),
+            commands.actuators.reshape(count, 3),
+            reference.reshape(count, *reference.shape[2:]),
+            commands.reference_length.reshape(count),
+            self._slips,
+            self._memory,
+            self._shown,
+            self._world.dt / SUBSTEPS,
+        )
+        followed = commands.mode, commands.actuators, reference, commands.reference_length, commands.poses
+        return _Commanded(commands, drive, bind(tracking.first_bad_command, *followed))
+
+    def _drive(self, world: World, driver: Driver, rows: Bools) -> None:
+        """Advance the fleet, and write its motion into the world."""
+        self._place_boxes(rows)
+        if self._surfaces is not None:
+            self._surfaces.look_up(world, self._groups.driven, self.fleet)
+        self.fleet.step(self._no_controls, simulations=rows, driver=driver)
+        self._show(self._groups.driven)
+
+    def _follow_ownership(self) -> None:
         """Let vehicles into the fleet and out of it, as the seats say."""
         seats, wanted = self._world.seats, self._wanted
-        held = self._slot, self._generation
-        if not find_changes(rows, active, by_poses, seats.slot, seats.generation, *held, wanted):
-            return
-        changed = (wanted != self._slot) | (active & (seats.generation != self._generation))
+        changed = (wanted != self._slot) | (self._groups.active & (seats.generation != self._generation))
         for row, seat in np.argwhere(changed).tolist():
             number = row * self._slot.shape[1] + seat
             if self._slot[row, seat] >= 0:
@@ -220,27 +216,18 @@ class FleetVehicles:
         self._memory[number, tracking.CURVATURE] = math.tan(steering) / wheelbase
         self.fleet.road.friction[number] = DRY
 
-    def _place_boxes(self, world: World, in_bullet: Bools, rows: Bools) -> None:
+    def _place_boxes(self, rows: Bools) -> None:
         """Put the road users near vehicles in Bullet there as boxes."""
-        vehicles = world.vehicles
-        any_near = find_near(
-            rows,
-            in_bullet,
-            world.seats.slot,
-            vehicles.alive,
-            vehicles.position,
-            vehicles.speed,
-            vehicles.length,
-            vehicles.width,
-            self._boxed,
-        )
-        if not any_near and not (self._has_boxes & rows).any():
+        if not self._find_near(self._groups.in_bullet, rows) and not self._with_boxes:
             return
         for row in np.flatnonzero(rows).tolist():
             slots = np.flatnonzero(self._boxed[row]).tolist()
-            if slots or self._has_boxes[row]:
+            if slots or row in self._with_boxes:
                 self.fleet.place_boxes(row, {self._key(row, slot): self._box(row, slot) for slot in slots})
-                self._has_boxes[row] = bool(slots)
+            if slots:
+                self._with_boxes.add(row)
+            else:
+                self._with_boxes.discard(row)
 
     def _key(self, row: int, slot: int) -> int:
         generation = int(self._world.vehicles.generation[row, slot])
@@ -260,19 +247,9 @@ class FleetVehicles:
             height,
         )
 
-    def _refuse_bad_commands(self, commands: Commands, active: Bools) -> None:
-        """Refuse numbers that are not finite before they come near Bullet."""
-        bad = tracking.first_bad_command(
-            active,
-            commands.mode,
-            commands.actuators,
-            commands.reference,
-            commands.reference_length,
-            commands.poses,
-        )
-        if bad < 0:
-            return
-        row, seat = divmod(int(bad), active.shape[1])
+    def _refuse(self, commands: Commands, bad: int) -> NoReturn:
+        """Refuse a row whose command is not finite, before it comes near Bullet."""
+        row, seat = divmod(bad, self._slot.shape[1])
         mode = CommandMode(int(commands.mode[row, seat]))
         shown: Any = {
             CommandMode.TRACK: commands.reference[row, seat],

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import inside_outline
+from smarts.types.actions import CommandMode
+from smarts.types.seats import SeatState
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -20,34 +23,74 @@ BOX_TIME = 0.3
 BOX_SLACK = 4.0
 """It is taken away again this much later [m]."""
 
+_ACTIVE, _PLACE = int(SeatState.ACTIVE), int(CommandMode.PLACE)
 
 NOWHERE = -1
 BY_POSES = -2
 """Of the slot that a seat's row of the fleet is for: it holds no vehicle, or one that goes by poses."""
 
 
+class SeatGroups(NamedTuple):
+    """Which seats' vehicles are moved how, shape (B, A)."""
+
+    active: Bools
+    """Seats that drive in this step."""
+    by_poses: Bools
+    """Those of them whose vehicle is put where the commands say."""
+    driven: Bools
+    """Those of them whose vehicle the fleet moves."""
+    in_bullet: Bools
+    """Those of these whose vehicle is in Bullet."""
+
+
+@kernel
+def part_seats(
+    state: NDArray[np.int8], is_bullet: Bools, groups: SeatGroups, mode: NDArray[np.int8], rows: Bools
+) -> tuple[int, int]:
+    """Part the seats by how their vehicles are moved; return how many go by poses, how many are driven.
+
+    Args:
+        state: A `SeatState`, shape (B, A).
+        is_bullet: Whether the seat's vehicles are modelled in Bullet, shape (A,).
+        groups: Written.
+        mode: A `CommandMode`, shape (B, A).
+        rows: Shape (B,).
+    """
+    placed = driven = 0
+    for b in range(state.shape[0]):
+        for a in range(state.shape[1]):
+            is_active = rows[b] and state[b, a] == _ACTIVE
+            is_placed = is_active and mode[b, a] == _PLACE
+            is_driven = is_active and not is_placed
+            groups.active[b, a], groups.by_poses[b, a] = is_active, is_placed
+            groups.driven[b, a], groups.in_bullet[b, a] = is_driven, is_driven and is_bullet[a]
+            placed += is_placed
+            driven += is_driven
+    return placed, driven
+
+
 @kernel
 def find_changes(
-    rows: Bools,
-    active: Bools,
-    by_poses: Bools,
     slot: Ints,
     generation: Ints,
     held_slot: Ints,
     held_generation: Ints,
     wanted: Ints,
+    active: Bools,
+    by_poses: Bools,
+    rows: Bools,
 ) -> bool:
     """Write which slot each seat's row of the fleet is to be for; tell if any is for another vehicle now.
 
     Args:
-        rows: Shape (B,).
-        active: Seats that drive, shape (B, A), as are the following.
-        by_poses: Those of them that are told their poses.
-        slot: Of the seats' vehicles.
+        slot: Of the seats' vehicles, shape (B, A), as are the following.
         generation: Of the seats' vehicles.
         held_slot: What the fleet holds, a slot, `NOWHERE` or `BY_POSES`.
         held_generation: Of that vehicle.
         wanted: Written; what the fleet is to hold.
+        active: Seats that drive.
+        by_poses: Those of them that are told their poses.
+        rows: Shape (B,).
     """
     any_change = False
     for b in range(active.shape[0]):
@@ -68,7 +111,6 @@ def find_changes(
 
 @kernel
 def show_vehicles(
-    driven: Bools,
     slot: Ints,
     poses: Floats,
     velocity: Floats,
@@ -80,11 +122,11 @@ def show_vehicles(
     tracks: Floats,
     columns: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats],
     seats: tuple[Floats, Floats, Floats, Floats],
+    driven: Bools,
 ) -> None:
     """Write the motion of the driven seats' vehicles into their rows of the world.
 
     Args:
-        driven: Seats whose vehicle the fleet moves, shape (B, A).
         slot: Shape (B, A).
         poses: Of the fleet, shape (E, S, 3).
         velocity: Forward and left [m/s], shape (E, 2).
@@ -97,6 +139,7 @@ def show_vehicles(
         columns: Written: position, heading, speed, lateral_speed, acceleration, lateral_acceleration,
             yaw_rate, yaw_acceleration of the world, shape (B, V).
         seats: Written: throttle, brake, steering, travelled, shape (B, A).
+        driven: Seats whose vehicle the fleet moves, shape (B, A).
     """
     position, heading, speed, lateral_speed, forward_acc, lateral_acc, yaw_rates, yaw_acc = columns
     throttle, brake, angle, travelled = seats
@@ -126,24 +169,24 @@ def show_vehicles(
 
 @kernel
 def place_vehicles(
-    placed: Bools,
     slot: Ints,
-    poses: Floats,
     dt: float,
     tracks: Floats,
     columns: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats],
     seats: tuple[Floats, Floats, Floats, Floats],
+    placed: Bools,
+    poses: Floats,
 ) -> None:
     """Put vehicles where their commands say.
 
     Args:
-        placed: Shape (B, A).
         slot: Shape (B, A).
-        poses: x, y [m], heading [rad], speed [m/s] after each sub-step, shape (B, A, S, 4).
         dt: Step [s].
         tracks: See `show_vehicles`, as are the others.
         columns: Written.
         seats: Written.
+        placed: Shape (B, A).
+        poses: x, y [m], heading [rad], speed [m/s] after each sub-step, shape (B, A, S, 4).
     """
     position, heading, speed, lateral_speed, forward_acc, lateral_acc, yaw_rates, yaw_acc = columns
     throttle, brake, angle, travelled = seats
@@ -176,8 +219,6 @@ def place_vehicles(
 
 @kernel
 def find_near(
-    rows: Bools,
-    in_bullet: Bools,
     slot: Ints,
     alive: Bools,
     position: Floats,
@@ -185,12 +226,12 @@ def find_near(
     length: Floats,
     width: Floats,
     boxed: Bools,
+    in_bullet: Bools,
+    rows: Bools,
 ) -> bool:
     """Write which road users stand near a vehicle in Bullet that is not itself in there; tell if any does.
 
     Args:
-        rows: Shape (B,).
-        in_bullet: Seats whose vehicle is in Bullet, shape (B, A).
         slot: Shape (B, A).
         alive: Shape (B, V), as are the following.
         position: [m], shape (B, V, 2).
@@ -198,6 +239,8 @@ def find_near(
         length: [m]
         width: [m]
         boxed: Whether it was near in the step before; written.
+        in_bullet: Seats whose vehicle is in Bullet, shape (B, A).
+        rows: Shape (B,).
     """
     any_near = False
     for b in range(rows.shape[0]):

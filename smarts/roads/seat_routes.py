@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.geometry.binding import Replaceable
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.kernels import RouteTable
 
@@ -25,11 +26,16 @@ class SeatRoutes:
     def __init__(self, atlas: RoadAtlas, worlds: int, seats: int) -> None:
         self.number: Ints = np.full((worlds, seats), -1, np.int32)
         """Route number in `table`, -1 without a route, shape (B, A); written in place."""
-        self.table: RouteTable = atlas.no_routes
-        """Replaced at every assignment; pass it on as it is, do not keep it."""
+        self.current = Replaceable(atlas.no_routes)
+        """`table` for kernels to be bound to."""
         self.atlas = atlas
         self._maps = [0] * worlds
         self._routes: list[list[tuple[str, ...]]] = [[()] * seats for _ in range(worlds)]
+
+    @property
+    def table(self) -> RouteTable:
+        """The routes; replaced at every assignment: pass it on as it is, do not keep it."""
+        return self.current.value
 
     def assign(self, row: int, map_number: int, routes: Sequence[tuple[str, ...]]) -> None:
         """Give the first seats of one simulation their routes, ids of road edges, and the others none.
@@ -62,4 +68,4 @@ class SeatRoutes:
             for seat, route in enumerate(routes):
                 key = (self._maps[row], route)
                 self.number[row, seat] = places.setdefault(key, len(places)) if route else -1
-        self.table = self.atlas.route_table(places)
+        self.current.replace(self.atlas.route_table(places))

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.geometry.binding import bind
 from smarts.geometry.boxes import box_gaps, contact_direction
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle
@@ -70,11 +71,14 @@ class FootprintContacts:
     def __init__(self, world: World) -> None:
         worlds, seats = world.seats.slot.shape
         self._contacts = Contacts.allocate(worlds, seats, world.vehicles.capacity)
-        self._columns = columns_of(self._contacts, ContactColumns)
-        self._now = columns_of(world.vehicles, Footprints)
-        self._before = columns_of(world.before, Footprints)
-        self._seats = columns_of(world.seats, SeatSlots)
-        self._dt = world.dt
+        self._find = bind(
+            find_contacts,
+            columns_of(world.vehicles, Footprints),
+            columns_of(world.before, Footprints),
+            columns_of(world.seats, SeatSlots),
+            world.dt,
+            columns_of(self._contacts, ContactColumns),
+        )
 
     def find(self, world: World, tracks: Floats, rows: Bools) -> Contacts:
         """Return the first contact of each seat's vehicle during the step.
@@ -85,7 +89,7 @@ class FootprintContacts:
                 present counts.
             rows: Which simulations made the step, shape (B,).
         """
-        find_contacts(self._now, self._before, tracks, self._seats, rows, self._dt, self._columns)
+        self._find(tracks, rows)
         return self._contacts
 
 
@@ -93,22 +97,22 @@ class FootprintContacts:
 def find_contacts(
     now: Footprints,
     before: Footprints,
-    tracks: Floats,
     seats: SeatSlots,
-    rows: Bools,
     dt: float,
     out: ContactColumns,
+    tracks: Floats,
+    rows: Bools,
 ) -> None:
     """Write the contacts of all seats; those of simulations that made no step have none.
 
     Args:
         now: All vehicles.
         before: A step ago.
-        tracks: Poses of the seats' vehicles after each sub-step, shape (B, A, S, 3); S is 0 at a reset.
         seats: Who drives.
-        rows: Which simulations made the step, shape (B,).
         dt: Length of the step [s].
         out: Written.
+        tracks: Poses of the seats' vehicles after each sub-step, shape (B, A, S, 3); S is 0 at a reset.
+        rows: Which simulations made the step, shape (B,).
     """
     # Arrays by themselves: to take one out of a tuple costs more than to read from it.
     position, length, width = now.position, now.length, now.width

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.agents.rules import AliveRule
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import RouteTable
 from smarts.roads.scene import Scene
@@ -80,22 +81,21 @@ class AgentEvents:
     ) -> None:
         world = scene.world
         worlds, seats = world.seats.slot.shape
-        self._scene = scene
-        self._state = state_of(scene)
-        self._rules = columns_of(rules, Rules)
         self._interest = interest
         self._nobody = np.zeros((worlds, seats), np.bool_)
         self._events = Events.allocate(worlds, seats)
-        self._columns = columns_of(self._events, EventColumns)
-        self._patience = round(OFF_ROUTE_TIME / world.dt)
         counted = np.zeros((len(alive), seats), np.bool_)
         for number, rule in enumerate(alive):
             counted[number] = rule.counted
-        self._alive = AliveColumns(
+        counts = AliveColumns(
             np.array([rule.seat for rule in alive], np.int32),
             counted,
             np.array([rule.minimum for rule in alive], np.int32),
         )
+        state, out = state_of(scene), columns_of(self._events, EventColumns)
+        judged_by = columns_of(rules, Rules), counts, round(OFF_ROUTE_TIME / world.dt)
+        self._begin = bind(begin_episodes, state, scene.routes.current, world.egos, out)
+        self._detect = bind(detect_events, state, scene.routes.current, *judged_by, world.egos, out)
 
     def reset(self, world: World, contacts: Contacts, rows: Bools) -> Events:
         """Return the events at the beginning of an episode: none, unless an agent's vehicle overlaps another.
@@ -103,33 +103,20 @@ class AgentEvents:
         Such an episode is void: all its agents are done before they have begun.
         """
         self._events.clear()
-        begin_episodes(
-            self._state, self._scene.routes.table, contacts.partner, world.egos, rows, self._columns
-        )
+        self._begin(contacts.partner, rows)
         return self._events
 
     def detect(self, world: World, contacts: Contacts, rows: Bools) -> Events:
         """Return what happened to the agents in this step."""
         self._events.clear()
         gone = self._nobody if self._interest is None else self._interest.is_gone(world, rows)
-        detect_events(
-            self._state,
-            self._scene.routes.table,
-            self._rules,
-            self._alive,
-            contacts.partner,
-            gone,
-            self._patience,
-            world.egos,
-            rows,
-            self._columns,
-        )
+        self._detect(contacts.partner, gone, rows)
         return self._events
 
 
 @kernel
 def begin_episodes(
-    state: State, table: RouteTable, partner: Ints, egos: int, rows: Bools, out: EventColumns
+    state: State, table: RouteTable, egos: int, out: EventColumns, partner: Ints, rows: Bools
 ) -> None:
     """Void the episodes that begin with an overlap, and issue tickets in the others; see `AgentEvents`."""
     count = state.seats.slot.shape[1]
@@ -156,12 +143,12 @@ def detect_events(
     table: RouteTable,
     rules: Rules,
     alive: AliveColumns,
-    partner: Ints,
-    gone: Bools,
     patience: int,
     egos: int,
-    rows: Bools,
     out: EventColumns,
+    partner: Ints,
+    gone: Bools,
+    rows: Bools,
 ) -> None:
     """Write the events of all agents, and end episodes; see `AgentEvents`."""
     seats = state.seats

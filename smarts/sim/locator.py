@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.atlas import ROAD_LANES, RoadAtlas
@@ -69,7 +71,7 @@ class MapLocator:
     def __init__(self, atlas: RoadAtlas, routes: SeatRoutes) -> None:
         self._roads = atlas.roads
         self._routes = routes
-        self._columns: tuple[World, _Vehicles, _Seats] | None = None
+        self._bound: tuple[World, Callable[[Bools], None]] | None = None
 
     def locate(self, world: World, rows: Bools) -> None:
         """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes.
@@ -77,10 +79,11 @@ class MapLocator:
         On its route, a seat's `remaining` is the distance to the goal, on the last lap if there are several,
         and 0 behind it; off the route it stays as it was. Without a route a seat counts as on its route.
         """
-        if self._columns is None or self._columns[0] is not world:
-            self._columns = world, *_columns_of(world)
-        table, number = self._routes.table, self._routes.number
-        _locate(self._roads, table, number, rows, world.map, world.step, *self._columns[1:])
+        if self._bound is None or self._bound[0] is not world:
+            routes = self._routes
+            arrays = routes.number, world.map, world.step, *_columns_of(world)
+            self._bound = world, bind(_locate, self._roads, routes.current, *arrays)
+        self._bound[1](rows)
 
 
 def _columns_of(world: World) -> tuple[_Vehicles, _Seats]:
@@ -94,11 +97,11 @@ def _locate(
     roads: Roads,
     table: RouteTable,
     route: Ints,
-    rows: Bools,
     maps: Ints,
     step: Ints,
     vehicles: _Vehicles,
     seats: _Seats,
+    rows: Bools,
 ) -> None:
     """Write the places of all vehicles and the progress of all seats; one call, since each has its price."""
     worlds, capacity = vehicles.alive.shape

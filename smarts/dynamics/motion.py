@@ -1,0 +1,77 @@
+"""What a fleet is told and what it tells: arrays with a row for each vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Road:
+    """The road under each vehicle. Written by whoever knows it, kept until written again."""
+
+    friction: Floats
+    """Largest longitudinal force over load at each wheel, shape (E, 4)."""
+    normal: Floats
+    """Unit normal of the plane that the vehicle drives on, shape (E, 3). Only "bullet" vehicles know
+    slopes."""
+    offset: Floats
+    """Distance of that plane from the origin along the normal [m], shape (E,)."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the vehicles move; row *i* of every array is vehicle *i*.
+
+    The arrays are read-only and overwritten by the next step.
+    """
+
+    active: NDArray[np.bool_]
+    """Whether the row holds a vehicle; the other values of a row without are meaningless. Shape (E,)."""
+    substeps: Floats
+    """x, y of the footprint's centre [m] and heading [rad] after each sub-step, shape (E, S, 3)."""
+    position: Floats
+    """Centre of the footprint [m], shape (E, 2)."""
+    heading: Floats
+    """[rad], shape (E,)."""
+    velocity: Floats
+    """Of the centre of gravity, forward and left [m/s], shape (E, 2)."""
+    yaw_rate: Floats
+    """[rad/s], shape (E,)."""
+    acceleration: Floats
+    """Of the centre of gravity, forward and left, the mean over the step [m/s^2], shape (E, 2)."""
+    steering: Floats
+    """Angle of an imagined wheel between the front wheels, positive to the left [rad], shape (E,)."""
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """The wheels after the last sub-step, shape (E, 4): front left, front right, rear left, rear right."""
+
+    position: Floats
+    """Where they stand on the map [m], shape (E, 4, 2): there the road's friction is to be looked up."""
+    spin: Floats
+    """[rad/s]."""
+    slip: Floats
+    """Longitudinal slip at the contact, positive when driving. Zero for single-track vehicles."""
+    slip_angle: Floats
+    """[rad], positive when the tyre pushes to the left."""
+    load: Floats
+    """[N]."""
+    force_x: Floats
+    """Of the tyre along its heading [N]."""
+    force_y: Floats
+    """Of the tyre to its left [N]."""
+
+
+class Driver(Protocol):
+    """Who changes the controls within a step."""
+
+    def __call__(self, rows: NDArray[np.int64], /) -> None:
+        """Write the controls of `rows`, the vehicles that move, for the next sub-step; shape (R,)."""
+        ...
