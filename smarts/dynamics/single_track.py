@@ -75,35 +75,39 @@ def _advance_dynamic(car, state, body, controls, road, dt):
     load_front, load_rear = _axle_loads(car, 2.0 * (state.force_x[FRONT] + state.force_x[REAR]))
     tyre_front = _axle_tyre(car, state, FRONT, load_front, road[0:2])
     tyre_rear = _axle_tyre(car, state, REAR, load_rear, road[2:4])
-    front = _axle_request(car, state, FRONT, load_front, tyre_front[0], controls, vx)
-    rear = _axle_request(car, state, REAR, load_rear, tyre_rear[0], controls, vx)
     front_vy, rear_vy = vy + car.cog_to_front_axle * yaw_rate, vy - car.cog_to_rear_axle * yaw_rate
-    front_y = _axle_side_force(
-        car,
-        state,
-        FRONT,
-        tyre_front,
-        _net(front, vx),
-        vx * cos + front_vy * sin,
-        front_vy * cos - vx * sin,
-        dt,
-    )
-    rear_y = _axle_side_force(car, state, REAR, tyre_rear, _net(rear, vx), vx, rear_vy, dt)
+    rolling = vx * cos + front_vy * sin
+    front = _axle_request(car, state, FRONT, load_front, tyre_front[0], controls, rolling)
+    rear = _axle_request(car, state, REAR, load_rear, tyre_rear[0], controls, vx)
+    lever = car.cog_to_front_axle * sin
+    front_mass = 1.0 / (1.0 / car.mass + lever * lever / car.inertia[2])
+    share = front[1] / max(front[1] + rear[1], 1e-9)
+    front_mass, rear_mass = share * front_mass, (1.0 - share) * car.mass
+    sliding = front_vy * cos - vx * sin
+    front_net = front[0] - _resistance(front[1], front_mass, rolling, dt)
+    rear_net = rear[0] - _resistance(rear[1], rear_mass, vx, dt)
+    front_y = _axle_side_force(car, state, FRONT, tyre_front, front_net, rolling, sliding, dt)
+    rear_y = _axle_side_force(car, state, REAR, tyre_rear, rear_net, vx, rear_vy, dt)
 
     drag = car.drag * math.sqrt(vx * vx + vy * vy)
-    free_vx = vx + dt * (front[0] * cos - front_y * sin + rear[0] - drag * vx) / car.mass
-    loss = dt * (front[1] * cos + rear[1]) / car.mass
-    new_vx = _resist(free_vx, loss)
-    # Of the resistance only what was needed to stop has acted; more would turn a standing car by its front
-    # wheels.
-    acted = (free_vx - new_vx) / loss if loss > 0.0 else 0.0
-    front_x, rear_x = front[0] - acted * front[1], rear[0] - acted * rear[1]
-    side = front_x * sin + front_y * cos
-    new_vy = vy + dt * (side + rear_y - drag * vy) / car.mass
+    side = front[0] * sin + front_y * cos
     turn = (car.cog_to_front_axle * side - car.cog_to_rear_axle * rear_y) / car.inertia[2]
-    _move(body, heading, new_vx, new_vy, yaw_rate + dt * turn, dt)
-    _show_axle(car, state, FRONT, load_front, new_vx, front_x, front_y)
-    _show_axle(car, state, REAR, load_rear, new_vx, rear_x, rear_y)
+    vx += dt * (front[0] * cos - front_y * sin + rear[0] - drag * vx) / car.mass
+    vy += dt * (side + rear_y - drag * vy) / car.mass
+    yaw_rate += dt * turn
+
+    # Resistance acts last, on each axle against its own rolling (in a spin the steered wheels roll the other
+    # way than the body), and at most stops its share of what rolls there. The shares add to one, so that
+    # both together never add energy: p v + p W p / 2 <= 0 for the impulses p and their mobility W.
+    front_loss = _resistance(front[1], front_mass, vx * cos + vy * sin + lever * yaw_rate, dt)
+    rear_loss = _resistance(rear[1], rear_mass, vx, dt)
+    vx -= dt * (front_loss * cos + rear_loss) / car.mass
+    vy -= dt * front_loss * sin / car.mass
+    yaw_rate -= dt * front_loss * lever / car.inertia[2]
+    _move(body, heading, vx, vy, yaw_rate, dt)
+    rolling = vx * cos + vy * sin + lever * yaw_rate
+    _show_axle(car, state, FRONT, load_front, rolling, front[0] - front_loss, front_y)
+    _show_axle(car, state, REAR, load_rear, vx, rear[0] - rear_loss, rear_y)
 
 
 @kernel
@@ -164,6 +168,12 @@ def _axle_request(car, state, wheel, load, peak, controls, speed):
 def _net(request, speed):
     """Return the force [N] of an axle's drive and resistance; nothing resists a standing vehicle."""
     return request[0] - (math.copysign(request[1], speed) if speed != 0.0 else 0.0)
+
+
+@kernel
+def _resistance(limit, mass, speed, dt):
+    """Return the force [N] against an axle's rolling: no more than stops a mass [kg] within the sub-step."""
+    return math.copysign(min(limit, mass * abs(speed) / dt), speed)
 
 
 @kernel

@@ -5,6 +5,7 @@ import pytest
 
 from smarts.dynamics import Fleet, vehicle
 from smarts.dynamics.layout import GRAVITY, pack
+from smarts.types.streams import Purpose, stream
 
 
 @pytest.mark.parametrize("model", ["dynamic", "kinematic"])
@@ -53,3 +54,33 @@ def test_slides_where_grip_ends(rig):
     assert car.speed * car.yaw_rate < 0.3 * GRAVITY * 1.05
     kinematic = rig(speed=20.0, friction=0.3, model="kinematic").drive(3.0, steering=1.0)
     assert kinematic.speed * kinematic.yaw_rate > 3.0 * GRAVITY, "the kinematic one knows no grip sideways"
+
+
+def test_brakes_never_add_energy():
+    """From whatever spin, kinetic energy only falls while nothing drives.
+
+    Sliding tyres give back what their springs hold: force^2 / (2 stiffness), below 1 J per kg of vehicle.
+    """
+    names, draw = ("passenger", "bus", "truck", "motorcycle", "coach"), stream(3, Purpose.STARTS)
+    count = 20 * len(names)
+
+    def energy(fleet):
+        bodies, cars = fleet._bodies, fleet._cars
+        turning = cars["inertia"][:, 2] * bodies[:, 12] ** 2 / cars["mass"]
+        return 0.5 * (bodies[:, 7] ** 2 + bodies[:, 8] ** 2 + turning)
+
+    with Fleet(1, count) as fleet:
+        for row in range(count):
+            speed = draw.uniform(0.0, 30.0)
+            fleet.spawn(row, names[row % 5], (0.0, 50.0 * row), 0.0, speed, model="dynamic")
+            fleet._bodies[row, 8] = draw.uniform(-10.0, 10.0)
+            fleet._bodies[row, 12] = draw.uniform(-4.0, 4.0)
+        fleet.road.friction[:] = draw.choice([0.2, 0.5, 0.9], (count, 1))
+        steering = draw.choice([-1.0, 0.0, 0.5, 1.0], count)
+        controls = np.stack([np.zeros(count), np.ones(count), steering], axis=1)
+        least = energy(fleet)
+        for _ in range(300):
+            fleet.step(controls)
+            assert (energy(fleet) <= least + 1.0).all()
+            least = np.minimum(least, energy(fleet))
+        assert (energy(fleet) < 0.01).all()
