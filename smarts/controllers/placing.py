@@ -35,14 +35,50 @@ def make_plan(
 ) -> None:
     """Write the plan from a pose and speed to `target`: x, y, heading, time.
 
-    The speed at its end is the one with which the mean is what the way takes, but never backwards.
+    It ends at its mean speed, so that plan after plan of equal way and time goes at that speed; with the
+    speed that constant acceleration would lead to, each would over-correct the last for ever. It begins at
+    no more than three times the mean, beyond which a cubic passes its end and comes back (Fritsch and
+    Carlson, Monotone piecewise cubic interpolation, 1980).
     """
     time = target[3]
     plan[0], plan[1], plan[2], plan[3] = x, y, heading, speed
     plan[4], plan[5], plan[6] = target[0], target[1], wrapped_half_open(target[2])
     mean = math.hypot(target[0] - x, target[1] - y) / time
-    plan[7] = min(max(2.0 * mean - speed, 0.0), 2.0 * mean)
+    plan[3], plan[7] = min(speed, 3.0 * mean), mean
     plan[8], plan[9] = time, step
+
+
+@kernel
+def make_straight_plan(
+    x: float, y: float, heading: float, change: Floats, time: float, step: int, plan: Floats
+) -> None:
+    """Write the plan that moves a pose by `change` (x, y [m], heading [rad]) at one speed, and stops there.
+
+    The speed is the part along the vehicle, at the mean of the two headings; negative is backwards.
+    """
+    plan[0], plan[1], plan[2] = x, y, wrapped_half_open(heading)
+    plan[4], plan[5], plan[6] = x + change[0], y + change[1], wrapped_half_open(heading + change[2])
+    between = interpolate_angle(plan[2], plan[6], 0.5)
+    plan[3] = (change[0] * math.cos(between) + change[1] * math.sin(between)) / time
+    plan[7], plan[8], plan[9] = 0.0, time, step
+
+
+@kernel
+def follow_straight_plan(plan: Floats, step: int, dt: float, poses: Floats) -> None:
+    """Write x, y, heading, speed at the end of each sub-step of a step, shape (S, 4).
+
+    After the plan's time the vehicle stands.
+    """
+    substeps = len(poses)
+    for k in range(substeps):
+        now = (step - plan[STEP]) * dt + (k + 1) * dt / substeps
+        is_over = now > plan[TIME] + 1e-9
+        u = min(now / plan[TIME], 1.0)
+        for axis in range(2):
+            begin, end = plan[BEGIN + axis], plan[TARGET + axis]
+            poses[k, axis] = end if u == 1.0 else begin + u * (end - begin)
+        poses[k, 2] = interpolate_angle(plan[BEGIN + 2], plan[TARGET + 2], u)
+        poses[k, 3] = 0.0 if is_over else plan[BEGIN + 3]
 
 
 @kernel
@@ -110,6 +146,7 @@ def place_by_targets(
     relative: bool,
     values: Floats,
     slot: Ints,
+    period: NDArray[np.int16],
     step: Ints,
     dt: float,
     position: Floats,
@@ -124,9 +161,10 @@ def place_by_targets(
     Args:
         chosen: Shape (B, A).
         fresh: Whether the target is new, shape (B, A).
-        relative: Whether targets are changes of the present pose, to be reached within this step.
+        relative: Whether targets are changes of the present pose, to be made by the seat's next decision.
         values: See `Actions`, shape (B, A, 8).
         slot: Shape (B, A).
+        period: Steps from decision to decision, shape (B, A).
         step: Of each episode, shape (B,).
         dt: [s]
         position: [m], shape (B, V, 2).
@@ -142,16 +180,17 @@ def place_by_targets(
             if not chosen[b, a]:
                 continue
             mode[b, a] = _PLACE
-            if fresh[b, a]:
-                v = slot[b, a]
+            plan, v = plans[b, a], slot[b, a]
+            x, y = position[b, v, 0], position[b, v, 1]
+            if fresh[b, a] and relative:
+                time = dt * max(period[b, a], 1)
+                make_straight_plan(x, y, heading[b, v], values[b, a, :3], time, step[b], plan)
+            elif fresh[b, a]:
                 for i in range(4):
                     target[i] = values[b, a, i]
-                if relative:
-                    target[0] += position[b, v, 0]
-                    target[1] += position[b, v, 1]
-                    target[2] += heading[b, v]
-                    target[3] = dt
                 target[3] = max(target[3], dt)
-                x, y = position[b, v, 0], position[b, v, 1]
-                make_plan(x, y, heading[b, v], speed[b, v], target, step[b], plans[b, a])
-            follow_plan(plans[b, a], step[b], dt, poses[b, a])
+                make_plan(x, y, heading[b, v], speed[b, v], target, step[b], plan)
+            if relative:
+                follow_straight_plan(plan, step[b], dt, poses[b, a])
+            else:
+                follow_plan(plan, step[b], dt, poses[b, a])

@@ -183,8 +183,35 @@ class TestTargetPose:
         assert driven.position == pytest.approx([21.0, 0.1])
         assert driven.world.vehicles.heading[0, 0] == pytest.approx(0.05)
         driven.step()
-        assert driven.position[0] == pytest.approx(22.0, abs=0.05)
+        assert driven.position == pytest.approx([21.0, 0.1])
         assert driven.world.vehicles.heading[0, 0] == pytest.approx(0.05)
+        assert driven.speed == 0.0
+
+    def test_equal_changes_of_pose_are_a_constant_speed(self, straight):
+        driven = straight(T.RelativeTargetPose, speed=0.0)
+        for way, speed in ((1.0, 10.0), (-0.5, -5.0)):
+            for _ in range(4):
+                driven.act(way, 0.0, 0.0)
+                driven.step()
+                assert driven.speed == pytest.approx(speed)
+            assert driven.world.vehicles.acceleration[0, 0] == pytest.approx(0.0, abs=1e-9)
+        assert driven.position[0] == pytest.approx(20.0 + 4 * 0.5)
+
+    def test_a_change_of_pose_lasts_until_the_next_decision(self, straight):
+        driven = straight(T.RelativeTargetPose, speed=0.0)
+        driven.seats.period[0, 0] = 5
+        driven.act(1.0, 0.0, 0.0)
+        log = driven.log(7, "speed")
+        assert log[:, 0] == pytest.approx([2.0] * 5 + [0.0] * 2)
+        assert driven.position[0] == pytest.approx(21.0)
+
+    def test_equal_targets_one_after_the_other_are_a_constant_speed(self, straight):
+        driven = straight(T.TargetPose, speed=0.0)
+        for k in range(1, 5):
+            driven.act(20.0 + 5.0 * k, 0.0, 0.0, 0.5)
+            driven.step(5)
+            assert driven.speed == pytest.approx(10.0)
+            assert driven.position[0] == pytest.approx(20.0 + 5.0 * k)
 
     def test_several_vehicles_of_one_agent(self, rig):
         cars = [agent(20.0, 0.0, speed=10.0), agent(20.0, 3.2, speed=10.0)]
