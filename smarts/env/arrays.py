@@ -18,6 +18,7 @@ from smarts.env.adapters import ADAPTERS
 from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.env.adapters.protocol import ArrayAdapter, Served
 from smarts.env.batch import Batch, EpisodeKey, Transition
+from smarts.errors import ActionError
 from smarts.sim.assembly import Assembly, Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
@@ -87,6 +88,8 @@ class Setting:
             raise InterfaceError(
                 f"decision_interval is {self.decision_interval}", remedy="give a number of steps, 1 or more"
             )
+        if self.worlds < 1:
+            raise InterfaceError(f"{self.worlds} simulations", remedy="give a number of 1 or more")
         return assemble(
             [self._build(scenario) for scenario in self.scenarios],
             list(interfaces.values()),
@@ -155,7 +158,14 @@ class ArrayWorlds:
     def encode(self, actions: Sequence[NDArray], chosen: NDArray[np.bool_]) -> None:
         """Take actions in, as `step` does."""
         chosen = chosen & self.batch.alive
+        if len(actions) != len(self.groups):
+            raise ActionError(
+                f"actions of {len(actions)} blocks of agents",
+                place="actions",
+                remedy=f"give an array for each of {len(self.groups)}",
+            )
         for group, given in zip(self.groups, actions, strict=True):
+            _check_shape(group, given, len(chosen))
             group.adapter.encode(given, chosen[:, group.columns], self.batch.actions)
 
     def advance(self) -> Transition:
@@ -197,6 +207,20 @@ def nested(arrays: Mapping[str, NDArray], row: int, agent: int) -> dict[str, Any
         # Without the ellipsis a field of a single number would not be an array.
         inner[name] = array[row, agent, ...].copy()
     return observation
+
+
+def _check_shape(group: Group, given: NDArray, worlds: int) -> None:
+    wanted = (worlds, len(group.agents), *(group.action.shape or ()))
+    try:
+        shape = np.shape(given)
+    except ValueError as error:
+        raise ActionError("actions that differ in length", place=", ".join(group.agents)) from error
+    if shape != wanted:
+        raise ActionError(
+            f"actions of shape {shape}",
+            place=f"agents {', '.join(group.agents)}",
+            remedy=f"give an array of shape {wanted}",
+        )
 
 
 def _dict_space(spaces: Mapping[str, Any]) -> Dict:

@@ -165,6 +165,8 @@ class Batch:
         self._decided = np.zeros(worlds, np.int32)  # steps of the states that the last decisions were made on
         self._seen = np.zeros_like(self._wanted)  # whose readings are of now
         self._frame: Frame | None = None
+        self._closed = False
+        self._kept = {name: column.copy() for name, column in vars(self.actions).items()}
 
     def watch(self, watcher: Watcher) -> None:
         """Show one more watcher every step."""
@@ -174,9 +176,11 @@ class Batch:
         """Begin episodes in some simulations, by row.
 
         Raises:
+            SmartsError: The environment was closed.
             TrafficError: The traffic engine refused.
             ScenarioError: Nobody ever enters.
         """
+        self._refuse_closed()
         starts = {
             row: self._schedule.start(key.world, key.episode, key.seed) for row, key in episodes.items()
         }
@@ -225,11 +229,28 @@ class Batch:
     @contextmanager
     def all_or_none(self) -> Iterator[None]:
         """Take nobody's action in if one is refused, so that the user may try again."""
+        for name, kept in self._kept.items():
+            np.copyto(kept, getattr(self.actions, name))
         try:
             yield
         except ActionError:
-            self.actions.fresh[:] = False
+            for name, kept in self._kept.items():
+                np.copyto(getattr(self.actions, name), kept)
             raise
+
+    def check_begun(self) -> None:
+        """Refuse a step that nothing can come of.
+
+        Raises:
+            SmartsError: The environment was closed, or a simulation was never reset.
+        """
+        self._refuse_closed()
+        if None in self.starts:
+            raise SmartsError(
+                f"simulation {self.starts.index(None)} has no episode to step",
+                place="step",
+                remedy="call reset() first",
+            )
 
     def annotate(self, name: str, values: ArrayLike, who: Bools) -> None:
         """Add to the record what is said about the egos' next decision; nothing if nothing is recorded.
@@ -277,10 +298,15 @@ class Batch:
 
     def close(self) -> None:
         """Give back what the simulation and the other agents hold; may be called again."""
+        self._closed = True
         self.running[:] = False
         if self._others is not None:
             self._others.acting.close()
         self.simulation.close()
+
+    def _refuse_closed(self) -> None:
+        if self._closed:
+            raise SmartsError("the environment was closed", place="Batch", remedy="make another one")
 
     def _begin(self) -> None:
         """Begin a decision: forget the last one, and who has ended with it."""

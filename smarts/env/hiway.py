@@ -96,7 +96,9 @@ class HiWayEnv(gym.Env):
         Raises:
             ActionError: An agent is unknown, or an action is not one of its type.
             TrafficError: The traffic engine failed; the next reset works.
+            SmartsError: It was closed, or never reset.
         """
+        self._batch.check_begun()
         check_names(action, self.agent_ids)
         with self._batch.all_or_none():
             for name, chosen in action.items():

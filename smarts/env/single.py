@@ -76,12 +76,11 @@ class SingleHiWayEnv(gym.Env):
         Raises:
             ActionError: The action is not in the space, or the episode is over.
             TrafficError: The traffic engine failed; the next reset works.
+            SmartsError: It was closed, or never reset.
         """
         told, name = self._world.step({self._agent: action}), self._agent
         if name not in told.observations:
-            raise ActionError(
-                "the episode is over, or was never begun", place="SingleHiWayEnv.step", remedy="call reset()"
-            )
+            raise ActionError("the episode is over", place="SingleHiWayEnv.step", remedy="call reset()")
         return (
             told.observations[name],
             told.rewards[name],

@@ -126,7 +126,9 @@ class SoloWorld:
         Raises:
             ActionError: An agent is unknown, or an action is not in its space.
             TrafficError: The traffic engine failed; the next reset works.
+            SmartsError: It was closed, or never reset.
         """
+        self._worlds.batch.check_begun()
         check_names(actions, self.possible_agents)
         if not self._worlds.batch.running[0]:
             return SoloStep({}, {}, {}, {}, {}, True)

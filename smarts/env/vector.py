@@ -188,9 +188,11 @@ class VectorHiWayEnv:
                 that are not alive do not matter.
 
         Raises:
-            ActionError: An action is not in the space.
+            ActionError: An action is not in the space, or their arrays have not the shapes of the blocks.
             TrafficError: A simulation does not begin again.
+            SmartsError: The environment was closed, or never reset.
         """
+        self._worlds.batch.check_begun()
         transition = self._worlds.step(actions, self._everybody)
         rewards = self._worlds.rewards
         terminated, truncated = transition.terminated, transition.truncated

@@ -118,8 +118,20 @@ def env(tmp_path_factory):
     made.close()
 
 
+def motions(seen):
+    states = [seen[name(kind)].ego_vehicle_state for kind in KINDS]
+    return [(state.position, state.speed, float(state.heading)) for state in states]
+
+
+@pytest.fixture(scope="module")
+def untouched(env):
+    """Return what is seen after a step in which nobody acts."""
+    env.reset(seed=2)
+    return env.step({})[0]
+
+
 @pytest.fixture
-def seen(env):
+def seen(env, untouched):
     return env.reset(seed=2)[0]
 
 
@@ -138,13 +150,14 @@ def test_every_type_drives(env, seen):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_no_action_is_refused_by_name_and_does_no_harm(env, seen, kind):
+def test_what_is_no_action_is_refused_by_name_and_does_no_harm(env, seen, untouched, kind):
     for action in bad(kind):
         with pytest.raises(ActionError, match=name(kind)):
             env.step({name(ActionSpaceType.Continuous): (1.0, 0.0, 0.0), name(kind): action})
     now, *_ = env.step({})
     assert now[name(kind)].step_count == seen[name(kind)].step_count + 1
-    assert np.isfinite([now[name(kind)].ego_vehicle_state.position for kind in KINDS]).all()
+    # Not even those whose action was good have heard of it.
+    assert motions(now) == motions(untouched)
 
 
 @pytest.mark.parametrize(
@@ -162,6 +175,20 @@ def test_what_is_out_of_range_is_clipped(env, seen, kind):
         ends.append(now[name(kind)].ego_vehicle_state)
     assert ends[0].position == ends[1].position
     assert ends[0].speed == ends[1].speed
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if is_path(kind)])
+@pytest.mark.parametrize("value", [1e30, 1e308])
+def test_paths_out_of_range_are_clipped(env, seen, kind, value):
+    space: Any = action_space(kind)
+    ends = []
+    for end in (np.full(shape(kind), value), space.high.astype(np.float64)):
+        env.reset(seed=2)
+        for _ in range(3):
+            now, *_ = env.step({name(kind): end})
+        ends.append(motions(now))
+    assert ends[0] == ends[1]
+    assert np.isfinite([position for position, _, _ in ends[0]]).all()
 
 
 def test_who_does_not_act_goes_on(env, seen):

@@ -19,7 +19,7 @@ Bools = NDArray[np.bool_]
 _FAR = 1e6
 _BOUNDS: dict[ActionSpaceType, tuple[list[float], list[float]]] = {
     ActionSpaceType.Continuous: ([0, 0, -1], [1, 1, 1]),
-    ActionSpaceType.ActuatorDynamic: ([0, 0, -10], [1, 1, 10]),
+    ActionSpaceType.ActuatorDynamic: ([0, 0, -1], [1, 1, 1]),
     ActionSpaceType.LaneWithContinuousSpeed: ([0, -1], [60, 1]),
     ActionSpaceType.TargetPose: ([-_FAR, -_FAR, -2 * np.pi, 0], [_FAR, _FAR, 2 * np.pi, 1000]),
     ActionSpaceType.MultiTargetPose: ([-_FAR, -_FAR, -2 * np.pi, 0], [_FAR, _FAR, 2 * np.pi, 1000]),
@@ -36,6 +36,9 @@ _PATH_COLUMNS = {
 }
 """Which columns of `Actions.path` the rows of a path action fill."""
 
+_PATH_BOUND = np.array([1000.0, _FAR, _FAR, 1000.0, 100.0])
+"""The largest magnitudes of a path's time [s], x, y [m], heading [rad] and speed [m/s]."""
+
 PATH_POINTS = 32
 """The most points of a path."""
 
@@ -47,7 +50,8 @@ def action_space(kind: ActionSpaceType) -> Space:
     if kind in _BOUNDS:
         low, high = _BOUNDS[kind]
         return Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
-    return Box(-_FAR, _FAR, (len(_PATH_COLUMNS[kind]), PATH_POINTS), np.float32)
+    bound = np.repeat(_path_bound(kind), PATH_POINTS, axis=1).astype(np.float32)
+    return Box(-bound, bound, dtype=np.float32)
 
 
 def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) -> None:
@@ -67,6 +71,7 @@ def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) ->
     elif served.action in _PATH_COLUMNS:
         values = values.reshape(len(rows), -1, PATH_POINTS)
         _refuse(served, rows, columns, values, _not_finite(values), "is not finite")
+        values = _within_bounds(served.action, values)
         for source, target in enumerate(_PATH_COLUMNS[served.action]):
             out.path[rows, seats, :PATH_POINTS, target] = values[:, source]
         out.path_length[rows, seats] = PATH_POINTS
@@ -176,6 +181,20 @@ def _numbers(agent: str, action: Any, count: int) -> list[float]:
     return values.tolist()
 
 
+def _path_bound(kind: ActionSpaceType) -> NDArray[np.float64]:
+    """Return the largest magnitude of each row of a path action, shape (rows, 1)."""
+    return _PATH_BOUND[[*_PATH_COLUMNS[kind]], None]
+
+
+def _within_bounds(kind: ActionSpaceType, path: NDArray) -> NDArray[np.float64]:
+    """Return paths, shape (..., rows, points), clipped as all other actions are.
+
+    What follows a path works with squares and products of its numbers, which must not overflow.
+    """
+    bound = _path_bound(kind)
+    return np.clip(path, -bound, bound)
+
+
 def _write_path(agent: str, kind: ActionSpaceType, action: Any, row: int, seat: int, out: Actions) -> None:
     columns = _PATH_COLUMNS[kind]
     try:
@@ -191,6 +210,7 @@ def _write_path(agent: str, kind: ActionSpaceType, action: Any, row: int, seat: 
         )
     if not np.isfinite(values).all():
         raise ActionError("the path is not finite", place=f"action of {agent!r}")
+    values = _within_bounds(kind, values)
     out.path_length[row, seat] = values.shape[1]
     for source, target in enumerate(columns):
         out.path[row, seat, : values.shape[1], target] = values[source]

@@ -32,14 +32,14 @@ class Via(Described):
 
 @dataclass(frozen=True, eq=False)
 class UTurn(Described):
-    """The task to turn round, once another vehicle is near."""
+    """The task to turn round: the route is its first road and its last, and the turn is the way between them."""
 
     trigger_radius: float = 100
-    """How near [m]."""
+    """Without effect: when to turn is for the agent to decide. Kept so that the original's calls work [m]."""
     initial_speed: float | None = None
     """The speed before the turn [m/s]."""
     target_lane_index: int = 0
-    """The lane to end up in."""
+    """Without effect: the route's end says in which lane the goal is. Kept as above."""
 
     @property
     def name(self) -> str:
@@ -49,12 +49,16 @@ class UTurn(Described):
 
 @dataclass(frozen=True, eq=False)
 class CutIn(Described):
-    """The task to cut in, once another vehicle is near."""
+    """A label of missions in which cutting in is the point; it has no effect on observations, events or ends.
+
+    In the original it bends the agent's waypoints into the lane of the nearest vehicle. Here nothing drives for
+    the agent: whether it cut in is measured from the record (`smarts-bench` metric `cut_in_ratio`).
+    """
 
     trigger_radius: float = 30
-    """How near [m]."""
+    """Checked, and without effect [m]."""
     complete_on_edge_id: str | JunctionEdgeIDResolver | None = None
-    """The edge on which it must be done."""
+    """Checked to be an edge of the map, and without effect."""
 
     @property
     def name(self) -> str:

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from smarts.agents import AgentInterface, DoneCriteria
+from smarts.agents.options import InterfaceError
 from smarts.env.vector import VectorHiWayEnv
-from smarts.errors import ActionError
-from smarts.types.actions import LaneAction
+from smarts.errors import ActionError, SmartsError
+from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.events import Outcome
 from smarts.types.seats import ChangePhase, SeatState
 
@@ -120,9 +122,9 @@ def test_finished_agents_are_zeros_after_their_last_observation(new_env):
     assert seen[ended].any(axis=1).all()
     assert not now.alive[0, ended].any()
     after = env.step([np.full((1, 4), KEEP)])
-    if not after.reset[0]:
-        assert not after.observations[0][""][0, ended].any()
-        assert not after.rewards[0, ended].any()
+    assert not after.reset[0]
+    assert not after.observations[0][""][0, ended].any()
+    assert not after.rewards[0, ended].any()
 
 
 def test_final_observations_of_those_who_were_reset(new_env):
@@ -153,6 +155,47 @@ def test_actions_out_of_range_are_refused_by_name(new_env, value):
     env.step([np.array([[0, 0]])])
 
 
+@pytest.mark.parametrize(
+    "actions",
+    [[], [np.zeros((1, 3), int)], [np.zeros(2, int)], [np.zeros((1, 2), int)] * 2, [[[0, 1], [0]]]],
+    ids=["no blocks", "three agents", "no rows", "two blocks", "ragged"],
+)
+def test_actions_of_another_shape_are_refused(new_env, actions):
+    env = new_env(1, ["two_way"], 2)
+    env.reset()
+    with pytest.raises(ActionError):
+        env.step(actions)
+    assert env._worlds.batch.world.step[0] == 0
+
+
+def test_absurd_paths_move_nobody_out_of_this_world(new_env):
+    forgiving = DoneCriteria(collision=False, off_road=False, off_route=False)
+    path = AgentInterface(action=ActionSpaceType.Trajectory, done_criteria=forgiving)
+    env = new_env(2, ["two_way"], {"a": path}, adapter="raw")
+    env.reset()
+    block = env.spaces.blocks[0]
+    actions = np.zeros((2, 1, *block.action.shape))
+    actions[0] = 1e200
+    for _ in range(3):
+        now = env.step([actions])
+    assert env._worlds.batch.world.step.tolist() == [15, 15]
+    assert not now.failed
+    assert np.isfinite(now.observations[0]["ego_vehicle_state/speed"]).all()
+
+
+def test_a_step_wants_a_reset_before_it(new_env):
+    env = new_env(1, ["two_way"], 2)
+    with pytest.raises(SmartsError, match="no episode"):
+        env.step([np.zeros((1, 2), int)])
+    env.reset()
+    assert [start.episode for start in env.episodes] == [0]
+
+
+def test_without_simulations_there_is_no_environment():
+    with pytest.raises(InterfaceError, match="0 simulations"):
+        VectorHiWayEnv(0, ["two_way"])
+
+
 def test_a_seat_is_due_every_half_second(new_env):
     env = new_env(1, ["two_way"], 2)
     env.reset()
@@ -177,5 +220,10 @@ def test_stride_deals_out_a_list_of_worlds(new_env):
 
 def test_close_may_be_called_twice(new_env):
     env = new_env(1, ["two_way"], 1)
+    env.reset()
     env.close()
     env.close()
+    with pytest.raises(SmartsError, match="was closed"):
+        env.step([np.zeros((1, 1), int)])
+    with pytest.raises(SmartsError, match="was closed"):
+        env.reset()

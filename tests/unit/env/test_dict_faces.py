@@ -49,6 +49,21 @@ def test_a_loop_that_acts_for_all_it_has_observations_of(closing):
     assert env.step({"a": "keep_lane"})[0] == {}
 
 
+def test_what_was_closed_or_never_reset_is_not_stepped(closing):
+    for env in (
+        closing(HiWayEnv(["loop"], specs("a"))),
+        closing(hiway_parallel_env(["loop"], specs("a"))),
+        closing(RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": specs("a")})),
+    ):
+        with pytest.raises(SmartsError, match="no episode"):
+            env.step({"a": 0})
+        env.reset()
+        env.close()
+        for call in (lambda env=env: env.step({"a": 0}), env.reset):
+            with pytest.raises(SmartsError, match="was closed"):
+                call()
+
+
 def test_seeds_and_episodes(closing):
     env = closing(HiWayEnv(["intersection", "double_merge"], specs("a", "b"), seed=5))
 
@@ -193,7 +208,7 @@ def test_agents_with_different_interfaces_side_by_side(closing):
 
 def test_a_single_agent_is_asked_to_reset_when_it_is_over(closing):
     env = closing(SingleHiWayEnv(["two_way"]))
-    with pytest.raises(ActionError, match="reset"):
+    with pytest.raises(SmartsError, match="reset"):
         env.step(0)
     env.reset(seed=1)
     for _ in itertools.count():
