@@ -32,7 +32,7 @@ class Via(Described):
 
 @dataclass(frozen=True, eq=False)
 class UTurn(Described):
-    """The task to turn round: the route is its first road and its last, and the turn is the way between them."""
+    """The task to turn round: the route is its first road and its last, the turn the way between them."""
 
     trigger_radius: float = 100
     """Without effect: when to turn is for the agent to decide. Kept so that the original's calls work [m]."""
@@ -49,9 +49,9 @@ class UTurn(Described):
 
 @dataclass(frozen=True, eq=False)
 class CutIn(Described):
-    """A label of missions in which cutting in is the point; it has no effect on observations, events or ends.
+    """A label of missions whose point is cutting in; it has no effect on observations, events or ends.
 
-    In the original it bends the agent's waypoints into the lane of the nearest vehicle. Here nothing drives for
+    In the original it bends the waypoints into the lane of the nearest vehicle. Here nothing plans for
     the agent: whether it cut in is measured from the record (`smarts-bench` metric `cut_in_ratio`).
     """
 
