@@ -111,6 +111,8 @@ def write_run(
     }
     (folder / "run.json").write_text(json.dumps(facts))
     config = {"algorithm": algorithm, "environment": environment, "budget": budget, "settings": {}}
+    if seed < 0:
+        config = {"policy": algorithm}
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     if progress:
         lines = [PROGRESS_COLUMNS, *progress]

@@ -42,7 +42,8 @@ TEXT: dict[Any, Any] = {
     "svg.hashsalt": "smarts-bench",
 }
 DOTS_PER_INCH = 150
-COLOURS = 128
+PAGE_DOTS_PER_INCH = 115
+COLOURS = 64
 _LONG_NUMBER = re.compile(r"(\d\.\d\d)\d+")
 """Coordinates to a hundredth of a point are finer than any screen."""
 
@@ -91,14 +92,14 @@ def as_lines(figure: Any) -> str:
 
 def as_dots(figure: Any) -> str:
     """Return a figure as the source of an image in a page: pixels, for what has thousands of points."""
-    return "data:image/png;base64," + base64.b64encode(png(figure)).decode()
+    return "data:image/png;base64," + base64.b64encode(png(figure, PAGE_DOTS_PER_INCH)).decode()
 
 
-def png(figure: Any) -> bytes:
+def png(figure: Any, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
     """Return a figure as a PNG file, of few colours and so a fraction of the size."""
     from PIL import Image
 
     drawn, out = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=DOTS_PER_INCH)
+    figure.savefig(drawn, format="png", dpi=dots_per_inch)
     Image.open(drawn).convert("RGB").quantize(COLOURS).save(out, format="png", optimize=True)
     return out.getvalue()
