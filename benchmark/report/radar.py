@@ -41,9 +41,7 @@ def draw_radar(axes: Any, report: Report, task: str, traffic: str) -> None:
         place = {"ha": "center", "va": "center", "zorder": 5}
         axes.text(np.pi / 4, ring, f"{ring:g}", fontsize=6.5, color="#555555", bbox=box, **place)
     axes.set_xticks(angles, [METRICS[name].label.replace("Control d", "D") for name in names])
-    for text, side in zip(axes.get_xticklabels(), ("center", "left", "center", "right"), strict=False):
-        text.set_horizontalalignment(side)
-    axes.tick_params(axis="x", pad=2)
+    axes.tick_params(axis="x", pad=9)
     axes.grid(color="#d5d5d5", linewidth=0.6)
     axes.spines["polar"].set_color("#aaaaaa")
     for algorithm in report.results.algorithms:
