@@ -20,15 +20,15 @@ def render(
         typer.Option(help="File to write; its suffix chooses: .gif, .mp4 (needs ffmpeg), .png (one moment)."),
     ] = Path("episode.gif"),
     at: Annotated[
-        float | None, typer.Option(help="Moment of a .png [s]; by default the last.", show_default=False)
+        float | None, typer.Option(help="Moment of a .png (s); by default the last.", show_default=False)
     ] = None,
-    begin: Annotated[float, typer.Option(help="Begin of a film [s].")] = 0.0,
+    begin: Annotated[float, typer.Option(help="Begin of a film (s).")] = 0.0,
     end: Annotated[
-        float | None, typer.Option(help="End of a film [s]; by default the last.", show_default=False)
+        float | None, typer.Option(help="End of a film (s); by default the last.", show_default=False)
     ] = None,
     every: Annotated[int, typer.Option(help="Steps from one picture to the next.", min=1)] = 2,
     speed: Annotated[float, typer.Option(help="Times as fast as it was.", min=0.01)] = 1.0,
-    width: Annotated[int, typer.Option(help="Of the picture [pixels].", min=100, max=4000)] = 900,
+    width: Annotated[int, typer.Option(help="Of the picture (pixels).", min=100, max=4000)] = 900,
 ) -> None:
     """Draw a recorded episode from above; no display is needed."""
     from smarts.envision.animation import STILL, check_format, write_moving, write_still

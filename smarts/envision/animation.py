@@ -13,6 +13,7 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 
+from smarts.envision.whole_files import PARTIAL, written_whole
 from smarts.errors import SmartsError
 
 Image = NDArray[np.uint8]
@@ -43,8 +44,8 @@ def check_format(out: Path) -> None:
 
 def write_still(image: Image, out: Path) -> None:
     """Write one picture."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    PIL.Image.fromarray(image).save(out)
+    with written_whole(out) as partial:
+        PIL.Image.fromarray(image).save(partial)
 
 
 def write_moving(images: Iterable[Image], out: Path, seconds: float) -> None:
@@ -58,11 +59,9 @@ def write_moving(images: Iterable[Image], out: Path, seconds: float) -> None:
     Raises:
         SmartsError: ffmpeg failed; its own message is in it.
     """
-    out.parent.mkdir(parents=True, exist_ok=True)
-    if out.suffix == ".gif":
-        _write_gif(iter(images), out, seconds)
-    else:
-        _write_mp4(iter(images), out, seconds)
+    write = _write_gif if out.suffix == ".gif" else _write_mp4
+    with written_whole(out) as partial:
+        write(iter(images), partial, seconds)
 
 
 def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> None:
@@ -94,6 +93,6 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> None:
     if process.returncode:
         raise SmartsError(
             f"ffmpeg failed: {message.decode(errors='replace').strip()}",
-            place=str(out),
+            place=str(out.name.removeprefix(PARTIAL)),
             remedy="write a .gif instead",
         )

@@ -19,7 +19,7 @@ from matplotlib.patches import Polygon as Outline
 from numpy.typing import NDArray
 
 from smarts.envision.route_lines import CAR_LENGTH, goal_pose, place_on_map, route_line, start_pose
-from smarts.errors import SmartsError
+from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sstudio import types as t
 from smarts.sstudio.built import BuiltScenario
@@ -250,14 +250,5 @@ def _aspect(roads: LaneGraph) -> float:
 
 def _write(figure: Figure, out: Path, dpi: int) -> None:
     FigureCanvasAgg(figure)
-    # Beside the target first, so that a full disk leaves no half of a picture.
-    partial = out.with_name(f".partial-{out.name}")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(out) as partial:
         figure.savefig(partial, dpi=dpi, format=out.suffix.lstrip(".").lower())
-        partial.replace(out)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise SmartsError(
-            f"the picture cannot be written: {error.strerror}", place=str(out), remedy="choose another --out"
-        ) from error

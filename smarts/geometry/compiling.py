@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import logging
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from numba import njit
+from numba.core.event import Event, Listener, register
 
 
 def kernel(function: Callable) -> Any:
@@ -22,8 +24,31 @@ def kernel(function: Callable) -> Any:
     entry's name holds a digest of the function's module and of all modules of this project that it imports,
     itself or by way of others.
     """
+    _tell_of_compiling()
     function.__qualname__ += f"_{_digest(function.__module__)}"
     return njit(cache=True, error_model="numpy")(function)
+
+
+class _Notice(Listener):
+    """Says once why nothing happens for a while: machine code that is in the cache is not compiled."""
+
+    def __init__(self) -> None:
+        self._is_said = False
+
+    def on_start(self, event: Event) -> None:
+        if not self._is_said:
+            self._is_said = True
+            logging.getLogger("smarts").warning(
+                "compiling kernels, once after an installation or a change: it takes a minute or two"
+            )
+
+    def on_end(self, event: Event) -> None:
+        pass
+
+
+@cache
+def _tell_of_compiling() -> None:
+    register("numba:compile", _Notice())
 
 
 @cache

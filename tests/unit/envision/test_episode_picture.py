@@ -127,12 +127,12 @@ def with_ffmpeg(monkeypatch, folder, script):
 
 
 def test_an_mp4_is_fed_picture_by_picture(episode, tmp_path, monkeypatch):
-    with_ffmpeg(monkeypatch, tmp_path, 'for out; do :; done; echo "$@" > "$out.txt"; cat > "$out"')
+    with_ffmpeg(monkeypatch, tmp_path, 'for out; do :; done; echo "$@" > "${out%/*}/told.txt"; cat > "$out"')
     out = tmp_path / "film.mp4"
     assert run(episode.folder, "--out", out, "--every", 10).exit_code == 0
     size = EpisodePicture(episode).image(0).shape
     assert out.stat().st_size == 3 * np.prod(size)
-    told = (tmp_path / "film.mp4.txt").read_text()
+    told = (tmp_path / "told.txt").read_text()
     assert f"-s {size[1]}x{size[0]} -r 1 " in told
 
 

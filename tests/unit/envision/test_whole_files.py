@@ -1,0 +1,19 @@
+import pytest
+
+from smarts.envision.whole_files import written_whole
+from smarts.errors import SmartsError
+
+
+def test_what_fails_leaves_what_was_there(tmp_path):
+    out = tmp_path / "a.gif"
+    out.write_text("old")
+    with pytest.raises(ZeroDivisionError), written_whole(out) as partial:
+        partial.write_text(f"half {1 / 0}")
+    assert out.read_text() == "old"
+    assert [*tmp_path.iterdir()] == [out]
+
+
+def test_a_place_that_cannot_be_written_to_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SmartsError, match="cannot be written"), written_whole(tmp_path / "file" / "a.png"):
+        pass
