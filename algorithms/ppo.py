@@ -19,11 +19,12 @@ from torch import Tensor
 
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
+from algorithms.joint.bundles import Bundle, bundles
 from algorithms.joint.config import OnPolicyConfig
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.spec import JointSpec
+from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 
@@ -57,12 +58,21 @@ class PPOLearner(OnPolicyLearner):
 
     config: PPOConfig  # type: ignore[assignment]
 
+    def build(self) -> None:
+        """Build modules, and find groups whose networks can be evaluated as one."""
+        super().build()
+        self.policy_bundles = bundles(self.groups, self._plain_policy)
+        self.value_bundles = bundles(self.groups, self._plain_value)
+
     def values(self, view: JointView) -> Tensor:
         """Return each agent's value of its own observation, (M, N)."""
         values = {}
-        for group in self.groups:
-            critic = self.net(critic_of(group))
-            values[group.id] = critic.moments.unscaled(critic.value(view.view(group)))
+        for bundle in self.value_bundles:
+            columns = self._scaled_values(bundle, view.view(bundle.whole)).split(
+                [g.size for g in bundle.groups], -1
+            )
+            for group, scaled in zip(bundle.groups, columns, strict=True):
+                values[group.id] = self.net(critic_of(group)).moments.unscaled(scaled)
         return view.join(values)
 
     def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
@@ -78,15 +88,19 @@ class PPOLearner(OnPolicyLearner):
 
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Step every policy, then every value function."""
-        for group, own in batch.groups():
-            if not own.alive.any():  # momentum would move it all the same
-                continue
-            net = self.net(group.id)
-            policy = net.head.distribution(net.policy(own), own.legal)
+        losses, stepped = [], []
+        for bundle in self.policy_bundles:
+            own = batch.part(bundle.whole)
+            head = self.net(bundle.groups[0].id).head
+            policy = head.distribution(self._outputs(bundle, own), own.legal)
             loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
-            entropy = self.mean(policy.entropy(), own.alive)
-            self.step_optimizer(self.mean(loss, own.alive) - self.config.entropy_coeff * entropy, group.id)
-            self.log(group.id, "entropy", entropy)
+            entropy = policy.entropy()
+            losses.append(bundle.means(loss - self.config.entropy_coeff * entropy, own.alive).sum())
+            present = bundle.present(own.alive)  # momentum would move the others all the same
+            stepped += [group.id for group in present]
+            self._log_present(bundle, present, "entropy", bundle.means(entropy, own.alive))
+        if stepped:
+            self.step_optimizer(torch.stack(losses).sum(), *stepped)
         self.fit_values(batch)
 
     def policy_loss(self, log_prob: Tensor, old_log_prob: Tensor, advantages: Tensor) -> Tensor:
@@ -95,14 +109,46 @@ class PPOLearner(OnPolicyLearner):
 
     def fit_values(self, batch: OnPolicyBatch) -> None:
         """Regress values on their targets."""
-        for group, own in batch.groups():
-            if not own.alive.any():
-                continue
-            critic = self.net(critic_of(group))
-            error = (critic.value(own) - critic.moments.scaled(own.targets)).square()
-            loss = self.mean(error, own.alive)
-            self.step_optimizer(loss, critic_of(group))
-            self.log(group.id, "value_loss", loss)
+        losses, stepped = [], []
+        for bundle in self.value_bundles:
+            own = batch.part(bundle.whole)
+            targets = own.targets.split([group.size for group in bundle.groups], -1)
+            scaled = [
+                self.net(critic_of(group)).moments.scaled(target)
+                for group, target in zip(bundle.groups, targets, strict=True)
+            ]
+            error = (self._scaled_values(bundle, own) - torch.cat(scaled, -1)).square()
+            means = bundle.means(error, own.alive)
+            losses.append(means.sum())
+            present = bundle.present(own.alive)
+            stepped += [critic_of(group) for group in present]
+            self._log_present(bundle, present, "value_loss", means)
+        if stepped:
+            self.step_optimizer(torch.stack(losses).sum(), *stepped)
+
+    def _plain_policy(self, group: Group):
+        return self.net(group.id).plain()
+
+    def _plain_value(self, group: Group):
+        if critic_of(group) not in self.module:  # there are other critics, or none
+            return None
+        critic = self.net(critic_of(group))
+        return critic.encoder, critic.body
+
+    def _log_present(self, bundle: Bundle, present: list[Group], name: str, means: Tensor) -> None:
+        for group, mean in zip(bundle.groups, means.unbind(), strict=True):
+            if group in present:
+                self.log(group.id, name, mean)
+
+    def _outputs(self, bundle: Bundle, view: GroupView) -> Tensor:
+        if bundle.is_stacked:
+            return bundle.outputs(view, self._plain_policy)
+        return self.net(bundle.whole.id).policy(view)
+
+    def _scaled_values(self, bundle: Bundle, view: GroupView) -> Tensor:
+        if bundle.is_stacked:
+            return bundle.outputs(view, self._plain_value).squeeze(-1)
+        return self.net(critic_of(bundle.whole)).value(view)
 
 
 class PPOConfig(OnPolicyConfig):

@@ -231,13 +231,16 @@ class OnPolicyBatch(JointBatch):
     advantages: Tensor
     targets: Tensor
 
+    def part(self, group: Group) -> OnPolicyGroup:
+        """Return a group's part."""
+        own = (..., group.columns)
+        scores = self.log_prob[own], self.advantages[own], self.targets[own]
+        return OnPolicyGroup(*self._seen(group), *self._done(group), *scores, **self._order(group))
+
     def groups(self) -> Iterator[tuple[Group, OnPolicyGroup]]:
         """Yield every group with its part."""
         for group in self.spec.groups:
-            own = (..., group.columns)
-            scores = self.log_prob[own], self.advantages[own], self.targets[own]
-            parts = *self._seen(group), *self._done(group), *scores
-            yield group, OnPolicyGroup(*parts, **self._order(group))
+            yield group, self.part(group)
 
 
 @dataclass(frozen=True)
@@ -276,7 +279,11 @@ def to_tensor(array: np.ndarray, device: torch.device | str = "cpu") -> Tensor:
 
 
 def _rows(value: Any, rows) -> Any:
-    return value[rows] if isinstance(value, JointView) else _apply(value, lambda x: x[rows])
+    if isinstance(value, JointView):
+        return value[rows]
+    # Half the time of indexing by a tensor.
+    by_number = isinstance(rows, Tensor) and rows.dtype == torch.int64
+    return _apply(value, lambda x: x.index_select(0, rows) if by_number else x[rows])
 
 
 def _apply(value: Any, function) -> Any:

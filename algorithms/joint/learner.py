@@ -80,7 +80,7 @@ class JointTorchLearner(TorchLearner):
         if parameters:
             self.register_optimizer(
                 module_id=module_id,
-                optimizer=torch.optim.Adam(parameters, eps=1e-5, foreach=True),
+                optimizer=torch.optim.Adam(parameters, eps=1e-5, fused=True),
                 params=parameters,
                 lr_or_lr_schedule=config.lr,
             )
@@ -93,7 +93,8 @@ class JointTorchLearner(TorchLearner):
         owned = [self._parameters[module_id] for module_id in module_ids]
         flat = [p for parameters in owned for p in parameters]
         for p, gradient in zip(flat, torch.autograd.grad(loss, flat, allow_unused=True), strict=True):
-            p.grad = gradient
+            # The fused optimiser reads memory in order, whatever the gradient's strides say.
+            p.grad = None if gradient is None else gradient.contiguous()
         for module_id, parameters in zip(module_ids, owned, strict=True):
             if self.config.grad_clip is not None:
                 nn.utils.clip_grad_norm_(parameters, self.config.grad_clip, foreach=True)
@@ -198,6 +199,11 @@ class OnPolicyLearner(JointTorchLearner):
                 self.update_minibatch(batch)
                 continue
             order = torch.randperm(count, generator=self.generator).to(batch.alive.device)
+            if batch.length == 1:  # one gather, then views
+                shuffled = batch[order]
+                for start in range(0, count, size):
+                    self.update_minibatch(shuffled[start : start + size])
+                continue
             for chosen in order.split(max(size // batch.length, 1)):
                 self.update_minibatch(batch.sequences(chosen))
         self.updates += 1

@@ -21,7 +21,7 @@ from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import to_env
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import Acting, Exploration
-from algorithms.parts.networks import Encoder, StackedPerceptrons
+from algorithms.parts.networks import PlacedPerceptron, StackedPerceptrons
 
 
 class Episode(NamedTuple):
@@ -91,7 +91,7 @@ class Policies:
         self._spec = spec
         self._modules = modules
         self._by_block = [[g for g in spec.groups if g.block == k] for k in range(len(spec.spaces.blocks))]
-        self._stacked: list[tuple[Encoder, StackedPerceptrons] | None] = []
+        self._stacked: list[Callable[[Mapping[str, Tensor]], Tensor] | None] = []
         self.refresh()
 
     @property
@@ -101,7 +101,8 @@ class Policies:
 
     def refresh(self) -> None:
         """Take over changed weights."""
-        self._stacked = [self._stack([self._modules[g.id] for g in groups]) for groups in self._by_block]
+        with torch.no_grad():
+            self._stacked = [self._stack([self._modules[g.id] for g in groups]) for groups in self._by_block]
 
     def act(self, view: View, exploration: Exploration, generator: Generator) -> list[Acting]:
         """Return one `Acting` per block for a view with leading axis (B,)."""
@@ -116,8 +117,7 @@ class Policies:
         first = self._modules[groups[0].id]
         stacked = self._stacked[block]
         if stacked is not None:
-            encoder, perceptrons = stacked
-            outputs = perceptrons(encoder(leaves))
+            outputs = stacked(leaves)
         elif first.memory_size:
             recalled = [self._modules[g.id].recall(_seen_by(g, view)) for g in groups]
             outputs, memory = (self._in_columns(block, parts) for parts in zip(*recalled, strict=True))
@@ -145,14 +145,19 @@ class Policies:
         return joined[:, torch.from_numpy(np.argsort(places))]
 
     @staticmethod
-    def _stack(modules: list[JointModule]) -> tuple[Encoder, StackedPerceptrons] | None:
-        plain = [parts for module in modules if (parts := module.plain()) and module.group.size == 1]
-        if len(plain) < max(2, len(modules)) or not all(encoder.is_plain for encoder, _ in plain):
-            return None
+    def _stack(modules: list[JointModule]) -> Callable[[Mapping[str, Tensor]], Tensor] | None:
+        """Return what maps the leaves of a block to outputs (B, n, P) in few steps, if that can be."""
+        plain = [parts for module in modules if (parts := module.plain())]
         bodies = [body for _, body in plain if isinstance(body, nn.Sequential)]
-        if len(bodies) < len(plain) or not StackedPerceptrons.fits(bodies):
+        if not bodies or len(bodies) < len(modules) or not StackedPerceptrons.fits(bodies):
             return None
-        return plain[0][0], StackedPerceptrons(bodies)
+        encoder = plain[0][0]
+        if len(modules) == 1:
+            return PlacedPerceptron(encoder, bodies[0]) if encoder.places else None
+        if any(module.group.size > 1 for module in modules) or not all(e.is_plain for e, _ in plain):
+            return None
+        perceptrons = StackedPerceptrons(bodies)
+        return lambda leaves: perceptrons(encoder(leaves))
 
 
 def _seen_by(group: Group, view: View) -> GroupView:

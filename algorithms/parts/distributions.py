@@ -10,6 +10,7 @@ from gymnasium.spaces import Box, Discrete
 from torch import Generator, Tensor
 
 from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.noise import exponential
 
 
 class Exploration(NamedTuple):
@@ -73,8 +74,7 @@ class CategoricalDistribution:
 
     def sample(self, generator: Generator) -> Tensor:
         """Return (...) actions by the Gumbel-max trick."""
-        exponential = torch.empty_like(self.log_probs).exponential_(generator=generator)
-        return (self.log_probs - exponential.log()).argmax(-1)
+        return (self.log_probs - exponential(self.log_probs, generator).log()).argmax(-1)
 
     def mode(self) -> Tensor:
         """Return (...) most probable actions, the first of equals."""
@@ -184,8 +184,8 @@ class EpsilonGreedyHead:
         )
         if epsilon == 0:
             return Acting(greedy.argmax(-1), None, probabilities)
-        exponential = torch.empty_like(probabilities).exponential_(generator=generator)
-        return Acting((probabilities / exponential).argmax(-1), None, probabilities)
+        drawn = (probabilities / exponential(probabilities, generator)).argmax(-1)
+        return Acting(drawn, None, probabilities)
 
 
 class BoltzmannHead:

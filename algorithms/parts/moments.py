@@ -35,11 +35,15 @@ class RunningMoments(nn.Module):
 
     def scaled(self, x: Tensor) -> Tensor:
         """Return standardised values."""
+        if not self._enabled:
+            return x
         mean, std = self._moments()
         return (x - mean) / std
 
     def unscaled(self, x: Tensor) -> Tensor:
         """Return values in the units of the rewards."""
+        if not self._enabled:
+            return x
         mean, std = self._moments()
         return x * std + mean
 

@@ -52,9 +52,19 @@ class Encoder(nn.Module):
         self.size = vectors + 64 * len(self._images) + self._identity
         self.is_plain = not self._images and not self._identity
         """Whether the encoder only concatenates, so that it has no weights."""
+        self.places = self._identity if not self._images else 0
+        """Number of agents, where all the encoder adds to vectors is their one-hot place."""
 
     def forward(self, leaves: Mapping[str, Tensor]) -> Tensor:
         """Return features (..., n, size) of leaves (..., n, *shape)."""
+        seen = self.see(leaves)
+        if not self._identity:
+            return seen
+        place = torch.eye(self._identity, device=seen.device)
+        return torch.cat([seen, place.expand(*seen.shape[:-1], self._identity)], -1)
+
+    def see(self, leaves: Mapping[str, Tensor]) -> Tensor:
+        """Return the features without the agents' places."""
         parts = []
         for name, depth in self._depth.items():
             leaf = leaves[name]
@@ -64,9 +74,6 @@ class Encoder(nn.Module):
                 continue
             leaf = leaf.flatten(-depth) if depth > 1 else leaf.unsqueeze(-1) if depth == 0 else leaf
             parts.append(leaf if leaf.dtype == torch.float32 else leaf.float())
-        if self._identity:
-            place = torch.eye(self._identity, device=parts[0].device)
-            parts.append(place.expand(*parts[0].shape[:-1], self._identity))
         return parts[0] if len(parts) == 1 else torch.cat(parts, -1)
 
     @staticmethod
@@ -102,23 +109,48 @@ def _convolution(space: Box) -> nn.Sequential:
     return nn.Sequential(*layers, nn.Linear(width_out, 64), nn.ReLU())
 
 
-class StackedPerceptrons:
-    """n perceptrons of equal shape as one chain of batched products, for acting only.
+class PlacedPerceptron:
+    """A perceptron behind an encoder that only adds places, for acting: each place is a bias of its agent.
 
-    A step of four separate networks costs three times as much as this.
+    Args:
+        encoder: With `places`.
+        network: Linear layers and activations; the first reads the encoder's features.
+    """
+
+    def __init__(self, encoder: Encoder, network: nn.Sequential) -> None:
+        self._see, first = encoder.see, network[0]
+        if not isinstance(first, nn.Linear):
+            raise TypeError(f"a perceptron begins with a linear layer, not with {first}")
+        self._weight = first.weight[:, : -encoder.places].T.contiguous()
+        self._bias = first.bias + first.weight[:, -encoder.places :].T
+        self._rest = list(network)[1:]
+
+    def __call__(self, leaves: Mapping[str, Tensor]) -> Tensor:
+        """Return outputs (B, n, P) of leaves (B, n, *shape)."""
+        x = torch.matmul(self._see(leaves), self._weight).add_(self._bias)
+        for layer in self._rest:
+            x = layer(x)
+        return x
+
+
+class StackedPerceptrons:
+    """n perceptrons of equal shape as one chain of batched products.
+
+    A step of four separate networks costs three times as much as this. Gradients reach the networks' own
+    parameters, unless it is built under `torch.no_grad`; changes of these need a new stack.
     """
 
     def __init__(self, networks: Sequence[nn.Sequential]) -> None:
         self._layers: list[tuple[Tensor, Tensor] | nn.Module] = []
         for column in zip(*networks, strict=True):
             if isinstance(column[0], nn.Linear):
-                weight = torch.stack([layer.weight.detach().T for layer in column]).contiguous()
-                self._layers.append((weight, torch.stack([layer.bias.detach() for layer in column])[:, None]))
+                weight = torch.stack([layer.weight for layer in column]).transpose(1, 2)
+                self._layers.append((weight, torch.stack([layer.bias for layer in column])[:, None]))
             else:
                 self._layers.append(column[0])
 
     def __call__(self, features: Tensor) -> Tensor:
-        """Return outputs (B, n, P) of features (B, n, d), network i applied to agent i."""
+        """Return outputs (M, n, P) of features (M, n, d), network i applied to agent i."""
         x = features.transpose(0, 1)
         for layer in self._layers:
             x = torch.baddbmm(layer[1], x, layer[0]) if isinstance(layer, tuple) else layer(x)

@@ -6,6 +6,7 @@ import torch
 from torch import Generator, Tensor
 
 from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.noise import exponential
 
 
 def straight_through_gumbel(
@@ -17,7 +18,7 @@ def straight_through_gumbel(
     """
     if legal is not None:
         logits = logits.masked_fill(~legal, ILLEGAL)
-    gumbel = -torch.empty_like(logits).exponential_(generator=generator).log()
+    gumbel = -exponential(logits, generator).log()
     relaxed = torch.softmax((logits + gumbel) / temperature, -1)
     hard = torch.zeros_like(relaxed).scatter_(-1, relaxed.argmax(-1, keepdim=True), 1.0)
     return hard + (relaxed - relaxed.detach())  # the bracket is exactly zero

@@ -1,5 +1,6 @@
 """`VectorHiWayEnv` keeps the learners' contract, and what policies sampled from gets into the records."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from ray.tune import register_env
 import algorithms
 from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.evaluation import evaluate
-from smarts.env import VectorHiWayEnv
+from smarts.env import RLlibHiWayEnv, VectorHiWayEnv
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
@@ -82,3 +83,43 @@ def test_ppo_learns_from_pictures_and_its_evaluation_is_on_record(tmp_path):
         order = np.lexsort((decisions["seat"], decisions["step"]))
         said = np.lexsort((extras["seat"][told["probabilities"]], extras["step"][told["probabilities"]]))
         assert not (probabilities[said] * (1 - legal[order])).any()
+
+
+DRIVERS = ["dqn", "ppo", "maac", "mf_ac", "mf_q", "networked_q", "commnet", "maddpg"]
+
+
+def trained(name, env, env_config=None):
+    """Return the result of the second iteration of training, and the weights before and after it."""
+    config = algorithms.config(name).environment(env, env_config=env_config or {})
+    config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=24)
+    replay = {"learning_starts": 16, "batch_size": 16, "capacity": 200, "updates_per_step": 0.1}
+    known = {setting: value for setting, value in replay.items() if setting in config.setting_names}
+    algo: Any = config.training(sharing="all", hidden=(32,), **known).build_algo()
+    try:
+        algo.train()
+        before = algo.get_weights()
+        return algo.train(), before, algo.get_weights()
+    finally:
+        algo.stop()
+
+
+def assert_learnt(result, before, after):
+    assert result["env_runners"]["num_env_steps_sampled_lifetime"] == 96
+    assert result["env_runners"]["num_failed_env_copies_lifetime"] == 0
+    leaves = [(x, after[module][leaf]) for module, net in before.items() for leaf, x in net.items()]
+    assert all(np.isfinite(new).all() for _, new in leaves)
+    assert any((old != new).any() for old, new in leaves)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DRIVERS)
+def test_the_papers_baselines_train_on_the_intersection(name):
+    register_env("crossing", lambda config: VectorHiWayEnv(config["num_envs"], ["intersection"], agents=4))
+    assert_learnt(*trained(name, "crossing"))
+
+
+@pytest.mark.slow
+def test_ppo_trains_on_rllibs_face():
+    """Runners add `num_envs` to the config, which only vector environments need."""
+    scenario = Path(__file__).parents[2] / "scenarios" / "intersection"
+    assert_learnt(*trained("ppo", RLlibHiWayEnv, {"scenarios": [str(scenario)], "agent_specs": 4}))

@@ -15,8 +15,9 @@ from rigs import Rig
 from algorithms.joint.batch import JointView
 from algorithms.joint.masks import Masks
 from algorithms.joint.rollout import JointRollout
+from algorithms.maac import CRITIC, of_actions
 from algorithms.maddpg import JointQ
-from tests.games.games import Constant, Product
+from tests.games.games import Constant, Game, Product
 
 pytestmark = pytest.mark.slow
 
@@ -178,3 +179,57 @@ def test_maddpg_fails_where_the_own_action_lands_in_the_others_slot(seed, monkey
 
     monkeypatch.setattr(JointQ, "__init__", misplaced)
     assert product_score(seed, "maddpg") < (1 + 0.33) / 2
+
+
+class Foreign(Game):
+    """An agent is paid by the other's coin: the one that the other sees, or the action that it takes.
+
+    Whoever knows it predicts every reward; whoever does not errs by the variance of a coin, 1/4.
+    """
+
+    def __init__(self, config=None):
+        super().__init__()
+        self.by_action = bool((config or {}).get("by_action"))
+
+    def observe(self) -> dict[Any, np.ndarray]:
+        self.coins = self.rng.integers(2, size=2)
+        return {a: np.array([c], np.float32) for a, c in zip(self.agents, self.coins, strict=True)}
+
+    def reward(self, actions):
+        return [float(x) for x in (actions if self.by_action else self.coins)[::-1]]
+
+
+def error_of_values(name, seed):
+    """Return the mean square error of the first agent's values of rewards that the other's coin decides."""
+    rig = Rig(name, Foreign, seed=seed, gamma=0.0, lr=1e-2, minibatch_size=32)
+    for _ in range(10):
+        rig.learner.update_joint(rig.rollout(32))
+    batch = rig.learner.prepare(rig.rollout(200))
+    with torch.no_grad():
+        return (rig.learner.values(batch) - batch.rewards)[:, 0].square().mean().item()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_central_values_see_the_others_and_local_ones_do_not(seed):
+    assert error_of_values("centralised_v", seed) < 0.125 < error_of_values("ppo", seed)
+
+
+def error_of_attention(seed):
+    """Return the mean square error of MAAC's values of rewards that the other's action decides."""
+    settings = {"gamma": 0.0, "lr": 1e-2, "learning_starts": 100, "updates_per_step": 0.5, "batch_size": 64}
+    # Much entropy, so that the actions stay coins.
+    rig = Rig("maac", Foreign, {"by_action": True}, seed=seed, alpha=10.0, **settings)
+    for _ in range(30):
+        rig.learner.update_joint(rig.rollout(8))
+    batch = rig.learner.replay.sample(np.random.default_rng(0), 400)
+    with torch.no_grad():
+        values = rig.learner.net(CRITIC).q(batch, batch.encoded_actions())
+    chosen = of_actions(values[rig.spec.groups[0].id], batch.actions[0][:, :1])
+    return (chosen - batch.rewards[:, :1]).square().mean().item()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_maacs_critic_sees_the_others_actions_by_its_attention_only(seed, monkeypatch):
+    assert error_of_attention(seed) < 0.125
+    monkeypatch.setattr("algorithms.maac.attend", lambda asked, found, given, alive: 0 * given)
+    assert error_of_attention(seed) > 0.125

@@ -52,18 +52,20 @@ def test_losses_and_gradients_are_those_of_rllibs_ppo(monkeypatch):
     generator = torch.Generator().manual_seed(0)
     shift = 0.4 * torch.randn(batch.log_prob.shape, generator=generator)
     batch = type(batch)(**{**vars(batch), "log_prob": batch.log_prob + shift})
-    ours = {}
+    losses, ours = [], {}
 
     def watched(loss, *modules):
-        (module,) = modules
-        parameters = rig.learner.net(module).trained_parameters()
-        ours[module] = loss.item(), torch.autograd.grad(loss, parameters)
+        losses.append(loss.item())
+        for module in modules:
+            parameters = rig.learner.net(module).trained_parameters()
+            ours[module] = torch.autograd.grad(loss, parameters, retain_graph=True)
 
     monkeypatch.setattr(rig.learner, "step_optimizer", watched)
     rig.learner.update_minibatch(batch)
     config = StockConfig().training(
         clip_param=0.2, use_kl_loss=False, vf_clip_param=float("inf"), vf_loss_coeff=1.0
     )
+    total = 0.0
     for group, own in batch.groups():
         policy, critic = rig.learner.net(group.id), rig.learner.net(critic_of(group))
         logits = policy.policy(own)[:, 0]
@@ -90,11 +92,12 @@ def test_losses_and_gradients_are_those_of_rllibs_ppo(monkeypatch):
             },
             fwd_out={Columns.ACTION_DIST_INPUTS: logits},
         )
-        assert theirs.item() == pytest.approx(ours[group.id][0] + ours[critic_of(group)][0], rel=1e-5)
+        total += theirs.item()
         for name, net in ((group.id, policy), (critic_of(group), critic)):
             slopes = torch.autograd.grad(theirs, net.trained_parameters(), retain_graph=True)
-            for mine, other in zip(ours[name][1], slopes, strict=True):
+            for mine, other in zip(ours[name], slopes, strict=True):
                 torch.testing.assert_close(mine, other, rtol=1e-4, atol=1e-7)
+    assert sum(losses) == pytest.approx(total, rel=1e-5)
 
 
 def test_centralised_v_with_local_critics_is_independent_ppo(monkeypatch):
@@ -118,10 +121,11 @@ def test_centralised_v_with_local_critics_is_independent_ppo(monkeypatch):
         original = rig.learner.step_optimizer
 
         def step(loss, *modules):
-            if modules[0].endswith("__critic"):
-                slopes.setdefault(modules[0], torch.autograd.grad(loss, parameters(modules[0])))
-            else:
-                original(loss, *modules)
+            if not modules[0].endswith("__critic"):
+                return original(loss, *modules)
+            for name in modules:
+                found = torch.autograd.grad(loss, parameters(name), retain_graph=True)
+                slopes.setdefault(name, found)
 
         return step
 

@@ -11,6 +11,7 @@ from gymnasium.spaces import Box
 from rigs import Rig, moved, replayed
 
 import algorithms
+from algorithms.joint.bundles import Bundle
 from algorithms.joint.module import critic_of
 from tests.games.games import Constant, Cues, Game, Ragged, Target, TwoStep
 
@@ -234,9 +235,10 @@ def test_illegal_actions_are_never_taken(name):
     assert all(torch.isfinite(w).all() for part in rig.weights().values() for w in part.values())
 
 
+@pytest.mark.parametrize("sharing", ["none", "all"])
 @pytest.mark.parametrize("name", [n for n in algorithms.names() if not algorithms.entry(n).communication])
-def test_stacked_policies_act_like_separate_ones(name):
-    rig = Rig(name, Cues, **settings_of(name))
+def test_stacked_policies_act_like_separate_ones(name, sharing):
+    rig = Rig(name, Cues, sharing=sharing, **settings_of(name))
     rig.learner.update_joint(rig.rollout(epsilon=1.0))
     rig.policies.refresh()
     view = rig.sampler._view()
@@ -263,6 +265,17 @@ def test_every_kind_of_sharing_learns_on_ragged_games(name, sharing):
     assert all(torch.isfinite(w).all() for part in after.values() for w in part.values())
 
 
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_the_same_seed_gives_the_same_weights_after_twenty_iterations(name):
+    settings = {"epochs": 1} if name == "ppo" else REPLAY
+    rig, again, other = (Rig(name, Cues, seed=seed, **settings) for seed in (1, 1, 2))
+    for one in (rig, again, other):
+        for _ in range(20):
+            one.learner.update_joint(one.rollout(8, epsilon=0.5))
+    assert moved(rig.weights(), again.weights()) == set()
+    assert moved(rig.weights(), other.weights()) == set(rig.weights())
+
+
 @pytest.mark.parametrize("name", algorithms.names())
 def test_a_restored_learner_continues_exactly(name):
     rig, other = (Rig(name, Cues, seed=seed, **settings_of(name)) for seed in (1, 2))
@@ -272,6 +285,31 @@ def test_a_restored_learner_continues_exactly(name):
     for one in (rig, other):
         one.learner.update_joint(rollout)
     assert moved(rig.weights(), other.weights()) == set()
+
+
+def test_networks_evaluated_as_one_learn_like_separate_ones():
+    """Over deaths and arrivals, with groups of which nobody is there in some minibatches."""
+    one, several = (Rig("ppo", Ragged, normalize_values=True, minibatch_size=3) for _ in range(2))
+    assert [bundle.is_stacked for bundle in one.learner.policy_bundles] == [True]
+    several.learner.policy_bundles = several.learner.value_bundles = tuple(
+        Bundle((group,), group) for group in several.spec.groups
+    )
+    rollout = one.rollout(60)
+    for rig in (one, several):
+        rig.learner.update_joint(rollout)
+    first, second = one.weights(), several.weights()
+    for module, weights in first.items():
+        for name, weight in weights.items():
+            torch.testing.assert_close(weight, second[module][name], rtol=0, atol=1e-6)
+
+
+def test_groups_of_which_nobody_is_there_do_not_move():
+    rig = Rig("ppo", Ragged)
+    rig.learner.update_joint(rig.rollout(32))
+    batch = rig.learner.prepare(rig.rollout(32))
+    before = rig.weights()
+    rig.learner.update_minibatch(batch[~batch.alive[:, 1]])
+    assert moved(before, rig.weights()) == {"a", "c", "a__critic", "c__critic"}
 
 
 class Pictures(Cues):

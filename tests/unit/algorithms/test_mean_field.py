@@ -255,14 +255,14 @@ def test_critics_explain_what_neighbours_cause_and_not_what_others_do(name, seed
     """Error 0; with the mean action of the wrong agents the variance of a coin, 1/4."""
     errors, calm = {}, {"temperature": 10.0} if name == "mf_q" else {"entropy_coeff": 1.0}
     for hears in (1, 2):
-        rig = Rig(name, Echo, {"hears": hears}, seed=seed, **LEARN, **calm)
-        for _ in range(200):
+        rig = Rig(name, Echo, {"hears": hears}, seed=seed, sharing="all", **LEARN, **calm)
+        for _ in range(60):
             rig.learner.update_joint(rig.rollout(8))
         own = rig.learner
         batch = own.replay.sample(np.random.default_rng(0), 500)
         means, first = mean_actions(batch, own.neighbourhood), rig.spec.groups[0]
         net = own.net(first.id if name == "mf_q" else critic_of(first))
-        values = net.q({**batch.view(first).observations, MEAN_ACTION: means[:, :1]})
+        values = net.q({**batch.view(first).observations, MEAN_ACTION: means})
         chosen = values[:, 0].gather(-1, batch.actions[0][:, :1])[:, 0]
         errors[hears] = (chosen - batch.rewards[:, 0]).square().mean().item()
     assert errors[1] < 0.125 < errors[2]
@@ -272,8 +272,9 @@ def test_critics_explain_what_neighbours_cause_and_not_what_others_do(name, seed
 @pytest.mark.parametrize("seed", SEEDS)
 def test_mf_ac_hits_the_cues_for_its_own_reward(seed):
     """-1 a step where everybody hits his own; a team-sum or swapped reward makes it 0."""
-    rig = Rig("mf_ac", Cues, seed=seed, **{**LEARN, "gamma": 0.5})
-    for _ in range(250):
+    # Less entropy, and some policies settle on one action before the critic knows the cues: 0.27 hits.
+    rig = Rig("mf_ac", Cues, seed=seed, entropy_coeff=0.1, **{**LEARN, "gamma": 0.5})
+    for _ in range(130):
         rig.learner.update_joint(rig.rollout(8))
     assert (rig.rollout(200, explore=False).rewards.mean((0, 1)) < -0.5).all()
 

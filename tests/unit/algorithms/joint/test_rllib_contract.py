@@ -94,6 +94,20 @@ def test_the_same_seed_gives_the_same_weights(build):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_a_remote_learner_learns_what_a_local_one_does(build, tmp_path, name):
+    local, remote = build(small(name)), build(small(name).learners(num_learners=1, num_cpus_per_learner=0))
+    for algo in (local, remote):
+        train(algo, 2)
+    assert_same(weights(local), weights(remote))
+    remote.save_to_path(str(tmp_path / "checkpoint"))
+    train(local, 2)
+    remote.restore_from_path(str(tmp_path / "checkpoint"))
+    train(remote, 2)
+    assert_same(weights(local), weights(remote))
+
+
+@pytest.mark.slow
 def test_restored_training_with_a_remote_runner_equals_uninterrupted_training(build, tmp_path):
     algo = build(small(runners=1))
     train(algo, 2)

@@ -1,0 +1,70 @@
+"""Every algorithm as an RLlib algorithm: built, trained, saved, and restored in another process."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import ray
+
+import algorithms
+from tests.games.games import Cues
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).resolve().parents[4]
+REPLAY = {"learning_starts": 32, "batch_size": 16, "capacity": 500}
+RESTORE = """
+import json, sys
+import ray
+from algorithms import config, names
+ray.init(address=sys.argv[1], log_to_driver=False)
+scores = {}
+for name in names():
+    algo = config(name).algo_class.from_checkpoint(f"{sys.argv[2]}/{name}")
+    scores[name] = algo.evaluate()["env_runners"]["episode_return_mean"]
+    algo.train()
+    algo.stop()
+print(json.dumps(scores))
+"""
+
+
+@pytest.fixture(scope="module")
+def scores(cluster, tmp_path_factory):
+    """Return each algorithm's score before it was saved."""
+    folder, found = tmp_path_factory.mktemp("checkpoints"), {}
+    for name in algorithms.names():
+        config = algorithms.config(name).environment(Cues).debugging(seed=3)
+        config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=24)
+        config.evaluation(evaluation_duration=4)
+        known = {setting: value for setting, value in REPLAY.items() if setting in config.setting_names}
+        algo = config.training(hidden=(16,), **known).build_algo()
+        for _ in range(2):
+            result = algo.train()
+        found[name] = algo.evaluate()["env_runners"]["episode_return_mean"]
+        assert result["env_runners"]["num_env_steps_sampled_lifetime"] == 96
+        algo.save_to_path(str(folder / name))
+        algo.stop()
+    return folder, found
+
+
+@pytest.fixture(scope="module")
+def restored(scores):
+    """Return each algorithm's score in another process."""
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-c", RESTORE, ray.get_runtime_context().gcs_address, str(scores[0])],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("name", algorithms.names())
+def test_a_checkpoint_plays_the_same_in_another_process(name, scores, restored):
+    assert restored[name] == scores[1][name]
