@@ -235,8 +235,14 @@ def test_illegal_actions_are_never_taken(name):
     assert all(torch.isfinite(w).all() for part in rig.weights().values() for w in part.values())
 
 
-@pytest.mark.parametrize("sharing", ["none", "all"])
-@pytest.mark.parametrize("name", [n for n in algorithms.names() if not algorithms.entry(n).communication])
+@pytest.mark.parametrize(
+    ("name", "sharing"),
+    [
+        *((n, "none") for n in algorithms.names() if not algorithms.entry(n).communication),
+        ("ppo", "all"),
+        ("dqn", "all"),
+    ],
+)
 def test_stacked_policies_act_like_separate_ones(name, sharing):
     rig = Rig(name, Cues, sharing=sharing, **settings_of(name))
     rig.learner.update_joint(rig.rollout(epsilon=1.0))
@@ -289,12 +295,13 @@ def test_a_restored_learner_continues_exactly(name):
 
 def test_networks_evaluated_as_one_learn_like_separate_ones():
     """Over deaths and arrivals, with groups of which nobody is there in some minibatches."""
-    one, several = (Rig("ppo", Ragged, normalize_values=True, minibatch_size=3) for _ in range(2))
+    settings = {"normalize_values": True, "minibatch_size": 3, "epochs": 2}
+    one, several = (Rig("ppo", Ragged, **settings) for _ in range(2))
     assert [bundle.is_stacked for bundle in one.learner.policy_bundles] == [True]
     several.learner.policy_bundles = several.learner.value_bundles = tuple(
         Bundle((group,), group) for group in several.spec.groups
     )
-    rollout = one.rollout(60)
+    rollout = one.rollout(30)
     for rig in (one, several):
         rig.learner.update_joint(rollout)
     first, second = one.weights(), several.weights()

@@ -33,7 +33,14 @@ def lives_of(rollout):
     return {life: steps for life, steps in found.items() if life not in broken}
 
 
-@pytest.mark.parametrize("fragments", [(60,), (5, 1, 1, 20, 3, 30), (20, 20, 20)])
+@pytest.mark.parametrize(
+    "fragments",
+    [
+        (5, 1, 1, 20, 3, 30),
+        pytest.param((60,), marks=pytest.mark.slow),
+        pytest.param((20, 20, 20), marks=pytest.mark.slow),
+    ],
+)
 def test_every_action_of_every_whole_life_is_learnt_from_once_with_its_whole_return(fragments):
     """Against a sum by hand, over deaths, time limits, late arrivals and crashes, wherever fragments end."""
     gamma = 0.8

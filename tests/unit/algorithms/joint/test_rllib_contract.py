@@ -60,7 +60,7 @@ def train(algo, iterations):
 
 
 @pytest.mark.parametrize("env", [Cues, pytest.param(Ragged, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["ppo", "dqn"])
+@pytest.mark.parametrize("name", ["dqn", pytest.param("ppo", marks=pytest.mark.slow)])
 def test_restored_training_equals_uninterrupted_training(build, tmp_path, name, env):
     algo = build(small(name, env))
     train(algo, 3)
@@ -86,6 +86,7 @@ def test_restored_training_equals_uninterrupted_training(build, tmp_path, name, 
     assert_same(weights(algo), at_six)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_weights(build):
     first, second = build(small()), build(small())
     train(first, 4)
