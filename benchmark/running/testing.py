@@ -14,6 +14,7 @@ from algorithms.joint.evaluation import REPORTED_WORLDS, evaluate
 from benchmark.experiment.runs import Cell, ReferenceRun, Run
 from benchmark.floors.run import episodes_in
 from benchmark.metrics import join_tables, measure_episodes, write_table
+from benchmark.metrics.table import COUNTS
 from benchmark.running.environments import environment
 from benchmark.running.folder import FINISHED, TESTING, RunFolder
 from benchmark.running.machine import machine
@@ -107,12 +108,19 @@ def _test(
         shutil.rmtree(record, ignore_errors=True)  # what a test left that was interrupted
         play_part(part, record)
         labels = {**given, "task": cell.task.name, "task_traffic": cell.traffic, "mode": part.mode}
-        table = measure_episodes(record, labels=labels, split=part.split)
-        # Simulations that are done before the others go on with further worlds: mostly short episodes.
-        tables.append(table[table["world"] < REPORTED_WORLDS + part.episodes])
+        tables.append(_of_the_test(measure_episodes(record, labels=labels, split=part.split), part.episodes))
         yield (number + 1) / len(parts)
         if not cell.evaluation.keep_episodes:
             shutil.rmtree(record)
     write_table(join_tables(tables), folder.table)
     if not cell.evaluation.keep_episodes:
         shutil.rmtree(folder.episodes, ignore_errors=True)
+
+
+def _of_the_test(table: Any, episodes: int) -> Any:
+    """Leave out the further worlds with which simulations go on that are done before the others."""
+    kept = table[table["world"] < REPORTED_WORLDS + episodes].reset_index(drop=True)
+    void = int(kept.loc[kept["is_void"], "world"].nunique())
+    measured = int(kept["world"].nunique()) - void
+    kept.attrs[COUNTS] = {**table.attrs[COUNTS], "measured": measured, "void": void, "incomplete": 0}
+    return kept

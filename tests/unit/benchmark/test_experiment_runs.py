@@ -86,6 +86,7 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     assert facts["status"] == "finished"
     table = read_table(run / "episodes.parquet")
     assert table.groupby("mode").size().to_dict() == {"greedy": 6, "sampled": 6}  # 3 episodes of 2 agents
+    assert table.attrs["episodes"] == {"measured": 6, "void": 0, "incomplete": 0, "corrupted": {}}
     assert not (run / "episodes").exists()
     parked = read_table(root / "reference/parked/loop/no_social_vehicles/episodes.parquet")
     rates = compute(parked, metrics=["completion_rate"])

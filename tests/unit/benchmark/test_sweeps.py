@@ -1,0 +1,72 @@
+"""Searches: what the section `tune` of a file becomes, and what is refused before anything starts."""
+
+import pytest
+from ray import tune
+from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
+from ray.tune.search.sample import Float, Integer
+
+from benchmark.experiment.config import Tune, read_experiment
+from benchmark.running.sweeping import SweepError, scheduler_of, space_of, sweep, the_run
+
+ONE = "algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
+
+
+@pytest.fixture
+def experiment(tmp_path):
+    def read(*overrides):
+        file = tmp_path / "search.yaml"
+        file.write_text(ONE)
+        return read_experiment(file, overrides)
+
+    return read
+
+
+def test_lists_are_grids_and_draws_keep_their_bounds():
+    section = Tune(
+        parameters={
+            "lr": {"loguniform": [1e-4, 1e-2]},
+            "epochs": [1, 4],
+            "minibatch_size": {"randint": [16, 64]},
+        }
+    )
+    space = space_of(section)
+    assert space["epochs"] == tune.grid_search([1, 4])
+    assert isinstance(space["lr"], Float)
+    assert (space["lr"].lower, space["lr"].upper) == (1e-4, 1e-2)
+    assert isinstance(space["minibatch_size"], Integer)
+    draws = [space["lr"].sample() for _ in range(200)]
+    assert 1e-4 <= min(draws) < 1e-3 < max(draws) <= 1e-2
+
+
+@pytest.mark.parametrize(
+    "given", [[], {"normal": [0, 1]}, {"uniform": [1]}, 3, {"uniform": [0, 1], "randint": [0, 1]}]
+)
+def test_what_is_nothing_to_search_in_is_refused(given):
+    with pytest.raises(SweepError, match=r"tune\.parameters\.lr"):
+        space_of(Tune(parameters={"lr": given}))
+
+
+def test_schedulers():
+    parameters = {"lr": {"uniform": [0.1, 0.2]}}
+    assert scheduler_of(Tune(parameters=parameters), 5) is None
+    assert isinstance(scheduler_of(Tune(parameters=parameters, scheduler="asha"), 5), ASHAScheduler)
+    assert isinstance(scheduler_of(Tune(parameters=parameters, scheduler="pbt"), 5), PopulationBasedTraining)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ([], "there is no section `tune`"),
+        (["tune.parameters.lr=[0.1]", "seeds=[1, 2]"], "stands for 2 runs"),
+        (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "nothing to compare"),
+        (["tune.parameters.lrr=[0.1]"], "has no setting 'lrr'"),
+    ],
+)
+def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, message):
+    with pytest.raises(SweepError, match=message):
+        sweep(experiment(*overrides), tmp_path / "results")
+    assert not (tmp_path / "results").exists()
+
+
+def test_one_run_is_searched(experiment):
+    assert the_run(experiment()).algorithm == "ppo"
