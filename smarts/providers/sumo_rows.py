@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,39 +18,63 @@ def centre_of(front: Floats, heading: Floats, length: Floats) -> Floats:
     return front - np.stack([np.cos(heading), np.sin(heading)], -1) * (length[:, None] / 2)
 
 
+class MotionColumns(NamedTuple):
+    """Columns of the world that tell how vehicles move, shape (V,), `position` (V, 2)."""
+
+    position: Floats
+    heading: Floats
+    speed: Floats
+    lateral_speed: Floats
+    acceleration: Floats
+    lateral_acceleration: Floats
+    yaw_rate: Floats
+    yaw_acceleration: Floats
+    desired_speed: Floats
+
+
 @kernel
 def fill_rows(
     rows: NDArray[np.intp],
     values: Floats,
     length: Floats,
-    position: Floats,
-    heading: Floats,
-    speed: Floats,
-    acceleration: Floats,
-    desired_speed: Floats,
+    is_new: NDArray[np.bool_],
+    dt: float,
+    columns: MotionColumns,
 ) -> None:
     """Fill the rows of A vehicles.
 
-    One pass, because at this size a dozen array operations cost more than SUMO's own step.
+    SUMO says nothing of turning and of moving sideways; both follow from the poses a step ago, which the rows
+    still hold, and are 0 for those who have just come in. One pass, because at this size a dozen array
+    operations cost more than SUMO's own step.
 
     Args:
         rows: Where to write, shape (A,).
         values: Shape (6 A,): x and y of the middle of the front bumper of every vehicle [m], then all
             headings [rad], speeds [m/s], accelerations [m/s^2] and allowed speeds [m/s].
-        length: Column of the world, read, shape (V,) as the others.
-        position: Column of the world, shape (V, 2).
-        heading: Column of the world.
-        speed: Column of the world.
-        acceleration: Column of the world.
-        desired_speed: Column of the world.
+        length: Column of the world, read, shape (V,).
+        is_new: Whether the row does not hold the vehicle's pose a step ago, shape (V,); cleared.
+        dt: Step [s].
+        columns: Written.
     """
+    position, before = columns.position, columns.heading
     count = len(rows)
     for index in range(count):
         row = rows[index]
-        half = length[row] / 2
-        heading[row] = values[2 * count + index]
-        position[row, 0] = values[2 * index] - math.cos(heading[row]) * half
-        position[row, 1] = values[2 * index + 1] - math.sin(heading[row]) * half
-        speed[row] = values[3 * count + index]
-        acceleration[row] = values[4 * count + index]
-        desired_speed[row] = values[5 * count + index]
+        half, heading = length[row] / 2, values[2 * count + index]
+        x = values[2 * index] - math.cos(heading) * half
+        y = values[2 * index + 1] - math.sin(heading) * half
+        speed, yaw_rate, sideways, yaw_acceleration = values[3 * count + index], 0.0, 0.0, 0.0
+        if not is_new[row]:
+            turn = heading - before[row]
+            turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+            mean = heading - 0.5 * turn
+            dx, dy = x - position[row, 0], y - position[row, 1]
+            yaw_rate, sideways = turn / dt, (dy * math.cos(mean) - dx * math.sin(mean)) / dt
+            yaw_acceleration = (yaw_rate - columns.yaw_rate[row]) / dt
+        is_new[row] = False
+        position[row, 0], position[row, 1], columns.heading[row] = x, y, heading
+        columns.speed[row], columns.lateral_speed[row] = speed, sideways
+        columns.acceleration[row] = values[4 * count + index]
+        columns.lateral_acceleration[row] = speed * yaw_rate
+        columns.yaw_rate[row], columns.yaw_acceleration[row] = yaw_rate, yaw_acceleration
+        columns.desired_speed[row] = values[5 * count + index]

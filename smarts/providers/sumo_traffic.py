@@ -15,7 +15,7 @@ from smarts.errors import TrafficError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
-from smarts.providers.sumo_rows import centre_of, fill_rows
+from smarts.providers.sumo_rows import MotionColumns, centre_of, fill_rows
 from smarts.providers.sumo_shadows import SumoShadows
 from smarts.providers.traffic_provider import Roster, TrafficProvider
 from smarts.roads.lane_graph import LaneGraph
@@ -94,6 +94,7 @@ class SumoTraffic(TrafficProvider):
         self._routes_to_come: dict[int, tuple[str, ...]] = {}
         self._kept_clear: list[int] = []
         self._limit = 0
+        self._is_new = np.zeros(0, np.bool_)
         self._has_begun = False
 
     def reset(
@@ -125,6 +126,7 @@ class SumoTraffic(TrafficProvider):
         for memory in (self._ids, self._driven, self._routes_to_come):
             memory.clear()
         self._limit = states.capacity if limit is None else limit
+        self._is_new = np.zeros(states.capacity, np.bool_)
         self.is_full = False
         self._read_map(roads)
         self._start(files, seed)
@@ -321,6 +323,7 @@ class SumoTraffic(TrafficProvider):
             slot = self._roster.admit(name, self.owner, kind, *size)
             self._driven[name] = slot
             self._ids[slot] = name
+            self._is_new[slot] = True
         self.is_full |= len(self._ids) >= self._limit
 
     def _in_the_way(self, names: Sequence[str], states: VehicleStates) -> list[str]:
@@ -364,11 +367,9 @@ class SumoTraffic(TrafficProvider):
             np.fromiter(driven.values(), np.intp, count),
             values,
             states.length,
-            states.position,
-            states.heading,
-            states.speed,
-            states.acceleration,
-            states.desired_speed,
+            self._is_new,
+            self.dt,
+            MotionColumns(*(getattr(states, name) for name in MotionColumns._fields)),
         )
 
     def _read_signals(self) -> None:

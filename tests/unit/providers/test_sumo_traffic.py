@@ -165,6 +165,35 @@ def test_headings_around_the_compass(world, country):
     assert heading == pytest.approx({"w": 0.0, "e": math.pi, "n": -math.pi / 2, "s": math.pi / 2})
 
 
+def test_turning_and_moving_sideways_follow_from_the_poses(world, country):
+    """A left turn from the west to the north: a quarter circle, driven without slip; 0 before and after."""
+    world.reset(country.cross('<vehicle id="x" depart="0" departPos="150"><route edges="wc cn"/></vehicle>'))
+    world.step()
+    states, slot = world.states, world.slot("x")
+    columns = ("yaw_rate", "lateral_speed", "lateral_acceleration", "yaw_acceleration")
+    for column in columns:
+        getattr(states, column)[slot] = 9.0  # what whoever had it before has left
+    turned, greatest = 0.0, 0.0
+    while abs(states.heading[slot] - math.pi / 2) > 1e-6 or turned == 0.0:
+        world.step()
+        turned += states.yaw_rate[slot] * 0.1
+        greatest = max(greatest, states.yaw_rate[slot])
+        assert states.lateral_acceleration[slot] == pytest.approx(states.speed[slot] * states.yaw_rate[slot])
+        assert abs(states.lateral_speed[slot]) < 0.6
+    assert turned == pytest.approx(math.pi / 2, abs=1e-6)
+    assert greatest > 0.3
+    world.step(2)
+    assert [getattr(states, column)[slot] for column in columns] == pytest.approx([0.0] * 4, abs=1e-9)
+
+
+def test_who_comes_in_does_not_turn(world, country):
+    """Its slot may hold the pose of an earlier vehicle."""
+    world.states.yaw_rate[:] = world.states.lateral_speed[:] = 9.0
+    world.reset(country.road('<vehicle id="x" depart="0.1"><route edges="ba"/></vehicle>'))
+    world.step(2)
+    assert (world.states.yaw_rate[world.slot("x")], world.states.lateral_speed[world.slot("x")]) == (0.0, 0.0)
+
+
 def test_slots_follow_the_order_of_departure_and_are_used_again(world, country):
     cars = "".join(
         f'<vehicle id="{name}" depart="{when}" departSpeed="max"><route edges="{edges}"/></vehicle>'
