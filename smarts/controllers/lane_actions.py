@@ -14,7 +14,7 @@ class LaneActions(LaneFollowing):
     """Follows lanes as `LaneAction` says: keep the lane, slow down, change to the left or right.
 
     Values: the number of the action. The speed is the lane's limit, or the scenario's where that is lower;
-    12.5 m/s at most while a lane change is asked for; `slow_down` brakes steadily to a stand.
+    12.5 m/s at most while a lane change is made; `slow_down` brakes steadily to a stand.
 
     Args:
         scene: What the controller works in.

@@ -39,7 +39,7 @@ _BUS, _COACH = int(VehicleKind.BUS), int(VehicleKind.COACH)
 
 
 @kernel
-def _is_changing(phase: int) -> bool:
+def is_changing(phase: int) -> bool:
     """Tell whether a lane change is going on."""
     return phase in (_REQUESTED, _MOVING)
 
@@ -68,9 +68,9 @@ def steered_lane(
         return row, state.lane_position[b, slot], state.lane_offset[b, slot]
     s, t = place_on_lane(roads, table.lane[row], x, y)
     row, s, t = _onward(roads, table, world, row, s, t, x, y)
-    phase = state.change_phase[b, a]
-    is_changing = _is_changing(phase)
-    farthest = (LOST_CHANGING if is_changing else LOST) * roads.lane_width[table.lane[row]]
+    farthest = (LOST_CHANGING if is_changing(state.change_phase[b, a]) else LOST) * roads.lane_width[
+        table.lane[row]
+    ]
     if abs(t) > farthest and here >= 0:
         row = row_of(table, world, route, first_lane + here, first_lane, hint)
         s, t = place_on_lane(roads, table.lane[row], x, y)
@@ -147,7 +147,7 @@ def latch(
             s, t = place_on_lane(roads, lane, state.position[b, slot, 0], state.position[b, slot, 1])
     if phase == _REQUESTED and abs(t) < 0.5 * (width + state.width[b, slot]):
         phase = _MOVING
-    if _is_changing(phase) and abs(t) < SETTLED_OFFSET:
+    if is_changing(phase) and abs(t) < SETTLED_OFFSET:
         point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
         heading = centre_at(roads, point, s)[2]
         if abs(wrapped(state.heading[b, slot] - heading)) < SETTLED_TURN:
@@ -172,7 +172,7 @@ def _command(
 @kernel
 def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
     """Tell whether a command takes back a lane change: the opposite one, before half of the way."""
-    return _is_changing(phase) and change * t > 0.5 * width
+    return is_changing(phase) and change * t > 0.5 * width
 
 
 @kernel
@@ -210,7 +210,7 @@ def _is_legal(
     other = beside(state, lane, change)
     if other < 0 or not is_drivable(roads, other, state.kind[b, slot]):
         return False
-    if _is_changing(phase):
+    if is_changing(phase):
         return _can_abort(phase, t, roads.lane_width[lane], change)
     if roads.lane_inside[lane] or roads.lane_inside[other]:
         return False

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.controllers.lane_changes import latch
+from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import write_reference
 from smarts.controllers.lane_state import LaneState
 from smarts.controllers.leaders import heed_leaders
@@ -83,7 +83,7 @@ def follow_lanes(
             cap, desired = speeds[state.map[b]], top
             if manner == BY_SPEED:
                 cap = desired = max(values[b, a, 0], 0.0)
-            elif manner == BY_NAME and change != 0:
+            elif manner == BY_NAME and is_changing(state.change_phase[b, a]):
                 cap = min(cap, CHANGE_SPEED)
             state.desired_speed[b, slot] = desired
             points = reference[b, a]

@@ -23,7 +23,6 @@ BRAKING = 3.0
 @kernel
 def heed_leaders(state: LaneState, b: int, slot: int, points: NDArray[np.float64]) -> None:
     """Lower a reference's speeds so that a vehicle which follows it keeps its distance from those ahead."""
-    reach = 0.0
     last = len(points) - 1
     span = math.hypot(points[last, 0] - points[0, 0], points[last, 1] - points[0, 1])
     reach = span + 10.0

@@ -232,10 +232,31 @@ class TestLaneActions:
         driven.act(LEFT)
         driven.step(60)
         assert driven.world.vehicles.lane[0, 0] == 1
-        assert driven.speed == pytest.approx(12.5, abs=0.2)
         driven.act(RIGHT)
         driven.step(60)
         assert driven.world.vehicles.lane[0, 0] == 0
+
+    @pytest.mark.parametrize("after", [LEFT, KEEP])
+    def test_lane_changes_are_slow_for_as_long_as_they_last(self, drive, after):
+        driven = drive(agent(10.0, 0.0, speed=13.5))
+        driven.act(LEFT)
+        driven.step(10)
+        driven.act(after)
+        speeds = []
+        while driven.seats.change_phase[0, 0] in (ChangePhase.REQUESTED, ChangePhase.MOVING):
+            driven.step()
+            speeds.append(driven.speed)
+        assert len(speeds) > 5
+        assert speeds == pytest.approx([12.5] * len(speeds), abs=0.3)
+        driven.step(30)
+        assert driven.speed > 13.0
+
+    def test_a_lane_change_that_is_not_made_does_not_brake(self, drive):
+        driven = drive(agent(10.0, 0.0, speed=13.5))
+        driven.act(RIGHT)
+        speeds = driven.log(20, "speed")[:, 0]
+        assert not driven.seats.effective[0, 0]
+        assert speeds.min() > 13.3
 
     def test_brakes_before_a_turn(self, drive):
         car = agent(-80.0, -1.6, speed=13.0, route=("west_in", "south_out"))
