@@ -85,6 +85,12 @@ class JointTorchLearner(TorchLearner):
                 lr_or_lr_schedule=config.lr,
             )
 
+    @staticmethod
+    def _set_optimizer_lr(optimizer: torch.optim.Optimizer, lr: Any) -> None:
+        # RLlib's schedules give tensors, which Adam over lists of tensors (`foreach`) refuses.
+        for group in optimizer.param_groups:
+            group["lr"] = float(lr)
+
     def step_optimizer(self, loss: Tensor, *module_ids: str) -> None:
         """Take one gradient step on `loss` with respect to these modules, and no others.
 

@@ -120,6 +120,20 @@ def test_restored_training_with_a_remote_runner_equals_uninterrupted_training(bu
     assert_same(weights(algo), expected)
 
 
+def test_a_schedule_of_the_learning_rate_goes_by_environment_steps(build):
+    algo = build(small(lr=[[0, 1e-3], [128, 1e-4]]))
+    rates = []
+    for _ in range(6):
+        algo.train()
+        learner = algo.learner_group._learner
+        rates.append({g["lr"] for o in learner._optimizer_parameters for g in o.param_groups})
+    # An iteration is 32 steps; the last ones lie behind the schedule's end.
+    assert all(len(rate) == 1 for rate in rates)
+    falling = [rate.pop() for rate in rates]
+    assert falling[0] > falling[1] > falling[2] >= 1e-4
+    assert falling[-2:] == pytest.approx([1e-4, 1e-4])
+
+
 def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alone(build):
     config = small().evaluation(evaluation_duration=5).training(evaluate_sampled=True)
     algo, control = build(config), build(small())
