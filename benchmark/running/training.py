@@ -68,7 +68,7 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
 def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
-    config = algorithms.config(run.algorithm).environment(NAME, env_config={"cell": run.cell})
+    config = algorithms.config(run.algorithm)
     config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
     if run.resources.learner_gpus:
         config.learners(num_gpus_per_learner=run.resources.learner_gpus)
@@ -77,7 +77,9 @@ def algorithm_of(run: Run) -> Iterator[Any]:
     if "checkpoint_replay" in config.setting_names:
         # Hundreds of megabytes a minute; a run that goes on fills its replay anew instead.
         settings.setdefault("checkpoint_replay", False)
-    algo = apply(config, settings).build_algo()
+    config = apply(config, settings)
+    config.environment(NAME, env_config={"cell": run.cell, "discount": config.gamma})
+    algo = config.build_algo()
     try:
         yield algo
     finally:
@@ -158,7 +160,7 @@ class Training:
 
     def _validate(self) -> Mapping[str, float]:
         """Play the validation's episodes, and keep the policy if it is the best so far."""
-        with closing(environment(self._run.cell)) as env:
+        with closing(environment(self._run.cell, discount=self._algo.config.gamma)) as env:
             episodes = evaluate(
                 self._algo,
                 self._run.cell.evaluation.validation_episodes,

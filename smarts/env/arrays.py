@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -76,8 +76,14 @@ class Setting:
         specs = {name: given for name, given in self.agents.items() if isinstance(given, AgentSpec)}
         return {name: spec for name, spec in specs.items() if spec.own_adapters}
 
-    def assemble(self, interfaces: Mapping[str, AgentInterface]) -> Assembly:
+    def assemble(
+        self, interfaces: Mapping[str, AgentInterface], sensors: Collection[str] | None = None
+    ) -> Assembly:
         """Return the simulations, with the egos in the order of their interfaces.
+
+        Args:
+            interfaces: Of the egos.
+            sensors: Names of those that are looked at (None: all) for agents without adapters of their own.
 
         Raises:
             SmartsError: A scenario cannot be built or played.
@@ -94,10 +100,21 @@ class Setting:
             [self._build(scenario) for scenario in self.scenarios],
             list(interfaces.values()),
             agents=list(interfaces),
+            looked_at=self._looked_at(interfaces, sensors),
             worlds=self.worlds,
             seed=self.seed,
             options=self.simulation,
         )
+
+    def _looked_at(
+        self, interfaces: Mapping[str, AgentInterface], sensors: Collection[str] | None
+    ) -> dict[int, Collection[str]]:
+        adapted = self.adapted()
+        return {
+            seat: sensors
+            for seat, name in enumerate(interfaces)
+            if sensors is not None and name not in adapted
+        }
 
     def _build(self, scenario: str | Path) -> BuiltScenario:
         built = build_scenario(scenario)
@@ -124,9 +141,11 @@ class ArrayWorlds:
 
     def __init__(self, setting: Setting) -> None:
         make = _maker(setting.adapter)
-        grouped = _grouped(setting.interfaces(), setting.adapter)
+        # Callables that say nothing may look at everything.
+        sensors = getattr(make, "sensors", None)
+        grouped = _grouped(setting.interfaces(), sensors)
         flat = {name: interface for members in grouped for name, interface in members.items()}
-        self.parts = parts = setting.assemble(flat)
+        self.parts = parts = setting.assemble(flat, sensors)
         """What the simulations consist of."""
         self.agents = tuple(flat)
         """Names in the order of the columns."""
@@ -241,12 +260,17 @@ def _maker(adapter: Adapter) -> Callable[..., ArrayAdapter]:
     return adapter
 
 
-def _grouped(interfaces: Mapping[str, AgentInterface], adapter: Adapter) -> list[dict[str, AgentInterface]]:
+def _grouped(
+    interfaces: Mapping[str, AgentInterface], looked_at: Collection[str] | None
+) -> list[dict[str, AgentInterface]]:
     """Return the agents that one adapter can serve together."""
     groups: dict[Any, dict[str, AgentInterface]] = {}
     for name, interface in interfaces.items():
-        # The benchmark's adapter looks for itself; all others may look at the readings.
-        sensors = () if adapter == "benchmark" else tuple(interface.sensors.items())
+        sensors = tuple(
+            (name, option)
+            for name, option in interface.sensors.items()
+            if looked_at is None or name in looked_at
+        )
         key = (interface.action, interface.max_episode_steps, sensors)
         groups.setdefault(key, {})[name] = interface
     return list(groups.values())

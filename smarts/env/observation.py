@@ -67,7 +67,19 @@ class ObservationMaker:
         self._places: dict[int, list[tuple[str, str, int]]] = {}
         """By seat: sensor, block of the readings, column in it."""
 
-    def __call__(self, frame: Frame, row: int, seat: int, events: int | None = None) -> Observation:
+    def touched(self, frame: Frame, row: int, seat: int) -> list[str]:
+        """Return the public names of the vehicles that a seat's vehicle touched in a frame's step."""
+        slots = np.flatnonzero(frame.contacts.touching[row, seat]).tolist()
+        return [self._rosters[row].name(slot) for slot in slots]
+
+    def __call__(
+        self,
+        frame: Frame,
+        row: int,
+        seat: int,
+        events: int | None = None,
+        touched: Sequence[str] | None = None,
+    ) -> Observation:
         """Return what the agent of a seat sees; the frame must hold its readings.
 
         Args:
@@ -76,6 +88,7 @@ class ObservationMaker:
             seat: The agent's.
             events: What happened in all steps since the agent's last observation, as `Event` bits; by default
                 what happened in this step.
+            touched: Whom it touched in those steps, by public name; by default in this step.
         """
         if seat not in self._places:
             self._places[seat] = [
@@ -89,7 +102,7 @@ class ObservationMaker:
         }
         world, names = frame.world, self._rosters[row]
         bits = int(frame.events.bits[row, seat]) if events is None else events
-        touched = [names.name(int(slot)) for slot in np.flatnonzero(frame.contacts.touching[row, seat])]
+        touched = self.touched(frame, row, seat) if touched is None else touched
         near = readings.get("neighborhood_vehicle_states")
         slots = [] if near is None else near["slot"][: int(near["count"])].tolist()
         step = int(world.step[row])

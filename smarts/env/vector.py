@@ -82,7 +82,8 @@ class VectorStep(NamedTuple):
     final: Final | None = None
     """Of those."""
     masks: tuple[Bools | None, ...] = ()
-    """Per block, which actions are legal, shape (B, n, actions)."""
+    """Per block, which actions are legal, shape (B, n, actions). Of who does not act it is the first one, so
+    that masked logits are not all infinite."""
     state: None = None
     graph: None = None
     failed: Mapping[int, BaseException] = {}
@@ -325,7 +326,11 @@ def _leaves(group: Group) -> dict[str, NDArray]:
 
 def _mask(group: Group) -> Bools | None:
     mask = group.adapter.observations.get(MASK)
-    return None if mask is None else mask.astype(np.bool_)
+    if mask is None:
+        return None
+    legal = mask.astype(np.bool_)
+    legal[..., 0] |= ~legal.any(axis=-1)
+    return legal
 
 
 def _block(group: Group) -> Block:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,13 +22,18 @@ EVERYBODY_HAS = ("ego_vehicle_state", "mission", "via_data")
 """The sensors that are always on."""
 
 
-def sensors_of(interface: AgentInterface) -> dict[str, Sensor]:
-    """Return the sensors of an agent by name, made from the options of its interface."""
+def sensors_of(interface: AgentInterface, wanted: Collection[str] | None = None) -> dict[str, Sensor]:
+    """Return the sensors of an agent by name, made from the options of its interface.
+
+    Args:
+        interface: Of the agent.
+        wanted: Names of those that somebody looks at, None for all.
+    """
     options = interface.sensors
     return {
         name: SENSORS[name](options[name]) if name in options else SENSORS[name]()
         for name in SENSORS
-        if name in options or name in EVERYBODY_HAS
+        if (name in options or name in EVERYBODY_HAS) and (wanted is None or name in wanted)
     }
 
 
@@ -54,11 +59,17 @@ class SensorSuite:
     Args:
         scene: What is to be observed.
         interfaces: Of the agent in each seat, None for a seat without sensors, shape (A,).
+        looked_at: Names of the sensors that somebody looks at, by seat; all of those that are not in it.
     """
 
-    def __init__(self, scene: Scene, interfaces: Sequence[AgentInterface | None]) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        interfaces: Sequence[AgentInterface | None],
+        looked_at: Mapping[int, Collection[str]] | None = None,
+    ) -> None:
         self._scene = scene
-        self._groups = _groups(interfaces, scene.world.worlds)
+        self._groups = _groups(interfaces, looked_at or {}, scene.world.worlds)
         buffers = {id(group.wanted): (group.seats, group.wanted) for group in self._groups}
         self._wanted = tuple(buffers.values())
         self._readings = Readings(
@@ -85,11 +96,14 @@ class SensorSuite:
         return self._places.get((sensor, seat))
 
 
-def _groups(interfaces: Sequence[AgentInterface | None], worlds: int) -> list[_Group]:
+def _groups(
+    interfaces: Sequence[AgentInterface | None], looked_at: Mapping[int, Collection[str]], worlds: int
+) -> list[_Group]:
     """Return the groups, those of one sensor after each other, in the order of the registry."""
     seats: dict[str, dict[Sensor, list[int]]] = {name: {} for name in SENSORS}
     for seat, interface in enumerate(interfaces):
-        for name, sensor in (sensors_of(interface) if interface else {}).items():
+        made = sensors_of(interface, looked_at.get(seat)) if interface else {}
+        for name, sensor in made.items():
             seats[name].setdefault(sensor, []).append(seat)
     members_of = {tuple(members) for groups in seats.values() for members in groups.values()}
     wanted = {members: np.zeros((worlds, len(members)), np.bool_) for members in members_of}

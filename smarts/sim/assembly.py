@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,6 +108,7 @@ def assemble(
     *,
     agents: Sequence[str] = (),
     others: Mapping[str, AgentInterface] | None = None,
+    looked_at: Mapping[int, Collection[str]] | None = None,
     worlds: int = 1,
     seed: int = 42,
     options: Options | None = None,
@@ -120,6 +121,8 @@ def assemble(
         agents: The egos' names; by default "agent-0" and so on.
         others: Agents that are not the user's, by name. Their seats are behind the egos' and vacant until
             an episode or a transfer puts somebody there: a social agent, or one that takes a vehicle over.
+        looked_at: Names of the sensors that somebody looks at, by seat: the others are not observed. All are
+            in the seats that are not in it.
         worlds: B.
         seed: Of the run.
         options: How it is run.
@@ -138,7 +141,7 @@ def assemble(
         vehicles, traffic = _vehicles(scene, seated, schedule), _traffic(schedule, worlds, options)
         on_failure.callback(vehicles.close)
         on_failure.callback(traffic.close)
-        parts = _assemble(scene, seated, (*names, *others), schedule, vehicles, traffic, options)
+        parts = _assemble(scene, seated, (*names, *others), schedule, vehicles, traffic, options, looked_at)
         on_failure.pop_all()
     return parts
 
@@ -180,6 +183,7 @@ def _assemble(
     vehicles: FleetVehicles,
     traffic: TrafficSet,
     options: Options,
+    looked_at: Mapping[int, Collection[str]] | None,
 ) -> Assembly:
     world, rules = scene.world, seat_rules(interfaces, options.dt)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
@@ -197,7 +201,7 @@ def _assemble(
         contacts=FootprintContacts(world),
         events=AgentEvents(scene, rules, alive, interest),
         transfer_rules=TakeOverRules(ownership, entries, vehicles.can_accept),
-        sensors=SensorSuite(scene, interfaces),
+        sensors=SensorSuite(scene, interfaces, looked_at),
         recorder=recorder or NoRecorder(),
     )
     actions = _actions(rules, world.worlds, options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, ClassVar
 
 import numpy as np
@@ -57,12 +58,14 @@ class BenchmarkAdapter:
 
     The vector holds the features of three decisions, oldest first (`smarts.env.adapters.features` says which
     they are; at first, three times those of the first one), then which of the agents one is, then how many
-    came to the junction before. The picture, if wanted, shows the same three decisions from above.
+    came to the junction before. The picture, if wanted, shows the same three decisions from above. The last
+    observation of an agent that ends within a decision is of that step, so nearer to the one before it.
 
     Args:
         served: The agents.
         interface: Theirs.
         reward: Name of the weights in `rewards.yaml`, or the weights themselves.
+        discount: By which the learner discounts a decision, if not as in the weights.
         image: Whether there is a grey picture from above, "image", beside the vector "observation".
         image_size: Its rows and columns.
         image_resolution: Side of its pixels [m].
@@ -72,6 +75,7 @@ class BenchmarkAdapter:
     """
 
     action: ClassVar[ActionSpaceType | None] = ActionSpaceType.Lane
+    sensors: ClassVar[Collection[str] | None] = ()
 
     def __init__(
         self,
@@ -79,6 +83,7 @@ class BenchmarkAdapter:
         interface: AgentInterface,
         *,
         reward: str | RewardWeights = "benchmark",
+        discount: float | None = None,
         image: bool = False,
         image_size: int = 64,
         image_resolution: float = 1.0,
@@ -102,7 +107,7 @@ class BenchmarkAdapter:
         self._served = served
         self._features = np.zeros((world.worlds, agents, FEATURES), np.float32)
         self._is_new = np.ones((world.worlds, agents), np.bool_)
-        self._rewards = Rewards(served, reward)
+        self._rewards = Rewards(served, reward, discount)
         self.rewards = self._rewards.values
         self._columns = (
             columns_of(world.seats, Seated),

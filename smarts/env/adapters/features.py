@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, find_row
+from smarts.types.seats import SeatState
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -43,8 +44,7 @@ RADIUS = 50.0
 SPACING = 1.0
 """Between waypoints [m]."""
 
-_DRIVING = 3
-_DONE = 4
+_ACTIVE = int(SeatState.ACTIVE)
 
 
 @kernel
@@ -332,7 +332,7 @@ def write_arrival_order(
                 continue
             earlier = 0
             for other in seats:
-                is_here = state[b, other] == _DRIVING and ticket[b, other] >= 0
+                is_here = state[b, other] == _ACTIVE and ticket[b, other] >= 0
                 if is_here and junction[b, other] == junction[b, own]:
                     earlier += ticket[b, other] < ticket[b, own]
             vectors[b, g, last] = earlier / others

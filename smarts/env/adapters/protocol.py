@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -58,6 +58,9 @@ class ArrayAdapter(Protocol):
 
     action: ClassVar[ActionSpaceType | None]
     """How the agents must act, None if any way will do."""
+    sensors: ClassVar[Collection[str] | None]
+    """Names of the sensors whose readings it looks at, among those of its agents; None: all of them. The
+    others are not observed."""
     fields: tuple[Field, ...]
     """The observation of one agent. A field `action_mask` says which discrete actions are legal."""
     action_space: Space

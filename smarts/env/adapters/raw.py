@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import ClassVar
 
@@ -29,15 +30,22 @@ class RawAdapter:
         served: The agents.
         interface: Theirs; they have the same sensors with the same options.
         reward: Name of the weights in `rewards.yaml`, or the weights themselves.
+        discount: By which the learner discounts a decision, if not as in the weights.
     """
 
     action: ClassVar[ActionSpaceType | None] = None
+    sensors: ClassVar[Collection[str] | None] = None
 
     def __init__(
-        self, served: Served, interface: AgentInterface, *, reward: str | RewardWeights = "route_metres"
+        self,
+        served: Served,
+        interface: AgentInterface,
+        *,
+        reward: str | RewardWeights = "route_metres",
+        discount: float | None = None,
     ) -> None:
         self._served = served
-        self._rewards = Rewards(served, reward)
+        self._rewards = Rewards(served, reward, discount)
         self.rewards = self._rewards.values
         fields = {
             (sensor, field.name): replace(field, name=f"{sensor}/{field.name}")

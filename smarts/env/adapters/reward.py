@@ -136,11 +136,21 @@ class Rewards:
     Args:
         served: The agents.
         weights: Name of the weights in `rewards.yaml`, or the weights themselves.
+        discount: Instead of that of the weights.
+
+    Raises:
+        ScenarioError: There are no such weights, or the discount is not in [0, 1].
     """
 
-    def __init__(self, served: Served, weights: str | RewardWeights) -> None:
+    def __init__(self, served: Served, weights: str | RewardWeights, discount: float | None = None) -> None:
         self._served = served
         chosen = reward_weights(weights) if isinstance(weights, str) else weights
+        if discount is not None:
+            chosen = dataclasses.replace(chosen, discount=discount)
+        if not 0.0 <= chosen.discount <= 1.0:
+            raise ScenarioError(
+                f"the discount is {chosen.discount}", place="reward", remedy="give the learner's, in [0, 1]"
+            )
         horizon = served.max_steps / served.period if served.max_steps else DECISIONS
         self._terms = reward_terms(chosen, horizon)
         world = served.scene.world

@@ -48,7 +48,7 @@ class Memory(NamedTuple):
     """What the reward remembers of each agent from one decision to the next, shape (B, G)."""
 
     initial: Floats
-    """Length of the route when the agent entered [m], 0 before."""
+    """Length of the agent's route, or what was left of it when it entered if that is more [m]; 0 before."""
     potential: Floats
     """At the last decision."""
     remaining: Floats
@@ -97,6 +97,7 @@ class Missions(NamedTuple):
 
     goal: Bytes
     goal_position: Floats
+    route_length: Floats
 
 
 class Driving(NamedTuple):
@@ -224,7 +225,9 @@ def _settle(
     discount, progress, time, each_step, metres, far, approach, centring, apart, meeting, hard = terms.shares
     own, is_first = seated.slot[b, seat], memory.initial[b, g] == 0.0
     if is_first:
-        memory.initial[b, g] = max(seated.remaining[b, seat], 1.0)
+        # Nothing remains for who begins off its route; the potential must not leap when it gets there.
+        length = max(seated.remaining[b, seat], missions.route_length[b, seat])
+        memory.initial[b, g] = max(length, 1.0)
     left, potential, distance, aside = _standing(memory, seated, missions, driving, b, g, seat)
     near, soon = 0.0, 0.0
     if apart != 0.0 or meeting != 0.0:

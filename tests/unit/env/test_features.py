@@ -25,6 +25,7 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.events import Contacts, Events
 from smarts.types.frame import Frame, Readings
 from smarts.types.mission import GoalKind, SeatMission
+from smarts.types.seats import SeatState
 from smarts.types.vehicles import Owner
 from tests.maps import bend, crossing, straight
 from tests.worlds import Car, world_of
@@ -254,3 +255,48 @@ def test_a_row_of_a_batch_equals_it_alone():
     together = look(world_of(*cars, maps=[straight()]))
     for row, alone in enumerate(cars):
         np.testing.assert_array_equal(together[row], look(world_of(alone, maps=[straight()]))[0])
+
+
+def test_velocities_are_relative_to_where_the_vehicle_slides():
+    own = Car(50.0, 0.0, speed=10.0, mission=mission("road"))
+    made = world_of([own, Car(60.0, 0.0, speed=10.0)], maps=[straight()])
+    made.world.vehicles.lateral_speed[0, 0] = 2.0
+    seen = look(made)[0, 0, NEIGHBOURHOOD:FEATURES]
+    np.testing.assert_allclose(expanded(seen[3:5], 30.0), [0.0, -2.0], atol=1e-5)
+
+
+def test_of_equally_near_vehicles_the_lower_slot_comes_first():
+    own = Car(50.0, 0.0, mission=mission("road"))
+    for first, second in ((60.0, 40.0), (40.0, 60.0)):
+        made = world_of([own, Car(first, 0.0), Car(second, 0.0, name="other")], maps=[straight()])
+        seen = look(made)[0, 0, NEIGHBOURHOOD:FEATURES].reshape(8, 5)
+        assert np.sign(seen[:2, 1]).tolist() == np.sign([first - 50.0, second - 50.0]).tolist()
+
+
+def test_a_lane_of_another_road_is_not_steered_for():
+    route = mission("west_in", "north_out", goal=(1.6, 80.0))
+    made = world_of([Car(-15.0, -1.6, mission=route)], maps=[crossing()])
+    here = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS].copy()
+    graph = made.atlas.graphs[0]
+    made.world.seats.target_lane[0, 0] = next(
+        lane for lane, edge in enumerate(graph.lane_edge) if graph.edge_ids[edge] == "north_out"
+    )
+    np.testing.assert_array_equal(look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS], here)
+
+
+def test_beside_in_a_bend_is_at_the_same_angle():
+    angle = math.pi / 3
+    car = Car(30.0 * math.cos(angle), 30.0 * math.sin(angle), angle + math.pi / 2, mission=mission("bend"))
+    made = world_of([car], maps=[bend(lanes=3)])
+    made.world.seats.target_lane[0, 0] = 2
+    seen = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS]
+    np.testing.assert_allclose(seen[:10], np.sin(np.arange(1, 11) / (30 - 6.4)), atol=5e-3)
+
+
+def test_who_has_ended_is_not_before_anybody():
+    cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(3)]
+    made = world_of(cars, maps=[straight()])
+    seats = made.world.seats
+    seats.ticket[0, :3], seats.ticket_junction[0, :3] = (4, 2, 3), 7
+    seats.state[0, 1] = SeatState.DONE
+    assert look(made, agents=3)[0, 0, -1] == 0.5

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from smarts.agents import RGB, AgentInterface, AgentType
+from smarts.env.adapters.protocol import Served
 from smarts.env.observation import ObservationMaker
 from smarts.env.observation_types import SignalLightState
+from smarts.env.onlooker import Onlooker
 from smarts.roads.scene import Scene
 from smarts.sensors.suite import SensorSuite
+from smarts.types.actions import ActionSpaceType
 from smarts.types.coordinates import Dimensions
 from smarts.types.events import Contacts, Event, Events
 from smarts.types.frame import Frame
@@ -40,7 +43,8 @@ class Stage:
         scene = Scene(self.made.world, self.made.atlas, self.made.routes)
         self.suite = SensorSuite(scene, [*interfaces, *[None] * (4 - len(interfaces))])
         self.contacts, self.events = Contacts.allocate(1, 4, 16), Events.allocate(1, 4)
-        self.maker = ObservationMaker(SimpleNamespace(scene=scene, ownership=self.made.ownership))
+        self.parts = SimpleNamespace(scene=scene, ownership=self.made.ownership)
+        self.maker = ObservationMaker(self.parts)
         self.wanted = np.array([[index < len(interfaces) for index in range(4)]])
 
     def frame(self):
@@ -167,3 +171,20 @@ def test_an_observation_outlives_its_frame():
     assert seen.ego_vehicle_state.position[0] == -30.0
     assert seen.neighborhood_vehicle_states[0].id == "oncoming"
     assert pickle.loads(pickle.dumps(seen)).ego_vehicle_state == seen.ego_vehicle_state
+
+
+def test_collisions_are_those_of_all_steps_of_a_decision():
+    stage = Stage(FULL)
+    served = Served(
+        stage.parts.scene, ("ego",), np.zeros(1, np.int32), ActionSpaceType.Empty, period=3, max_steps=0
+    )
+    onlooker = Onlooker(stage.parts, served)
+    touching = stage.contacts.touching
+    told = []
+    for step, slots in enumerate([(2,), (1, 2), (), (), (), ()]):
+        touching[0, 0] = False
+        touching[0, 0, list(slots)] = True
+        onlooker.collect(stage.frame(), step % 3 == 2)
+        if step % 3 == 2:
+            told.append([collision.collidee_id for collision in onlooker.seen[0].events.collisions])
+    assert told == [["oncoming", "second"], []]

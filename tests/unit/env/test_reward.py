@@ -29,9 +29,15 @@ class Drive:
     """One agent whose progress and end are dictated."""
 
     def __init__(
-        self, weights: str | RewardWeights = "benchmark", horizon=120, goal=GoalKind.POSITION, period=5
+        self,
+        weights: str | RewardWeights = "benchmark",
+        horizon=120,
+        goal=GoalKind.POSITION,
+        period=5,
+        length=0.0,
+        begins=None,
     ):
-        mission = SeatMission(route=("road",), goal=goal, goal_position=(ROUTE, 0.0))
+        mission = SeatMission(route=("road",), goal=goal, goal_position=(ROUTE, 0.0), route_length=length)
         made = world_of([Car(0.0, 0.0, mission=mission)], maps=[straight(length=ROUTE + 50)])
         self.world = made.world
         made_scene = Scene(self.world, made.atlas, made.routes)
@@ -46,7 +52,7 @@ class Drive:
         self.rewards = Rewards(self.served, weights)
         self.period = period
         self.events = Events.allocate(*self.world.seats.state.shape)
-        self._settle(ROUTE)
+        self._settle(ROUTE if begins is None else begins)
 
     def decide(self, remaining, outcome=Outcome.NONE, events=Event.NONE, in_step=4):
         """Make a decision that leads to `remaining` metres; events and the end are in one of its steps."""
@@ -218,3 +224,56 @@ def test_unknown_names_are_refused():
         reward_weights("benchmrk")
     with pytest.raises(ScenarioError, match="collision"):
         reward_weights(colision=1.0)
+
+
+def test_the_discount_may_be_the_learners():
+    one = Drive(reward_weights(time=0.0))
+    one.rewards = Rewards(one.served, reward_weights(time=0.0), discount=0.9)
+    one._settle(ROUTE)
+    assert one.decide(100.0) == pytest.approx(0.9 * -0.5 + 1.0)
+    with pytest.raises(ScenarioError, match=r"1\.5"):
+        Rewards(one.served, "benchmark", discount=1.5)
+
+
+def test_who_begins_off_its_route_is_not_fined_for_getting_there():
+    one = Drive(reward_weights(time=0.0), length=ROUTE, begins=0.0)
+    # Off the route nothing remains, so that the potential there is 0 of the whole route, not of one metre.
+    assert one.decide(50.0) == pytest.approx(0.99 * -0.25)
+
+
+def test_what_counts_for_each_step_counts_for_all_of_a_decision():
+    alone = {"each_step": 0.0, "metres": 0.0, "approach": 0.0, "hard_steering": 0.0, "goal_distance": 0.0}
+    for term, worth in (("each_step", 0.5), ("goal_distance", -0.01 * 150.0)):
+        weights = reward_weights("paper", **{**alone, term: reward_weights("paper").__dict__[term]})
+        assert Drive(weights, period=5).decide(150.0) == pytest.approx(5 * worth, rel=1e-6)
+    one = Drive(reward_weights("paper", **{**alone, "hard_steering": -0.1}), period=5)
+    one.world.vehicles.speed[0, 0], one.world.seats.steering[0, 0] = 20.0, 0.3
+    assert one.decide(150.0) == pytest.approx(5 * -0.1 * ((72 - 60) / 20 * 0.3 / 4) ** 2, rel=1e-5)
+
+
+def test_coming_back_to_the_centre_pays():
+    one = Drive(RewardWeights(centring=0.1))
+    offsets = one.world.vehicles.lane_offset
+    offsets[0, 0] = -1.5
+    assert one.decide(ROUTE) == pytest.approx(-0.15)
+    offsets[0, 0] = 0.5
+    assert one.decide(ROUTE) == pytest.approx(0.1)
+
+
+def test_the_wrong_way_and_the_shoulder_cost_even_in_the_last_decision():
+    for event, weights in (
+        (Event.WRONG_WAY, RewardWeights(goal=1.0, wrong_way=-0.3)),
+        (Event.ON_SHOULDER, RewardWeights(goal=1.0, on_shoulder=-0.3)),
+    ):
+        both = event | Event.REACHED_GOAL
+        assert Drive(weights).decide(0.0, Outcome.GOAL, both) == pytest.approx(0.7)
+
+
+def test_a_vehicle_that_slides_to_its_left_meets_what_is_there():
+    # 30 m to the left, and 10 m/s sideways: 3 s. To the right it is never met.
+    sliding = Car(50.0, 0.0, speed=10.0)
+    made = world_of([sliding, Car(50.0, 30.0, speed=10.0)], maps=[straight(length=400.0)], capacity=16)
+    driving = columns_of(made.world.vehicles, Driving)
+    for lateral, time in ((10.0, 3.0), (-10.0, 5.0)):
+        made.world.vehicles.lateral_speed[0, 0] = lateral
+        assert near_traffic(driving, 0, 0, np.empty(8), np.empty(8))[1] == pytest.approx((7 * 5 + time) / 8)

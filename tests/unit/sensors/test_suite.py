@@ -67,3 +67,11 @@ def test_blocks_stay_the_same_arrays():
     world, suite = suite_of(NEAR, FAR, NEAR, None)
     first, second = (suite.observe(world, wanted(0)).blocks["mission"]["goal"] for _ in range(2))
     assert first is second
+
+
+def test_only_what_somebody_looks_at_is_observed():
+    made = at_crossing(*(Car(x, -1.6, mission=STRAIGHT_ON) for x in (-50.0, -35.0)))
+    suite = SensorSuite(scene_of(made), [NEAR, NEAR], {0: (), 1: ("mission", "signals")})
+    readings = suite.observe(made.world, wanted(0, 1))
+    assert [*readings.blocks] == ["mission"]
+    assert readings.seats["mission"].tolist() == [1]

@@ -152,6 +152,17 @@ def test_what_lies_behind_vehicles_is_hidden(made, own, other):
     assert surely.sum() > 50
 
 
+def test_the_near_face_of_what_hides_is_seen():
+    # It is 17.5 m ahead: the pixel up to 18 m shows it, the next one lies behind it.
+    picture = seen(
+        VisibleArea(OcclusionMap(**SHAPE)),
+        at_crossing(Car(-50.0, -1.6, mission=STRAIGHT_ON), Car(-30.0, -1.6, length=5.0)),
+    )["data"][:, :, 0]
+    middle = HEIGHT // 2 - round(18.0 / SIZE)
+    assert picture[middle, WIDTH // 2] == 1
+    assert picture[middle - 1, WIDTH // 2] == 0
+
+
 def beams(*angles, reach=50.0):
     """Return a lidar whose lasers look so far up [rad], each in four directions."""
     return LidarPoints(Lidar(SensorParams(0.0, 2 * math.pi, angles, math.pi / 2, reach, 0.0, 0.0)))

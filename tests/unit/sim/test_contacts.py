@@ -145,6 +145,14 @@ def test_the_first_of_several_is_the_partner():
     assert contacts.partner[0, 1:].tolist() == [-1, -1, -1]
 
 
+def test_within_a_substep_the_first_of_several_is_the_partner():
+    # Both are met on the way from 0.5 to 0.6 m.
+    for gaps, first in (((0.53, 0.57), 1), ((0.57, 0.53), 2)):
+        cars = [Car(0.0, 0.0, mission=EGO), Car(5.0 + gaps[0], 0.0), Car(5.0 + gaps[1], 0.8)]
+        contacts, _ = moved(cars, [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)])
+        assert (contacts.partner[0, 0], contacts.substep[0, 0]) == (first, 5)
+
+
 def test_two_agents_hit_each_other():
     cars = [Car(0.0, 0.0, mission=EGO), Car(6.0, 0.0, math.pi, mission=EGO)]
     contacts, _ = moved(cars, [(1.0, 0.0), (-0.5, 0.0)])

@@ -89,6 +89,13 @@ def test_off_road_is_when_the_centre_leaves_and_on_shoulder_when_a_corner_does()
     assert stage.events.terminated[0, 0]
 
 
+def test_a_single_corner_is_enough_for_the_shoulder():
+    # Turned right by 0.1, the front right corner is 1.15 m to the right of the centre, the rear one 0.65 m.
+    stage = Stage([Car(10.0, 0.0, mission=ROAD)])
+    assert stage.step((11.0, -0.4, -0.1)) == Event.NONE
+    assert stage.step((12.0, -0.5, -0.1)) == Event.ON_SHOULDER
+
+
 def test_a_shoulder_lane_is_no_road():
     graph = graph_of(
         {"side": Road([(0, -3.2), (200, -3.2)], kind=LaneKind.SHOULDER), "road": Road([(0, 0), (200, 0)])}
@@ -178,6 +185,16 @@ def test_a_red_light_stops_the_clock():
     assert stage.step((10.0, 0.0)) == Event.NOT_MOVING
 
 
+def test_a_red_light_does_not_wind_the_clock_back():
+    stage = Stage([Car(10.0, 0.0, mission=ROAD)], not_moving_steps=5)
+    assert [stage.step((10.0, 0.0)) for _ in range(3)] == [Event.NONE] * 3
+    stage.world.signals[0, 0] = Signal.STOP
+    assert [stage.step((10.0, 0.0)) for _ in range(20)] == [Event.NONE] * 20
+    stage.world.signals[0, 0] = Signal.GO
+    assert stage.step((10.0, 0.0)) == Event.NONE
+    assert stage.step((10.0, 0.0)) == Event.NOT_MOVING
+
+
 def test_time_out_counts_from_entry():
     stage = Stage([Car(10.0, 0.0, mission=ROAD)], max_steps=3)
     stage.seats.entry_step[0, 0] = 2
@@ -250,6 +267,20 @@ def test_a_line_at_the_very_end_of_its_lane():
 def test_a_line_left_behind_at_the_end_of_its_road():
     stage = crossed(goal_s=78.5)
     assert stage.step((-9.0, -1.6)) == Event.MISSED_GOAL
+
+
+def test_a_line_that_is_crossed_in_the_step_that_enters_its_road():
+    # The junction ends at x = 10.
+    graph = maps.crossing()
+    mission = SeatMission(
+        route=("west_in", "east_out"),
+        goal=GoalKind.LANE_LINE,
+        goal_lane=graph.lane_of_id("east_out_0"),
+        goal_s=0.5,
+    )
+    stage = Stage([Car(9.0, -1.6, mission=mission)], graph=graph)
+    assert stage.step((9.5, -1.6)) == Event.NONE
+    assert stage.step((11.0, -1.6)) == Event.REACHED_GOAL
 
 
 def test_a_goal_that_the_route_passes_twice():

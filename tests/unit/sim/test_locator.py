@@ -150,3 +150,13 @@ def test_laps_are_counted_at_the_goal_line():
     assert seats.remaining[0, 0] == 0.0
     assert total == pytest.approx(progress[-1] - progress[0], abs=2.1)
     assert world.seats.on_route[0, 0]
+
+
+def test_who_enters_behind_the_goal_line_has_driven_no_lap():
+    graph = ring()
+    lap = ("south", "east", "north", "west")
+    goal = graph.lane_number("south", 0)
+    mission = SeatMission(route=(*lap, *lap, "south"), goal=GoalKind.LAPS, goal_lane=goal, goal_s=5.0, laps=2)
+    made = world_of([Car(40.0, 0.0, mission=mission)], maps=[graph])
+    assert made.world.seats.route_done[0, 0] > 5.0
+    assert made.world.seats.lap[0, 0] == 0
