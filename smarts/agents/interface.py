@@ -132,6 +132,11 @@ class AgentInterface:
     vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
     """How the vehicle moves: as a rigid body on tyres, or as a cheaper single-track model (not in the
     original)."""
+    tyre_model: Literal["pacejka", "linear"] = "pacejka"
+    """What its tyres are like (not in the original)."""
+    flat_tyres: tuple[int, ...] = ()
+    """Which tyres are flat from the beginning: 0 front left, 1 front right, 2 rear left, 3 rear right (not in
+    the original)."""
 
     def __post_init__(self) -> None:
         for name, kind in SENSOR_OPTIONS.items():
@@ -166,12 +171,19 @@ class AgentInterface:
                 place="AgentInterface.vehicle_class",
                 remedy=nearest_names(self.vehicle_class, VEHICLE_CLASSES),
             )
-        models = ("bullet", "dynamic", "kinematic")
-        if self.vehicle_model not in models:
+        known = {"vehicle_model": ("bullet", "dynamic", "kinematic"), "tyre_model": ("pacejka", "linear")}
+        for name, models in known.items():
+            if getattr(self, name) not in models:
+                raise InterfaceError(
+                    f"there is no {name.replace('_', ' ')} {getattr(self, name)!r}",
+                    place=f"AgentInterface.{name}",
+                    remedy=nearest_names(str(getattr(self, name)), models),
+                )
+        if not set(self.flat_tyres) <= {0, 1, 2, 3}:
             raise InterfaceError(
-                f"there is no vehicle model {self.vehicle_model!r}",
-                place="AgentInterface.vehicle_model",
-                remedy=nearest_names(self.vehicle_model, models),
+                f"flat_tyres is {self.flat_tyres!r}",
+                place="AgentInterface.flat_tyres",
+                remedy="wheels are 0 (front left), 1 (front right), 2 (rear left) and 3 (rear right)",
             )
 
     def _check_occlusion(self) -> None:

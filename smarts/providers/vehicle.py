@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -56,7 +56,8 @@ class FleetVehicles:
         world: What is to be read and written.
         models: How each seat's vehicle moves, one of `smarts.dynamics.MODELS`, shape (A,) or one for all.
         surfaces: Friction patches by map.
-        tyres: The tyre model.
+        tyres: The tyre model of each seat's vehicle, shape (A,) or one for all.
+        flat_tyres: Wheels of each seat's vehicle whose tyre is flat when it spawns, by seat.
     """
 
     def __init__(
@@ -65,7 +66,8 @@ class FleetVehicles:
         models: str | Sequence[str] = "bullet",
         *,
         surfaces: RoadSurfaces | None = None,
-        tyres: str = "pacejka",
+        tyres: str | Sequence[str] = "pacejka",
+        flat_tyres: Mapping[int, Sequence[int]] | None = None,
     ) -> None:
         worlds, seats = world.seats.slot.shape
         self._models = [models] * seats if isinstance(models, str) else list(models)
@@ -73,7 +75,8 @@ class FleetVehicles:
         """For read-outs and faults; row b * A + a is the vehicle of seat a of simulation b."""
         self._world = world
         self._surfaces = surfaces
-        self._tyres = tyres
+        self._tyres = [tyres] * seats if isinstance(tyres, str) else list(tyres)
+        self._flat_tyres = flat_tyres or {}
         self._slot = np.full((worlds, seats), NOWHERE, np.int32)
         self._generation = np.zeros((worlds, seats), np.int32)
         self._wanted = np.zeros((worlds, seats), np.int32)
@@ -210,8 +213,10 @@ class FleetVehicles:
             speed,
             steering=steering,
             model=self._models[seat],
-            tyres=self._tyres,
+            tyres=self._tyres[seat],
         )
+        for wheel in self._flat_tyres.get(seat, ()):
+            self.fleet.set_fault(number, wheel)
         self._memory[number] = 0.0
         self._memory[number, tracking.CURVATURE] = math.tan(steering) / wheelbase
         self.fleet.road.friction[number] = DRY

@@ -165,6 +165,8 @@ def _vehicles(scene: Scene, interfaces: Sequence[AgentInterface], schedule: Sche
         scene.world,
         [interface.vehicle_model for interface in interfaces],
         surfaces=RoadSurfaces(schedule.surfaces, schedule.maps) if any(schedule.surfaces) else None,
+        tyres=[interface.tyre_model for interface in interfaces],
+        flat_tyres={seat: interface.flat_tyres for seat, interface in enumerate(interfaces)},
     )
 
 

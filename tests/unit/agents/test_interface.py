@@ -114,6 +114,8 @@ def test_interfaces_travel():
         ({"action": "lane"}, "'lane'"),
         ({"vehicle_class": "bsu"}, "bus"),
         ({"vehicle_model": "bulet"}, "bullet"),
+        ({"tyre_model": "pacejca"}, "pacejka"),
+        ({"flat_tyres": (4,)}, "front left"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
         ({"custom_renders": (1,)}, "OpenGL"),
         ({"occlusion_map": True}, "OGM(width=256"),

@@ -64,6 +64,22 @@ def test_what_was_closed_or_never_reset_is_not_stepped(closing):
                 call()
 
 
+def test_tyres_are_those_of_the_interface(closing):
+    def end(**tyres):
+        interface = AgentInterface(action=ActionSpaceType.Continuous, **tyres)
+        env = closing(HiWayEnv(["loop"], specs("a", interface=interface)))
+        env.reset(seed=1)
+        for _ in range(15):
+            seen, *_ = env.step({"a": (1.0, 0.0, 0.0)})
+        return seen["a"].ego_vehicle_state
+
+    sound, flat, linear = end(), end(flat_tyres=(0,)), end(tyre_model="linear")
+    assert flat.speed < sound.speed - 0.05
+    # What rolls harder on the left pulls to the left.
+    assert np.sin(float(flat.heading) - float(sound.heading)) > 1e-3
+    assert linear.position != sound.position
+
+
 def test_seeds_and_episodes(closing):
     env = closing(HiWayEnv(["intersection", "double_merge"], specs("a", "b"), seed=5))
 
