@@ -153,8 +153,13 @@ class DQNLearner(OffPolicyLearner):
             return own.next, own.next
         with torch.no_grad():
             memories = net.q.recall(own)[1], net.target_q.recall(own)[1]
+        # Whoever did not act before, or whose life ended, begins with the empty memory that is stored.
+        stored, same = own.next.observations[MEMORY], own.bootstrap[..., None]
         online, target = (
-            replace(own.next, observations={**own.next.observations, MEMORY: memory}) for memory in memories
+            replace(
+                own.next, observations={**own.next.observations, MEMORY: torch.where(same, memory, stored)}
+            )
+            for memory in memories
         )
         return online, target
 

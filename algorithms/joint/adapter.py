@@ -43,7 +43,8 @@ class JointVector:
         self.num_envs = num_envs
         self._make = make
         self._max_failures = max_failures
-        self._envs: list[Any] = [make(b) for b in range(num_envs)]
+        self._envs: list[Any] = []
+        self._envs.extend(self._create(b) for b in range(num_envs))
         self._worlds = np.zeros(num_envs, int)
         self._episodes = np.zeros(num_envs, int)
         self._seed = self._stride = 0
@@ -51,8 +52,8 @@ class JointVector:
         names = list(first.possible_agents)
         self._flattening = {a: Flattening(first.get_observation_space(a), a) for a in names}
         actions = {a: check_action_space(first.get_action_space(a), a) for a in names}
-        _, infos = first.reset(seed=0)
-        self.spaces = _spaces(names, self._flattening, actions, infos or {})
+        infos = self._first_infos()
+        self.spaces = _spaces(names, self._flattening, actions, infos)
         self._place = {
             agent: (column, number, row)
             for column, (number, row, agent) in enumerate(
@@ -70,7 +71,7 @@ class JointVector:
         self._seed, self._stride = seed, stride
         self._worlds, self._episodes = np.array(worlds, int), np.full(self.num_envs, episode)
         for b in range(self.num_envs):
-            self._start(b)
+            self._start_or_replace(b)
         return self._step_so_far()
 
     def step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
@@ -160,7 +161,7 @@ class JointVector:
             end, cut = bool(ends.get(agent, False)), bool(cuts.get(agent, False))
             rewards[b, column] = reward.get(agent, 0.0)
             terminated[b, column] = end or (all_end and not cut)
-            truncated[b, column] = cut or (all_cut and not end)
+            truncated[b, column] = (cut or all_cut) and not end
             self._view.alive[b, column] = here and not (end or cut)
             self._away[b, column] = not (here or end or cut)
 
@@ -197,29 +198,65 @@ class JointVector:
             self._worlds[b] += self._stride
         else:
             self._episodes[b] += 1
+        self._start_or_replace(b)
+
+    def _start_or_replace(self, b: int) -> None:
         try:
             self._start(b)
         except Exception as error:
             self._replace(b, error, fresh_episode=False)
+
+    def _create(self, b: int) -> Any:
+        cause: Exception | None = None
+        for _ in range(self._max_failures):
+            try:
+                return self._make(b)
+            except Exception as error:
+                logger.warning("copy %d could not be created: %r", b, error)
+                cause = error
+        raise self._given_up(b, cause) from cause
+
+    def _first_infos(self) -> Mapping[str, Any]:
+        """Reset copy 0 to see what its infos hold."""
+        cause: Exception | None = None
+        for _ in range(self._max_failures):
+            try:
+                return self._envs[0].reset(seed=0)[1] or {}
+            except Exception as error:
+                logger.warning("copy 0 could not be reset: %r", error)
+                cause = error
+            self._discard(0)
+            self._envs[0] = self._create(0)
+        raise self._given_up(0, cause) from cause
+
+    def _discard(self, b: int) -> None:
+        """Close a copy that is of no more use, whatever it says to that."""
+        try:
+            self._envs[b].close()
+        except Exception as error:
+            logger.warning("copy %d could not be closed: %r", b, error)
+
+    def _given_up(self, b: int, cause: BaseException | None) -> EnvironmentFailure:
+        return EnvironmentFailure(
+            f"copy {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
+            place=f"environment {type(self._envs[0]).__name__}" if self._envs else "environment",
+            remedy="mend the environment: its constructor or reset raises",
+        )
 
     def _replace(self, b: int, cause: BaseException, *, fresh_episode: bool = True) -> None:
         logger.warning("copy %d is created anew after %r", b, cause)
         if fresh_episode and not self._stride:
             self._episodes[b] += 1
         for _ in range(self._max_failures):
+            self._discard(b)
             try:
-                self._envs[b].close()
                 self._envs[b] = self._make(b)
                 self._start(b)
             except Exception as error:
                 cause = error
             else:
                 return
-        raise EnvironmentFailure(
-            f"copy {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
-            place=f"environment {type(self._envs[b]).__name__}",
-            remedy="mend the environment: its constructor or reset raises",
-        ) from cause
+        raise self._given_up(b, cause) from cause
 
     def _step_so_far(
         self, rewards=None, terminated=None, truncated=None, reset=None, final=None, failed=None, metrics=None

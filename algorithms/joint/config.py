@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import logging
+import secrets
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -15,11 +17,14 @@ from ray.util.debug import log_once
 
 from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
 from algorithms.joint.env import MEMORY, Block, VectorJointEnv
+from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.runner import SPEC, JointEnvRunner
 from algorithms.joint.spec import Group, JointSpec, Sharing, agent_spaces
 from algorithms.parts.distributions import Exploration
 from algorithms.registry import ALGORITHMS, Actions, Entry
+
+logger = logging.getLogger(__name__)
 
 
 class JointConfig(AlgorithmConfig):
@@ -58,7 +63,10 @@ class JointConfig(AlgorithmConfig):
         self.multi_agent(policies={"shared"}, policy_mapping_fn=_unused_mapping)  # type: ignore[arg-type]
         self.fault_tolerance(restart_failed_env_runners=True, delay_between_env_runner_restarts_s=0.1)
         self.evaluation(evaluation_duration_unit="episodes", evaluation_config={"explore": False})
-        self.reporting(metrics_num_episodes_for_smoothing=100)
+        self.reporting(
+            metrics_num_episodes_for_smoothing=100,
+            custom_stats_cls_lookup={**self.stats_cls_lookup, EPISODE_MEAN: EpisodeMean},
+        )
         self.explore = True
         self._defaults(
             sharing="none",
@@ -234,7 +242,7 @@ class JointConfig(AlgorithmConfig):
         return RLModuleSpec(module_class=JointModule)
 
     def validate(self) -> None:
-        """Refuse settings that cannot work together (RLlib).
+        """Refuse settings that cannot work together, and draw a seed where none was given (RLlib).
 
         Raises:
             ValueError: Several learners, evaluation by time, fragments of automatic length, or a memory where
@@ -244,6 +252,9 @@ class JointConfig(AlgorithmConfig):
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
         super().validate()
+        if self.seed is None:  # drawn once here, so that checkpoints and results tell it
+            self.seed = secrets.randbits(31)
+            logger.info("seed %d was drawn, since none was given", self.seed)
         if (self.num_learners or 0) > 1:
             self._value_error("joint algorithms learn in one process: set num_learners to 0 or 1")
         if not isinstance(self.rollout_fragment_length, int):
@@ -313,6 +324,7 @@ class OffPolicyConfig(JointConfig):
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class)
         self.env_runners(rollout_fragment_length=8)
+        self.sequence_length = 8
         self._defaults(
             capacity=100_000,
             batch_size=128,

@@ -33,7 +33,7 @@ def evaluate(
     Args:
         algo: A built algorithm; its training is left alone.
         episodes: How many; episode k plays world `first_world + k`, whatever the number of copies or runners.
-        explore: Sample actions as in training, or act greedily.
+        explore: Sample actions as in training, from one stream for all copies, or act greedily.
         on_step: Called with every step of all copies, sampling distributions included.
         first_world: World of the first episode.
         env: Where to play, by default in an environment like those of training; left open.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -79,6 +79,11 @@ class WithMeanActions:
         step = self._env.recreate(failures)
         self._means[list(failures)] = 0
         return self._shown(step)
+
+    @property
+    def annotate(self) -> Callable[..., None] | None:
+        """How the environment takes down what policies gave, or None where it does not."""
+        return getattr(self._env, "annotate", None)
 
     def close(self) -> None:
         """Release all resources."""

@@ -163,10 +163,16 @@ class JointTorchLearner(TorchLearner):
         return copy.deepcopy(state) if components is None and not not_components else state
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Restore; older weights too, which RLlib's learner would silently ignore."""
+        """Restore; older weights too, which RLlib's learner would silently ignore.
+
+        Runners know weights by their number, so restored weights get one that nobody has yet: another
+        training may have counted just as far.
+        """
+        before = self._weights_seq_no
         if COMPONENT_RL_MODULE in state:
             self._weights_seq_no = -1
         super().set_state(state)
+        self._weights_seq_no = max(before, self._weights_seq_no) + 1
         if JOINT in state:
             self._set_own_state(state[JOINT])
 

@@ -22,7 +22,7 @@ class PrioritisedReplay(JointReplay):
 
     Transition i is drawn with P(i) = p_i^alpha / sum_k p_k^alpha and weighs (N P(i))^-beta, divided by the
     largest weight of all that are stored. New transitions get the largest priority so far. The cumulative sum
-    is rebuilt at every draw: for 100,000 transitions this takes 0.2 ms, less than a sum tree in Python.
+    is rebuilt at every draw, which numpy does faster than Python walks a sum tree.
 
     Args:
         spec: Agents and spaces.
@@ -49,7 +49,8 @@ class PrioritisedReplay(JointReplay):
         # A product can round up to the last sum itself.
         drawn = np.searchsorted(cumulative, rng.random(count) * cumulative[-1], side="right")
         rows = np.minimum(drawn, len(self) - 1)
-        weights = self.weights()[rows]
+        scaled = self._scaled[: len(self)]
+        weights = (scaled[rows] / scaled.min()) ** -self._beta
         return self.batch(rows, device, weights=torch.from_numpy(weights.astype(np.float32)).to(device))
 
     def weights(self) -> Floats:
@@ -74,6 +75,7 @@ class PrioritisedReplay(JointReplay):
         return {**super().get_state(), **own}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Restore what `get_state` gave, into a buffer of the same capacity."""
+        """Restore what `get_state` gave; see `JointReplay.set_state`."""
         super().set_state(state)
-        self._scaled[: len(self)], self._largest = state["scaled"], state["largest"]
+        self._scaled[: len(self)] = state["scaled"][self._restored(state)]
+        self._largest = state["largest"]

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from algorithms.errors import CheckpointError
 from algorithms.joint.batch import JointView, ReplayBatch
 from algorithms.joint.env import Ints
 from algorithms.joint.rollout import JointRollout, View
@@ -118,13 +119,34 @@ class JointReplay:
     def get_state(self) -> dict[str, Any]:
         """Return a copy of the stored transitions."""
         arrays = {name: array[: self._size].copy() for name, array in self._arrays().items()}
-        return {"arrays": arrays, "size": self._size, "place": self._place}
+        where = {"size": self._size, "place": self._place, "capacity": self.capacity, "length": self.length}
+        return {"arrays": arrays, **where}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Restore what `get_state` gave, into a buffer of the same capacity."""
-        self._size, self._place = state["size"], state["place"]
+        """Restore what `get_state` gave; of another capacity, as much of the newest as there is room for.
+
+        Raises:
+            CheckpointError: The buffer held sequences of another length.
+        """
+        rows = self._restored(state)
         for name, array in self._arrays().items():
-            array[: self._size] = state["arrays"][name]
+            array[: len(rows)] = state["arrays"][name][rows]
+        self._size = len(rows)
+        same = state["capacity"] == self.capacity
+        self._place = state["place"] if same else self._size % self.capacity
+
+    def _restored(self, state: dict[str, Any]) -> Ints:
+        """Return which stored rows of a state to take over: oldest first where the capacity differs."""
+        if state["length"] != self.length:
+            raise CheckpointError(
+                f"the replay buffer holds sequences of {state['length']} steps, not of {self.length}",
+                place="replay buffer of the checkpoint",
+                remedy="restore with the `gru` and `sequence_length` of the training, or start it anew",
+            )
+        rows = np.arange(state["size"])
+        if state["capacity"] == self.capacity:
+            return rows
+        return np.roll(rows, -state["place"])[-self.capacity :]
 
     def _arrays(self) -> dict[str, np.ndarray]:
         return _arrays(self._now, self._next, self._actions, self._rewards, self._bootstrap, self._fresh)

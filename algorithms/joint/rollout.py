@@ -198,18 +198,15 @@ class JointRollout:
             if (step, copy) in self._finals:
                 source, row = self._finals[step, copy]
                 final.write(k, final_row(source, row))
+        _empty_memories(final.observations, ~masks.bootstrap[t, b])
         final.alive = masks.bootstrap[t, b] | (~self.reset[t, b, None] & self.views.alive[t + 1, b])
         self._forget(~masks.chain)
         return replace(self, final=final, final_at=at, _finals={})
 
     def _forget(self, ended: Bools) -> None:
         """Empty the memories that follow the steps (T, B, N) after which a life does not go on."""
-        column = 0
-        for leaves in self.views.observations:
-            width = next(iter(leaves.values())).shape[2]
-            if MEMORY in leaves:
-                leaves[MEMORY][1:][ended[..., column : column + width]] = 0
-            column += width
+        following = self.views[1:]
+        _empty_memories(following.observations, ended)
 
     def masks(self) -> Masks:
         """Return the masks that learners use; see `algorithms.joint.masks`."""
@@ -252,6 +249,16 @@ class JointRollout:
             source=np.concatenate([r.source for r in rollouts]),
             start=np.concatenate([r.start for r in rollouts]),
         )
+
+
+def _empty_memories(observations: Sequence[Leaves], ended: Bools) -> None:
+    """Empty, in place, the memories of the columns that are `ended`, (..., N)."""
+    column = 0
+    for leaves in observations:
+        width = next(iter(leaves.values())).shape[ended.ndim - 1]
+        if MEMORY in leaves:
+            leaves[MEMORY][ended[..., column : column + width]] = 0
+        column += width
 
 
 def copy_final(final: Final) -> Final:

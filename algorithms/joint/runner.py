@@ -33,7 +33,8 @@ from ray.tune.registry import ENV_CREATOR, _global_registry
 from algorithms.errors import AlgorithmError, EnvironmentFailure, SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.callbacks import EpisodeCallbacks
-from algorithms.joint.env import Ints, VectorJointEnv, is_vector_env
+from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
+from algorithms.joint.metrics import EPISODE_MEAN
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.sampler import Episode, EvaluatedStep, Listener, Policies, Sampler
 from algorithms.joint.spec import JointSpec, agent_spaces
@@ -99,8 +100,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         """Build the inference part of the policies.
 
         Done at first use, after the algorithm has checked the spaces: an error in the constructor of a remote
-            runner
-        would surface only as an actor that died.
+        runner would surface only as an actor that died.
         """
         if self.module is None:
             spec = self.config.get_multi_rl_module_spec(spaces=self.get_spaces(), inference_only=True)
@@ -169,9 +169,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return {SPEC: (self.spec, None), **{g.id: agent_spaces(g) for g in self.spec.groups}}
 
     def assert_healthy(self) -> None:
-        """Raise if the runner cannot sample."""
-        if self.spec is None:
-            raise AssertionError("the runner has no specification")
+        """Answer that the runner lives (RLlib): without spaces it would not exist."""
 
     def stop(self) -> None:
         """Close the environments."""
@@ -316,8 +314,8 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self._log_episodes(episodes, episodes)
         if self.config.evaluate_sampled and not explore:
             sampled = self.play(worlds, explore=True)
-            mean = float(np.mean([episode.returns.sum() for episode in sampled]))
-            self.metrics.log_value(("sampled", EPISODE_RETURN_MEAN), mean, window=1)
+            totals = [float(episode.returns.sum()) for episode in sampled]
+            self._log_mean(("sampled", EPISODE_RETURN_MEAN), totals)
         self.metrics.log_value(NUM_ENV_STEPS_SAMPLED, sum(e.length for e in episodes), reduce="sum")
         return episodes
 
@@ -340,8 +338,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         """Count the episodes that ended, and report means over the recent ones.
 
         Means are taken here, once a fragment: RLlib's windows are slow to fill one by one, and show NaN in
-            iterations
-        in which no episode ends.
+        iterations in which no episode ends. They carry their number of episodes, see `EpisodeMean`.
         """
         metrics = self.metrics
         metrics.log_value(NUM_EPISODES, len(episodes), reduce="sum")
@@ -349,15 +346,19 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         if not recent:
             return
         returns = np.stack([episode.returns for episode in recent])
-        metrics.log_value(EPISODE_RETURN_MEAN, float(returns.sum(1).mean()), window=1)
-        metrics.log_value(EPISODE_RETURN_MIN, float(returns.sum(1).min()), window=1)
-        metrics.log_value(EPISODE_RETURN_MAX, float(returns.sum(1).max()), window=1)
-        metrics.log_value(EPISODE_LEN_MEAN, float(np.mean([e.length for e in recent])), window=1)
-        own = dict(zip(self.spec.agents, returns.mean(0).tolist(), strict=True))
-        metrics.log_dict(own, key="agent_episode_returns_mean", window=1)
+        totals = returns.sum(1)
+        metrics.log_value(EPISODE_RETURN_MIN, float(totals.min()), reduce="min")
+        metrics.log_value(EPISODE_RETURN_MAX, float(totals.max()), reduce="max")
+        self._log_mean(EPISODE_RETURN_MEAN, totals)
+        self._log_mean(EPISODE_LEN_MEAN, [episode.length for episode in recent])
+        for agent, own in zip(self.spec.agents, returns.T, strict=True):
+            self._log_mean(("agent_episode_returns_mean", agent), own)
         for name in sorted({name for episode in recent for name in episode.metrics}):
             values = [episode.metrics[name] for episode in recent if name in episode.metrics]
-            metrics.log_value(("env", name), float(np.mean(values)), window=1)
+            self._log_mean(("env", name), values)
+
+    def _log_mean(self, key: str | tuple[str, ...], values: Floats | Sequence[float]) -> None:
+        self.metrics.log_value(key, (float(np.mean(values)), len(values)), reduce=EPISODE_MEAN)
 
 
 def _create(name: Any, context: EnvContext) -> Any:

@@ -14,7 +14,8 @@ from torch import Generator, Tensor, nn
 
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.batch import GroupView
-from algorithms.joint.env import MEMORY, Bools, Floats, Ints, JointStep, Leaves, VectorJointEnv
+from algorithms.joint.env import MEMORY, Bools, Floats, Ints, JointStep, VectorJointEnv
+from algorithms.joint.finite import non_finite
 from algorithms.joint.masks import goes_on
 from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import JointRollout, View
@@ -228,6 +229,7 @@ class Sampler:
         incarnation = self._source[1]
         # A restarted runner must not replay the episodes of its predecessor.
         step = self.env.reset(self._seed, worlds, episode=incarnation << 20, stride=stride)
+        step = self._finite_start(step)
         self._see(self._remember(step, self._empty_memories()))
         fresh = _fresh_progress(self.env.num_envs, len(self._spec.agents))
         fresh.failed_total = self.progress.failed_total
@@ -419,24 +421,11 @@ class Sampler:
         progress.lengths[over] = 0
 
     def _void_non_finite(self, step: JointStep) -> JointStep:
-        """Treat copies with NaN or infinite observations or rewards like copies that raised."""
-        blocks = [*step.observations, *(step.final.observations if step.final else ())]
-        total = float(step.rewards.sum())
-        total += sum(
-            float(leaf.sum()) for leaves in blocks for leaf in leaves.values() if leaf.dtype.kind == "f"
-        )
-        if np.isfinite(total):
+        """Treat copies with NaN or infinite observations, states or rewards like copies that raised."""
+        broken = non_finite(step)
+        if not broken:
             return step
-        finite: Bools = np.asarray(np.isfinite(step.rewards).all(1))
-        _drop_non_finite(finite, np.arange(len(finite)), step.observations)
-        if step.final is not None:
-            _drop_non_finite(finite, step.final.rows, step.final.observations)
-        broken: dict[int, BaseException] = {
-            int(b): FloatingPointError("non-finite observation or reward") for b in np.flatnonzero(~finite)
-        }
-        if not broken:  # huge but finite numbers overflowed the sum
-            return step
-        fresh = self.env.recreate(broken)
+        fresh = self._finite_start(self.env.recreate(broken))
         rewards = np.where(np.isfinite(step.rewards), step.rewards, 0)
         return step._replace(
             observations=fresh.observations,
@@ -446,6 +435,20 @@ class Sampler:
             graph=fresh.graph,
             rewards=rewards,
             failed={**step.failed, **broken},
+        )
+
+    def _finite_start(self, step: JointStep) -> JointStep:
+        """Return first moments without NaN or infinity: copies that begin with such are created anew."""
+        for _ in range(self._max_failures + 1):
+            broken = non_finite(step)
+            if not broken:
+                return step
+            self.progress.failed_total += len(broken)
+            step = self.env.recreate(broken)
+        raise EnvironmentFailure(
+            f"copies {sorted(broken)} began {self._max_failures + 1} times in a row with NaN or infinity",
+            place=f"environment {type(self.env).__name__}",
+            remedy="mend the environment: its reset gives non-finite observations or states",
         )
 
     def _see(self, step: JointStep) -> None:
@@ -473,12 +476,6 @@ def _fresh_progress(copies: int, agents: int) -> Progress:
         return np.zeros(copies, int)
 
     return Progress(np.zeros((copies, agents)), zeros(), zeros(), zeros())
-
-
-def _drop_non_finite(finite: Bools, rows: Ints, observations: Sequence[Leaves]) -> None:
-    for leaves in observations:
-        for leaf in leaves.values():
-            finite[rows] &= np.isfinite(leaf.reshape(len(leaf), -1)).all(1)
 
 
 def _copied(view: View) -> View:

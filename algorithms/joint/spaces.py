@@ -89,10 +89,10 @@ def check_action_space(space: gym.Space | None, agent: str) -> Action:
 
 
 def stored_actions(space: Action, shape: tuple[int, ...]) -> np.ndarray:
-    """Return zeros for actions as modules give them: int64 `shape`, or float32 `(*shape, k)`."""
+    """Return zeros for actions as modules give them: int64 `shape`, or float32 `(*shape, k)`, flat."""
     if isinstance(space, Discrete):
         return np.zeros(shape, np.int64)
-    return np.zeros((*shape, *space.shape), np.float32)
+    return np.zeros((*shape, int(np.prod(space.shape))), np.float32)
 
 
 def is_bounded(space: Box) -> bool:
@@ -104,6 +104,7 @@ def to_env(space: Action, actions: np.ndarray) -> np.ndarray:
     """Return module actions in the environment's units: shifted, or scaled and clipped."""
     if isinstance(space, Discrete):
         return actions + space.start if space.start else actions
+    actions = actions.reshape(*actions.shape[:-1], *space.shape)
     if is_bounded(space):
         actions = space.low + (np.clip(actions, -1, 1) + 1) * (space.high - space.low) / 2
     return np.clip(actions, space.low, space.high).astype(space.dtype)

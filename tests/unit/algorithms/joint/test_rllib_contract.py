@@ -151,12 +151,15 @@ def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alo
 @pytest.mark.slow
 def test_an_evaluation_group_plays_the_same_episodes_as_the_local_runner(build):
     alone = build(small().evaluation(evaluation_duration=5))
+    expected = alone.evaluate()["env_runners"]
     beside = build(
-        small().evaluation(evaluation_interval=1, evaluation_num_env_runners=1, evaluation_duration=5)
+        small().evaluation(evaluation_interval=1, evaluation_num_env_runners=2, evaluation_duration=5)
     )
     group = beside.evaluate()["env_runners"]
     assert group["num_episodes"] == 5
-    assert group["episode_return_mean"] == alone.evaluate()["env_runners"]["episode_return_mean"]
+    for name in ("episode_return_mean", "episode_return_min", "episode_return_max", "episode_len_mean"):
+        assert group[name] == pytest.approx(expected[name], rel=1e-12)
+    assert expected["episode_return_min"] < expected["episode_return_mean"]
 
 
 def test_unsuitable_actions_are_refused_with_the_algorithms_that_fit():
