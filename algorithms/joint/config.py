@@ -13,6 +13,7 @@ from gymnasium.spaces import Box, Discrete
 from ray.rllib.algorithms.algorithm_config import AlgorithmConfig
 from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+from ray.rllib.utils.metrics.metrics_logger import DEFAULT_STATS_CLS_LOOKUP
 from ray.util.debug import log_once
 
 from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
@@ -65,7 +66,7 @@ class JointConfig(AlgorithmConfig):
         self.evaluation(evaluation_duration_unit="episodes", evaluation_config={"explore": False})
         self.reporting(
             metrics_num_episodes_for_smoothing=100,
-            custom_stats_cls_lookup={**self.stats_cls_lookup, EPISODE_MEAN: EpisodeMean},
+            custom_stats_cls_lookup={**DEFAULT_STATS_CLS_LOOKUP, EPISODE_MEAN: EpisodeMean},
         )
         self.explore = True
         self._defaults(

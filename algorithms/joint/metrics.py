@@ -33,7 +33,7 @@ class EpisodeMean(MeanStats):
         self._set_values([])
         if compile:
             return self.window_reduce(values)[0]
-        reduced = self.clone()
+        reduced: Any = self.clone()
         reduced.values = values
         return reduced
 

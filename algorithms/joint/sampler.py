@@ -439,12 +439,13 @@ class Sampler:
 
     def _finite_start(self, step: JointStep) -> JointStep:
         """Return first moments without NaN or infinity: copies that begin with such are created anew."""
+        broken = non_finite(step)
         for _ in range(self._max_failures + 1):
-            broken = non_finite(step)
             if not broken:
                 return step
             self.progress.failed_total += len(broken)
             step = self.env.recreate(broken)
+            broken = non_finite(step)
         raise EnvironmentFailure(
             f"copies {sorted(broken)} began {self._max_failures + 1} times in a row with NaN or infinity",
             place=f"environment {type(self.env).__name__}",
