@@ -48,6 +48,7 @@ class Bicycles:
     """Vehicles that roll without slip: throttle 1 is 3 m/s^2, brake 1 is 8 m/s^2, steering 1 is 0.5 rad."""
 
     def __init__(self, worlds: int, seats: int) -> None:
+        self.failures = {}
         self._tracks = np.zeros((worlds, seats, SUBSTEPS, 3))
 
     def reset(self, world, rows):

@@ -24,10 +24,10 @@ SHELL_FRICTION = 0.6
 
 
 @kernel
-def advance(cars, states, bodies, controls, road, velocities, dt, rows):
-    """Write the velocities that one sub-step's forces give the bodies of `rows`; return a row or -1.
+def advance(cars, states, bodies, controls, road, velocities, dt, lost, rows):
+    """Write the velocities that one sub-step's forces give the bodies of `rows`.
 
-    The row is the first whose velocities are not finite numbers, which Bullet must not be given.
+    Bullet must not be given velocities that are not finite numbers; such a body is stopped, and its row lost.
 
     Args:
         cars: Parameters, shape (E,), dtype `layout.PARAMETERS`.
@@ -38,14 +38,15 @@ def advance(cars, states, bodies, controls, road, velocities, dt, rows):
             8).
         velocities: Written: linear [m/s] and angular velocity [rad/s], shape (E, 2, 3).
         dt: Sub-step [s].
+        lost: Set where a velocity is not finite, shape (E,).
         rows: Vehicles to advance, shape (R,).
     """
     for row in rows:
         velocity = velocities[row]
         _advance_one(cars[row], states[row], bodies[row], controls[row], road[row], velocity, dt)
         if not math.isfinite(_dot(velocity[0], velocity[0]) + _dot(velocity[1], velocity[1])):
-            return row
-    return -1
+            velocity[:] = 0.0
+            lost[row] = True
 
 
 @kernel

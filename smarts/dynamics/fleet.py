@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,9 @@ class Fleet:
         self.road = Road(self._road[:, 0:4], self._road[:, 4:7], self._road[:, 7])
         self._level(slice(None))
         self._active = np.zeros(rows, np.bool_)
+        self._lost = np.zeros(rows, np.bool_)
+        self.lost = _view(self._lost)
+        """Whose motion left the finite numbers in the last step, shape (E,); `clear` their simulations."""
         self._poses = np.zeros((rows, substeps, 3))
         self._velocity, self._yaw_rate = np.zeros((rows, 2)), np.zeros(rows)
         self._acceleration = np.zeros((rows, 2))
@@ -88,14 +91,14 @@ class Fleet:
         self._take_controls = bind(readout.take_controls, self._controls)
         self._remember_velocity = bind(readout.remember_velocity, self._bodies, self._before)
         self._advance_bodies = bind(
-            chassis.advance, *vehicles, self._controls, self._road, self._velocities, self._dt
+            chassis.advance, *vehicles, self._controls, self._road, self._velocities, self._dt, self._lost
         )
         planar = *vehicles, self._controls, self._road, self._poses, self._dt
         self._advance_dynamic = bind(single_track.advance_dynamic, *planar)
         self._advance_kinematic = bind(single_track.advance_kinematic, *planar)
         self._record_poses = bind(readout.record_poses, self._cars, self._bodies, self._poses)
         shown = self._velocity, self._yaw_rate, self._acceleration
-        self._show_motion = bind(readout.show_motion, self._bodies, self._before, *shown, step)
+        self._show_motion = bind(readout.show_motion, self._bodies, self._before, *shown, step, self._lost)
         self._show_wheels = bind(
             readout.show_wheels, self._active, self._cars, self._poses, self._wheel_position
         )
@@ -305,7 +308,7 @@ class Fleet:
 
         Raises:
             ControlError: A control is NaN, or their shape is wrong. Nothing has moved.
-            MotionError: A vehicle's motion is no longer finite.
+            MotionError: A vehicle's motion is no longer finite; see `lost`. The others have made the step.
         """
         controls = np.asarray(controls, np.float64)
         if controls.shape != self._controls.shape:
@@ -320,6 +323,7 @@ class Fleet:
                 place=f"vehicle in row {bad}",
                 remedy="send finite controls",
             )
+        self._lost[:] = False
         self._remember_velocity()
         if driver is None:
             for substep in range(self._poses.shape[1] if rows[0].size else 0):
@@ -333,10 +337,19 @@ class Fleet:
                     self._substep_bullet(rows[0], worlds, substep)
                 self._advance_single_tracks(rows, substep, substep + 1)
         bad = self._show_motion(moving)
-        if bad >= 0:
-            self._refuse_motion(bad)
         self._show_wheels()
+        if bad >= 0:
+            raise self.motion_error(bad)
         return self.motion
+
+    def motion_error(self, row: int) -> MotionError:
+        """Return what there is to say of a row that is `lost`."""
+        body, road = self._bodies[row].tolist(), self._road[row].tolist()
+        return MotionError(
+            f"motion is no longer finite: body {body}, road (friction, normal, offset) {road}",
+            place=f"vehicle in row {row}",
+            remedy="see that the road is of finite numbers, then clear the simulation",
+        )
 
     def _chosen(
         self, simulations: NDArray[np.bool_] | None
@@ -351,9 +364,7 @@ class Fleet:
 
     def _substep_bullet(self, rows: NDArray[np.int64], worlds: Sequence[BulletWorld], substep: int) -> None:
         """Advance the vehicles in Bullet by one sub-step, all simulations in one call."""
-        bad = self._advance_bodies(rows)
-        if bad >= 0:
-            self._refuse_motion(bad)
+        self._advance_bodies(rows)
         commands = self._velocities.tolist()
         for world in worlds:
             world.substep(commands)
@@ -366,14 +377,6 @@ class Fleet:
             self._advance_dynamic(dynamic, begin, end)
         if kinematic.size:
             self._advance_kinematic(kinematic, begin, end)
-
-    def _refuse_motion(self, row: int) -> NoReturn:
-        body, road = self._bodies[row].tolist(), self._road[row].tolist()
-        raise MotionError(
-            f"motion is no longer finite: body {body}, road (friction, normal, offset) {road}",
-            place=f"vehicle in row {row}",
-            remedy="see that the road is of finite numbers, then clear the simulation",
-        )
 
     def _require_row(self, row: int) -> None:
         # A negative number would be another row to NumPy, but not to Bullet.

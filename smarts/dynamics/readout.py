@@ -56,8 +56,8 @@ def show_wheels(active, cars, poses, positions):
 
 
 @kernel
-def show_motion(bodies, before, velocity, yaw_rate, acceleration, step, active):
-    """Write the active vehicles' planar motion; return the first row whose motion is not finite, or -1.
+def show_motion(bodies, before, velocity, yaw_rate, acceleration, step, lost, active):
+    """Write the active vehicles' planar motion; return the first row that is lost, or -1.
 
     Args:
         bodies: Shape (E, 13).
@@ -66,8 +66,10 @@ def show_motion(bodies, before, velocity, yaw_rate, acceleration, step, active):
         yaw_rate: [rad/s], shape (E,); written.
         acceleration: Forward and left, the mean over the step [m/s^2], shape (E, 2); written.
         step: [s].
+        lost: Set where the motion is not finite, shape (E,).
         active: Shape (E,).
     """
+    first = -1
     for row in range(active.size):
         if not active[row]:
             continue
@@ -80,5 +82,7 @@ def show_motion(bodies, before, velocity, yaw_rate, acceleration, step, active):
         if not math.isfinite(
             body[0] + body[1] + body[2] + velocity[row, 0] + velocity[row, 1] + yaw_rate[row]
         ):
-            return row
-    return -1
+            lost[row] = True
+        if lost[row] and first < 0:
+            first = row
+    return first

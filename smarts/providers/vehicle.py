@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.controllers import tracking
-from smarts.dynamics import MODELS, Box, Driver, Fleet, vehicle
-from smarts.errors import ActionError
+from smarts.dynamics import MODELS, Box, Driver, Fleet, MotionError, vehicle
+from smarts.errors import ActionError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.providers.vehicle_kernels import (
     NOWHERE,
@@ -70,6 +70,8 @@ class FleetVehicles:
         flat_tyres: Mapping[int, Sequence[int]] | None = None,
     ) -> None:
         worlds, seats = world.seats.slot.shape
+        self.failures: dict[int, SmartsError] = {}
+        """What went wrong in the last step, by row: a command that is not finite, a motion that cannot be."""
         self._models = [models] * seats if isinstance(models, str) else list(models)
         self.fleet = Fleet(worlds, seats, step=world.dt, substeps=SUBSTEPS)
         """For read-outs and faults; row b * A + a is the vehicle of seat a of simulation b."""
@@ -109,18 +111,19 @@ class FleetVehicles:
             rows: Which simulations make the step, shape (B,).
 
         Returns:
-            [m], [m], [rad], shape (B, A, S, 3); refilled by the next step.
-
-        Raises:
-            ActionError: A command holds a number that is not finite; nothing has moved.
-            MotionError: A vehicle's motion is no longer finite.
+            [m], [m], [rad], shape (B, A, S, 3); refilled by the next step. Those of simulations that are in
+            `failures` after it mean nothing.
         """
+        self.failures = failures = {}
         if self._commanded is None or self._commanded.commands is not commands:
             self._commanded = self._bind_commands(commands)
         placed, driven = self._part_seats(commands.mode, rows)
-        bad = self._commanded.first_bad(self._groups.active)
-        if bad >= 0:
-            self._refuse(commands, bad)
+        while (bad := self._commanded.first_bad(self._groups.active)) >= 0:
+            row = bad // self._slot.shape[1]
+            failures[row] = self._refusal(commands, bad)
+            rows = rows.copy()
+            rows[row] = False
+            placed, driven = self._part_seats(commands.mode, rows)
         if self._find_changes(self._groups.active, self._groups.by_poses, rows):
             self._follow_ownership()
         if placed:
@@ -179,7 +182,13 @@ class FleetVehicles:
         self._place_boxes(rows)
         if self._surfaces is not None:
             self._surfaces.look_up(world, self._groups.driven, self.fleet)
-        self.fleet.step(self._no_controls, simulations=rows, driver=driver)
+        try:
+            self.fleet.step(self._no_controls, simulations=rows, driver=driver)
+        except MotionError:
+            for number in np.flatnonzero(self.fleet.lost).tolist():
+                row = number // self._slot.shape[1]
+                self.failures.setdefault(row, self.fleet.motion_error(number))
+                self._groups.driven[row] = False
         self._show(self._groups.driven)
 
     def _follow_ownership(self) -> None:
@@ -252,8 +261,8 @@ class FleetVehicles:
             height,
         )
 
-    def _refuse(self, commands: Commands, bad: int) -> NoReturn:
-        """Refuse a row whose command is not finite, before it comes near Bullet."""
+    def _refusal(self, commands: Commands, bad: int) -> ActionError:
+        """Return what is wrong with a command that is not finite; it must not come near Bullet."""
         row, seat = divmod(bad, self._slot.shape[1])
         mode = CommandMode(int(commands.mode[row, seat]))
         shown: Any = {
@@ -261,7 +270,7 @@ class FleetVehicles:
             CommandMode.PLACE: commands.poses[row, seat],
         }.get(mode, commands.actuators[row, seat])
         wrong = shown[~np.isfinite(shown).reshape(len(shown), -1).all(axis=1)]
-        raise ActionError(
+        return ActionError(
             f"a command by {mode.name} is not finite: {wrong[:1].tolist()}",
             place=f"seat {seat} of simulation {row}",
             remedy="send finite actions",

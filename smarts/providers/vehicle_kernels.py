@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Bools = NDArray[np.bool_]
 
+FASTEST = 100.0
+"""What a vehicle that is commanded by poses drives at most [m/s]: farther poses are not jumped to."""
 BOX_MARGIN = 2.0
 BOX_TIME = 0.3
 """A road user is put before an ego in Bullet when their circles come within 2 m, or will within 0.3 s."""
@@ -177,7 +179,7 @@ def place_vehicles(
     placed: Bools,
     poses: Floats,
 ) -> None:
-    """Put vehicles where their commands say.
+    """Put vehicles where their commands say, or on the straight way there as far as `FASTEST` takes them.
 
     Args:
         slot: Shape (B, A).
@@ -196,20 +198,27 @@ def place_vehicles(
             if not placed[b, a]:
                 continue
             v = slot[b, a]
-            way = 0.0
-            x, y = position[b, v, 0], position[b, v, 1]
+            way, reach = 0.0, FASTEST * dt / (last + 1)
+            x, y, now = position[b, v, 0], position[b, v, 1], poses[b, a, last, 3]
             turn = poses[b, a, last, 2] - heading[b, v]
             turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
             for substep in range(last + 1):
                 pose = poses[b, a, substep]
-                way += math.hypot(pose[0] - x, pose[1] - y)
-                x, y = pose[0], pose[1]
-                for column in range(3):
-                    tracks[b, a, substep, column] = pose[column]
+                far = math.hypot(pose[0] - x, pose[1] - y)
+                if far > reach:
+                    # There as fast as it may, and on in the next steps.
+                    x, y = x + reach / far * (pose[0] - x), y + reach / far * (pose[1] - y)
+                    now = math.copysign(FASTEST, pose[3])
+                else:
+                    x, y = pose[0], pose[1]
+                way += min(far, reach)
+                tracks[b, a, substep, 0], tracks[b, a, substep, 1] = x, y
+                tracks[b, a, substep, 2] = pose[2]
+            now = min(max(now, -FASTEST), FASTEST)
             position[b, v, 0], position[b, v, 1] = x, y
             heading[b, v] = poses[b, a, last, 2]
-            forward_acc[b, v] = (poses[b, a, last, 3] - speed[b, v]) / dt
-            speed[b, v], lateral_speed[b, v] = poses[b, a, last, 3], 0.0
+            forward_acc[b, v] = (now - speed[b, v]) / dt
+            speed[b, v], lateral_speed[b, v] = now, 0.0
             lateral_acc[b, v] = speed[b, v] * turn / dt
             yaw_acc[b, v] = (turn / dt - yaw_rates[b, v]) / dt
             yaw_rates[b, v] = turn / dt

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.errors import TrafficError
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.sim.columns import columns_of
@@ -145,7 +146,8 @@ class EpisodeRecorder:
         for row, failure in frame.failures.items():
             episode = self._episodes[row]
             if episode is not None:
-                episode.void = f"traffic failed: {failure.problem}"
+                who = "traffic" if isinstance(failure, TrafficError) else "a vehicle"
+                episode.void = f"{who} failed: {failure.problem}"
 
     def annotate(self, name: str, values: ArrayLike, seats: Bools, step: Ints | None = None) -> None:
         """Add to the record what an algorithm says about its decisions, or what came of them.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.errors import SmartsError
 from smarts.sim.ownership import Ownership
 from smarts.sim.stages import (
     ContactFinder,
@@ -63,6 +64,14 @@ def void(world: World, events: Events, row: int) -> None:
     events.finished[row] = True
 
 
+def _without(rows: Bools, failures: Mapping[int, SmartsError]) -> Bools:
+    """Return which simulations make the rest of the step."""
+    if failures:
+        rows = rows.copy()
+        rows[list(failures)] = False
+    return rows
+
+
 class Simulation:
     """B simulations; what happens in one does not depend on the others, nor on how many there are.
 
@@ -85,8 +94,9 @@ class Simulation:
             wanted: Which seats are to be observed, shape (B, A); those whose agent is done always are.
 
         Returns:
-            What happened. Where traffic failed, the frame's `failures` say so, and the episode is void: its
-            agents are done, and the simulation is to be reset. The others have made the step.
+            What happened. Where traffic failed, or a vehicle's command or motion is not finite, the frame's
+            `failures` say so, and the episode is void: its agents are done, and the simulation is to be
+            reset. The others have made the step.
         """
         world, stages = self.world, self._stages
         world.advance(rows)
@@ -96,12 +106,12 @@ class Simulation:
         commands = stages.controllers.command(world, actions, rows)
         # Before traffic, so that its drivers find agents where they are at the end of the step.
         tracks = stages.vehicles.step(world, commands, rows)
+        failures = dict(stages.vehicles.failures)
+        rows = _without(rows, failures)
         stages.traffic.step(world, rows, stages.ownership.routes)
         stages.locator.locate(world, rows)
-        failures = stages.traffic.failures
-        if failures:
-            rows = rows.copy()
-            rows[list(failures)] = False
+        failures |= stages.traffic.failures
+        rows = _without(rows, stages.traffic.failures)
         contacts = stages.contacts.find(world, tracks, rows)
         # Before the sensors: the last observation of an agent is of the step that ended it.
         events = stages.events.detect(world, contacts, rows)

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.errors import TrafficError
+from smarts.errors import SmartsError, TrafficError
 from smarts.providers.traffic_provider import Roster
 from smarts.providers.traffic_set import RouteNumbers
 from smarts.types.actions import Actions, Commands
@@ -52,6 +52,11 @@ class Controllers(Protocol):
 
 class Vehicles(Protocol):
     """Move the vehicles of owner AGENT; write their rows, and the seats' actuators."""
+
+    @property
+    def failures(self) -> Mapping[int, SmartsError]:
+        """What went wrong in the last step, by row; those rows are to be reset."""
+        ...
 
     def reset(self, world: World, rows: Bools) -> None:
         """Forget all vehicles of some simulations; those in their rows now are new."""

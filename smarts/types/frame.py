@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.errors import TrafficError
+from smarts.errors import SmartsError
 from smarts.types.actions import Actions, Commands
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Contacts, Events
@@ -48,7 +48,7 @@ class Frame:
     wanted: Bools
     """Whose readings are of this step, shape (B, A)."""
     readings: Readings
-    failures: Mapping[int, TrafficError] = field(default_factory=dict)
-    """Simulations whose traffic failed in this step: their episodes are void, their next reset works."""
+    failures: Mapping[int, SmartsError] = field(default_factory=dict)
+    """Simulations whose traffic or vehicles failed in this step: void episodes, whose next reset works."""
     starts: Mapping[int, EpisodeStart] = field(default_factory=dict)
     """In the frame of a reset: the episodes that begin, by row."""

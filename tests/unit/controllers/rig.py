@@ -65,6 +65,8 @@ class Rig:
             self.world.advance(rows)
             self.commands = self.controllers.command(self.world, self.actions, rows)
             self.tracks = self.vehicles.step(self.world, self.commands, rows)
+            for error in self.vehicles.failures.values():
+                raise error
             self.made.locate()
             self.legality.write(self.world, rows)
             self.actions.fresh[:] = False

@@ -224,6 +224,17 @@ class TestTargetPose:
             pytest.approx([28, 6.4]),
         ]
 
+    @pytest.mark.parametrize("x", [170.0, 1e160])
+    def test_nobody_is_put_far_away(self, straight, x):
+        """150 m in one step, at 100 m/s."""
+        driven = straight(T.TargetPose, speed=0.0)
+        driven.act(x, 0.0, 0.0, 0.1)
+        for way in (10.0, 20.0):
+            driven.step()
+            assert driven.position == pytest.approx([20.0 + way, 0.0])
+            assert driven.speed == 100.0
+        assert driven.tracks[0, 0, :, 0] == pytest.approx(30.0 + np.arange(1, 11))
+
     def test_nan_is_named(self, straight):
         driven = straight(T.TargetPose)
         driven.act(math.nan, 0.0, 0.0, 1.0)

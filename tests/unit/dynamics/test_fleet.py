@@ -147,6 +147,24 @@ def test_controls_out_of_range_are_clipped():
 
 
 @pytest.mark.parametrize("model", ["bullet", "dynamic"])
+def test_a_motion_that_cannot_be_leaves_the_others_alone(model):
+    moved = []
+    for friction in (0.9, np.nan):
+        with Fleet(2, 1) as fleet:
+            for row in range(2):
+                fleet.spawn(row, "passenger", (0.0, 0.0), 0.0, 5.0, model=model)
+            fleet.road.friction[0] = friction
+            if np.isnan(friction):
+                with pytest.raises(MotionError, match="row 0"):
+                    fleet.step(np.full((2, 3), 0.3))
+                assert fleet.lost.tolist() == [True, False]
+            else:
+                fleet.step(np.full((2, 3), 0.3))
+            moved.append(fingerprint(fleet, slice(1, 2)))
+    assert moved[0] == moved[1]
+
+
+@pytest.mark.parametrize("model", ["bullet", "dynamic"])
 def test_a_road_that_is_not_a_number_is_a_named_error_and_can_be_cleared(model):
     with Fleet(2, 1) as fleet:
         for _ in range(2):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from smarts.dynamics import MotionError
 from smarts.errors import ActionError
 from smarts.providers.vehicle import FleetVehicles
 from smarts.providers.vehicle_surface import RoadSurfaces
@@ -240,10 +241,26 @@ class TestFriction:
         assert driven.vehicles.fleet.road.friction[0].tolist() == [0.3, 0.9, 0.3, 0.9]
 
 
+def test_a_motion_that_cannot_be_fails_its_simulation_alone(stage):
+    driven = stage([ego()], [ego()])
+    driven.step()
+    driven.vehicles.fleet.road.friction[0] = math.nan
+    before = driven.world.vehicles.position.copy()
+    driven.step()
+    assert list(driven.vehicles.failures) == [0]
+    assert isinstance(driven.vehicles.failures[0], MotionError)
+    moved = driven.world.vehicles.position - before
+    assert not moved[0].any()
+    assert moved[1, 0, 0] > 0.1
+    driven.vehicles.reset(driven.world, np.array([True, False]))
+    driven.step()
+    assert not driven.vehicles.failures
+
+
 @pytest.mark.parametrize("mode", [CommandMode.ACTUATORS, CommandMode.TRACK, CommandMode.PLACE])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_what_is_not_finite_is_refused_before_anything_moves(stage, mode, bad):
-    driven = stage([ego(), ego(60.0)])
+    driven = stage([ego(), ego(60.0)], [ego()])
     driven.step()
     before = driven.world.vehicles.position.copy()
     commands = driven.commands
@@ -252,11 +269,16 @@ def test_what_is_not_finite_is_refused_before_anything_moves(stage, mode, bad):
     commands.reference_length[0, 1] = 64
     commands.reference[0, 1, 3, 1] = bad
     commands.poses[0, 1, 5, 2] = bad
+    driven.step()
+    assert list(driven.vehicles.failures) == [0]
     with pytest.raises(ActionError, match=rf"seat 1 of simulation 0: .*{mode.name}.*{bad}"):
-        driven.step()
-    assert np.array_equal(driven.world.vehicles.position, before)
+        raise driven.vehicles.failures[0]
+    moved = driven.world.vehicles.position - before
+    assert not moved[0].any()
+    assert moved[1, 0, 0] > 0.1, "the other simulation goes on"
     commands.mode[0, 1] = CommandMode.NONE
     driven.step()
+    assert not driven.vehicles.failures
     assert np.isfinite(driven.world.vehicles.position[0, :2]).all()
 
 

@@ -166,6 +166,25 @@ def stepped(parts, rows):
     return parts.simulation.step(parts.actions, mask, np.ones((3, EGOS), np.bool_))
 
 
+def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
+    """In the middle of a step that the others make in full, with traffic."""
+    vehicles, world = three.simulation._stages.vehicles, three.simulation.world
+    assert not stepped(three, [0, 1, 2]).failures
+    vehicles.fleet.road.friction[EGOS : 2 * EGOS] = np.nan
+    vehicles._surfaces = None
+    frame = stepped(three, [0, 1, 2])
+    assert [*frame.failures] == [1]
+    assert "no longer finite" in str(frame.failures[1])
+    assert frame.rows.tolist() == [True, False, True]
+    assert frame.events.finished.tolist() == [False, True, False]
+    assert (world.seats.outcome[1] == Outcome.VOID).all()
+    assert (world.seats.state[[0, 2]] == SeatState.ACTIVE).all()
+    three.simulation.reset({1: three.schedule.start(1, 1)})
+    for _ in range(3):
+        assert not stepped(three, [0, 1, 2]).failures
+    assert np.isfinite(world.vehicles.position).all()
+
+
 def test_traffic_that_fails_ends_its_own_episode_only(three):
     traffic, world = three.simulation._stages.traffic, three.simulation.world
     broken = traffic._engines[1] = Failing(traffic._engines[1], at=3)
