@@ -19,6 +19,12 @@ from smarts.types.traffic import Signal
 
 MISSED_BY = 5.0
 """How far behind the goal line, still on its road, the goal counts as missed [m]."""
+STANDING = 0.5
+"""Below this a vehicle stands [m/s]."""
+QUEUE_GAP = 10.0
+"""A standing vehicle this close ahead, bumper to bumper, is waited for [m]."""
+QUEUE_AT_LIGHT = 40.0
+"""This far before the end of a lane a red light is waited for [m]."""
 OFF_ROUTE_TIME = 0.5
 """How long a vehicle may be off its route [s]; some corners are cut."""
 
@@ -168,17 +174,45 @@ def _via_events(state: State, row: int, seat: int) -> int:
 
 @kernel
 def _rests(state: State, rules: Rules, row: int, seat: int) -> bool:
-    """Tell whether the vehicle has stayed near one place for too long; time at a red light does not count."""
+    """Tell whether the vehicle has stayed near one place for too long; see `_has_to_wait`."""
     seats, slot = state.seats, state.seats.slot[row, seat]
     x, y = state.now.position[row, slot]
     rest = seats.rest_position[row, seat]
-    lane = state.now.lane[row, slot]
     if math.hypot(x - rest[0], y - rest[1]) >= rules.not_moving_distance[seat]:
         rest[0], rest[1] = x, y
         seats.rest_step[row, seat] = state.step[row]
-    elif lane >= 0 and state.signals[row, lane] == _STOP:
+    elif _has_to_wait(state, row, slot):
         seats.rest_step[row, seat] += 1
     return state.step[row] - seats.rest_step[row, seat] >= rules.not_moving_steps[seat]
+
+
+@kernel
+def _has_to_wait(state: State, row: int, slot: int) -> bool:
+    """Tell whether a vehicle waits near a red light, or behind one that stands.
+
+    Who waits so does not rest. The first of a queue at a green light or at a crossing does; as soon as it has
+    moved, or is gone, the next is the first.
+    """
+    now, lane = state.now, lane_of(state, state.now, row, slot)
+    is_red = lane >= 0 and state.signals[row, now.lane[row, slot]] == _STOP
+    if is_red and length_of(state.roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
+        return True
+    if abs(now.speed[row, slot]) >= STANDING:
+        return False
+    x, y = now.position[row, slot]
+    cos, sin = math.cos(now.heading[row, slot]), math.sin(now.heading[row, slot])
+    for other in range(now.alive.shape[1]):
+        if other == slot or not now.alive[row, other] or abs(now.speed[row, other]) >= STANDING:
+            continue
+        dx, dy = now.position[row, other, 0] - x, now.position[row, other, 1] - y
+        ahead, aside = dx * cos + dy * sin, abs(dy * cos - dx * sin)
+        gap = ahead - 0.5 * (now.length[row, slot] + now.length[row, other])
+        if ahead <= 0.0 or gap > QUEUE_GAP or aside > 0.5 * (now.width[row, slot] + now.width[row, other]):
+            continue
+        # Two that face each other do not wait for each other.
+        if math.cos(now.heading[row, other] - now.heading[row, slot]) > 0.0:
+            return True
+    return False
 
 
 @kernel

@@ -30,6 +30,9 @@ class Places(NamedTuple):
     generation: Ints
     position: Floats
     heading: Floats
+    speed: Floats
+    length: Floats
+    width: Floats
     lane: Ints
     lane_position: Floats
     lane_offset: Floats

@@ -177,7 +177,8 @@ def test_not_moving():
 
 
 def test_a_red_light_stops_the_clock():
-    stage = Stage([Car(10.0, 0.0, mission=ROAD)], not_moving_steps=5)
+    mission = SeatMission(route=("road",))
+    stage = Stage([Car(10.0, 0.0, mission=mission)], graph=maps.straight(length=49.9), not_moving_steps=5)
     stage.world.signals[0, 0] = Signal.STOP
     assert [stage.step((10.0, 0.0)) for _ in range(20)] == [Event.NONE] * 20
     stage.world.signals[0, 0] = Signal.GO
@@ -186,13 +187,44 @@ def test_a_red_light_stops_the_clock():
 
 
 def test_a_red_light_does_not_wind_the_clock_back():
-    stage = Stage([Car(10.0, 0.0, mission=ROAD)], not_moving_steps=5)
+    mission = SeatMission(route=("road",))
+    stage = Stage([Car(10.0, 0.0, mission=mission)], graph=maps.straight(length=49.9), not_moving_steps=5)
     assert [stage.step((10.0, 0.0)) for _ in range(3)] == [Event.NONE] * 3
     stage.world.signals[0, 0] = Signal.STOP
     assert [stage.step((10.0, 0.0)) for _ in range(20)] == [Event.NONE] * 20
     stage.world.signals[0, 0] = Signal.GO
     assert stage.step((10.0, 0.0)) == Event.NONE
     assert stage.step((10.0, 0.0)) == Event.NOT_MOVING
+
+
+def test_a_red_light_far_away_does_not():
+    mission = SeatMission(route=("road",))
+    stage = Stage([Car(10.0, 0.0, mission=mission)], graph=maps.straight(length=50.1), not_moving_steps=5)
+    stage.world.signals[0, 0] = Signal.STOP
+    assert [stage.step((10.0, 0.0)) for _ in range(4)] == [Event.NONE] * 4
+    assert stage.step((10.0, 0.0)) == Event.NOT_MOVING
+
+
+@pytest.mark.parametrize(
+    ("other", "waits"),
+    [
+        (Car(24.5, 0.0), True),
+        (Car(24.5, 1.7, heading=1.0), True),
+        (Car(25.5, 0.0), False),  # 10.5 m from bumper to bumper
+        (Car(24.5, 1.9), False),
+        (Car(24.5, 0.0, speed=0.6), False),
+        (Car(24.5, 0.0, heading=math.pi), False),
+        (Car(3.0, 0.0), False),
+    ],
+)
+def test_who_waits_behind_one_that_stands_does_not_rest(other, waits):
+    stage = Stage([Car(10.0, 0.0, mission=ROAD), other], not_moving_steps=5)
+    seen = [stage.step((10.0, 0.0)) for _ in range(8)]
+    assert (Event.NOT_MOVING not in seen) == waits
+    if waits:
+        stage.world.vehicles.alive[0, 1] = False
+        assert [stage.step((10.0, 0.0)) for _ in range(4)] == [Event.NONE] * 4
+        assert stage.step((10.0, 0.0)) == Event.NOT_MOVING
 
 
 def test_time_out_counts_from_entry():
