@@ -32,8 +32,8 @@ OFFSET_WEIGHT = 1.0
 """[1/m^2]"""
 HEADING_WEIGHT = 5.0
 """[1/rad^2]"""
-RATE_WEIGHT = 4000.0
-"""Of the change of curvature along the way, squared [m^4]."""
+RATE_WEIGHT = 40.0
+"""Of the change of curvature along the way, squared, at rest [m^4]."""
 SPEED_WEIGHT = 40.0
 """By how much the above grows with the square of the speed [m^2 s^2]."""
 LATERAL_ACCELERATION = 6.0
@@ -125,7 +125,7 @@ def plan_references(
             offset = dy * cos - dx * sin - math.tan(min(max(turn, -1.0), 1.0)) * along
             fast = max(abs(speed[b, v]), 1.0)
             bound = min(sharpest[kind[b, v]], LATERAL_ACCELERATION / (fast * fast))
-            weight = RATE_WEIGHT * 0.01 + SPEED_WEIGHT * fast * fast
+            weight = RATE_WEIGHT + SPEED_WEIGHT * fast * fast
             _solve(points, length[b, a], offset, turn, yaw_rate[b, v] / fast, bound, weight, work, plan)
             _shift(points, length[b, a], plan)
 

@@ -263,7 +263,8 @@ def _shell_on_road(car, body, axes, road, dt):
     fx = fy = fz = tx = ty = tz = 0.0
     height = _height(body, road, (0.0, 0.0, 0.0))
     reach = car.half_size[0] + car.half_size[1] + car.half_size[2] + abs(car.box_height)
-    if (axes[2][2] > 0.95 and height > 0.5 * car.cog_height) or height > reach:
+    upright = _dot(axes[2], (road[4], road[5], road[6]))
+    if (upright > 0.95 and height > 0.5 * car.cog_height) or height > reach:
         return (fx, fy, fz), (tx, ty, tz)
     for corner in range(8):
         arm = _place(

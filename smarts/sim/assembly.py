@@ -16,9 +16,10 @@ from smarts.agents.rules import alive_rules, seat_rules
 from smarts.controllers.legality import Legality
 from smarts.controllers.set import ControllerSet
 from smarts.dynamics import vehicle
+from smarts.errors import SmartsError
 from smarts.providers.sumo_traffic import SumoTraffic
 from smarts.providers.traffic_set import TrafficSet
-from smarts.providers.vehicle import FleetVehicles
+from smarts.providers.vehicle import SUBSTEPS, FleetVehicles
 from smarts.providers.vehicle_surface import RoadSurfaces
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
@@ -48,16 +49,32 @@ PATH_ACTIONS = (ActionSpaceType.Trajectory, ActionSpaceType.MPC, ActionSpaceType
 """Agents that act by one of these need room for paths."""
 
 
+LONGEST_SUBSTEP = 0.02
+"""Of the vehicles' dynamics [s]; made for 0.01."""
+
+
 @dataclass(frozen=True)
 class Options:
-    """How a simulation is run."""
+    """How a simulation is run.
+
+    Raises:
+        SmartsError: A step is longer than the tyres' bristles take in `SUBSTEPS` parts, or none at all.
+    """
 
     dt: float = 0.1
-    """Length of a step [s]."""
+    """Length of a step [s], 0.001 to 0.2."""
     path: int = 64
     """The most points of a path that an agent gives as its action."""
     record: Path | None = None
     """Where episodes are written to; None: nowhere."""
+
+    def __post_init__(self) -> None:
+        if not 0.001 <= self.dt <= LONGEST_SUBSTEP * SUBSTEPS:
+            raise SmartsError(
+                f"a step of {self.dt} s",
+                place="Options.dt",
+                remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
+            )
 
 
 @dataclass(frozen=True)

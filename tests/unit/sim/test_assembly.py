@@ -2,13 +2,14 @@
 
 import dataclasses
 import hashlib
+import math
 
 import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface, DoneCriteria
 from smarts.agents.options import InterfaceError, Waypoints
-from smarts.errors import RecordError, ScenarioError, TrafficError
+from smarts.errors import RecordError, ScenarioError, SmartsError, TrafficError
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.sim.assembly import Options, assemble
 from smarts.sstudio.build import build_scenario
@@ -166,12 +167,18 @@ def stepped(parts, rows):
     return parts.simulation.step(parts.actions, mask, np.ones((3, EGOS), np.bool_))
 
 
+@pytest.mark.parametrize("dt", [0.0, 0.25, 1.0, math.nan])
+def test_steps_that_are_too_long_are_refused(dt):
+    with pytest.raises(SmartsError, match=rf"step of {dt}"):
+        Options(dt=dt)
+
+
 def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
     """In the middle of a step that the others make in full, with traffic."""
     vehicles, world = three.simulation._stages.vehicles, three.simulation.world
     assert not stepped(three, [0, 1, 2]).failures
-    vehicles.fleet.road.friction[EGOS : 2 * EGOS] = np.nan
-    vehicles._surfaces = None
+    seats = world.seats.slot.shape[1]
+    vehicles.fleet._bodies[seats : 2 * seats, 7] = np.nan
     frame = stepped(three, [0, 1, 2])
     assert [*frame.failures] == [1]
     assert "no longer finite" in str(frame.failures[1])
