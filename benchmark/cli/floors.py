@@ -41,7 +41,7 @@ def floors(
         ),
     ] = None,
     episodes: Annotated[int, typer.Option(help="Of each policy, scenario and traffic.", min=1)] = 50,
-    seed: Annotated[int, typer.Option(help="Of the run.")] = 42,
+    seed: Annotated[int, typer.Option(help="Of the run.", min=0, max=2**63 - 1)] = 42,
     out: Annotated[Path | None, typer.Option(help="Table to write, as .csv.", show_default=False)] = None,
     record: Annotated[
         Path | None, typer.Option(help="Folder to record the episodes to.", show_default=False)
@@ -53,12 +53,15 @@ def floors(
     """
     from benchmark.floors import FLOORS, SUMO_DRIVER
     from benchmark.floors.run import play
+    from smarts.sstudio.locating import locate
 
     known = (*FLOORS, SUMO_DRIVER)
     chosen = policies or known
     for policy in chosen:
         if policy not in known:
             raise UnknownNameError(f"there is no floor {policy!r}", remedy=nearest_names(policy, known))
+    for name in scenario or SCENARIOS:
+        locate(name)
     _check_table(out)
     typer.echo(_line(COLUMNS[:3], COLUMNS[3], "s", SHOWN))
     rows = []

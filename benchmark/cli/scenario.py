@@ -35,12 +35,14 @@ Name = Annotated[
         show_default=False,
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of the traffic.")]
+Seed = Annotated[int, typer.Option(help="Seed of the traffic.", min=0, max=2**63 - 1)]
 BuildSeed = Annotated[
     int | None,
     typer.Option(
         help="Seed of what is drawn while building; by default the scenario file's own, else 42.",
         show_default=False,
+        min=0,
+        max=2**63 - 1,
     ),
 ]
 Traffic = Annotated[
@@ -149,7 +151,8 @@ def run(
             most = max(most, present)
     typer.echo(
         f"{steps} steps of 0.1 s; {vehicle_steps / steps:.1f} vehicles on average, {most} at most; "
-        f"mean speed {speed_sum / max(vehicle_steps, 1):.1f} m/s; {steps / stepping:,.0f} steps/s"
+        f"mean speed {speed_sum / max(vehicle_steps, 1):.1f} m/s"
+        + (f"; {steps / stepping:,.0f} steps/s" if most else "; there is no traffic in it")
     )
     if out is not None:
         scenario_picture((built, chosen, traffic_now.states), out)

@@ -35,7 +35,7 @@ _COUNTS = b"smarts_bench.metrics.episodes"
 
 
 def measure_episodes(
-    folder: Path,
+    folder: str | Path,
     *,
     labels: Mapping[str, Any] | None = None,
     split: str = "train",
@@ -59,6 +59,7 @@ def measure_episodes(
         RecordError: The folder is not there, or the split is unknown.
         UnknownNameError: A metric is unknown.
     """
+    folder = Path(folder)
     if split not in SPLITS:
         raise RecordError(f"there is no split '{split}'", remedy=f"choose one of {', '.join(SPLITS)}")
     if not folder.is_dir():

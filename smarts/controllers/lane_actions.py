@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from typing import ClassVar
 
 from smarts.controllers.lane_following import BY_NAME, LaneFollowing
-from smarts.errors import ActionError, nearest_names
+from smarts.errors import ActionError
 from smarts.types.actions import ActionSpaceType, LaneAction
 
 
@@ -34,12 +35,13 @@ def lane_action_number(action: object, *, agent: str = "") -> int:
     names: Sequence[str] = [known.name for known in LaneAction]
     if isinstance(action, str) and action in names:
         return int(LaneAction[action])
-    if not isinstance(action, str):
+    if not isinstance(action, str | bool):
         try:
             number = int(action)  # type: ignore[call-overload]
         except (TypeError, ValueError, OverflowError):
             number = -1
         if number == action and 0 <= number < len(names):
             return number
-    remedy = nearest_names(action, names) if isinstance(action, str) else f"give 0 to 3, or one of {names}"
+    close = difflib.get_close_matches(action, names, n=1) if isinstance(action, str) else []
+    remedy = f"did you mean {close[0]!r}?" if close else f"give 0 to 3, or one of {', '.join(names)}"
     raise ActionError(f"there is no lane action {action!r}", place=agent, remedy=remedy)

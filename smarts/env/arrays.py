@@ -18,12 +18,23 @@ from smarts.env.adapters import ADAPTERS
 from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.env.adapters.protocol import ArrayAdapter, Served
 from smarts.env.batch import Batch, EpisodeKey, Transition
+from smarts.env.setting_checks import (
+    LONGEST_DECISION,
+    MOST_WORLDS,
+    check_agents,
+    check_instance,
+    check_options,
+    check_scenarios,
+    check_traffic,
+    check_whole,
+)
 from smarts.errors import ActionError
 from smarts.sim.assembly import Assembly, Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import ActionSpaceType
 from smarts.types.interface import Field
+from smarts.types.streams import check_seed
 
 Agents = int | Mapping[str, AgentSpec | AgentInterface]
 """The learning agents: how many of the benchmark's, or what each is like by its name."""
@@ -49,13 +60,23 @@ class Setting:
     traffic: Sequence[str] | None = None
     """The variations of the scenarios' traffic that are played, by default all."""
 
+    def __post_init__(self) -> None:
+        check_scenarios(self.scenarios)
+        check_traffic(self.traffic)
+        check_agents(self.agents)
+        check_whole("num_envs", self.worlds, 1, MOST_WORLDS)
+        check_whole("decision_interval", self.decision_interval, 1, LONGEST_DECISION)
+        check_seed(self.seed, "seed")
+        check_instance("simulation", self.simulation, Options, "smarts.sim.assembly.Options(...)")
+        check_options(_maker(self.adapter), self.adapter_options)
+
     def interfaces(self) -> dict[str, AgentInterface]:
         """Return the agents' interfaces by name.
 
         Raises:
             InterfaceError: There are no agents, or one has no interface.
         """
-        if isinstance(self.agents, int):
+        if not isinstance(self.agents, Mapping):
             return {f"agent-{number}": benchmark_interface() for number in range(self.agents)}
         interfaces = {}
         for name, given in self.agents.items():
@@ -64,14 +85,14 @@ class Setting:
                 raise InterfaceError(
                     f"the interface of agent {name!r} is {interface!r}",
                     place="agent_specs",
-                    remedy="give AgentSpec(interface=AgentInterface(...))",
+                    remedy="give an AgentInterface(...), or an AgentSpec(interface=AgentInterface(...))",
                 )
             interfaces[name] = interface
         return interfaces
 
     def adapted(self) -> dict[str, AgentSpec]:
         """Return the specs of the agents that have adapters of their own, by name."""
-        if isinstance(self.agents, int):
+        if not isinstance(self.agents, Mapping):
             return {}
         specs = {name: given for name, given in self.agents.items() if isinstance(given, AgentSpec)}
         return {name: spec for name, spec in specs.items() if spec.own_adapters}
@@ -90,12 +111,6 @@ class Setting:
         """
         if not interfaces:
             raise InterfaceError("there are no agents", remedy="name at least one")
-        if self.decision_interval < 1:
-            raise InterfaceError(
-                f"decision_interval is {self.decision_interval}", remedy="give a number of steps, 1 or more"
-            )
-        if self.worlds < 1:
-            raise InterfaceError(f"{self.worlds} simulations", remedy="give a number of 1 or more")
         return assemble(
             [self._build(scenario) for scenario in self.scenarios],
             list(interfaces.values()),

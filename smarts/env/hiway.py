@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
+from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters.actions import encode_one
 from smarts.env.adapters.protocol import Served
@@ -17,9 +18,11 @@ from smarts.env.adapters.reward import Rewards
 from smarts.env.arrays import Setting
 from smarts.env.batch import Batch, Transition
 from smarts.env.onlooker import Onlooker
+from smarts.env.setting_checks import check_instance
 from smarts.env.solo import Episodes, annotate_each, as_row, check_names, info_of
 from smarts.sim.assembly import Options
 from smarts.types.actions import ActionSpaceType
+from smarts.types.streams import check_seed
 
 
 class HiWayEnv(gym.Env):
@@ -31,7 +34,7 @@ class HiWayEnv(gym.Env):
 
     Args:
         scenarios: Folders, or names of the suite; they are played in a seeded order.
-        agent_specs: The agents by name.
+        agent_specs: The agents' specs, or their interfaces alone, by name.
         seed: Of the run, until `reset` gives another.
         headless: Without effect: episodes are watched through their records.
         decision_interval: Steps of 0.1 s from one decision to the next.
@@ -47,7 +50,7 @@ class HiWayEnv(gym.Env):
     def __init__(
         self,
         scenarios: Sequence[str | Path],
-        agent_specs: Mapping[str, AgentSpec],
+        agent_specs: Mapping[str, AgentSpec | AgentInterface],
         *,
         seed: int = 42,
         headless: bool = True,
@@ -55,17 +58,22 @@ class HiWayEnv(gym.Env):
         simulation: Options | None = None,
         sim_name: str | None = None,
     ) -> None:
+        check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
         setting = Setting(
             scenarios=scenarios,
             agents=agent_specs,
             seed=seed,
             decision_interval=decision_interval,
-            simulation=simulation or Options(),
+            simulation=Options() if simulation is None else simulation,
         )
-        self.agent_specs = dict(agent_specs)
+        interfaces = setting.interfaces()
+        self.agent_specs = {
+            name: given if isinstance(given, AgentSpec) else AgentSpec(interface=given)
+            for name, given in agent_specs.items()
+        }
         self.agent_ids = list(agent_specs)
         """All agents that there may be."""
-        parts = setting.assemble(setting.interfaces())
+        parts = setting.assemble(interfaces)
         self._kinds = [ActionSpaceType(int(kind)) for kind in parts.rules.action]
         seats = np.arange(len(self.agent_ids), dtype=np.int32)
         none = ActionSpaceType.Empty
@@ -79,6 +87,8 @@ class HiWayEnv(gym.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin the next episode, or with a seed the first one of that seed."""
+        if seed is not None:
+            check_seed(seed, "reset")
         super().reset(seed=seed, options=options)
         self._batch.reset({0: self._episodes.next(seed)})
         self._batch.dispatch()
@@ -89,7 +99,8 @@ class HiWayEnv(gym.Env):
     def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
         """Carry out a decision; return observations, rewards, terminated, truncated and infos by agent.
 
-        Both done dicts have "__all__" too. Actions of agents that are not there (any more, or yet) are
+        Both done dicts have "__all__" too: whether the episode is over, and whether it is so because some of
+        its last agents were only cut short. Actions of agents that are not there (any more, or yet) are
         ignored, so that a loop over the last observations may act for those that have just ended. An agent
         without an action goes on as before.
 
@@ -150,7 +161,8 @@ class HiWayEnv(gym.Env):
             infos[name] = self.agent_specs[name].info_adapter(seen, reward, info)
             terminated[name] = bool(transition.terminated[0, seat])
             truncated[name] = bool(transition.truncated[0, seat])
-        terminated["__all__"], truncated["__all__"] = bool(transition.finished[0]), False
+        terminated["__all__"] = bool(transition.finished[0])
+        truncated["__all__"] = terminated["__all__"] and any(truncated.values())
         return observations, rewards, terminated, truncated, infos
 
     def _adapted(self, seat: int) -> Any:

@@ -103,7 +103,7 @@ def hiway_parallel_env(
             seed=seed,
             decision_interval=decision_interval,
             adapter=adapter,
-            adapter_options=adapter_options or {},
-            simulation=simulation or Options(),
+            adapter_options={} if adapter_options is None else adapter_options,
+            simulation=Options() if simulation is None else simulation,
         )
     )

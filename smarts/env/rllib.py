@@ -10,8 +10,9 @@ from ray.rllib.env.multi_agent_env import MultiAgentEnv
 from ray.rllib.utils.typing import AgentID
 
 from smarts.env.arrays import Setting
-from smarts.env.solo import SoloWorld
+from smarts.env.solo import SoloStep, SoloWorld
 from smarts.errors import SmartsError, nearest_names
+from smarts.types.streams import check_seed
 
 _OLD_NAMES = {"agent_specs": "agents"}
 _WITHOUT_EFFECT = ("headless", "sim_name", "num_envs")
@@ -33,6 +34,10 @@ def setting_of(config: Mapping[str, Any]) -> Setting:
                 place="env_config",
                 remedy=nearest_names(key, [*known, *_OLD_NAMES, *_WITHOUT_EFFECT]),
             )
+    if {"agents", "agent_specs"} <= config.keys():
+        raise SmartsError("agents and agent_specs are both there", place="env_config", remedy="give one")
+    if "scenarios" not in given:
+        raise SmartsError("there are no scenarios", place="env_config", remedy="give {'scenarios': ['loop']}")
     return Setting(**given)
 
 
@@ -59,6 +64,8 @@ class RLlibHiWayEnv(MultiAgentEnv):
         self, *, seed: int | None = None, options: dict | None = None
     ) -> tuple[dict[AgentID, Any], dict[AgentID, Any]]:
         """Begin the next episode, or with a seed the first one of that seed."""
+        if seed is not None:
+            check_seed(seed, "reset")
         super().reset(seed=seed, options=options)
         observations, infos = self._world.reset(seed)
         self.agents = list(observations)
@@ -70,15 +77,16 @@ class RLlibHiWayEnv(MultiAgentEnv):
         Agents that end with it are among `agents` until the next step, as RLlib wants those whose
         observations it is given to be.
 
+        When the episode ends and some of its last agents are only cut short, that is said by
+        `truncated["__all__"]` alone; else by `terminated["__all__"]`. Each info has the outcome.
+
         Raises:
             ActionError: An agent is unknown, or an action is not in its space.
             TrafficError: The traffic engine failed; the next reset works.
         """
         told = self._world.step(action_dict)
         self.agents = list(told.observations)
-        terminated = {**told.terminated, "__all__": told.finished}
-        truncated = {**told.truncated, "__all__": False}
-        return told.observations, told.rewards, terminated, truncated, told.infos
+        return told.observations, told.rewards, *_dones(told), told.infos
 
     def annotate(self, name: str, values: Mapping[str, Any]) -> None:
         """Add to the record what agents have to say about their next actions; see `SoloWorld.annotate`."""
@@ -87,3 +95,19 @@ class RLlibHiWayEnv(MultiAgentEnv):
     def close(self) -> None:
         """Give back what the simulation holds; may be called again."""
         self._world.close()
+
+
+def _dones(told: SoloStep) -> tuple[dict[AgentID, bool], dict[AgentID, bool]]:
+    """Return what is terminated and truncated, so that RLlib values what those see who are cut short.
+
+    `MultiAgentEpisode.add_env_step` (RLlib 2.60) takes all agents for terminated if "__all__" is, or if each
+    agent has a flag of its own. So whoever is cut at the episode's end has none but "__all__".
+    """
+    terminated, truncated = {**told.terminated}, {**told.truncated}
+    is_cut = told.finished and any(truncated.values())
+    if is_cut:
+        truncated = dict.fromkeys(truncated, False)
+    return (
+        {**terminated, "__all__": told.finished and not is_cut},
+        {**truncated, "__all__": is_cut},
+    )

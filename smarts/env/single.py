@@ -14,6 +14,7 @@ from smarts.env.arrays import Adapter, Setting
 from smarts.env.solo import SoloWorld
 from smarts.errors import ActionError
 from smarts.sim.assembly import Options
+from smarts.types.streams import check_seed
 
 
 class SingleHiWayEnv(gym.Env):
@@ -54,8 +55,8 @@ class SingleHiWayEnv(gym.Env):
                 seed=seed,
                 decision_interval=decision_interval,
                 adapter=adapter,
-                adapter_options=adapter_options or {},
-                simulation=simulation or Options(),
+                adapter_options={} if adapter_options is None else adapter_options,
+                simulation=Options() if simulation is None else simulation,
             )
         )
         (self._agent,) = self._world.possible_agents
@@ -66,6 +67,8 @@ class SingleHiWayEnv(gym.Env):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode, or with a seed the first one of that seed."""
+        if seed is not None:
+            check_seed(seed, "reset")
         super().reset(seed=seed, options=options)
         observations, infos = self._world.reset(seed)
         return observations[self._agent], infos[self._agent]

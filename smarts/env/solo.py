@@ -19,6 +19,7 @@ from smarts.env.onlooker import Onlooker
 from smarts.errors import ActionError, nearest_names
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import Event, Outcome
+from smarts.types.streams import check_seed
 
 
 class Episodes:
@@ -31,6 +32,7 @@ class Episodes:
     def next(self, seed: int | None = None) -> EpisodeKey:
         """Return the key of the next episode."""
         if seed is not None:
+            check_seed(seed, "reset")
             self._seed, self._episode = seed, -1
         self._episode += 1
         return EpisodeKey(0, self._episode, self._seed)
@@ -261,7 +263,12 @@ def info_of(transition: Transition, column: int) -> dict[str, Any]:
 def annotate_each(batch: Batch, name: str, values: Mapping[int, ArrayLike]) -> None:
     """Add to the record of the only simulation what egos say, by column; see `Batch.annotate`."""
     for column, given in values.items():
-        numbers = np.asarray(given, np.float64)
+        try:
+            numbers = np.asarray(given, np.float64)
+        except (TypeError, ValueError) as error:
+            raise ActionError(
+                f"{given!r} is not a number or an array of them", place=f"annotate({name!r})"
+            ) from error
         who = np.zeros(batch.alive.shape, np.bool_)
         who[0, column] = True
         batch.annotate(name, np.broadcast_to(numbers, (*who.shape, *numbers.shape)), who)

@@ -14,15 +14,19 @@ from smarts.agents.options import InterfaceError
 from smarts.env.adapters.protocol import MASK
 from smarts.env.arrays import Adapter, Agents, ArrayWorlds, Group, Setting, box_of
 from smarts.env.batch import EpisodeKey, Transition
+from smarts.env.setting_checks import check_whole
 from smarts.errors import SmartsError, TrafficError
 from smarts.sim.assembly import Options
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
+from smarts.types.streams import check_seed
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.integer]
 Leaves = Mapping[str, NDArray]
 
+MOST_EPISODES = 2**31 - 1
+"""Largest number of an episode."""
 MOST_TRIES = 10
 """Episodes in a row that a simulation may fail to begin."""
 
@@ -133,8 +137,8 @@ class VectorHiWayEnv:
             seed=seed,
             decision_interval=decision_interval,
             adapter=adapter,
-            adapter_options=adapter_options or {},
-            simulation=simulation or Options(),
+            adapter_options={} if adapter_options is None else adapter_options,
+            simulation=Options() if simulation is None else simulation,
             traffic=traffic,
         )
         for name, spec in setting.adapted().items():
@@ -172,12 +176,15 @@ class VectorHiWayEnv:
                 episode of the world that lies `stride` further: a list of worlds is dealt out.
 
         Raises:
+            SmartsError: One of these is not what it has to be.
             TrafficError: A simulation does not begin.
         """
-        self._seed = self._seed if seed is None else seed
-        self._world_numbers = np.arange(self.num_envs) if worlds is None else np.array(worlds, int)
-        self._episodes[:] = episode
-        self._stride = stride
+        seed = self._seed if seed is None else seed
+        numbers = np.arange(self.num_envs) if worlds is None else np.asarray(worlds)
+        check_seed(seed, "reset")
+        self._check_numbers(numbers, episode, stride)
+        self._seed, self._stride = seed, stride
+        self._world_numbers, self._episodes[:] = numbers.astype(int), episode
         self._begin(np.arange(self.num_envs))
         return self._so_far()
 
@@ -248,6 +255,16 @@ class VectorHiWayEnv:
     def close(self) -> None:
         """Give back what the simulations hold; may be called again."""
         self._worlds.batch.close()
+
+    def _check_numbers(self, worlds: NDArray, episode: int, stride: int) -> None:
+        if worlds.shape != (self.num_envs,) or worlds.dtype.kind not in "iu" or worlds.min() < 0:
+            raise SmartsError(
+                f"worlds of shape {worlds.shape} and type {worlds.dtype}",
+                place="VectorHiWayEnv.reset",
+                remedy=f"give {self.num_envs} whole numbers, 0 or more",
+            )
+        check_whole("episode", episode, 0, MOST_EPISODES)
+        check_whole("stride", stride, 0, MOST_EPISODES)
 
     def _so_far(self) -> VectorStep:
         self._worlds.batch.dispatch()

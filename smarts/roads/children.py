@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import math
 import os
 import signal
 import subprocess
@@ -16,6 +17,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import IO
+
+from smarts.errors import SmartsError
 
 TIME_LIMIT = 600.0
 """How long a scenario file or a map converter may run, unless `TIME_LIMIT_VARIABLE` says otherwise [s]."""
@@ -26,12 +29,21 @@ _PR_SET_PDEATHSIG = 1
 
 
 def time_limit() -> float:
-    """Return the time limit of one child [s]."""
+    """Return the time limit of one child [s].
+
+    Raises:
+        SmartsError: The environment variable is not a positive number.
+    """
+    text = os.environ.get(TIME_LIMIT_VARIABLE, "")
     try:
-        seconds = float(os.environ.get(TIME_LIMIT_VARIABLE, ""))
+        seconds = float(text) if text else TIME_LIMIT
     except ValueError:
-        return TIME_LIMIT
-    return seconds if seconds > 0 else TIME_LIMIT
+        seconds = math.nan
+    if not 0.0 < seconds < math.inf:
+        raise SmartsError(
+            f"the time limit is {text!r}", place=TIME_LIMIT_VARIABLE, remedy="set it to seconds, such as 600"
+        )
+    return seconds
 
 
 def run_child(
@@ -54,8 +66,10 @@ def run_child(
 
     Raises:
         OSError: The program does not start.
+        SmartsError: `time_limit` is none.
         TimeoutError: It ran longer than `time_limit` and was killed.
     """
+    limit = time_limit()
     process = subprocess.Popen(
         command,
         cwd=cwd,
@@ -69,9 +83,9 @@ def run_child(
         preexec_fn=_die_with(os.getpid()),
     )
     try:
-        return process.wait(time_limit())
+        return process.wait(limit)
     except subprocess.TimeoutExpired as error:
-        raise TimeoutError(f"ended after {time_limit():g} s") from error
+        raise TimeoutError(f"ended after {limit:g} s") from error
     finally:
         with contextlib.suppress(OSError):
             os.killpg(process.pid, signal.SIGKILL)

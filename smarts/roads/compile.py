@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import re
+import signal
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from importlib.util import find_spec
@@ -146,6 +147,12 @@ def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
     place = str(source.files[0])
     code, said = _run(tool, command, source)
     messages = _messages(said)
+    if code == -signal.SIGXFSZ:
+        raise MapError(
+            f"{tool} may not write a file as large as the network",
+            place=place,
+            remedy="raise the limit on the size of files (ulimit -f)",
+        )
     if code != 0 or not product.is_file():
         errors = [text.removeprefix("Error: ") for text in messages if not text.startswith("Warning: ")]
         raise MapError(

@@ -58,14 +58,15 @@ class Options:
     """How a simulation is run.
 
     Raises:
-        SmartsError: A step is longer than the tyres' bristles take in `SUBSTEPS` parts, or none at all.
+        SmartsError: A step is longer than the tyres' bristles take in `SUBSTEPS` parts, or none at all; or a
+            path has no points.
     """
 
     dt: float = 0.1
     """Length of a step [s], 0.001 to 0.2."""
     path: int = 64
     """The most points of a path that an agent gives as its action."""
-    record: Path | None = None
+    record: str | Path | None = None
     """Where episodes are written to; None: nowhere."""
 
     def __post_init__(self) -> None:
@@ -74,6 +75,10 @@ class Options:
                 f"a step of {self.dt} s",
                 place="Options.dt",
                 remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
+            )
+        if isinstance(self.path, bool) or not isinstance(self.path, int) or self.path < 1:
+            raise InterfaceError(
+                f"path is {self.path!r}", place="Options", remedy="give a number of points, 1 or more"
             )
 
 
@@ -256,4 +261,4 @@ def _recorder(scene: Scene, ownership: Ownership, options: Options) -> EpisodeRe
     # Only who records has to wait for pyarrow.
     from smarts.sim.recorder import EpisodeRecorder
 
-    return EpisodeRecorder(scene, ownership, options.record)
+    return EpisodeRecorder(scene, ownership, Path(options.record))

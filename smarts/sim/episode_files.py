@@ -144,8 +144,8 @@ class RecordedEpisode:
         RecordError: It is not one, or of another version of this program.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = folder = Path(folder)
         self._tables: dict[str, dict[str, NDArray]] = {}
         if "version" not in self.table(EPISODE.name):
             raise self._damaged(EPISODE.name, "it has no column 'version'")
@@ -192,11 +192,11 @@ class RecordedEpisode:
         return LaneGraph.load(self.folder.parent / MAPS / f"{self.facts['map']}.npz")
 
 
-def episodes_in(root: Path) -> list[Path]:
+def episodes_in(root: str | Path) -> list[Path]:
     """Return the folders of all whole episodes of a store, in the order of their names."""
     return sorted(
         folder
-        for folder in root.iterdir()
+        for folder in Path(root).iterdir()
         if not folder.name.startswith(".") and (folder / f"{EPISODE.name}.parquet").exists()
     )
 

@@ -17,7 +17,7 @@ from smarts.sstudio.episodes import EpisodePlan
 from smarts.sstudio.sstypes.scenario import ScenarioMetadataFields
 from smarts.sstudio.sstypes.zone import RoadSurfacePatch
 from smarts.types.episode import EpisodeStart
-from smarts.types.streams import Purpose, stream, sumo_seed
+from smarts.types.streams import Purpose, check_seed, stream, sumo_seed
 
 JAM_SPACING = 7.5
 """Road that a standing vehicle takes up [m]."""
@@ -85,6 +85,7 @@ class Schedule:
     ) -> None:
         if not scenarios:
             raise ScenarioError("there is no scenario to play", remedy="name at least one")
+        check_seed(seed, "seed")
         self.seed = seed
         self.agents = tuple(agents)
         self._most_agents = len(self.agents) + others

@@ -30,6 +30,7 @@ from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
 from smarts.sstudio.sstypes.drawing import DEFAULT_SEED
 from smarts.sstudio.sstypes.map_spec import MapSpec
 from smarts.sstudio.sstypes.scenario import Scenario, Variation
+from smarts.types.streams import is_seed
 
 __all__ = ["build_described", "build_scenario", "suite"]
 
@@ -80,8 +81,8 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
 
 
 def _check_seed(seed: Any, place: str) -> None:
-    if seed is not None and (not isinstance(seed, int) or seed < 0):
-        raise ScenarioError(f"{seed!r} is not a seed", place=place, remedy="use 0, 1, 2, ...")
+    if seed is not None and not is_seed(seed):
+        raise ScenarioError(f"{seed!r} is not a seed", place=place, remedy="use 0, 1, 2, ..., below 2**63")
 
 
 def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScenario | None:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import enum
 import hashlib
+from typing import Any
 
 import numpy as np
+
+from smarts.errors import SmartsError
+
+LARGEST_SEED = 2**63 - 1
 
 
 class Purpose(enum.IntEnum):
@@ -27,6 +32,22 @@ class Purpose(enum.IntEnum):
     """The order in which a run's scenarios, traffic and missions come."""
     RESAMPLING = 7
     """Which episodes intervals are made of."""
+
+
+def is_seed(seed: Any) -> bool:
+    """Return whether something is a seed: a whole number from 0 to `LARGEST_SEED`."""
+    is_whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
+    return is_whole and 0 <= int(seed) <= LARGEST_SEED
+
+
+def check_seed(seed: Any, place: str) -> None:
+    """Refuse what is not a seed.
+
+    Raises:
+        SmartsError: It is none; the message says what it is and where.
+    """
+    if not is_seed(seed):
+        raise SmartsError(f"{seed!r} is not a seed", place=place, remedy="use 0, 1, 2, ..., below 2**63")
 
 
 def stream(seed: int, purpose: Purpose, *, world: int = 0, episode: int = 0) -> np.random.Generator:

@@ -23,7 +23,7 @@ from smarts.env.adapters.features import (
 )
 from smarts.env.adapters.picture import Pictures
 from smarts.env.adapters.protocol import MASK, Served
-from smarts.env.adapters.reward import Rewards, RewardWeights
+from smarts.env.adapters.reward import Rewards, Weights
 from smarts.errors import SmartsError
 from smarts.sim.columns import columns_of
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
@@ -64,7 +64,7 @@ class BenchmarkAdapter:
     Args:
         served: The agents.
         interface: Theirs.
-        reward: Name of the weights in `rewards.yaml`, or the weights themselves.
+        reward: Name of the weights in `rewards.yaml`, or the weights themselves, also as a dict.
         discount: By which the learner discounts a decision, if not as in the weights.
         image: Whether there is a grey picture from above, "image", beside the vector "observation".
         image_size: Its rows and columns.
@@ -82,7 +82,7 @@ class BenchmarkAdapter:
         served: Served,
         interface: AgentInterface,
         *,
-        reward: str | RewardWeights = "benchmark",
+        reward: Weights = "benchmark",
         discount: float | None = None,
         image: bool = False,
         image_size: int = 64,

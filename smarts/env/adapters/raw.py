@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from smarts.agents.interface import AgentInterface
 from smarts.env.adapters.actions import action_space, encode_array
 from smarts.env.adapters.protocol import MASK, Served
-from smarts.env.adapters.reward import Rewards, RewardWeights
+from smarts.env.adapters.reward import Rewards, Weights
 from smarts.sensors.suite import sensors_of
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 from smarts.types.frame import Frame, Readings
@@ -29,7 +29,7 @@ class RawAdapter:
     Args:
         served: The agents.
         interface: Theirs; they have the same sensors with the same options.
-        reward: Name of the weights in `rewards.yaml`, or the weights themselves.
+        reward: Name of the weights in `rewards.yaml`, or the weights themselves, also as a dict.
         discount: By which the learner discounts a decision, if not as in the weights.
     """
 
@@ -41,7 +41,7 @@ class RawAdapter:
         served: Served,
         interface: AgentInterface,
         *,
-        reward: str | RewardWeights = "route_metres",
+        reward: Weights = "route_metres",
         discount: float | None = None,
     ) -> None:
         self._served = served

@@ -67,6 +67,10 @@ class RewardWeights:
     on_shoulder: float = 0.0
 
 
+Weights = str | RewardWeights | Mapping[str, float]
+"""A name of `rewards.yaml`, or the weights themselves."""
+
+
 def reward_weights(name: str = "benchmark", **changes: float) -> RewardWeights:
     """Return weights of `rewards.yaml`, with some of them changed.
 
@@ -78,17 +82,39 @@ def reward_weights(name: str = "benchmark", **changes: float) -> RewardWeights:
         raise ScenarioError(
             f"there is no reward {name!r}", place=str(_FILE), remedy=nearest_names(name, known)
         )
-    chosen = {**known[name], **changes}
+    return _weights({**known[name], **changes}, f"{_FILE}: {name}")
+
+
+def given_weights(weights: Weights) -> RewardWeights:
+    """Return the weights that a name, a dict of terms, or weights themselves stand for.
+
+    Raises:
+        ScenarioError: There are no such weights, or there is no such term.
+    """
+    if isinstance(weights, RewardWeights):
+        return weights
+    if isinstance(weights, Mapping):
+        return _weights(weights, "reward")
+    if not isinstance(weights, str):
+        raise ScenarioError(
+            f"{weights!r} is not a reward",
+            place="reward",
+            remedy="give a name, a dict, or RewardWeights(...)",
+        )
+    return reward_weights(weights)
+
+
+def _weights(chosen: Mapping[str, float], place: str) -> RewardWeights:
     terms = [field.name for field in dataclasses.fields(RewardWeights)]
     for term, weight in chosen.items():
         if term not in terms:
             raise ScenarioError(
                 f"there is no reward term {term!r}",
-                place=f"{_FILE}: {name}",
-                remedy=nearest_names(term, terms),
+                place=place,
+                remedy=nearest_names(str(term), terms),
             )
         if not isinstance(weight, int | float) or not np.isfinite(weight):
-            raise ScenarioError(f"{term} is {weight!r}, not a number", place=f"{_FILE}: {name}")
+            raise ScenarioError(f"{term} is {weight!r}, not a number", place=place)
     return RewardWeights(**chosen)
 
 
@@ -135,16 +161,16 @@ class Rewards:
 
     Args:
         served: The agents.
-        weights: Name of the weights in `rewards.yaml`, or the weights themselves.
+        weights: Name of the weights in `rewards.yaml`, or the weights themselves, also as a dict.
         discount: Instead of that of the weights.
 
     Raises:
         ScenarioError: There are no such weights, or the discount is not in [0, 1].
     """
 
-    def __init__(self, served: Served, weights: str | RewardWeights, discount: float | None = None) -> None:
+    def __init__(self, served: Served, weights: Weights, discount: float | None = None) -> None:
         self._served = served
-        chosen = reward_weights(weights) if isinstance(weights, str) else weights
+        chosen = given_weights(weights)
         if discount is not None:
             chosen = dataclasses.replace(chosen, discount=discount)
         if not 0.0 <= chosen.discount <= 1.0:

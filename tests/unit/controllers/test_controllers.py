@@ -35,7 +35,7 @@ def test_lane_actions_by_name_or_number(given, number):
     assert lane_action_number(given) == number
 
 
-@pytest.mark.parametrize("given", ["change_left", "", 4, -1, 1.5, None, float("nan")])
+@pytest.mark.parametrize("given", ["change_left", "", 4, -1, 1.5, None, True, float("nan")])
 def test_unknown_lane_actions_are_refused(given):
     with pytest.raises(ActionError, match="lane action"):
         lane_action_number(given, agent="ego")

@@ -192,7 +192,7 @@ def test_a_step_wants_a_reset_before_it(new_env):
 
 
 def test_without_simulations_there_is_no_environment():
-    with pytest.raises(InterfaceError, match="0 simulations"):
+    with pytest.raises(InterfaceError, match="num_envs is 0"):
         VectorHiWayEnv(0, ["two_way"])
 
 

@@ -8,6 +8,7 @@ import time
 
 import pytest
 
+from smarts.errors import SmartsError
 from smarts.roads.children import TIME_LIMIT, TIME_LIMIT_VARIABLE, run_child, time_limit
 
 SLEEP = "import time; time.sleep(60)"
@@ -70,9 +71,7 @@ def test_the_time_limit(tmp_path, monkeypatch):
         run(SLEEP, tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("text", "seconds"), [("5", 5), ("", TIME_LIMIT), ("x", TIME_LIMIT), ("-1", TIME_LIMIT)]
-)
+@pytest.mark.parametrize(("text", "seconds"), [("5", 5), ("7.5", 7.5), ("", TIME_LIMIT)])
 def test_the_time_limit_can_be_set(monkeypatch, text, seconds):
     monkeypatch.setenv(TIME_LIMIT_VARIABLE, text)
     assert time_limit() == seconds
@@ -88,3 +87,10 @@ def test_what_a_child_leaves_behind_ends_with_it(tmp_path):
 def test_a_program_that_is_not_there(tmp_path):
     with pytest.raises(FileNotFoundError):
         run_child([str(tmp_path / "nothing")], cwd=tmp_path, env={})
+
+
+@pytest.mark.parametrize("text", ["x", "-1", "0", "nan", "inf"])
+def test_time_limits_that_are_none(monkeypatch, text):
+    monkeypatch.setenv(TIME_LIMIT_VARIABLE, text)
+    with pytest.raises(SmartsError, match=f"the time limit is '{text}'"):
+        time_limit()

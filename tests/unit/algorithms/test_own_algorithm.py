@@ -1,0 +1,40 @@
+"""The algorithm of `examples/own_algorithm.py`, which docs/algorithms.md shows, is what it says."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+import torch
+
+from algorithms.registry import ALGORITHMS
+from tests.games.games import Constant
+from tests.unit.algorithms.rigs import Rig, moved, replayed
+
+EXAMPLE = Path("examples/own_algorithm.py")
+
+
+@pytest.fixture
+def example(monkeypatch):
+    monkeypatch.syspath_prepend(EXAMPLE.parent)
+    own = importlib.import_module(EXAMPLE.stem)
+    monkeypatch.setitem(ALGORITHMS, "mine", own.MyConfig.entry._replace(target="own_algorithm:MyConfig"))
+    return own
+
+
+def test_the_page_shows_the_example():
+    assert f"```python\n{EXAMPLE.read_text()}```" in Path("docs/algorithms.md").read_text()
+
+
+def test_it_values_what_comes_after_a_time_limit(example):
+    """Reward 1 for ever at gamma 0.9 is worth 10; 4.28 if time limits were ends."""
+    rig = Rig("mine", Constant, lr=0.01, tau=0.5, gamma=0.9)
+    batch = replayed(rig, 64, 64, epsilon=1.0)
+    before = rig.weights()
+    for _ in range(400):
+        rig.learner.update_minibatch(batch)
+    assert moved(before, rig.weights()) == {group.id for group in rig.spec.groups}
+    for group, own in batch.groups():
+        net = rig.learner.net(group.id)
+        with torch.no_grad():
+            values = net.target_body(net.target_encoder(own.observations))
+        assert values.mean().item() == pytest.approx(10.0, abs=0.5)
