@@ -23,6 +23,9 @@ from smarts.types.seats import SeatState
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
 
+# A number: to compare an array with a member of an enumeration takes three times as long.
+_ACTIVE = int(SeatState.ACTIVE)
+
 PATIENCE = 6000
 """Steps after which agents that have not entered are given up."""
 
@@ -384,7 +387,7 @@ class Batch:
         seats, waited = self.world.seats, 0
         while True:
             state = seats.state[:, : self.world.egos]
-            idle = rows & self.running & ~(state == SeatState.ACTIVE).any(axis=1)
+            idle = rows & self.running & ~(state == _ACTIVE).any(axis=1)
             if not idle.any():
                 return
             if waited >= PATIENCE:
@@ -400,4 +403,4 @@ class Batch:
 
     def _find_alive(self) -> None:
         state = self.world.seats.state[:, : self.world.egos]
-        np.logical_and(state == SeatState.ACTIVE, self.running[:, None], out=self.alive)
+        np.logical_and(state == _ACTIVE, self.running[:, None], out=self.alive)

@@ -17,6 +17,7 @@ from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 Bools = NDArray[np.bool_]
 
 _FAR = 1e6
+_LANE_ACTIONS = np.array([*LaneAction])
 _BOUNDS: dict[ActionSpaceType, tuple[list[float], list[float]]] = {
     ActionSpaceType.Continuous: ([0, 0, -1], [1, 1, 1]),
     ActionSpaceType.ActuatorDynamic: ([0, 0, -1], [1, 1, 1]),
@@ -60,13 +61,16 @@ def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) ->
     Raises:
         ActionError: An action is not finite, or not one of a discrete space.
     """
-    _mark(served, chosen, out)
     rows, columns = np.nonzero(chosen)
     seats = served.seats[columns]
+    out.legal[rows, seats] = served.scene.world.seats.legal[rows, seats]
+    out.given[rows, seats] = True
+    out.fresh[rows, seats] = True
     values = np.asarray(given)[rows, columns]
     if served.action == ActionSpaceType.Lane:
         values = values.reshape(len(rows))
-        _refuse(served, rows, columns, values, ~np.isin(values, [*LaneAction]), "is not one of 0 to 3")
+        bad = ~(values[:, None] == _LANE_ACTIONS).any(axis=1)
+        _refuse(served, rows, columns, values, bad, "is not one of 0 to 3")
         out.values[rows, seats, 0] = values
     elif served.action in _PATH_COLUMNS:
         values = values.reshape(len(rows), -1, PATH_POINTS)
@@ -142,14 +146,6 @@ def _round_lane_changes(
 ) -> None:
     if kind == ActionSpaceType.LaneWithContinuousSpeed:
         out.values[rows, seats, 1] = np.round(out.values[rows, seats, 1])
-
-
-def _mark(served: Served, chosen: Bools, out: Actions) -> None:
-    rows, columns = np.nonzero(chosen)
-    seats = served.seats[columns]
-    out.legal[rows, seats] = served.scene.world.seats.legal[rows, seats]
-    out.given[rows, seats] = True
-    out.fresh[rows, seats] = True
 
 
 def _not_finite(values: NDArray) -> Bools:

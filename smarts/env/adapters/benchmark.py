@@ -19,12 +19,15 @@ from smarts.env.adapters.features import (
     Seated,
     write_arrival_order,
     write_features,
+    write_identity,
+    write_mask,
     write_stack,
 )
 from smarts.env.adapters.picture import Pictures
 from smarts.env.adapters.protocol import MASK, Served
 from smarts.env.adapters.reward import Rewards, Weights
 from smarts.errors import SmartsError
+from smarts.geometry.binding import bind
 from smarts.sim.columns import columns_of
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 from smarts.types.frame import Frame
@@ -109,11 +112,7 @@ class BenchmarkAdapter:
         self._is_new = np.ones((world.worlds, agents), np.bool_)
         self._rewards = Rewards(served, reward, discount)
         self.rewards = self._rewards.values
-        self._columns = (
-            columns_of(world.seats, Seated),
-            columns_of(world.missions, Missions),
-            columns_of(world.vehicles, Driving),
-        )
+        self._bind()
 
     def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
         """Take in lane actions 0 to 3, shape (B, G)."""
@@ -135,22 +134,27 @@ class BenchmarkAdapter:
             array[agents] = 0
 
     def _look(self, frame: Frame, chosen: Bools) -> None:
-        world, served, seats = frame.world, self._served, frame.world.seats
-        write_features(
-            served.scene.atlas.roads,
-            served.scene.routes.table,
-            world.map,
-            served.scene.routes.number,
-            served.seats,
-            chosen,
-            *self._columns,
-            self._features,
-        )
+        self._write_features(chosen)
         if self._pictures:
             self._pictures.write(frame, chosen, self._is_new, self.observations["image"])
-        vectors = self.observations["observation"]
-        write_stack(self._features, chosen, self._is_new, FRAMES, vectors)
-        write_arrival_order(served.seats, chosen, seats.state, seats.ticket, seats.ticket_junction, vectors)
-        rows, agents = np.nonzero(chosen)
-        vectors[rows, agents, FRAMES * FEATURES + agents] = 1.0
-        self.observations[MASK][rows, agents] = seats.legal[rows, served.seats[agents]]
+        self._write_stack(chosen)
+        self._write_arrival_order(chosen)
+        self._write_identity(chosen)
+        self._write_mask(chosen)
+
+    def _bind(self) -> None:
+        """Hand the kernels what stays the same."""
+        scene, agents = self._served.scene, self._served.seats
+        world, seats, vectors = scene.world, scene.world.seats, self.observations["observation"]
+        columns = (
+            columns_of(seats, Seated),
+            columns_of(world.missions, Missions),
+            columns_of(world.vehicles, Driving),
+        )
+        roads = scene.atlas.roads, scene.routes.current, world.map, scene.routes.number
+        self._write_features = bind(write_features, *roads, agents, *columns, self._features)
+        self._write_stack = bind(write_stack, self._features, self._is_new, FRAMES, vectors)
+        tickets = seats.state, seats.ticket, seats.ticket_junction
+        self._write_arrival_order = bind(write_arrival_order, agents, *tickets, vectors)
+        self._write_identity = bind(write_identity, FRAMES * FEATURES, vectors)
+        self._write_mask = bind(write_mask, agents, seats.legal, self.observations[MASK])

@@ -234,11 +234,11 @@ def write_features(
     maps: Ints,
     routes: Ints,
     seats: Ints,
-    chosen: Bools,
     seated: Seated,
     missions: Missions,
     driving: Driving,
     out: Singles,
+    chosen: Bools,
 ) -> None:
     """Write the features of the chosen agents, each in [-1, 1].
 
@@ -248,11 +248,11 @@ def write_features(
         maps: Map of each simulation, shape (B,).
         routes: Number of each seat's route in the table, shape (B, A).
         seats: The adapter's agents, shape (G,).
-        chosen: Whom to write, shape (B, G); each holds a vehicle that is alive.
         seated: Of all seats.
         missions: Of all seats.
         driving: All vehicles.
         out: Written, shape (B, G, F).
+        chosen: Whom to write, shape (B, G); each holds a vehicle that is alive.
     """
     order, squares = np.empty(NEIGHBOURS, np.int32), np.empty(NEIGHBOURS)
     for b in range(len(maps)):
@@ -279,15 +279,15 @@ def write_features(
 
 
 @kernel
-def write_stack(features: Singles, chosen: Bools, is_new: Bools, frames: int, vectors: Singles) -> None:
+def write_stack(features: Singles, is_new: Bools, frames: int, vectors: Singles, chosen: Bools) -> None:
     """Append the chosen agents' features to the frames they hold, the oldest of which goes.
 
     Args:
         features: Shape (B, G, F).
-        chosen: Whom to write, shape (B, G).
         is_new: Who holds no frames yet and gets as many of this one; cleared for the chosen, shape (B, G).
         frames: How many a vector holds, the oldest first.
         vectors: Written, from their beginning, shape (B, G, at least frames * F).
+        chosen: Whom to write, shape (B, G).
     """
     size = features.shape[2]
     for b in range(features.shape[0]):
@@ -306,7 +306,7 @@ def write_stack(features: Singles, chosen: Bools, is_new: Bools, frames: int, ve
 
 @kernel
 def write_arrival_order(
-    seats: Ints, chosen: Bools, state: Bytes, ticket: Ints, junction: Ints, vectors: Singles
+    seats: Ints, state: Bytes, ticket: Ints, junction: Ints, vectors: Singles, chosen: Bools
 ) -> None:
     """Write, as the last number of each vector, how many agents came to the agent's next junction before it.
 
@@ -314,11 +314,11 @@ def write_arrival_order(
 
     Args:
         seats: The adapter's agents, shape (G,).
-        chosen: Whom to write, shape (B, G).
         state: Of all seats, shape (B, A), as the columns of `Seats` that follow.
         ticket: Place in the order of arrival, -1 without one.
         junction: That the ticket is for.
         vectors: Written, shape (B, G, at least 1).
+        chosen: Whom to write, shape (B, G).
     """
     others = max(len(seats) - 1, 1)
     last = vectors.shape[2] - 1
@@ -336,3 +336,21 @@ def write_arrival_order(
                 if is_here and junction[b, other] == junction[b, own]:
                     earlier += ticket[b, other] < ticket[b, own]
             vectors[b, g, last] = earlier / others
+
+
+@kernel
+def write_identity(first: int, vectors: Singles, chosen: Bools) -> None:
+    """Mark in the chosen agents' vectors, shape (B, G, ...), from `first` on, which of the G one is."""
+    for b in range(chosen.shape[0]):
+        for g in range(chosen.shape[1]):
+            if chosen[b, g]:
+                vectors[b, g, first + g] = 1.0
+
+
+@kernel
+def write_mask(seats: Ints, legal: Bools, mask: Bytes, chosen: Bools) -> None:
+    """Copy which actions are legal, of all seats, shape (B, A, L), to the mask of the chosen ones."""
+    for b in range(chosen.shape[0]):
+        for g in range(len(seats)):
+            if chosen[b, g]:
+                mask[b, g] = legal[b, seats[g]]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import yaml
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 from smarts.env.adapters.protocol import Served
 from smarts.env.adapters.reward_kernel import Driving, Happened, Memory, Missions, Seated, Terms, add_rewards
 from smarts.errors import ScenarioError, nearest_names
+from smarts.geometry.binding import bind
 from smarts.sim.columns import columns_of
-from smarts.types.events import Event, Outcome
+from smarts.types.events import Event, Events, Outcome
 from smarts.types.frame import Frame
 
 Singles = NDArray[np.float32]
@@ -156,6 +158,13 @@ def reward_terms(weights: RewardWeights, horizon: float) -> Terms:
     )
 
 
+class _Adding(NamedTuple):
+    """The kernel with the events that it is bound to."""
+
+    events: Events
+    add: Callable[..., None]
+
+
 class Rewards:
     """What the decisions of some agents are worth.
 
@@ -188,15 +197,15 @@ class Rewards:
         )
         self.values: Singles = np.zeros((world.worlds, len(served.agents)), np.float32)
         """Of the last decision, shape (B, G)."""
+        self._settled = np.zeros(self.values.shape, np.bool_)
+        self._adding: _Adding | None = None
 
     def collect(self, frame: Frame, is_last: bool) -> Bools:
-        """Take one step in; return whose decision ends with it, shape (B, G)."""
-        here = self._served.present(frame)
-        settle = here if is_last else self._served.ended(frame)
-        happened = columns_of(frame.events, Happened)
-        seats = self._served.seats
-        add_rewards(self._terms, self._memory, seats, here, settle, *self._columns, happened, self.values)
-        return settle
+        """Take one step in; return whose decision ends with it, shape (B, G), valid until the next."""
+        if self._adding is None or self._adding.events is not frame.events:
+            self._adding = self._bind(frame.events)
+        self._adding.add(frame.rows, is_last)
+        return self._settled
 
     def reset(self, egos: Bools) -> None:
         """Forget some egos, shape (B, N)."""
@@ -204,3 +213,9 @@ class Rewards:
         for column in self._memory:
             column[agents] = 0
         self.values[agents] = 0.0
+
+    def _bind(self, events: Events) -> _Adding:
+        """Hand the kernel events, which a simulation writes into the same arrays in every step."""
+        known = self._terms, self._memory, self._served.seats, *self._columns
+        written = self._settled, self.values
+        return _Adding(events, bind(add_rewards, *known, columns_of(events, Happened), *written))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from smarts.env.adapters.features import NEIGHBOURS, RADIUS
 from smarts.geometry.compiling import kernel
+from smarts.types.seats import SeatState
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -26,6 +27,7 @@ FAST = 60.0 / 3.6
 """Speed above which steering hard costs something [m/s]."""
 _FAST_BY = 20.0 / 3.6
 _HARD = 4.0
+_ACTIVE = int(SeatState.ACTIVE)
 
 
 class Terms(NamedTuple):
@@ -87,6 +89,7 @@ class Seated(NamedTuple):
     """Columns of `Seats`, shape (B, A)."""
 
     slot: Ints
+    state: Bytes
     outcome: Bytes
     remaining: Floats
     steering: Floats
@@ -258,39 +261,45 @@ def add_rewards(
     terms: Terms,
     memory: Memory,
     seats: Ints,
-    here: Bools,
-    settle: Bools,
     seated: Seated,
     missions: Missions,
     driving: Driving,
     happened: Happened,
+    settled: Bools,
     rewards: Singles,
+    rows: Bools,
+    is_last: bool,
 ) -> None:
     """Take one step in, and write the reward of the decision for those with whom it ends.
 
-    Who is met for the first time is only remembered: nothing was decided so far.
+    It ends for all who are there with its last step, and before for those whose episode ends. Who is met for
+    the first time is only remembered: nothing was decided so far.
 
     Args:
         terms: The weights.
         memory: Of the last decision.
         seats: The adapter's agents, shape (G,).
-        here: Who was in this step, shape (B, G).
-        settle: Whose decision ends with it, shape (B, G).
         seated: Of all seats.
         missions: Of all seats.
         driving: All vehicles.
         happened: In this step.
+        settled: Whose decision ends with this step; written, shape (B, G).
         rewards: Written, shape (B, G).
+        rows: Which simulations made the step, shape (B,).
+        is_last: Whether it is the last of the decision.
     """
     distances, times = np.empty(NEIGHBOURS), np.empty(NEIGHBOURS)
-    for b in range(here.shape[0]):
+    for b in range(len(rows)):
         for g in range(len(seats)):
-            if not here[b, g]:
-                continue
             seat, is_first = seats[g], memory.initial[b, g] == 0.0
+            ends = happened.just_done[b, seat]
+            is_here = ends or (rows[b] and seated.state[b, seat] == _ACTIVE)
+            settled[b, g] = ends or (is_here and is_last)
+            if not is_here:
+                continue
             memory.events[b, g] |= happened.bits[b, seat]
             memory.steps[b, g] += 1
-            if settle[b, g] or is_first:
+            if settled[b, g] or is_first:
                 reward = _settle(
                     terms, memory, seated, missions, driving, happened, b, g, seat, distances, times
                 )
