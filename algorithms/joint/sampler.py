@@ -439,18 +439,18 @@ class Sampler:
 
     def _finite_start(self, step: JointStep) -> JointStep:
         """Return first moments without NaN or infinity: copies that begin with such are created anew."""
-        broken = non_finite(step)
-        for _ in range(self._max_failures + 1):
-            if not broken:
-                return step
+        attempts, broken = 1, non_finite(step)
+        while broken:
+            if attempts > self._max_failures:
+                raise EnvironmentFailure(
+                    f"copies {sorted(broken)} began {attempts} times in a row with NaN or infinity",
+                    place=f"environment {type(self.env).__name__}",
+                    remedy="mend the environment: its reset gives non-finite observations or states",
+                )
             self.progress.failed_total += len(broken)
             step = self.env.recreate(broken)
-            broken = non_finite(step)
-        raise EnvironmentFailure(
-            f"copies {sorted(broken)} began {self._max_failures + 1} times in a row with NaN or infinity",
-            place=f"environment {type(self.env).__name__}",
-            remedy="mend the environment: its reset gives non-finite observations or states",
-        )
+            attempts, broken = attempts + 1, non_finite(step)
+        return step
 
     def _see(self, step: JointStep) -> None:
         # Views of the environment's arrays, which it may reuse: valid until the next step.

@@ -1,0 +1,218 @@
+"""Losses and steps written out a second time, with target networks that differ from their originals."""
+
+import pytest
+import torch
+from rigs import Rig, replayed
+
+from algorithms.joint.features import MEAN_ACTION
+from algorithms.maac import of_actions
+from algorithms.maddpg import critic_of
+from algorithms.mf_q import mean_actions
+from algorithms.parts.distributions import CategoricalDistribution
+from algorithms.parts.relaxation import straight_through_gumbel
+from tests.games.games import Constant, Ragged, Target
+
+REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32, "gamma": 0.9}
+OFF_POLICY = ["dqn", "vdn", "qmix", "maddpg", "maac", "mf_q", "mf_ac", "networked_q"]
+
+
+def unlike_targets(rig):
+    """Fill every target network with numbers of its own."""
+    for name in rig.learner.module.keys():  # noqa: SIM118 - RLlib's module is no dict
+        net = rig.learner.net(name)
+        for target in net.targets:
+            for p in getattr(net, target).parameters():
+                torch.nn.init.normal_(p, std=0.5)
+
+
+def losses_of(rig, monkeypatch):
+    """Record the losses instead of stepping."""
+    found = {}
+    monkeypatch.setattr(
+        rig.learner, "step_optimizer", lambda loss, *names: found.update(dict.fromkeys(names, loss))
+    )
+    return found
+
+
+@pytest.mark.parametrize("double", [True, False])
+def test_dqns_loss(double, monkeypatch):
+    rig = Rig("dqn", Ragged, sharing="all", double=double, reward_scale=2.0, tau=0.0, **REPLAY)
+    unlike_targets(rig)
+    batch, net = replayed(rig, 60, epsilon=1.0), rig.learner.net("shared")
+    found = losses_of(rig, monkeypatch)
+    rig.learner.update_minibatch(batch)
+    seen, following = batch.observations[0], batch.next.observations[0]
+    with torch.no_grad():
+        values = net.target_q(following)
+        best = (net.q(following) if double else values).argmax(-1)
+        target = 2 * batch.rewards + 0.9 * batch.bootstrap * of_actions(values, best)
+        error = (of_actions(net.q(seen), batch.actions[0]) - target).abs()
+        huber = torch.where(error < 1, error**2 / 2, error - 0.5)
+        assert (of_actions(values, best) - values.max(-1)[0]).abs().max() > 0 or not double
+    assert found["shared"].item() == pytest.approx(huber[batch.alive].mean().item(), rel=1e-5)
+
+
+def test_duelling_values_are_the_value_plus_centred_advantages():
+    net = Rig("dqn", Constant).learner.net("agent_0").q
+    features = torch.randn(5, 1, 16)
+    torch.testing.assert_close(net.values(features).mean(-1, keepdim=True), net.value(features))
+
+
+@pytest.mark.parametrize("reward", ["sum", "mean"])
+def test_vdns_loss(reward, monkeypatch):
+    rig = Rig("vdn", Ragged, sharing="all", team_reward=reward, double=False, tau=0.0, **REPLAY)
+    unlike_targets(rig)
+    batch, net = replayed(rig, 60, epsilon=1.0), rig.learner.net("shared")
+    found = losses_of(rig, monkeypatch)
+    rig.learner.update_minibatch(batch)
+    with torch.no_grad():
+        best = net.target_q(batch.next.observations[0]).max(-1)[0]
+        team = (batch.rewards * batch.alive).sum(-1)
+        target = team / (batch.alive.sum(-1) if reward == "mean" else 1) + 0.9 * (
+            best * batch.next.alive
+        ).sum(-1)
+        total = (of_actions(net.q(batch.observations[0]), batch.actions[0]) * batch.alive).sum(-1)
+    assert found["shared"].item() == pytest.approx((total - target).square().mean().item(), rel=1e-5)
+
+
+@pytest.mark.parametrize("game", [Ragged, Target])
+def test_maddpgs_critic_loss(game, monkeypatch):
+    rig = Rig("maddpg", game, sharing="all", **REPLAY)
+    unlike_targets(rig)
+    batch, net = replayed(rig, 60), rig.learner.net("shared")
+    critic = rig.learner.net(critic_of(rig.spec.groups[0]))
+    found, state = losses_of(rig, monkeypatch), rig.learner.generator.get_state()
+    rig.learner.fit_critics(batch, batch.encoded_actions())
+    rig.learner.generator.set_state(state)
+    there = batch.next.alive[..., None]
+    with torch.no_grad():
+        outputs = net.target_actor(batch.next.observations[0])
+        if game is Target:
+            chosen = outputs.tanh() * there
+        else:
+            chosen = straight_through_gumbel(outputs, None, rig.learner.generator) * there
+        following = critic.target_q(batch.next, {"shared": chosen})
+        target = batch.rewards + 0.9 * batch.bootstrap * following
+        error = critic.q(batch, batch.encoded_actions()) - target
+    expected = error[batch.alive].square().mean().item()
+    assert found[critic_of(rig.spec.groups[0])].item() == pytest.approx(expected, rel=1e-5)
+
+
+def test_gumbel_samples_follow_the_policy():
+    logits = torch.tensor([0.0, 1.0, 2.0]).log_softmax(-1)
+    drawn = straight_through_gumbel(logits.expand(20_000, 3), None, torch.Generator().manual_seed(0)).mean(0)
+    torch.testing.assert_close(drawn, logits.exp(), rtol=0, atol=0.015)
+
+
+def test_mf_acs_losses(monkeypatch):
+    rig = Rig("mf_ac", Ragged, sharing="all", entropy_coeff=0.1, tau=0.0, **REPLAY)
+    unlike_targets(rig)
+    batch, net = replayed(rig, 60), rig.learner.net("shared")
+    name = critic_of(rig.spec.groups[0])
+    critic, means = rig.learner.net(name), mean_actions(batch, rig.learner.neighbourhood)
+    found = losses_of(rig, monkeypatch)
+    rig.learner.update_minibatch(batch)
+    seen = {**batch.observations[0], MEAN_ACTION: means}
+    with torch.no_grad():
+        following = critic.target_q({**batch.next.observations[0], MEAN_ACTION: means})
+        policy = CategoricalDistribution(net.target_actor(batch.next.observations[0])).log_probs.exp()
+        target = batch.rewards + 0.9 * batch.bootstrap * (policy * following).sum(-1)
+        error = of_actions(critic.q(seen), batch.actions[0]) - target
+        own = CategoricalDistribution(net.actor(batch.observations[0])).log_probs
+        gain = (own.exp() * (critic.q(seen) - 0.1 * own)).sum(-1)
+    assert found[name].item() == pytest.approx(error[batch.alive].square().mean().item(), rel=1e-5)
+    assert found["shared"].item() == pytest.approx(-gain[batch.alive].mean().item(), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", OFF_POLICY)
+def test_target_networks_follow_by_tau_in_every_update(name):
+    tau = 1.0 if name == "networked_q" else 0.25  # which copies, every so often
+    rig = Rig(name, Constant, tau=tau, **REPLAY)
+    unlike_targets(rig)
+    batch, before = replayed(rig, 16), rig.weights()
+    rig.learner.update_minibatch(batch)
+    after, followed = rig.weights(), 0
+    for module, own in after.items():
+        for key in (k for k in own if k.startswith("target_")):
+            expected = (1 - tau) * before[module][key] + tau * own[key.removeprefix("target_")]
+            torch.testing.assert_close(own[key], expected)
+            followed += 1
+    assert followed
+
+
+class Single(Constant):
+    """One step, which is the end: whoever values what follows gets more than 1."""
+
+    length, ends = 1, True
+
+
+class Double(Single):
+    """The same, paid double."""
+
+    def reward(self, actions):
+        return [2.0, 2.0]
+
+
+@pytest.mark.parametrize("name", OFF_POLICY)
+def test_nothing_follows_an_end(name):
+    """Weights move alike whatever target networks, discount and next moments say."""
+    moves = []
+    for gamma in (0.0, 0.9):
+        rig = Rig(name, Single, **{**REPLAY, "gamma": gamma})
+        torch.manual_seed(5)
+        unlike_targets(rig)
+        rig.learner.update_minibatch(replayed(rig, 8))
+        moves.append(rig.weights())
+    for module, own in moves[0].items():
+        for key, weight in own.items():
+            torch.testing.assert_close(weight, moves[1][module][key], rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("name", ["ppo", "a2c", "pg", "centralised_v", "commnet", *OFF_POLICY])
+def test_scaled_rewards_are_paid_rewards(name):
+    settings = REPLAY if name in OFF_POLICY else {"gamma": 0.9}
+    if name in ("ppo", "a2c", "centralised_v"):
+        settings = settings | {"normalize_advantages": False}
+    weights = []
+    for game, scale in ((Constant, 2.0), (type("Paid", (Double,), {"length": 10, "ends": False}), 1.0)):
+        rig = Rig(name, game, reward_scale=scale, grad_clip=None, **settings)
+        before = rig.weights()
+        rig.learner.update_joint(rig.rollout(16))
+        weights.append(rig.weights())
+    assert any(
+        not torch.equal(before[m][k], own) for m, part in weights[0].items() for k, own in part.items()
+    )
+    for module, own in weights[0].items():
+        for key, weight in own.items():
+            torch.testing.assert_close(weight, weights[1][module][key], rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("clip", [0.5, None])
+def test_each_networks_gradient_is_clipped_by_its_own_norm(clip, monkeypatch):
+    learner = Rig("ppo", Constant, grad_clip=clip).learner
+    norms = {}
+    for name in ("agent_0", "agent_1"):
+        own = learner._parameters[name]
+
+        def step(name=name, own=own):
+            norms[name] = torch.sqrt(sum(p.grad.square().sum() for p in own if p.grad is not None)).item()
+
+        monkeypatch.setattr(learner.get_optimizer(name), "step", step)
+    first, second = (learner._parameters[name][0] for name in ("agent_0", "agent_1"))
+    learner.step_optimizer(3 * first.flatten()[0] + 0.25 * second.flatten()[0], "agent_0", "agent_1")
+    assert norms["agent_0"] == pytest.approx(3.0 if clip is None else clip, rel=1e-4)
+    assert norms["agent_1"] == pytest.approx(0.25)
+
+
+def test_learning_rates_follow_their_schedule():
+    from algorithms.joint.learner import JointTrainingData
+
+    rig = Rig("ppo", Constant, lr=[[0, 1e-2], [100, 1e-3]])
+    learner = rig.learner
+    for steps, rate in ((0, 1e-2), (50, 5.5e-3), (1000, 1e-3)):
+        timesteps = {"num_env_steps_sampled_lifetime": steps}
+        learner.after_gradient_based_update(timesteps=timesteps)
+        before = rig.weights()["agent_0"]
+        learner.update(training_data=JointTrainingData(rig.rollout(8)), timesteps=timesteps)
+        assert any(not torch.equal(before[k], w) for k, w in rig.weights()["agent_0"].items())
+        assert float(learner.get_optimizer("agent_0").param_groups[0]["lr"]) == pytest.approx(rate)
