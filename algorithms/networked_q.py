@@ -92,12 +92,20 @@ class JointActions:
         return table
 
     def own_values(self, table: Tensor, group: Group) -> Tensor:
-        """Return for a group's agents the best value (M, n, A) that each own action allows the team."""
+        """Return for a group's agents the best value (M, n, A) that each own action allows the team.
+
+        Among equally good joint actions all nodes mean the first: its parts are raised by the least that a
+        number can be, so that agents of equal networks never act out parts of different ones.
+        """
+        best = table.flatten(1).argmax(1)
         first = sum(other.size for other in self._groups[: self._groups.index(group)])
         columns = []
         for agent in range(first, first + group.size):
             rest = [k + 1 for k in range(len(self.sizes)) if k != agent]
-            columns.append(table.amax(rest) if rest else table)
+            values = table.amax(rest) if rest else table
+            part = (best // prod(self.sizes[agent + 1 :]) % self.sizes[agent]).unsqueeze(1)
+            raised = values.gather(1, part)
+            columns.append(values.scatter(1, part, raised.nextafter(torch.full_like(raised, torch.inf))))
         return torch.stack(columns, 1)
 
     @staticmethod

@@ -20,6 +20,7 @@ from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
 from algorithms.joint.env import MEMORY, Block, VectorJointEnv
 from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
+from algorithms.joint.ranges import faults
 from algorithms.joint.runner import SPEC, JointEnvRunner
 from algorithms.joint.spec import Group, JointSpec, Sharing, agent_spaces
 from algorithms.parts.distributions import Exploration
@@ -246,13 +247,15 @@ class JointConfig(AlgorithmConfig):
         """Refuse settings that cannot work together, and draw a seed where none was given (RLlib).
 
         Raises:
-            ValueError: Several learners, evaluation by time, fragments of automatic length, or a memory where
-                the algorithm has none were asked for.
+            ValueError: A number is out of its range; several learners, evaluation by time, fragments of
+                automatic length, or a memory where the algorithm has none were asked for.
         """
         log_once(
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
         super().validate()
+        for fault in faults({name: getattr(self, name) for name in self.setting_names}):
+            self._value_error(fault)
         if self.seed is None:  # drawn once here, so that checkpoints and results tell it
             self.seed = secrets.randbits(31)
             logger.info("seed %d was drawn, since none was given", self.seed)

@@ -44,7 +44,17 @@ def test_own_values_are_the_best_over_all_possible_joint_actions(sharing):
                         key = agent, joint[order.index(agent)]
                         best[key] = max(best.get(key, -np.inf), table[m, number].item())
                 for (agent, action), value in best.items():
-                    assert values[m, group.agents.index(agent), action].item() == value
+                    found_value = values[m, group.agents.index(agent), action].item()
+                    assert found_value == pytest.approx(value, rel=1e-6)
+
+
+def test_agents_agree_on_one_of_equally_good_joint_actions():
+    rig = Rig("networked_q", Cues)
+    combinations, groups = rig.learner.combinations, rig.spec.groups
+    table = torch.zeros(2, 4, 4)
+    table[0, 2, 1] = table[0, 1, 2] = table[1, 3, 0] = 8.0
+    chosen = [combinations.own_values(table, group).argmax(-1)[:, 0].tolist() for group in groups]
+    assert chosen == [[1, 3], [2, 0]]
 
 
 def test_the_number_of_a_joint_action_is_its_place_in_the_table():

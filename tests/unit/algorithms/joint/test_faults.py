@@ -201,3 +201,30 @@ def test_a_seed_is_drawn_where_none_is_given():
     given = algorithms.config("ppo").debugging(seed=0)
     given.validate()
     assert given.seed == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "match"),
+    [
+        ("ppo", {"clip": -1}, "clip=-1 is not a number above 0"),
+        ("ppo", {"lambda_": 3}, "lambda_=3 is not a number of at least 0 and at most 1"),
+        ("ppo", {"hidden": 64}, "hidden=64 is not a tuple of widths"),
+        ("dqn", {"tau": 5}, "tau=5"),
+        ("dqn", {"batch_size": 0}, "batch_size=0 is not a whole number of at least 1"),
+        ("dqn", {"capacity": 0}, "capacity=0"),
+        ("dqn", {"epsilon": 0.1}, "epsilon=0.1 is not a pair"),
+        ("dqn", {"learning_starts": 5000, "capacity": 1000}, "nothing would ever be learnt"),
+        ("networked_q", {"fit_steps": 0}, "fit_steps=0"),
+        ("commnet", {"communication_steps": -1}, "communication_steps=-1"),
+        ("maac", {"alpha": -1}, "alpha=-1"),
+        ("vdn", {"team_reward": "avg"}, "team_reward='avg' is neither"),
+    ],
+)
+def test_settings_out_of_range_are_refused(name, settings, match):
+    with pytest.raises(ValueError, match=match):
+        algorithms.config(name).training(**settings).validate()
+
+
+@pytest.mark.parametrize("name", list(ALGORITHMS))
+def test_defaults_are_in_range(name):
+    algorithms.config(name).validate()
