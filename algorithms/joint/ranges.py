@@ -28,7 +28,8 @@ class Range(NamedTuple):
         kinds = Integral if self.whole else Real
         if isinstance(value, bool) or not isinstance(value, kinds):
             return False
-        return self.low <= value <= self.high and not (self.above and value == self.low)
+        number = float(value)
+        return self.low <= number <= self.high and not (self.above and number == self.low)
 
     def __str__(self) -> str:
         kind = "a whole number" if self.whole else "a number"

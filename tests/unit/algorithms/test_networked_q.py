@@ -50,7 +50,7 @@ def test_own_values_are_the_best_over_all_possible_joint_actions(sharing):
 
 def test_agents_agree_on_one_of_equally_good_joint_actions():
     rig = Rig("networked_q", Cues)
-    combinations, groups = rig.learner.combinations, rig.spec.groups
+    combinations, groups = rig.learner.combinations, rig.learner.groups
     table = torch.zeros(2, 4, 4)
     table[0, 2, 1] = table[0, 1, 2] = table[1, 3, 0] = 8.0
     chosen = [combinations.own_values(table, group).argmax(-1)[:, 0].tolist() for group in groups]

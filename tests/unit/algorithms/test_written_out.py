@@ -10,6 +10,7 @@ from algorithms.maddpg import critic_of
 from algorithms.mf_q import mean_actions
 from algorithms.parts.distributions import CategoricalDistribution
 from algorithms.parts.relaxation import straight_through_gumbel
+from algorithms.qmix import MIXER
 from tests.games.games import Constant, Ragged, Target
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32, "gamma": 0.9}
@@ -73,6 +74,22 @@ def test_vdns_loss(reward, monkeypatch):
         ).sum(-1)
         total = (of_actions(net.q(batch.observations[0]), batch.actions[0]) * batch.alive).sum(-1)
     assert found["shared"].item() == pytest.approx((total - target).square().mean().item(), rel=1e-5)
+
+
+def test_qmixs_target_asks_the_target_mixer(monkeypatch):
+    rig = Rig("qmix", Ragged, sharing="all", double=False, tau=0.0, **REPLAY)
+    unlike_targets(rig)
+    batch, net, mixer = replayed(rig, 60, epsilon=1.0), rig.learner.net("shared"), rig.learner.net(MIXER)
+    found = losses_of(rig, monkeypatch)
+    rig.learner.update_minibatch(batch)
+    following = batch.next
+    with torch.no_grad():
+        best = net.target_q(following.observations[0]).max(-1)[0] * following.alive
+        value = mixer.target_mixer(best, following.global_state()) * following.alive.any(-1)
+        target = (batch.rewards * batch.alive).sum(-1) + 0.9 * value
+        chosen = of_actions(net.q(batch.observations[0]), batch.actions[0]) * batch.alive
+        total = mixer.mixer(chosen, batch.global_state())
+    assert found[MIXER].item() == pytest.approx((total - target).square().mean().item(), rel=1e-5)
 
 
 @pytest.mark.parametrize("game", [Ragged, Target])
