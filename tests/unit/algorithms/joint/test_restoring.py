@@ -22,8 +22,9 @@ def trained(seed):
 @pytest.mark.usefixtures("cluster")
 def test_weights_of_a_training_as_long_reach_the_runners_that_have_others():
     source, target = trained(3), trained(8)
-    target.set_state(source.get_state())
     runner = target.env_runner_group.local_env_runner
+    runner.set_state(target.runner_state())
+    target.set_state(source.get_state())
     runner.set_state(target.runner_state())
     wanted = source.learner_group._learner.module["agent_0"].state_dict()
     own = runner.module["agent_0"].state_dict()
