@@ -7,8 +7,13 @@ from smarts.errors import SmartsError
 def test_what_fails_leaves_what_was_there(tmp_path):
     out = tmp_path / "a.gif"
     out.write_text("old")
+
+    def fails(partial):
+        partial.write_text("half")
+        raise ZeroDivisionError
+
     with pytest.raises(ZeroDivisionError), written_whole(out) as partial:
-        partial.write_text(f"half {1 / 0}")
+        fails(partial)
     assert out.read_text() == "old"
     assert [*tmp_path.iterdir()] == [out]
 
