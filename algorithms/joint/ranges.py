@@ -88,7 +88,8 @@ def faults(settings: Mapping[str, Any]) -> Iterator[str]:
     hidden = settings.get("hidden", ())
     if not isinstance(hidden, tuple | list) or not all(COUNT.holds(width) for width in hidden):
         yield f"hidden={hidden!r} is not a tuple of widths, as (64, 64)"
-    epsilon = settings.get("epsilon", (1.0, 0.0))
+    # Without the steps of a schedule it is an algorithm's own affair what its epsilon is.
+    epsilon = settings["epsilon"] if "epsilon_steps" in settings else (1.0, 0.0)
     pair = isinstance(epsilon, tuple | list) and len(epsilon) == 2
     if not pair or not all(FRACTION.holds(chance) for chance in epsilon):
         yield f"epsilon={epsilon!r} is not a pair (first, last) of probabilities"

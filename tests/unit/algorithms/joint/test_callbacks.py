@@ -36,7 +36,7 @@ class Diary(RLlibCallback):
 def trained(env, iterations, env_config=None, **callbacks):
     config = algorithms.config("ppo").environment(env, env_config=env_config or {}).training(hidden=(8,))
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=16)
-    algo = config.callbacks(**callbacks).build_algo()
+    algo = config.callbacks(**callbacks).debugging(seed=0).build_algo()
     results = [algo.train()["env_runners"] for _ in range(iterations)]
     algo.stop()
     return results
