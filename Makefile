@@ -13,14 +13,17 @@ SYSTEM := $(VENV)/.system
 LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
 DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
 
-.PHONY: help install run test test-fast check format build-scenario pictures lock clean
+.PHONY: help install run traffic test test-fast check format build-scenario pictures lock clean
 
 help:  ## list the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 install: $(INSTALLED)  ## create .venv and install everything
 
-run: $(INSTALLED)  ## build a scenario and run its traffic
+run: $(INSTALLED)  ## train PPO at the intersection for two minutes, test it and write the report
+	$(BIN)/smarts-bench run configs/quickstart.yaml
+
+traffic: $(INSTALLED)  ## build a scenario and run a minute of its traffic
 	$(BIN)/smarts-bench scenario run intersection --seconds 60 --out results/traffic/intersection.png
 
 test: $(INSTALLED)  ## run all tests
