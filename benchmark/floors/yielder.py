@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from smarts.env.adapters.benchmark import FRAMES
 from smarts.env.adapters.features import (
+    ARRIVAL,
     FEATURES,
     GOAL,
     GOAL_SCALE,
@@ -14,6 +15,7 @@ from smarts.env.adapters.features import (
     NEIGHBOUR_VALUES,
     NEIGHBOURHOOD,
     RADIUS,
+    SITUATION,
     SPEED,
     SPEED_SCALE,
     WAYPOINTS,
@@ -83,7 +85,7 @@ class Yielder:
     def act(self, observation: NDArray[np.float32], mask: NDArray[np.bool_]) -> int:
         """Return a legal action."""
         now = observation[(FRAMES - 1) * FEATURES : FRAMES * FEATURES].astype(np.float64)
-        speed, arrival = now[SPEED] * SPEED_SCALE, float(observation[-1])
+        speed, arrival = now[SPEED] * SPEED_SCALE, float(observation[ARRIVAL])
         self._waited = self._waited + 1 if speed < 0.5 else 0
         others = _others(now, speed)
         wish = _wish(now)
@@ -105,7 +107,7 @@ class Yielder:
         if speed > JUNCTION_SPEED and arrival >= 0.0:
             return LaneAction.slow_down
         if wish is not None and mask[wish] and ahead < OVERDUE:
-            is_even = int(np.argmax(observation[FRAMES * FEATURES : -1])) % 2 == 0
+            is_even = int(np.argmax(observation[FRAMES * FEATURES : -SITUATION])) % 2 == 0
             in_time = np.sqrt(2 * BRAKING * max(0.0, ahead - LAST_PLACE))
             if speed > min(_speed_to_let_by(others, wish, is_even), in_time):
                 return LaneAction.slow_down

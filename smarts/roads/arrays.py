@@ -84,3 +84,6 @@ class RouteTable(NamedTuple):
     """Row of the lane before on the same way through a junction, -1 where the way begins."""
     by_lane: Ints
     """Within each corridor its rows in ascending order of lane."""
+    changes: NDArray[np.int8]
+    """Lane changes from each row to the k-th lane from the end of the corridor, as `Corridor.changes`; 0
+    where the last edge has fewer lanes, shape (R, K)."""

@@ -17,6 +17,10 @@ from smarts.roads.routes import CARS, edge_graph
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Counts = NDArray[np.int8]
+
+FAR = 100
+"""Stands for the number of lane changes where none lead on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +59,30 @@ class Corridor:
         before[self.onward[same]] = source[same]
         return before
 
+    @cached_property
+    def changes(self) -> Counts:
+        """Fewest lane changes from each row to each lane of the last edge, shape (R, K).
+
+        Column k stands for the k-th row from the end. Positive where the first of the changes is to the left,
+        negative to the right; `FAR` where no way leads there. All 0 in a corridor without a route.
+        """
+        count = len(self.lane)
+        if not count or np.isnan(self.end).any():
+            return np.zeros((count, 1), np.int8)
+        last = np.flatnonzero(self.group == self.group[-1])
+        needed = np.full((count, len(last)), FAR, np.int8)
+        needed[last[::-1], np.arange(len(last))] = 0
+        for group in range(int(self.group[-1]), -1, -1):
+            rows = np.flatnonzero(self.group == group)
+            # Within a junction a way may lead through several rows: as often as there are rows.
+            for _ in range(len(rows) if group % 2 else 1):
+                for row in rows:
+                    for following in self.onward[self.onward_start[row] : self.onward_start[row + 1]]:
+                        needed[row] = _nearer(needed[row], needed[following])
+            if group % 2 == 0:
+                needed[rows] = _from_aside(needed[rows])
+        return needed
+
     @property
     def length(self) -> float:
         """Distance from the begin of the first edge to the end of the last [m]; NaN without a route."""
@@ -69,6 +97,21 @@ class _Row:
     end: float
     onward: list[int]
     """Lanes of the rows that follow."""
+
+
+def _nearer(one: Counts, other: Counts) -> Counts:
+    return np.where(np.abs(other) < np.abs(one), other, one)
+
+
+def _from_aside(ahead: Counts) -> Counts:
+    """Return the changes that lanes side by side, rightmost first, demand, given those ahead of each."""
+    needed = ahead.copy()
+    for own in range(len(ahead)):
+        for other in range(len(ahead)):
+            aside = other - own
+            by_other = np.minimum(np.abs(ahead[other]) + abs(aside), FAR) * np.sign(aside)
+            needed[own] = _nearer(needed[own], by_other.astype(np.int8)) if aside else needed[own]
+    return needed
 
 
 @remembered(most=1024)

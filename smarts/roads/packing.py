@@ -111,6 +111,8 @@ def pack_routes(
         raised = (np.where(part < 0, part, part + base) for part, base in zip(parts, bases, strict=True))
         return np.concatenate(list(raised))
 
+    most = max((corridor.changes.shape[1] for corridor in corridors), default=1)
+    changes = [np.pad(c.changes, ((0, 0), (0, most - c.changes.shape[1]))) for c in corridors]
     return RouteTable(
         free=len(free),
         start=row_base,
@@ -124,4 +126,5 @@ def pack_routes(
         onward=joined((c.onward for c in corridors), row_base[:-1]),
         before=joined((c.before for c in corridors), row_base[:-1]),
         by_lane=joined((c.by_lane for c in corridors), row_base[:-1]),
+        changes=np.concatenate(changes) if changes else np.zeros((0, most), np.int8),
     )

@@ -59,6 +59,7 @@ class _Seats(NamedTuple):
     entry_step: Ints
     route_done: Floats
     remaining: Floats
+    lane_changes: Bytes
     lap: NDArray[np.int16]
     on_road: Bools
     corners_on_road: Bytes
@@ -77,7 +78,8 @@ class MapLocator:
         """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes.
 
         On its route, a seat's `remaining` is the distance to the goal, on the last lap if there are several,
-        and 0 behind it; off the route it stays as it was. Without a route a seat counts as on its route.
+        and 0 behind it, and `lane_changes` are those that the goal's lane demands; off the route both stay as
+        they were. Without a route a seat counts as on its route.
         """
         if self._bound is None or self._bound[0] is not world:
             routes = self._routes
@@ -174,6 +176,10 @@ def _measure(
         last = find_row(table, corridor, lane, _LATEST)
         if last >= 0:
             goal = distance_on_row(roads, table, last, seats.goal_s[b, a])
+            from_end = table.start[corridor + 1] - 1 - last
+            seats.lane_changes[b, a] = (
+                table.changes[row, from_end] if from_end < table.changes.shape[1] else 0
+            )
         if seats.goal[b, a] == _LAPS and last >= 0 and not is_new:
             line = distance_on_row(roads, table, find_row(table, corridor, lane, done), seats.goal_s[b, a])
             if before < line <= done:

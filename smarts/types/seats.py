@@ -89,6 +89,9 @@ class Seats:
     """Distance gone along the route [m]; keeps its last value off the route."""
     remaining: Floats
     """Distance left on the route to the goal, all laps [m]; keeps its last value off the route."""
+    lane_changes: Bytes
+    """How many the route to the goal's lane still demands, positive where the first is to the left; keeps its
+    last value off the route."""
     travelled: Floats
     """Distance driven since entry [m]."""
     lap: NDArray[np.int16]
@@ -143,6 +146,7 @@ class Seats:
             steering=zeros(np.float64),
             route_done=zeros(np.float64),
             remaining=zeros(np.float64),
+            lane_changes=zeros(np.int8),
             travelled=zeros(np.float64),
             lap=zeros(np.int16),
             on_road=zeros(np.bool_),

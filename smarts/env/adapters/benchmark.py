@@ -14,6 +14,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.env.adapters.actions import encode_array
 from smarts.env.adapters.features import (
     FEATURES,
+    SITUATION,
     Driving,
     Missions,
     Seated,
@@ -21,6 +22,7 @@ from smarts.env.adapters.features import (
     write_features,
     write_identity,
     write_mask,
+    write_situation,
     write_stack,
 )
 from smarts.env.adapters.picture import Pictures
@@ -57,12 +59,14 @@ def benchmark_interface(**changes: Any) -> AgentInterface:
 
 
 class BenchmarkAdapter:
-    """Observations of 200 numbers (with four agents), four lane actions of which some are masked.
+    """Observations of 203 numbers (with four agents), four lane actions of which some are masked.
 
     The vector holds the features of three decisions, oldest first (`smarts.env.adapters.features` says which
-    they are; at first, three times those of the first one), then which of the agents one is, then how many
-    came to the junction before. The picture, if wanted, shows the same three decisions from above. The last
-    observation of an agent that ends within a decision is of that step, so nearer to the one before it.
+    they are; at first, three times those of the first one), then which of the agents one is. Then, not in the
+    paper, the light of its lane, how long it has stood and which lane changes are due: without them an agent
+    cannot know what ends its episode. At last, how many came to the junction before. The picture, if wanted,
+    shows the same three decisions from above. The last observation of an agent that ends within a decision is
+    of that step, so nearer to the one before it.
 
     Args:
         served: The agents.
@@ -98,7 +102,7 @@ class BenchmarkAdapter:
                 remedy="set `action` of their AgentInterface to ActionSpaceType.Lane, or use adapter 'raw'",
             )
         world, agents = served.scene.world, len(served.agents)
-        size = FRAMES * FEATURES + agents + 1
+        size = FRAMES * FEATURES + agents + SITUATION
         self._pictures = Pictures(served, image_size, image_resolution, FRAMES) if image else None
         self.fields = (
             Field("observation", (size,), np.float32, -1.0, 1.0, "", "features of three decisions"),
@@ -110,6 +114,7 @@ class BenchmarkAdapter:
         self._served = served
         self._features = np.zeros((world.worlds, agents, FEATURES), np.float32)
         self._is_new = np.ones((world.worlds, agents), np.bool_)
+        self._patience = _patience(interface, world.dt)
         self._rewards = Rewards(served, reward, discount)
         self.rewards = self._rewards.values
         self._bind()
@@ -138,6 +143,7 @@ class BenchmarkAdapter:
         if self._pictures:
             self._pictures.write(frame, chosen, self._is_new, self.observations["image"])
         self._write_stack(chosen)
+        self._write_situation(chosen)
         self._write_arrival_order(chosen)
         self._write_identity(chosen)
         self._write_mask(chosen)
@@ -154,7 +160,16 @@ class BenchmarkAdapter:
         roads = scene.atlas.roads, scene.routes.current, world.map, scene.routes.number
         self._write_features = bind(write_features, *roads, agents, *columns, self._features)
         self._write_stack = bind(write_stack, self._features, self._is_new, FRAMES, vectors)
+        situation = columns[0], columns[2], world.signals, world.step, self._patience, vectors
+        self._write_situation = bind(write_situation, agents, *situation)
         tickets = seats.state, seats.ticket, seats.ticket_junction
         self._write_arrival_order = bind(write_arrival_order, agents, *tickets, vectors)
         self._write_identity = bind(write_identity, FRAMES * FEATURES, vectors)
         self._write_mask = bind(write_mask, agents, seats.legal, self.observations[MASK])
+
+
+def _patience(interface: AgentInterface, dt: float) -> float:
+    """Return how many steps an agent may stand, infinite if for ever."""
+    if not interface.done_criteria.not_moving:
+        return np.inf
+    return max(1.0, interface.event_configuration.not_moving_time / dt)

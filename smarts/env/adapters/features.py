@@ -33,6 +33,11 @@ NEIGHBOURHOOD = HEADINGS + WAYPOINTS
 FEATURES = NEIGHBOURHOOD + NEIGHBOURS * NEIGHBOUR_VALUES
 """F, the numbers of one instant; the constants above say where each kind of them begins."""
 
+ARRIVAL, LANE_CHANGES, RESTED, LIGHT = -1, -2, -3, -4
+"""Places from the end of the vector of numbers that are there once, not for each instant."""
+SITUATION = 4
+"""How many they are."""
+
 GOAL_SCALE = 200.0
 """The largest distance to the goal ahead and aside [m]."""
 SPEED_SCALE = 30.0
@@ -43,6 +48,10 @@ RADIUS = 50.0
 """Within which neighbours are seen [m]."""
 SPACING = 1.0
 """Between waypoints [m]."""
+MOST_LANE_CHANGES = 3
+"""More count as so many."""
+LIGHTS = np.array([0.0, -1.0, -0.5, 1.0])
+"""What stands for each `Signal`."""
 
 _ACTIVE = int(SeatState.ACTIVE)
 
@@ -174,6 +183,8 @@ class Seated(NamedTuple):
     target_lane: Ints
     route_done: Floats
     steering: Floats
+    lane_changes: Bytes
+    rest_step: Ints
 
 
 class Missions(NamedTuple):
@@ -336,6 +347,43 @@ def write_arrival_order(
                 if is_here and junction[b, other] == junction[b, own]:
                     earlier += ticket[b, other] < ticket[b, own]
             vectors[b, g, last] = earlier / others
+
+
+@kernel
+def write_situation(
+    seats: Ints,
+    seated: Seated,
+    driving: Driving,
+    signals: Bytes,
+    step: Ints,
+    patience: float,
+    vectors: Singles,
+    chosen: Bools,
+) -> None:
+    """Write what the end of an agent's episode depends on beside what it sees around it.
+
+    That is the light that its lane shows (`LIGHTS`), the share of the time that it may stand which it has
+    stood, and the lane changes that its route demands, in thirds, positive where the first is to the left.
+
+    Args:
+        seats: The adapter's agents, shape (G,).
+        seated: Of all seats.
+        driving: All vehicles.
+        signals: Of all lanes, shape (B, L).
+        step: Of each episode, shape (B,).
+        patience: How long an agent may stand [steps]; infinite if for ever.
+        vectors: Written, near their ends, shape (B, G, at least `SITUATION`).
+        chosen: Whom to write, shape (B, G).
+    """
+    for b in range(chosen.shape[0]):
+        for g in range(len(seats)):
+            if not chosen[b, g]:
+                continue
+            seat, vector = seats[g], vectors[b, g]
+            lane = driving.lane[b, seated.slot[b, seat]]
+            vector[LIGHT] = LIGHTS[signals[b, lane]] if lane >= 0 else 0.0
+            vector[RESTED] = min(1.0, (step[b] - seated.rest_step[b, seat]) / patience)
+            vector[LANE_CHANGES] = _clipped(seated.lane_changes[b, seat] / MOST_LANE_CHANGES)
 
 
 @kernel

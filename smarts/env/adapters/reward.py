@@ -38,6 +38,9 @@ class RewardWeights:
     progress: float = 0.0
     """Of the potential's gain, discount * potential after - potential before. The potential is the share of
     the route that is left, negative, and 0 when the agent's episode has ended for good."""
+    lane_change: float = 0.0
+    """For each lane change that the route still demands, of three at most, as another part of the potential;
+    it too is 0 at the end. Without it nothing tells of the wrong lane before the wrong exit."""
     time: float = 0.0
     """For all decisions up to the time limit together."""
     each_step: float = 0.0
@@ -146,8 +149,8 @@ def reward_terms(weights: RewardWeights, horizon: float) -> Terms:
     by_outcome = np.zeros(len(Outcome))
     for outcome, name in _OUTCOMES.items():
         by_outcome[outcome] = getattr(weights, name)
-    shares = [weights.discount, weights.progress, weights.time / horizon, weights.each_step]
-    shares += [weights.metres, weights.goal_distance, weights.approach, weights.centring]
+    shares = [weights.discount, weights.progress, weights.lane_change, weights.time / horizon]
+    shares += [weights.each_step, weights.metres, weights.goal_distance, weights.approach, weights.centring]
     shares += [weights.neighbour_distance, weights.time_to_collision, weights.hard_steering]
     return Terms(
         by_outcome,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.env.adapters.features import NEIGHBOURS, RADIUS
+from smarts.env.adapters.features import MOST_LANE_CHANGES, NEIGHBOURS, RADIUS
 from smarts.geometry.compiling import kernel
 from smarts.types.seats import SeatState
 
@@ -42,8 +42,8 @@ class Terms(NamedTuple):
     always: Ints
     """Bits of those events that count even in the decision that ends the episode."""
     shares: Floats
-    """discount, progress, time of one decision, each_step, metres, goal_distance, approach, centring,
-    neighbour_distance, time_to_collision, hard_steering."""
+    """discount, progress, lane_change, time of one decision, each_step, metres, goal_distance, approach,
+    centring, neighbour_distance, time_to_collision, hard_steering."""
 
 
 class Memory(NamedTuple):
@@ -92,6 +92,7 @@ class Seated(NamedTuple):
     state: Bytes
     outcome: Bytes
     remaining: Floats
+    lane_changes: Bytes
     steering: Floats
 
 
@@ -197,13 +198,22 @@ def _hardness(speed: float, steering: float) -> float:
 
 @kernel
 def _standing(
-    memory: Memory, seated: Seated, missions: Missions, driving: Driving, b: int, g: int, seat: int
+    terms: Terms,
+    memory: Memory,
+    seated: Seated,
+    missions: Missions,
+    driving: Driving,
+    b: int,
+    g: int,
+    seat: int,
 ) -> tuple[float, float, float, float]:
     """Return where an agent stands: remaining metres, potential, distance to the goal, and to the centre."""
     own = seated.slot[b, seat]
     left, potential, distance = seated.remaining[b, seat], 0.0, 0.0
     if missions.goal[b, seat] != 0:
-        potential = -min(1.0, max(0.0, left / memory.initial[b, g]))
+        progress, lane_change = terms.shares[1], terms.shares[2]
+        potential = -progress * min(1.0, max(0.0, left / memory.initial[b, g]))
+        potential += lane_change * min(MOST_LANE_CHANGES, abs(seated.lane_changes[b, seat]))
         dx = missions.goal_position[b, seat, 0] - driving.position[b, own, 0]
         dy = missions.goal_position[b, seat, 1] - driving.position[b, own, 1]
         distance = math.sqrt(dx * dx + dy * dy)
@@ -225,20 +235,20 @@ def _settle(
     times: Floats,
 ) -> float:
     """Return what the decision that ends here is worth, 0 if there was none; remember the rest."""
-    discount, progress, time, each_step, metres, far, approach, centring, apart, meeting, hard = terms.shares
+    discount, _, _, time, each_step, metres, far, approach, centring, apart, meeting, hard = terms.shares
     own, is_first = seated.slot[b, seat], memory.initial[b, g] == 0.0
     if is_first:
         # Nothing remains for who begins off its route; the potential must not leap when it gets there.
         length = max(seated.remaining[b, seat], missions.route_length[b, seat])
         memory.initial[b, g] = max(length, 1.0)
-    left, potential, distance, aside = _standing(memory, seated, missions, driving, b, g, seat)
+    left, potential, distance, aside = _standing(terms, memory, seated, missions, driving, b, g, seat)
     near, soon = 0.0, 0.0
     if apart != 0.0 or meeting != 0.0:
         near, soon = near_traffic(driving, b, own, distances, times)
     reward = 0.0
     if not is_first:
         after = 0.0 if happened.terminated[b, seat] else potential
-        reward = progress * (discount * after - memory.potential[b, g]) + time
+        reward = discount * after - memory.potential[b, g] + time
         reward += metres * (memory.remaining[b, g] - left)
         reward += far * distance * memory.steps[b, g]
         reward += approach * (memory.goal_distance[b, g] - distance)

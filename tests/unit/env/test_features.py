@@ -10,8 +10,11 @@ from smarts.env.adapters.features import (
     FEATURES,
     GOAL,
     HEADINGS,
+    LANE_CHANGES,
     LANE_OFFSET,
+    LIGHT,
     NEIGHBOURHOOD,
+    RESTED,
     SPEED,
     STEERING,
     WAYPOINTS,
@@ -26,6 +29,7 @@ from smarts.types.events import Contacts, Events
 from smarts.types.frame import Frame, Readings
 from smarts.types.mission import GoalKind, SeatMission
 from smarts.types.seats import SeatState
+from smarts.types.traffic import Signal
 from smarts.types.vehicles import Owner
 from tests.maps import bend, crossing, straight
 from tests.worlds import Car, world_of
@@ -71,10 +75,10 @@ def symlog(x):
     return math.copysign(math.log(1 + abs(x)), x)
 
 
-def test_four_agents_see_200_numbers():
+def test_four_agents_see_203_numbers():
     cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(4)]
     seen = look(world_of(cars, maps=[straight()]), agents=4)
-    assert seen.shape == (1, 4, 200)
+    assert seen.shape == (1, 4, 203)
     assert np.all(np.abs(seen) <= 1.0)
     np.testing.assert_array_equal(seen[0, :, 195:199], np.eye(4))
 
@@ -300,3 +304,28 @@ def test_who_has_ended_is_not_before_anybody():
     seats.ticket[0, :3], seats.ticket_junction[0, :3] = (4, 2, 3), 7
     seats.state[0, 1] = SeatState.DONE
     assert look(made, agents=3)[0, 0, -1] == 0.5
+
+
+@pytest.mark.parametrize(("lane", "due"), [(0, 2 / 3), (1, 1 / 3), (2, 0.0)])
+def test_lane_changes_due(lane, due):
+    to_the_left = SeatMission(
+        route=("road",), goal=GoalKind.POSITION, goal_position=(190.0, 6.4), goal_lane=2, goal_s=190.0
+    )
+    made = world_of([Car(50.0, 3.2 * lane, mission=to_the_left)], maps=[straight()])
+    assert look(made)[0, 0, LANE_CHANGES] == pytest.approx(due)
+
+
+@pytest.mark.parametrize(
+    ("signal", "light"), [(Signal.NONE, 0), (Signal.STOP, -1), (Signal.CAUTION, -0.5), (Signal.GO, 1)]
+)
+def test_the_light_of_the_own_lane(signal, light):
+    made = world_of([Car(50.0, 3.2, mission=mission("road"))], maps=[straight()])
+    made.world.signals[0] = [Signal.STOP, signal, Signal.STOP]
+    assert look(made)[0, 0, LIGHT] == light
+
+
+def test_share_of_the_time_that_one_may_stand():
+    made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
+    made.world.step[0] = 150
+    made.world.seats.rest_step[0, 0] = 100
+    assert look(made)[0, 0, RESTED] == 0.25

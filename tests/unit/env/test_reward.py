@@ -133,6 +133,22 @@ def test_who_is_cut_short_keeps_the_potential():
     assert one.decide(100.0, Outcome.TIME_OUT) == pytest.approx(-0.99 * 0.5 + 1.0)
 
 
+def test_a_lane_change_that_is_due_pays_back_what_it_cost():
+    one = Drive(reward_weights(progress=0.0, time=0.0, goal=0.0, lane_change=-0.2))
+    due = one.world.seats.lane_changes
+    rewards = []
+    for changes in (1, 2, 0, -1, 100):
+        due[0, 0] = changes
+        rewards.append(one.decide(ROUTE))
+    np.testing.assert_allclose(
+        rewards, [-0.99 * 0.2, -0.99 * 0.4 + 0.2, 0.4, -0.99 * 0.2, -0.99 * 0.6 + 0.2], atol=1e-6
+    )
+    # From no change due to the end: the potential leaves nothing behind, however the episode ends.
+    assert discounted([*rewards, one.decide(ROUTE, Outcome.MISSED_GOAL) + 1.0]) == pytest.approx(
+        0.0, abs=1e-6
+    )
+
+
 def test_time_costs_a_quarter_in_all():
     one = Drive(reward_weights(progress=0.0), horizon=50)
     assert sum(one.decide(ROUTE) for _ in range(50)) == pytest.approx(-0.25, abs=1e-6)

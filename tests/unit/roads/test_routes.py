@@ -8,6 +8,7 @@ from smarts.roads.corridors import free_corridor, route_corridor
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.routes import CARS, edge_graph, random_route, shortest_route
 from smarts.roads.sumo_net import read_net
+from tests.maps import Road, graph_of
 
 # Two ways from a to d: 100 m at 10 m/s by b, or 200 m at 30 m/s by c.
 DIAMOND = {
@@ -162,3 +163,21 @@ def test_free_corridor_has_all_lanes(cross):
     exits = corridor.onward[corridor.onward_start[lane] : corridor.onward_start[lane + 1]]
     assert exits.tolist() == cross.successors(lane).tolist()
     assert np.isnan(corridor.begin).all()
+
+
+def test_lane_changes_that_a_route_demands():
+    # Only lane 2 of "a" leads on, to lane 0 of "b".
+    roads = {"a": Road([(0.0, 0.0), (100.0, 0.0)], 3), "b": Road([(110.0, 6.4), (200.0, 6.4)], 2)}
+    corridor = route_corridor(graph_of(roads, [(("a", 2), ("b", 0))]), ("a", "b"))
+    to_right, to_left = corridor.changes[:, 1], corridor.changes[:, 0]
+    assert to_right.tolist() == [2, 1, 0, 0, 0, -1]
+    assert to_left.tolist() == [3, 2, 1, 1, 1, 0]
+
+
+def test_lane_changes_to_where_no_way_leads():
+    roads = {"a": Road([(0.0, 0.0), (100.0, 0.0)], 2)}
+    assert route_corridor(graph_of(roads), ("a",)).changes.tolist() == [[1, 0], [0, -1]]
+
+
+def test_a_corridor_without_a_route_demands_no_lane_changes(cross):
+    assert not free_corridor(cross, CARS).changes.any()
