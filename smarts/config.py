@@ -172,26 +172,33 @@ def _walk(node: yaml.Node, key: Key, file: Path, content: _Content) -> Any:
 def _merged(base: _Content, own: _Content) -> _Content:
     """Return a file's content over that of the file it extends."""
     merged = _Content(dict(base.values), dict(base.places), [*base.problems, *own.problems])
-    _lay_over(merged, own.values, own.places, ())
+    _lay_over(merged, own.values, own.places)
     merged.places[()] = own.places[()]
     return merged
 
 
-def _lay_over(below: _Content, values: dict[str, Any], places: dict[Key, str], at: Key) -> None:
-    target: dict[Any, Any] = below.values
-    for part in at:
-        target[part] = dict(target[part])
-        target = target[part]
+def _lay_over(below: _Content, values: dict[str, Any], places: dict[Key, str]) -> None:
+    """Let values go before those of a content; sections are merged."""
+    below.values = _laid_over(below.values, values, (), below.places, places)
+
+
+def _laid_over(
+    under: dict[str, Any], values: dict[str, Any], at: Key, places: dict[Key, str], own: dict[Key, str]
+) -> dict[str, Any]:
+    """Return a section with values laid over it, whose places go into `places`."""
+    merged = dict(under)
     for name, value in values.items():
         key = (*at, name)
-        if isinstance(value, dict) and isinstance(target.get(name), dict):
-            below.places[key] = places.get(key, COMMAND_LINE)
-            _lay_over(below, value, places, key)
+        below = merged.get(name)
+        if isinstance(value, dict) and isinstance(below, dict):
+            places[key] = own.get(key, COMMAND_LINE)
+            merged[name] = _laid_over(below, value, key, places, own)
             continue
-        target[name] = value
-        for other in [other for other in below.places if other[: len(key)] == key]:
-            del below.places[other]
-        below.places.update({other: place for other, place in places.items() if other[: len(key)] == key})
+        merged[name] = value
+        for other in [other for other in places if other[: len(key)] == key]:
+            del places[other]
+        places.update({other: place for other, place in own.items() if other[: len(key)] == key})
+    return merged
 
 
 def _override(content: _Content, text: str) -> None:
@@ -209,8 +216,8 @@ def _override(content: _Content, text: str) -> None:
     nested: Any = given
     for part in reversed(parts):
         nested = {part: nested}
-    places = {tuple(parts[: count + 1]): place for count in range(len(parts))}
-    _lay_over(content, nested, places, ())  # type: ignore[arg-type]
+    places: dict[Key, str] = {tuple(parts[: count + 1]): place for count in range(len(parts))}
+    _lay_over(content, nested, places)
 
 
 def _problem(error: dict[str, Any], content: _Content, model: type[BaseModel]) -> Problem:

@@ -20,6 +20,10 @@ class Car(Section):
     extra: dict[str, int] = Field(default_factory=dict)
 
 
+class Fleet(Section):
+    cars: dict[str, Car]
+
+
 @pytest.fixture
 def write(tmp_path):
     def write(text, name="car.yaml"):
@@ -63,6 +67,18 @@ def test_a_file_extends_another_and_mistakes_are_placed_where_they_stand(write):
     good = write("extends: base.yaml\nseats: 2\nextra: {b: 3}\nwheels: [{radius: 3}]\n")
     car = read_config(good, Car)
     assert (car.name, car.extra, [wheel.radius for wheel in car.wheels]) == ("base", {"a": 1, "b": 3}, [3.0])
+
+
+def test_keys_after_a_section_within_a_section_hold_as_well(write):
+    wheels = "wheels: [{radius: 1}]"
+    write(f"cars:\n  a: {{name: a, {wheels}, extra: {{x: 1}}}}\n  b: {{name: b, {wheels}}}\n", "base.yaml")
+    own = f"cars:\n  a: {{extra: {{y: 2}}, seats: 2, name: c}}\n  d: {{name: d, {wheels}}}\n"
+    cars = read_config(write(f"extends: base.yaml\n{own}"), Fleet, ["cars.b.seats=1"]).cars
+    assert {key: (car.name, car.seats, car.extra) for key, car in cars.items()} == {
+        "a": ("c", 2, {"x": 1, "y": 2}),
+        "b": ("b", 1, {}),
+        "d": ("d", 5, {}),
+    }
 
 
 def test_the_command_line_goes_before_the_file(write):
