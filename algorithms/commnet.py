@@ -121,7 +121,7 @@ class CommNetLearner(A2CLearner):
             entropy = self.mean(policy.entropy(), own.alive)
             fit = self.mean(error, own.alive)
             total = total + self.mean(loss, own.alive) + self.config.value_coeff * fit
-            total = total - self.config.entropy_coeff * entropy
+            total = total - self.now(self.config.entropy_coeff) * entropy
             self.log(net.group.id, "entropy", entropy)
             self.log(net.group.id, "value_loss", fit)
         self.step_optimizer(total, *(group.id for group in self.groups))

@@ -30,6 +30,7 @@ from algorithms.joint.neighbours import Neighbourhood
 from algorithms.joint.spec import JointSpec
 from algorithms.maac import MAACModule, of_actions
 from algorithms.mf_q import MeanFieldConfig, MeanFieldQ, mean_actions
+from algorithms.parts.schedule import Schedule
 
 
 class MeanFieldCritic(LearnerModule):
@@ -88,7 +89,7 @@ class MeanFieldACLearner(OffPolicyLearner):
                 values = self.net(critic_of(group)).q(seen)
             gain = self.mean((policy.log_probs.exp() * values).sum(-1), own.alive)
             entropy = self.mean(policy.entropy(), own.alive)
-            self.step_optimizer(-gain - self.config.entropy_coeff * entropy, group.id)
+            self.step_optimizer(-gain - self.now(self.config.entropy_coeff) * entropy, group.id)
             self.log(group.id, "entropy", entropy)
 
 
@@ -96,7 +97,8 @@ class MeanFieldACConfig(MeanFieldConfig):
     """MF-AC.
 
     Attributes:
-        entropy_coeff: Weight of the policies' entropy, in scaled returns.
+        entropy_coeff: Weight of the policies' entropy, in scaled returns, or an RLlib schedule over
+            environment steps.
     """
 
     algorithm = "mf_ac"
@@ -105,7 +107,7 @@ class MeanFieldACConfig(MeanFieldConfig):
         super().__init__(algo_class or MeanFieldAC)
         self._defaults(entropy_coeff=0.01)
 
-    entropy_coeff: float
+    entropy_coeff: Schedule
 
     def modules(self, spec: JointSpec):
         """Return a policy and a critic for each group."""

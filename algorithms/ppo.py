@@ -94,8 +94,8 @@ class PPOLearner(OnPolicyLearner):
             head = self.net(bundle.groups[0].id).head
             policy = head.distribution(self._outputs(bundle, own), own.legal)
             loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
-            entropy = policy.entropy()
-            losses.append(bundle.means(loss - self.config.entropy_coeff * entropy, own.alive).sum())
+            entropy, weight = policy.entropy(), self.now(self.config.entropy_coeff)
+            losses.append(bundle.means(loss - weight * entropy, own.alive).sum())
             present = bundle.present(own.alive)  # momentum would move the others all the same
             stepped += [group.id for group in present]
             self._log_present(bundle, present, "entropy", bundle.means(entropy, own.alive))

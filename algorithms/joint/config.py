@@ -24,6 +24,7 @@ from algorithms.joint.ranges import faults
 from algorithms.joint.runner import SPEC, JointEnvRunner
 from algorithms.joint.spec import Group, JointSpec, Sharing, agent_spaces
 from algorithms.parts.distributions import Exploration
+from algorithms.parts.schedule import Schedule
 from algorithms.registry import ALGORITHMS, Actions, Entry
 
 logger = logging.getLogger(__name__)
@@ -298,7 +299,7 @@ class OnPolicyConfig(JointConfig):
         epochs: Passes over each rollout.
         minibatch_size: Joint rows, of N correlated agents each, per gradient step; None: the whole rollout.
         normalize_advantages: Standardise advantages per policy network over each rollout.
-        entropy_coeff: Weight of the entropy bonus.
+        entropy_coeff: Weight of the entropy bonus, or an RLlib schedule over environment steps.
     """
 
     def __init__(self, algo_class: type | None = None) -> None:
@@ -310,7 +311,7 @@ class OnPolicyConfig(JointConfig):
     lambda_: float
     epochs: int
     normalize_advantages: bool
-    entropy_coeff: float
+    entropy_coeff: Schedule
 
 
 class OffPolicyConfig(JointConfig):

@@ -12,6 +12,7 @@ import torch
 from ray.rllib.core import COMPONENT_RL_MODULE
 from ray.rllib.core.learner.torch.torch_learner import TorchLearner
 from ray.rllib.core.learner.training_data import TrainingData
+from ray.rllib.utils.metrics import NUM_ENV_STEPS_SAMPLED_LIFETIME
 from torch import Tensor, nn
 
 from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, to_tensor
@@ -21,6 +22,7 @@ from algorithms.joint.spec import Group, JointSpec
 from algorithms.joint.threads import torch_threads
 from algorithms.parts.advantages import generalised_advantages
 from algorithms.parts.masking import masked_mean, standardised
+from algorithms.parts.schedule import Schedule, value_at
 
 if TYPE_CHECKING:
     from algorithms.joint.config import JointConfig, OffPolicyConfig, OnPolicyConfig
@@ -67,6 +69,7 @@ class JointTorchLearner(TorchLearner):
         self.rng = np.random.Generator(np.random.Philox(np.random.SeedSequence([self.config.seed or 0, 1])))
         self.gamma = float(self.config.gamma or 0)
         self.updates = 0
+        self.env_steps = 0
         self._parameters = {mid: self.net(mid).trained_parameters() for mid in self.module.keys()}  # noqa: SIM118
         self._means: dict[tuple[str, str], list[Tensor]] = {}
 
@@ -108,6 +111,10 @@ class JointTorchLearner(TorchLearner):
             for p in parameters:
                 p.grad = None
 
+    def now(self, schedule: Schedule) -> float:
+        """Return what a setting is at this update, where it may be a schedule over environment steps."""
+        return value_at(schedule, self.env_steps)
+
     def mean(self, x: Tensor, mask: Tensor) -> Tensor:
         """Return the mean over the living; every term of every loss goes through here."""
         return masked_mean(x, mask)
@@ -136,6 +143,7 @@ class JointTorchLearner(TorchLearner):
         if not isinstance(training_data, JointTrainingData):
             raise TypeError(f"joint learners take JointTrainingData, not {type(training_data).__name__}")
         self.before_gradient_based_update(timesteps=timesteps)
+        self.env_steps = int(timesteps[NUM_ENV_STEPS_SAMPLED_LIFETIME])
         training_data.solve_refs()
         self._weights_seq_no += 1
         with torch_threads(self.config.torch_threads):

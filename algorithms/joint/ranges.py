@@ -7,6 +7,8 @@ from math import inf
 from numbers import Integral, Real
 from typing import Any, NamedTuple
 
+from algorithms.parts.schedule import is_schedule
+
 
 class Range(NamedTuple):
     """An interval of numbers.
@@ -77,12 +79,18 @@ RANGES: Mapping[str, Range] = {
 }
 OPTIONAL = ("grad_clip", "minibatch_size")
 """Settings that may also be None."""
+SCHEDULED = ("entropy_coeff",)
+"""Settings that may also be schedules."""
 
 
 def faults(settings: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence on every setting whose value cannot be meant."""
     for name, value in settings.items():
         wanted = RANGES.get(name)
+        if name in SCHEDULED and isinstance(value, list | tuple):
+            if not is_schedule(value) or not all(RANGES[name].holds(number) for _, number in value):
+                yield f"{name}={value!r} is not a schedule, as [[0, 0.01], [10000, 0.001]]"
+            continue
         if wanted and not wanted.holds(value) and not (value is None and name in OPTIONAL):
             yield f"{name}={value!r} is not {wanted}"
     hidden = settings.get("hidden", ())

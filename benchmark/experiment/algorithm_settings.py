@@ -10,7 +10,10 @@ from pydantic import create_model
 from algorithms.settings import settings
 from smarts.config import Section
 
-KINDS: dict[str, Any] = {"sharing": str | dict[str, list[str]], "lr": float | list[list[float]]}
+KINDS: dict[str, Any] = {
+    "sharing": str | dict[str, list[str]],
+    **dict.fromkeys(("lr", "entropy_coeff"), float | list[list[float]]),
+}
 """Settings that take more than what their default is like."""
 
 

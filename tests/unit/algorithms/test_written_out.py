@@ -5,6 +5,7 @@ import torch
 from rigs import Rig, replayed
 
 from algorithms.joint.features import MEAN_ACTION
+from algorithms.joint.ranges import faults
 from algorithms.maac import of_actions
 from algorithms.maddpg import critic_of
 from algorithms.mf_q import mean_actions
@@ -233,3 +234,41 @@ def test_learning_rates_follow_their_schedule():
         learner.update(training_data=JointTrainingData(rig.rollout(8)), timesteps=timesteps)
         assert any(not torch.equal(before[k], w) for k, w in rig.weights()["agent_0"].items())
         assert float(learner.get_optimizer("agent_0").param_groups[0]["lr"]) == pytest.approx(rate)
+
+
+@pytest.mark.parametrize("name", ["ppo", "commnet", "mf_ac"])
+def test_the_entropy_bonus_follows_its_schedule(name, monkeypatch):
+    from algorithms.joint.learner import JointTrainingData
+
+    replay = REPLAY if name == "mf_ac" else {}
+    rig = Rig(name, Constant, entropy_coeff=[[0, 1e5], [100, 0.0]], **replay)
+    learner, losses = rig.learner, []
+    step = learner.step_optimizer
+
+    def watched(loss, *modules):
+        losses.append(abs(loss.item()))
+        step(loss, *modules)
+
+    monkeypatch.setattr(learner, "step_optimizer", watched)
+    largest = []
+    for steps in (0, 50, 100, 1000):
+        losses.clear()
+        timesteps = {"num_env_steps_sampled_lifetime": steps}
+        learner.update(training_data=JointTrainingData(rig.rollout(8)), timesteps=timesteps)
+        largest.append(max(losses))
+    # The bonus outweighs all else, or is not there.
+    assert largest[0] > largest[1] > 10_000 > 100 > max(largest[2:])
+
+
+@pytest.mark.parametrize(
+    "points", [[], [[5, 0.1]], [[0, 0.1], [0, 0.2]], [[0, -0.1]], [[0, "a"]], [0.1, 0.2]]
+)
+def test_schedules_that_are_none_are_refused(points):
+    assert [*faults({"entropy_coeff": points})] == [
+        f"entropy_coeff={points!r} is not a schedule, as [[0, 0.01], [10000, 0.001]]"
+    ]
+
+
+def test_a_schedule_is_a_number_or_points():
+    assert not [*faults({"entropy_coeff": 0.1})]
+    assert not [*faults({"entropy_coeff": [[0, 0.1], [1000, 0]]})]

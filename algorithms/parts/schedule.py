@@ -1,0 +1,33 @@
+"""Settings that change in the course of a training."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+Schedule = float | Sequence[Sequence[float]]
+"""A number, or points (step, value), as RLlib writes schedules: the first at step 0, straight lines between
+them, and from the last one on its value."""
+
+
+def value_at(schedule: Schedule, step: int) -> float:
+    """Return a schedule's value at an environment step."""
+    if isinstance(schedule, int | float):
+        return float(schedule)
+    steps, values = zip(*schedule, strict=True)
+    return float(np.interp(step, steps, values))
+
+
+def is_schedule(value: object) -> bool:
+    """Return whether a value is a list of points whose steps begin at 0 and rise."""
+    if not isinstance(value, list | tuple) or not value:
+        return False
+    if not all(isinstance(point, list | tuple) and len(point) == 2 for point in value):
+        return False
+    steps = [point[0] for point in value]
+    numbers = [number for point in value for number in point]
+    if not all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers):
+        return False
+    return steps[0] == 0 and all(a < b for a, b in itertools.pairwise(steps))
