@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from smarts.roads.conflicts import LaneAreas, find_conflicts
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 
 Point = tuple[float, float]
@@ -151,7 +152,17 @@ def _graph(
     numbers = np.arange(count, dtype=np.int32)
     length = np.array([lane.stations[-1] for lane in lanes])
     leading = [[n for n in range(count) if lane in following[n]] for lane in range(count)]
-    nowhere, none = np.full(count, -1, np.int32), np.zeros(0, np.int32)
+    nowhere = np.full(count, -1, np.int32)
+    conflicts = find_conflicts(
+        LaneAreas(
+            [lane.points for lane in lanes],
+            np.array([lane.width for lane in lanes]),
+            np.where(inside, 0, -1).astype(np.int32),
+            np.array([lane.kind for lane in lanes], np.int8),
+            origin=_only(leading),
+            target=_only(following),
+        )
+    )
     outline = _outline([lane for lane in lanes if lane.inside])
     internal_edge = np.arange(number_of_edges) >= len(roads)
     names = [*roads, *(f":junction_{number}" for number in range(number_of_edges - len(roads)))]
@@ -182,11 +193,11 @@ def _graph(
         successor=np.array([lane for after in following for lane in after], np.int32),
         predecessor_start=_starts([len(before) for before in leading]),
         predecessor=np.array([lane for before in leading for lane in before], np.int32),
-        conflict_start=np.zeros(count + 1, np.int32),
-        conflict_lane=none.copy(),
-        conflict_kind=np.zeros(0, np.int8),
-        conflict_extent=np.zeros((0, 2)),
-        conflict_other_extent=np.zeros((0, 2)),
+        conflict_start=conflicts.start,
+        conflict_lane=conflicts.lane,
+        conflict_kind=conflicts.kind,
+        conflict_extent=conflicts.extent,
+        conflict_other_extent=conflicts.other_extent,
         edge_first_lane=first_lane,
         edge_lane_count=lanes_of_edge,
         edge_is_internal=internal_edge,
@@ -196,6 +207,11 @@ def _graph(
         junction_start=np.array([0, len(outline)], np.int32),
         junction_xy=outline,
     )
+
+
+def _only(lanes: Sequence[Sequence[int]]) -> np.ndarray:
+    """Return the one lane of each list, -1 where there are none or several."""
+    return np.array([each[0] if len(each) == 1 else -1 for each in lanes], np.int32)
 
 
 def _starts(counts: Sequence[int]) -> np.ndarray:

@@ -57,7 +57,8 @@ class EventConfiguration:
     not_moving_time: float = 60
     """How long a vehicle has to stay within `not_moving_distance` to count as not moving [s].
 
-    Time does not count within 40 m of a red light, nor while another vehicle stands less than 10 m ahead.
+    Time does not count within 40 m of a red light, nor while another vehicle stands less than 10 m ahead,
+    nor at a junction while moving vehicles are about to cross the way ahead.
     """
     not_moving_distance: float = 1
     """[m]"""

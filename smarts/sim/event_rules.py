@@ -12,15 +12,14 @@ from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at
 from smarts.roads.arrays import RouteTable
 from smarts.roads.kernels import centre_at
-from smarts.sim.judging import State, corridor_row, lane_of, length_of
+from smarts.sim.judging import STANDING, State, corridor_row, lane_of, length_of
+from smarts.sim.yielding import yields_to_stream
 from smarts.types.events import Event
 from smarts.types.mission import GoalKind
 from smarts.types.traffic import Signal
 
 MISSED_BY = 5.0
 """How far behind the goal line, still on its road, the goal counts as missed [m]."""
-STANDING = 0.5
-"""Below this a vehicle stands [m/s]."""
 QUEUE_GAP = 10.0
 """A standing vehicle this close ahead, bumper to bumper, is waited for [m]."""
 QUEUE_AT_LIGHT = 40.0
@@ -73,7 +72,7 @@ def judge(state: State, table: RouteTable, rules: Rules, patience: int, row: int
     has_left = _has_left_map(state, row, seat)
     bits = 0 if has_left else _road_events(state, table, patience, row, seat)
     bits |= _goal_events(state, table, has_left, row, seat) | _via_events(state, row, seat)
-    if _rests(state, rules, row, seat):
+    if _rests(state, table, rules, row, seat):
         bits |= _NOT_MOVING
     limit = rules.max_steps[seat]
     if limit > 0 and state.step[row] - state.seats.entry_step[row, seat] >= limit:
@@ -173,7 +172,7 @@ def _via_events(state: State, row: int, seat: int) -> int:
 
 
 @kernel
-def _rests(state: State, rules: Rules, row: int, seat: int) -> bool:
+def _rests(state: State, table: RouteTable, rules: Rules, row: int, seat: int) -> bool:
     """Tell whether the vehicle has stayed near one place for too long; see `_has_to_wait`."""
     seats, slot = state.seats, state.seats.slot[row, seat]
     x, y = state.now.position[row, slot]
@@ -181,19 +180,20 @@ def _rests(state: State, rules: Rules, row: int, seat: int) -> bool:
     if math.hypot(x - rest[0], y - rest[1]) >= rules.not_moving_distance[seat]:
         rest[0], rest[1] = x, y
         seats.rest_step[row, seat] = state.step[row]
-    elif _has_to_wait(state, row, slot):
+    elif _has_to_wait(state, table, row, seat):
         seats.rest_step[row, seat] += 1
     return state.step[row] - seats.rest_step[row, seat] >= rules.not_moving_steps[seat]
 
 
 @kernel
-def _has_to_wait(state: State, row: int, slot: int) -> bool:
-    """Tell whether a vehicle waits near a red light, or behind one that stands.
+def _has_to_wait(state: State, table: RouteTable, row: int, seat: int) -> bool:
+    """Tell whether a vehicle waits near a red light, behind one that stands, or for those who cross its path.
 
-    Who waits so does not rest. The first of a queue at a green light or at a crossing does; as soon as it has
-    moved, or is gone, the next is the first.
+    Who waits so does not rest. The first of a queue at a green light or at a crossing does while nobody comes
+    (`yields_to_stream`); as soon as it has moved, or is gone, the next is the first.
     """
-    now, lane = state.now, lane_of(state, state.now, row, slot)
+    now, slot = state.now, state.seats.slot[row, seat]
+    lane = lane_of(state, now, row, slot)
     is_red = lane >= 0 and state.signals[row, now.lane[row, slot]] == _STOP
     if is_red and length_of(state.roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
         return True
@@ -212,7 +212,7 @@ def _has_to_wait(state: State, row: int, slot: int) -> bool:
         # Two that face each other do not wait for each other.
         if math.cos(now.heading[row, other] - now.heading[row, slot]) > 0.0:
             return True
-    return False
+    return yields_to_stream(state, table, row, seat)
 
 
 @kernel

@@ -22,6 +22,9 @@ Bytes = NDArray[np.int8]
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
+STANDING = 0.5
+"""Below this a vehicle stands [m/s]."""
+
 
 class Places(NamedTuple):
     """Where vehicles are: columns of `VehicleStates`, shape (B, V)."""

@@ -11,13 +11,14 @@ from smarts.roads.atlas import RoadAtlas
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
 
 _BESIDE = 1.0
 """How far beyond a road's left edge to look for the road of the other direction [m]."""
 
 
 class LaneFacts(NamedTuple):
-    """Shape (L,), lanes numbered across all maps as in `Roads`."""
+    """Shape (L,) unless said otherwise, lanes numbered across all maps as in `Roads`."""
 
     edge: Ints
     """Across all maps."""
@@ -27,6 +28,14 @@ class LaneFacts(NamedTuple):
     """Lane of the other direction at the left edge of the lane's road, -1 where there is none."""
     is_dead_end: Bools
     """Whether the lane leads nowhere."""
+    conflict_start: Ints
+    """CSR of the conflicts of each lane, shape (L + 1,); see `LaneGraph.conflict_start`."""
+    conflict_lane: Ints
+    """The other lane, shape (C,)."""
+    conflict_extent: Floats
+    """Where the two overlap along the lane, from and to [m], shape (C, 2)."""
+    conflict_other_extent: Floats
+    """The same along the other lane [m], shape (C, 2)."""
 
 
 def lane_facts(atlas: RoadAtlas) -> LaneFacts:
@@ -35,11 +44,19 @@ def lane_facts(atlas: RoadAtlas) -> LaneFacts:
     bases = np.cumsum([0, *(len(graph.edge_ids) for graph in graphs)])
     edges = [graph.lane_edge + base for graph, base in zip(graphs, bases, strict=False)]
     edge = np.concatenate(edges).astype(np.int32)
+    counts = np.concatenate([np.diff(graph.conflict_start) for graph in graphs])
+    lane_bases = atlas.roads.lane_base
     return LaneFacts(
         edge=edge,
         junction=np.concatenate([graph.lane_junction for graph in graphs]).astype(np.int32),
         twin=_twins(atlas, edge),
         is_dead_end=np.concatenate([np.diff(graph.successor_start) == 0 for graph in graphs]),
+        conflict_start=np.cumsum([0, *counts]).astype(np.int32),
+        conflict_lane=np.concatenate(
+            [graph.conflict_lane + base for graph, base in zip(graphs, lane_bases, strict=False)]
+        ).astype(np.int32),
+        conflict_extent=np.concatenate([graph.conflict_extent for graph in graphs]),
+        conflict_other_extent=np.concatenate([graph.conflict_other_extent for graph in graphs]),
     )
 
 
