@@ -24,7 +24,7 @@ from numba.core.extending import intrinsic, lower_getattr_generic, models, regis
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.np.arrayobj import get_itemsize, populate_array
 
-from smarts.geometry.compiling import kernel
+from smarts.geometry.compiling import kernel, sources_digest
 
 _WORD = 8
 """Bytes of a number, an address, an extent or a stride."""
@@ -99,7 +99,7 @@ class _Reference(types.Type):
     """The type of what is not bound itself, but by its address."""
 
     def __init__(self, kind: types.Type) -> None:
-        super().__init__(f"reference to {kind}")
+        super().__init__(f"reference to {_name_of(kind)}")
         self.kind = kind
 
 
@@ -123,13 +123,12 @@ def _words(argument: Any) -> Iterator[bytes]:
 def _taking_address(function: Any, kinds: tuple[types.Type, ...]) -> Any:
     """Return a kernel that takes the address of bound arguments, and then others, for another kernel."""
     target = function.py_func
-    # Globals, not cells of a closure: numba's cache would write objects of this process into its keys. The
-    # types are in the name instead.
+    # Globals, not cells of a closure: numba's cache would write objects of this process into its keys. Their
+    # layout is in the name instead.
     names = {"target": function, "unpack": _unpacker(kinds), "__name__": target.__module__}
     wrapper = FunctionType(_call.__code__, names)
     wrapper.__module__ = target.__module__
-    digest = hashlib.blake2b(str(kinds).encode(), digest_size=6).hexdigest()
-    wrapper.__qualname__ = f"bound_{target.__qualname__}_{digest}"
+    wrapper.__qualname__ = f"bound_{target.__qualname__}_{_layout_digest(*kinds)}"
     return kernel(wrapper)
 
 
@@ -159,7 +158,7 @@ class _Held(types.Type):
     """
 
     def __init__(self, kind: Any) -> None:
-        super().__init__(f"held {kind}")
+        super().__init__(f"held {_name_of(kind)}")
         self.kind = kind
 
 
@@ -187,11 +186,38 @@ def _read_field(context: Any, builder: Any, held: _Held, address: Any, name: str
     return _load(context, builder, held.kind.types[number], _shifted(builder, address, place))
 
 
+@cache
+def _layout_digest(*kinds: Any) -> str:
+    """Return a digest of all that decides where compiled code looks for values of some types.
+
+    That is this module too. A kernel need not import it, so that its own digest would not notice a change.
+    """
+    content = " ".join([sources_digest(__name__), *map(_layout, kinds)])
+    return hashlib.blake2b(content.encode(), digest_size=6).hexdigest()
+
+
+def _layout(kind: Any) -> str:
+    """Return what a type holds, in order: other than its string, with the names of fields."""
+    if isinstance(kind, _Reference):
+        return f"reference to {_layout(kind.kind)}"
+    if not _is_tuple(kind):
+        return str(kind)
+    names = kind.fields if _is_named(kind) else [""] * len(kind.types)
+    fields = (f"{name}: {_layout(each)}" for name, each in zip(names, kind.types, strict=True))
+    return f"({', '.join(fields)})"
+
+
+def _name_of(kind: Any) -> str:
+    """Return a name for a type that another layout does not have: numba tells types apart by their names."""
+    title = kind.instance_class.__name__ if _is_named(kind) else str(kind)
+    return f"{title} {_layout_digest(kind)}"
+
+
 def _seen(kind: Any) -> Any:
     """Return the type as which compiled code gets what is bound as a type."""
     if isinstance(kind, _Reference):
         return _seen(kind.kind)
-    if isinstance(kind, types.BaseNamedTuple):
+    if _is_named(kind):
         return _Held(kind)
     if _is_tuple(kind):
         return _tuple_of(kind.types)
@@ -200,6 +226,10 @@ def _seen(kind: Any) -> Any:
 
 def _is_tuple(kind: Any) -> bool:
     return isinstance(kind, types.BaseTuple)
+
+
+def _is_named(kind: Any) -> bool:
+    return isinstance(kind, types.BaseNamedTuple)
 
 
 def _tuple_of(kinds: tuple[Any, ...]) -> Any:
@@ -231,7 +261,7 @@ def _load(context: Any, builder: Any, kind: Any, address: Any) -> Any:
     """Generate the reading of a value of a type; return it as the type that is seen."""
     if isinstance(kind, _Reference):
         return _load(context, builder, kind.kind, _load(context, builder, types.intp, address))
-    if isinstance(kind, types.BaseNamedTuple):
+    if _is_named(kind):
         return address
     if _is_tuple(kind):
         return context.make_tuple(builder, _seen(kind), _loaded(context, builder, kind.types, address))

@@ -19,14 +19,19 @@ from numba.core.event import Event, Listener, register
 def kernel(function: Callable) -> Any:
     """Compile a function with numba when it is first called, and keep the machine code on disk.
 
-    Numba's own cache looks at the time stamp of the function's file only, and so goes on with old code after
-    a change to another file: to a kernel that is called, a constant, or the fields of a named tuple. Here the
-    entry's name holds a digest of the function's module and of all modules of this project that it imports,
-    itself or by way of others.
+    Numba's own cache looks at the function's file only, and so goes on with old code after a change to
+    another: to a kernel that is called, a constant, or the fields of a named tuple. Here the entry's name
+    holds a digest of the function's module and of all modules of this project that it imports, itself or by
+    way of others.
     """
     _tell_of_compiling()
-    function.__qualname__ += f"_{_digest(function.__module__)}"
+    _kernels.add(function)
+    function.__qualname__ += f"_{sources_digest(function.__module__)}"
     return njit(cache=True, error_model="numpy")(function)
+
+
+_kernels: set[Callable] = set()
+"""What was handed to `kernel`; users may compile functions of their own."""
 
 
 class _Notice(Listener):
@@ -36,7 +41,7 @@ class _Notice(Listener):
         self._is_said = False
 
     def on_start(self, event: Event) -> None:
-        if not self._is_said:
+        if not self._is_said and event.data and event.data["dispatcher"].py_func in _kernels:
             self._is_said = True
             logging.getLogger("smarts").warning(
                 "compiling kernels, once after an installation or a change: it takes a minute or two"
@@ -52,7 +57,7 @@ def _tell_of_compiling() -> None:
 
 
 @cache
-def _digest(module_name: str) -> str:
+def sources_digest(module_name: str) -> str:
     """Return a digest of the sources of a module and of all that it imports from this project.
 
     The imports are read in the sources, since a number does not say where it was imported from. Their files

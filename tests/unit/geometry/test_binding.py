@@ -1,10 +1,15 @@
+import os
+import re
 import subprocess
 import sys
+from collections import namedtuple
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from smarts.geometry import binding
 from smarts.geometry.binding import Replaceable, bind
 from smarts.geometry.compiling import kernel
 
@@ -119,11 +124,74 @@ print(len(bound.func.stats.cache_hits))
 """
 
 
+def output(folder, code, *arguments):
+    """Return what a program prints; machine code, which is kept beside `binding.py` too, is in the folder."""
+    command = [sys.executable, "-c", code, *arguments]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "code")}
+    run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True)
+    return run.stdout
+
+
 def test_machine_code_is_kept_on_disk_by_type(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM)
-    hits = []
-    for dtype in ("int64", "int64", "float64", "int64"):
-        command = [sys.executable, "-c", "import program", dtype]
-        run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-        hits.append(int(run.stdout))
-    assert hits == [0, 1, 0, 1]
+    hits = [int(output(tmp_path, "import program", dtype)) for dtype in ("int64", "float64", "int64")]
+    assert hits == [0, 0, 1]
+
+
+@kernel
+def width_of(box):
+    return box.width
+
+
+@pytest.mark.parametrize("wrap", [lambda box: box, Replaceable])
+def test_named_tuples_of_one_name_may_have_other_fields(wrap):
+    widths = []
+    for fields in (("width", "length"), ("length", "width")):
+        box_type = namedtuple("Box", fields)
+        widths.append(bind(width_of, wrap(box_type(width=2.0, length=5.0)))())
+    assert widths == [2.0, 2.0]
+
+
+THIRD = """
+from smarts.geometry.compiling import kernel
+
+@kernel
+def third_of(box):
+    return box.array[2]
+"""
+BOUND_THIRD = """
+import sys
+from typing import NamedTuple
+import numpy as np
+from {binding} import bind
+from thirds import third_of
+
+Box = NamedTuple("Box", [(name, np.ndarray) for name in sys.argv[1:]])
+# Not contiguous, so that strides count.
+print(bind(third_of, Box(array=np.arange(10, 18)[::2], other=np.arange(8)[::2]))())
+"""
+
+
+def test_machine_code_on_disk_follows_changes_of_fields(tmp_path):
+    (tmp_path / "thirds.py").write_text(THIRD)
+    program = BOUND_THIRD.format(binding="smarts.geometry.binding")
+    assert int(output(tmp_path, program, "array", "other")) == 14
+    assert int(output(tmp_path, program, "other", "array")) == 14
+
+
+def test_machine_code_on_disk_follows_changes_of_the_layout(tmp_path):
+    (tmp_path / "thirds.py").write_text(THIRD)
+    program = BOUND_THIRD.format(binding="altered")
+    source = Path(binding.__file__).read_text()
+    (tmp_path / "altered.py").write_text(source)
+    assert int(output(tmp_path, program, "array", "other")) == 14
+    # Strides before shapes: code of before would take the length for the stride.
+    swapped = {
+        "*argument.shape, *argument.strides": "*argument.strides, *argument.shape",
+        "address, 1 + axis)": "address, 1 + kind.ndim + axis)",
+        "address, 1 + kind.ndim + axis)": "address, 1 + axis)",
+    }
+    assert [source.count(old) for old in swapped] == [1, 1, 1]
+    altered = re.sub("|".join(map(re.escape, swapped)), lambda found: swapped[found[0]], source)
+    (tmp_path / "altered.py").write_text(altered)
+    assert int(output(tmp_path, program, "array", "other")) == 14

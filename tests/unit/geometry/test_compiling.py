@@ -130,3 +130,15 @@ def test_unchanged_kernels_come_from_the_cache(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     code = "from fresh.lengths import double; double(1); print(sum(double.stats.cache_hits.values()))"
     assert [evaluate(package, code) for _ in range(2)] == ["0", "1"]
+
+
+def test_a_notice_is_given_when_the_first_kernel_is_compiled(package):
+    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
+    code = "import logging, sys; from numba import njit; from fresh.lengths import double\n"
+    code += "logging.basicConfig(stream=sys.stdout, format='%(message)s')\n"
+    code += "njit(lambda x: x + 1)(1); print('a function of somebody else')\n"
+    code += "double(1), double(1.0)"
+    first = evaluate(package, code).splitlines()
+    assert first[0] == "a function of somebody else"
+    assert [line.partition(",")[0] for line in first[1:]] == ["compiling kernels"]
+    assert evaluate(package, code).splitlines() == first[:1]
