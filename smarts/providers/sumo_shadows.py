@@ -197,30 +197,39 @@ class SumoShadows:
         """See where SUMO has put the shadows, and find out what it got wrong."""
         vehicle = self._library.vehicle
         slots = np.fromiter(self._shadows, np.intp, len(self._shadows))
-        speeds, widths = states.speed[slots].tolist(), states.width[slots].tolist()
-        for shadow, speed, width in zip(self._shadows.values(), speeds, widths, strict=True):
+        columns = states.heading, states.speed, states.length, states.width
+        rows = zip(*(column[slots].tolist() for column in columns), strict=True)
+        for shadow, (heading, speed, *size) in zip(self._shadows.values(), rows, strict=True):
             lane = vehicle.getLaneID(shadow.id)
             if lane:
                 position = vehicle.getLanePosition(shadow.id)
-                if lane == shadow.lane and position < shadow.position:
+                lean = heading - self._heading_of(lane, position)
+                if speed * math.cos(lean) < 0:
                     speed = 0.0
-                self._settle_on_lane(shadow, lane, position, width)
+                self._settle_on_lane(shadow, lane, position, lean, *size)
             else:
                 shadow.lane, shadow.entry = "", None
                 self.stand_ins.remove(shadow.id)
-            vehicle.setPreviousSpeed(shadow.id, max(speed, 0.0))
+            vehicle.setPreviousSpeed(shadow.id, abs(speed))
             if shadow.own_type:
                 vehicle.setType(shadow.id, shadow.own_type)
                 vehicle.setParameter(shadow.id, _SIDEWAYS, shadow.own_sideways)
                 shadow.own_type = ""
+        self.stand_ins.settle()
 
-    def _settle_on_lane(self, shadow: _Shadow, lane: str, position: float, width: float) -> None:
+    def _settle_on_lane(
+        self, shadow: _Shadow, lane: str, position: float, lean: float, length: float, width: float
+    ) -> None:
         number = self._roads.lane_of_id(lane)
-        offset = shadow.offset = self._library.vehicle.getLateralLanePosition(shadow.id)
+        offset = self._library.vehicle.getLateralLanePosition(shadow.id)
+        # Where it will be in a step, for that is when the stand-in is there.
+        drift = max(offset - shadow.offset, 0.0) if lane == shadow.lane else 0.0
+        shadow.offset = offset
         reaches_out = abs(offset) + width / 2 > self._half_widths[number]
         shadow.side = self._side_of(number, offset) if reaches_out else 0
-        if reaches_out or self.stand_ins.has_one(shadow.id):
-            self.stand_ins.reach(shadow.id, number, offset, width)
+        leftmost = offset + drift + max(0.0, -length * math.sin(lean)) + width / 2 * abs(math.cos(lean))
+        if leftmost > self._half_widths[number] or self.stand_ins.has_one(shadow.id):
+            self.stand_ins.reach(shadow.id, number, leftmost)
         # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
         # net.
         is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE
@@ -232,8 +241,13 @@ class SumoShadows:
         elif is_noted:
             shadow.noted_side = shadow.side
         shadow.entry = None
-        if shadow.side != shadow.noted_side or self._is_out_of_order(shadow):
+        if shadow.side != shadow.noted_side or self._library.is_out_of_order(shadow.id, lane):
             shadow.entry = _Entry.BESIDE if shadow.side else _Entry.AND_BACK
+
+    def _heading_of(self, lane: str, position: float) -> float:
+        """Return the direction of a lane [rad] at one of SUMO's positions [m]."""
+        roads, number = self._roads, self._roads.lane_of_id(lane)
+        return roads.heading_near(number, position * float(roads.length[number] / roads.sumo_length[number]))
 
     def _is_centred(self, shadow: _Shadow) -> bool:
         """Ease a vehicle that was handed to SUMO to the middle of its lane; return whether that is over.
@@ -275,16 +289,6 @@ class SumoShadows:
         """Return 1 or -1 if there is a lane on the side where a vehicle is off the centreline, or else 0."""
         beside = self._roads.left if offset > 0 else self._roads.right
         return (1 if offset > 0 else -1) if beside[lane] >= 0 else 0
-
-    def _is_out_of_order(self, shadow: _Shadow) -> bool:
-        """Return whether SUMO's order on the lane is not that of the positions around the shadow."""
-        order = self._library.lane.getLastStepVehicleIDs(shadow.lane)
-        if len(order) < 2:
-            return False
-        place, position = order.index(shadow.id), self._library.vehicle.getLanePosition
-        if place > 0 and position(order[place - 1]) > shadow.position:
-            return True
-        return place + 1 < len(order) and position(order[place + 1]) < shadow.position
 
     def _show_way_on(self, shadow: _Shadow, lane: str) -> None:
         """Give a shadow that has come onto a road lane a route across the next junction."""

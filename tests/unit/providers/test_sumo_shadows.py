@@ -242,6 +242,68 @@ def test_drifting_back_over_the_centre_line_frees_the_oncoming_lane(world, count
     assert "s0" not in world.names() or speed(world, "s0") > 5.0
 
 
+@pytest.mark.parametrize(
+    ("heading", "speed_in"), [(0.0, {"wc": 6.0, "cw": 0.0}), (math.pi, {"wc": 0.0, "cw": 6.0})]
+)
+@pytest.mark.parametrize("over", [-0.4, 0.4])
+def test_who_comes_towards_drivers_is_said_to_stand(world, country, heading, speed_in, over):
+    """Over the centre line there is a vehicle in SUMO on either side of it: one of the two comes towards
+    those who drive there, and SUMO would have it drive away from them."""
+    begin(world, country.cross(from_arm("n", "s", 20, 10)))
+    ego = world.admit(-100.0, over, heading, 6.0)
+    vehicle = world.traffic._library.vehicle
+    for step in range(1, 41):
+        world.put(ego, -100.0 + 0.6 * step * math.cos(heading), over, heading, 6.0)
+        world.step()
+        if step > 1:
+            said = {vehicle.getRoadID(name): vehicle.getSpeed(name) for name in vehicle.getIDList()}
+            assert {edge: said[edge] for edge in speed_in} == pytest.approx(speed_in)
+
+
+def test_drivers_behind_one_that_got_past_still_see_who_is_over_the_line(world, country):
+    """The first cannot stop and passes at a hand's breadth; SUMO would keep the second right behind it."""
+    follower = '<vehicle id="s1" type="calm" depart="0" departPos="40" departSpeed="15">'
+    routes = from_arm("e", "w", 100, 15) + follower + '<route edges="ec cw"/></vehicle>'
+    begin(world, country.cross(routes))
+    first = x(world, "s0") - 12
+    # 10 cm between its side and s0's.
+    ego = world.admit(first, -0.3, 0.0, 0.0)
+    drive(world, ego, lambda t: (first, -0.3, 0.0, 0.0), 300)
+    assert "s0" not in world.names() or x(world, "s0") < first - 5
+    assert speed(world, "s1") < 0.1
+    assert x(world, "s1") > first + 5
+
+
+@pytest.mark.parametrize("lean", [-0.3, 0.3])
+def test_a_corner_over_the_centre_line_stops_oncoming_traffic(world, country, lean):
+    """Whose front is in its lane but whose tail is not, or the other way round."""
+    begin(world, country.cross(from_arm("e", "w", 20, 10)))
+    ego = world.admit(-60.0, -0.8, lean, 0.0)
+    drive(world, ego, lambda t: (-60.0, -0.8, lean, 0.0), 300)
+    assert speed(world, "s0") < 0.1
+
+
+def test_over_the_centre_line_inside_a_junction(world, country):
+    begin(world, country.cross(from_arm("e", "w", 20, 10)))
+    ego = world.admit(0.0, -0.4, 0.0, 0.0)
+    drive(world, ego, lambda t: (0.0, -0.4, 0.0, 0.0), 300)
+    assert sumo_says(world, ego)[0].startswith(":c")
+    assert speed(world, "s0") < 0.1
+
+
+def test_oncoming_drivers_see_a_drift_over_the_line_in_the_step_that_it_happens(world, country):
+    begin(world, country.cross(from_arm("n", "s", 20, 10)))
+    ego = world.admit(-100.0, -1.6, 0.0, 6.0)
+    known = world.traffic._library.vehicle.getIDList
+    for step in range(1, 31):
+        y = -1.6 + 0.05 * step
+        world.put(ego, -100.0 + 0.6 * step, y, 0.0, 6.0)
+        world.step()
+        # Half a step's drift is left to rounding.
+        if abs(y + 0.9) > 0.026:
+            assert len(known()) == (3 if y + 0.9 > 0.0 else 2)
+
+
 def test_a_stand_in_is_no_vehicle_of_the_world_and_goes_with_its_ego(world, country):
     begin(world, country.cross(from_arm("n", "s", 20, 10)))
     ego = world.admit(-60.0, 0.0, 0.0, 0.0)
