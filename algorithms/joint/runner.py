@@ -79,7 +79,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self.worker_index = self.worker_index or 0
         self._given_spaces = kwargs.get("spaces")
         self._sampler: Sampler | None = None
-        self._evaluator: Sampler | None = None
+        self._own_evaluation_env: VectorJointEnv | None = None
         self._policies: Policies | None = None
         self._weights = -1
         self._evaluated = 0
@@ -145,20 +145,20 @@ class JointEnvRunner(EnvRunner, Checkpointable):
     ) -> list[Episode]:
         """Play one episode in each world, in an environment of its own, so open training episodes survive.
 
-        With an environment given, play there; it must have the agents and spaces of the training.
+        Args:
+            worlds: Their numbers.
+            explore: Sample actions as in training, or act greedily.
+            on_step: Called with every step of all copies.
+            env: Where to play instead; it must have the agents and spaces of the training, and stays open.
+            seed: Root seed of what the worlds are like and of sampled actions, by default the config's.
+
+        Raises:
+            SpaceError: `env` has other agents or spaces.
         """
-        if env is not None and (found := env.spaces) != self.spec.spaces:
-            raise SpaceError(
-                f"the environment has {found}, the policies were made for {self.spec.spaces}",
-                place=type(env).__name__,
-                remedy="evaluate with the agents, adapter and options of the training",
-            )
-        if env is None and self._evaluator is None:
-            self._evaluator = self._new_sampler(self._new_env(), incarnation=0)
-        evaluator = self._evaluator if env is None else self._new_sampler(env, incarnation=0, seed=seed)
+        evaluator = self._new_sampler(self._evaluation_env(env), incarnation=0, seed=seed)
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)._replace(explore=explore)
         with torch_threads(self.config.torch_threads):
-            return evaluator.episodes(worlds, exploration, on_step)  # type: ignore[union-attr]
+            return evaluator.episodes(worlds, exploration, on_step)
 
     def get_metrics(self) -> Any:
         """Return and clear what was logged since the last call."""
@@ -173,11 +173,10 @@ class JointEnvRunner(EnvRunner, Checkpointable):
 
     def stop(self) -> None:
         """Close the environments."""
-        for sampler in (self._sampler, self._evaluator):
-            if sampler is not None:
-                sampler.env.close()
-        if self._sampler is None and self.env is not None:
-            self.env.close()
+        training = self.env if self._sampler is None else self._sampler.env
+        for env in (training, self._own_evaluation_env):
+            if env is not None:
+                env.close()
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
         """Return weights and, unless only components are asked for, where the sampler stands."""
@@ -286,6 +285,19 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             max_failures=self.config.max_env_failures,
             listener=listener,
         )
+
+    def _evaluation_env(self, given: VectorJointEnv | None) -> VectorJointEnv:
+        """Return the environment given if it fits, by default one that is kept for evaluation."""
+        if given is None:
+            self._own_evaluation_env = self._own_evaluation_env or self._new_env()
+            return self._own_evaluation_env
+        if given.spaces != self.spec.spaces:
+            raise SpaceError(
+                f"the environment has {given.spaces}, the policies were made for {self.spec.spaces}",
+                place=type(given).__name__,
+                remedy="evaluate with the agents, adapter and options of the training",
+            )
+        return given
 
     def _sample_fragment(self, steps: int) -> JointRollout:
         sampler = self._training_sampler()

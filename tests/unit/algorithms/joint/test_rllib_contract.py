@@ -254,6 +254,10 @@ def test_own_evaluation_hands_over_every_step_and_plays_fixed_worlds(build):
         np.testing.assert_allclose(probabilities.sum(-1), 1, rtol=1e-5)
     again = evaluate(algo, 3)
     assert [e.returns.tolist() for e in again] == [e.returns.tolist() for e in episodes[:3]]
+    # Another seed: other episodes, the same ones again.
+    first, second = ([e.returns.tolist() for e in evaluate(algo, 5, seed=7)] for _ in range(2))
+    assert first == second
+    assert first != [e.returns.tolist() for e in episodes]
 
 
 @pytest.mark.slow
