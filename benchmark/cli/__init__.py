@@ -6,6 +6,7 @@ import sys
 
 import typer
 
+from algorithms.errors import AlgorithmError
 from benchmark.cli import (
     algorithms,
     compare,
@@ -49,6 +50,6 @@ def main() -> None:
     """Run the command line; what the user can mend is one message and exit code 2."""
     try:
         app()
-    except SmartsError as error:
+    except (SmartsError, AlgorithmError) as error:
         print(f"error: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+        sys.exit(SmartsError.exit_code)

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
+MODES: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled")
+
 
 def evaluate(
     run: Annotated[Path, typer.Argument(help="Folder of a run: it holds config.yaml and checkpoint/.")],
@@ -17,7 +19,7 @@ def evaluate(
     traffic: Annotated[str | None, typer.Option(help="Another variation of the traffic.")] = None,
     episodes: Annotated[int, typer.Option(help="Episodes for each way of acting.", min=1)] = 50,
     mode: Annotated[list[str] | None, typer.Option(help="greedy or sampled; by default both.")] = None,
-    checkpoint: Annotated[str, typer.Option(help="last or best (in validation).")] = "last",
+    checkpoint: Annotated[Literal["last", "best"], typer.Option(help="best: in validation.")] = "last",
     out: Annotated[
         Path | None,
         typer.Option(help="Folder for the table and the recorded episodes; else neither is kept."),
@@ -32,7 +34,7 @@ def evaluate(
         traffic=traffic,
         episodes=episodes,
         modes=_modes(mode),
-        checkpoint=_checkpoint(checkpoint),
+        checkpoint=checkpoint,
         out=out,
     )
     from benchmark.metrics import compute
@@ -48,13 +50,8 @@ def evaluate(
 
 
 def _modes(given: list[str] | None) -> tuple[Literal["greedy", "sampled"], ...]:
+    # Typer takes no list of literals.
     for name in given or ():
-        if name not in ("greedy", "sampled"):
+        if name not in MODES:
             raise typer.BadParameter(f"{name!r} is neither greedy nor sampled", param_hint="--mode")
-    return tuple(given or ("greedy", "sampled"))  # type: ignore[arg-type]
-
-
-def _checkpoint(given: str) -> str:
-    if given not in ("last", "best"):
-        raise typer.BadParameter(f"{given!r} is neither last nor best", param_hint="--checkpoint")
-    return given
+    return tuple(name for name in MODES if not given or name in given)

@@ -119,7 +119,7 @@ class Budget(Section):
     agent_steps: Positive = 2_000_000
     """Simulation steps of 0.1 s, counted once for each agent that is on the road."""
     minutes: Annotated[float, Field(gt=0, strict=False)] | None = None
-    """Wall-clock time of training. A budget in minutes makes results depend on the machine."""
+    """Wall-clock time of training, validations not counted. It makes results depend on the machine."""
 
 
 class Evaluation(Section):
@@ -130,7 +130,8 @@ class Evaluation(Section):
     modes: Modes = ("greedy", "sampled")
     """Ways of acting: the first is the one that tables show."""
     held_out_episodes: Annotated[int, Field(ge=0)] = 0
-    """Greedy episodes on each held-out variation of the scenarios; 0: generalization is not measured."""
+    """Episodes, in the first way of acting, on each held-out variation of the scenarios that differs from
+    what was trained on (many differ in traffic alone); 0: generalization is not measured."""
     validations: Annotated[int, Field(ge=0)] = 10
     """How often during training the policy is tried, to choose the best checkpoint and to draw its curve."""
     validation_episodes: Positive = 20

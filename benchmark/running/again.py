@@ -18,7 +18,7 @@ from benchmark.running.driver import start_ray
 from benchmark.running.files import ResultsError
 from benchmark.running.folder import RunFolder
 from benchmark.running.testing import test
-from benchmark.running.training import algorithm_of
+from benchmark.running.training import algorithm_of, restore
 from smarts.sstudio.build import build_scenario
 
 
@@ -29,7 +29,7 @@ def evaluate_again(
     traffic: str | None = None,
     episodes: int = 50,
     modes: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled"),
-    checkpoint: str = "last",
+    checkpoint: Literal["last", "best"] = "last",
     out: Path | None = None,
 ) -> pd.DataFrame:
     """Return the table of a test of a run's policy; see `benchmark.metrics.compute`.
@@ -40,11 +40,11 @@ def evaluate_again(
         traffic: By default that of the training.
         episodes: For each mode.
         modes: Ways of acting.
-        checkpoint: "last" or "best".
+        checkpoint: The last, or the best in validation.
         out: Folder that keeps the table and the recorded episodes.
 
     Raises:
-        ResultsError: There is no run, or it has no such checkpoint.
+        ResultsError: There is no run, or it has no such checkpoint, or that is damaged.
         SmartsError: A scenario or its traffic does not exist.
         CheckpointError: The checkpoint does not fit the run's config.
     """
@@ -59,7 +59,7 @@ def evaluate_again(
         )
     start_ray(run.resources)
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary, algorithm_of(run) as algo:
-        algo.restore_from_path(str(kept.absolute()))
+        restore(algo, kept)
         answer = RunFolder(out or Path(temporary))
         for _ in test(run, answer, algo):
             pass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,11 +13,12 @@ from types import FrameType
 import ray
 
 from benchmark.experiment.config import Experiment
-from benchmark.experiment.runs import cells_of
+from benchmark.experiment.runs import Run, cells_of
 from benchmark.report.writing import write_report
 from benchmark.running.driver import Driver, JobState, jobs_of, start_ray
-from benchmark.running.files import locked, write_json
-from benchmark.running.folder import COMMAND, FINISHED
+from benchmark.running.files import locked, read_json, write_json
+from benchmark.running.folder import COMMAND, ENDED_BY, FINISHED, RunFolder
+from benchmark.running.held_out import held_out_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from smarts.sstudio.build import build_scenario
@@ -46,8 +48,7 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
             with _stoppable(), live:
                 states = driver.run()
         except KeyboardInterrupt:
-            print(f"interrupted; what is finished is in {root}, the same command goes on", file=sys.stderr)
-            return INTERRUPTED
+            return tell_interruption(root)
         finally:
             ray.shutdown()
         return _tell(states, root)
@@ -62,6 +63,14 @@ def check_cells(experiment: Experiment) -> None:
     for cell in cells_of(experiment):
         for scenario in cell.task.scenarios:
             build_scenario(scenario).with_traffic([cell.traffic]).episodes(cell.environment.agents)
+        for _ in held_out_of(cell):
+            pass  # built and read, rather than after hours of training
+
+
+def tell_interruption(root: Path) -> int:
+    """Say how to go on after Ctrl-C or SIGTERM; return the exit code."""
+    print(f"interrupted; what is finished is in {root}, the same command goes on", file=sys.stderr)
+    return INTERRUPTED
 
 
 def _tell(states: Sequence[JobState], root: Path) -> int:
@@ -72,9 +81,21 @@ def _tell(states: Sequence[JobState], root: Path) -> int:
         print(
             f"{len(failed)} of {len(states)} runs failed; the same command tries them again", file=sys.stderr
         )
+    ended_by = Counter(filter(None, (_ending_budget(state, root) for state in states)))
+    if ended_by:
+        print(
+            f"training ended by: {', '.join(f'{name} in {count} runs' for name, count in ended_by.items())}"
+        )
     print(f"results: {root}")
     print(f"report: {write_report(root)}")
     return FAILED if failed else 0
+
+
+def _ending_budget(state: JobState, root: Path) -> str | None:
+    """Return which of a run's budgets was used up first; None for what is not trained to its end."""
+    if state.status != FINISHED or not isinstance(state.job, Run):
+        return None
+    return read_json(RunFolder(root / state.job.folder).run).get(ENDED_BY)
 
 
 @contextmanager

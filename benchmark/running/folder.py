@@ -30,6 +30,8 @@ from benchmark.running.files import (
 
 COMMAND = "command.json"
 """Beside experiment.json: the command that made or last went on with an experiment."""
+ENDED_BY = "ended_by"
+"""In run.json: the budget that was used up first, "agent_steps" or "minutes"."""
 FINISHED, TRAINING, TESTING = "finished", "training", "testing"
 PROGRESS_COLUMNS: tuple[str, ...] = (
     "iteration",

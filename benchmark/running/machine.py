@@ -22,7 +22,6 @@ def command() -> str:
 def machine() -> dict[str, Any]:
     """Return versions, commit and hardware, for run.json."""
     return {
-        "command": " ".join(sys.argv),
         "commit": commit(),
         "python": platform.python_version(),
         "versions": {name: _version(name) for name in PACKAGES},

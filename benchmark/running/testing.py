@@ -17,8 +17,8 @@ from benchmark.metrics import join_tables, measure_episodes, write_table
 from benchmark.metrics.table import COUNTS
 from benchmark.running.environments import environment
 from benchmark.running.folder import FINISHED, TESTING, RunFolder
+from benchmark.running.held_out import held_out_of
 from benchmark.running.machine import machine
-from smarts.sstudio.build import build_scenario
 
 EVALUATION_SEED = 42
 """Root seed of validation and test, the same for all runs: their episodes begin alike."""
@@ -49,19 +49,18 @@ def parts_of(cell: Cell, modes: tuple[str, ...]) -> Iterator[Part]:
     evaluation = cell.evaluation
     for mode in modes:
         yield Part(mode, cell.task.scenarios, evaluation.episodes)
-    if evaluation.held_out_episodes:
-        for scenario in cell.task.scenarios:
-            for variation in build_scenario(scenario).held_out:
-                held_out = (f"{scenario}@{variation}",)
-                yield Part(modes[0], held_out, evaluation.held_out_episodes, split="held_out")
+    for scenario in held_out_of(cell):
+        yield Part(modes[0], (scenario,), evaluation.held_out_episodes, split="held_out")
 
 
 def test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
     """Play the test of a trained policy and write its table; yields the share that is done."""
 
     def play_part(part: Part, record: Path) -> None:
-        cell = run.cell
-        with closing(environment(cell, scenarios=part.scenarios, record=record)) as env:
+        discount = algo.config.gamma
+        with closing(
+            environment(run.cell, scenarios=part.scenarios, record=record, discount=discount)
+        ) as env:
             evaluate(
                 algo,
                 part.episodes,

@@ -6,17 +6,21 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ray import cloudpickle
 from ray.tune.registry import register_env
 
 import algorithms
+from algorithms.errors import AlgorithmError
 from algorithms.joint.evaluation import evaluate
 from algorithms.settings import apply
 from benchmark.experiment.runs import Run
 from benchmark.running.environments import NAME, create, environment
-from benchmark.running.folder import FINISHED, TESTING, TRAINING, RunFolder
+from benchmark.running.files import ResultsError
+from benchmark.running.folder import ENDED_BY, FINISHED, TESTING, TRAINING, RunFolder
 from benchmark.running.machine import machine
 from benchmark.running.progress import Progress
 from benchmark.running.testing import EVALUATION_SEED, test
@@ -56,8 +60,9 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
     if folder.status is None:
         folder.note(status=TRAINING, digest=run.digest(), run=str(run), begun=_now(), **machine())
     with algorithm_of(run) as algo:
-        yield from Training(run, folder, algo).go()
-        folder.note(status=TESTING)
+        training = Training(run, folder, algo)
+        yield from training.go()
+        folder.note(status=TESTING, **{ENDED_BY: training.ended_by})
         began = time.monotonic()
         for share in test(run, folder, algo):
             yield Progress(TESTING, share)
@@ -86,6 +91,37 @@ def algorithm_of(run: Run) -> Iterator[Any]:
         algo.stop()
 
 
+def restore(algo: Any, checkpoint: Path) -> None:
+    """Put an algorithm where a checkpoint was saved.
+
+    Raises:
+        ResultsError: The checkpoint is damaged; it names the file.
+        AlgorithmError: The checkpoint does not fit the algorithm.
+    """
+    try:
+        algo.restore_from_path(str(checkpoint.absolute()))
+    except AlgorithmError:
+        raise
+    except Exception as error:  # whatever unpickling half a file ends in
+        place = _damaged_file(checkpoint) or checkpoint
+        raise ResultsError(
+            f"the checkpoint is damaged: {type(error).__name__}: {error}",
+            place=str(place),
+            remedy=f"remove {checkpoint} to train anew, or test the other one: --checkpoint last or best",
+        ) from error
+
+
+def _damaged_file(checkpoint: Path) -> Path | None:
+    """Return the first file of a checkpoint that cannot be read."""
+    for file in sorted(checkpoint.rglob("*.pkl")):
+        try:
+            with file.open("rb") as stream:
+                cloudpickle.load(stream)
+        except Exception:  # see `restore`
+            return file
+    return None
+
+
 class Training:
     """The loop from the last checkpoint to the end of the budget."""
 
@@ -95,9 +131,21 @@ class Training:
         if kept is None:
             self._state = State()
         else:
-            algo.restore_from_path(str(folder.checkpoint.absolute()))
+            restore(algo, folder.checkpoint)
             self._state = State(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})
         folder.begin_progress(self._state.iteration)
+
+    @property
+    def validations(self) -> int:
+        """How many there were, earlier parts of the run included."""
+        return self._state.validations
+
+    @property
+    def ended_by(self) -> str | None:
+        """The budget that is used up, "agent_steps" or "minutes"; None if there is some of both left."""
+        if self._share() < 1:
+            return None
+        return "agent_steps" if self._state.agent_steps >= self._run.budget.agent_steps else "minutes"
 
     def go(self) -> Iterator[Progress]:
         """Train until the budget is used up; yields after each iteration."""

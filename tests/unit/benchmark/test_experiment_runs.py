@@ -3,16 +3,18 @@
 import csv
 import json
 import os
+import shutil
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.runs import cells_of
 from benchmark.metrics import compute, read_table
+from benchmark.running.held_out import held_out_of
+from tests.commands import begin, finish, wait_for
 
 pytestmark = pytest.mark.slow
 
@@ -28,8 +30,6 @@ evaluation: {episodes: 3, modes: [greedy, sampled], validations: 2, validation_e
 reference: [parked]
 resources: {copies: 2, parallel: 1}
 """
-LIMIT = 400.0
-"""Patience with a command [s]."""
 
 
 @pytest.fixture
@@ -40,29 +40,12 @@ def experiment(tmp_path):
 
 
 def start(file, *more):
-    command = [sys.executable, "-c", "from benchmark.cli import main; main()", "run", str(file)]
-    command += ["--out", str(file.parent / "results"), *more]
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3]
-    )
-
-
-def finish(process):
-    out, err = process.communicate(timeout=LIMIT)
-    return process.returncode, out, err
+    return begin("run", str(file), "--out", str(file.parent / "results"), *more)
 
 
 def progress(folder):
     with (folder / "progress.csv").open() as file:
         return [*csv.DictReader(file)]
-
-
-def wait_for(condition, process):
-    end = time.monotonic() + LIMIT
-    while not condition():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end, "nothing happened"
-        time.sleep(0.05)
 
 
 def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
@@ -77,13 +60,21 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     kept = json.loads((run / "checkpoint" / "training.json").read_text())
     assert kept["iteration"] > 0
 
-    assert finish(start(experiment))[0] == 0
+    code, out, _ = finish(start(experiment))
+    assert code == 0
+    assert "training ended by: agent_steps in 1 runs" in out
     lines = progress(run)
     assert [int(line["iteration"]) for line in lines] == [*range(1, len(lines) + 1)]
-    assert int(lines[-1]["agent_steps"]) >= 4000 > int(lines[-2]["agent_steps"])
+    steps = [int(line["agent_steps"]) for line in lines]
+    assert all(np.diff(steps) > 0)  # over the kill as well
+    assert steps[-1] >= 4000 > steps[-2]
     assert sum(line["validation_completion"] != "" for line in lines) == 2
     facts = json.loads((run / "run.json").read_text())
-    assert facts["status"] == "finished"
+    assert (facts["status"], facts["ended_by"]) == ("finished", "agent_steps")
+    assert "command" not in facts  # a worker's is Ray's; the user's is beside experiment.json
+    assert json.loads((root / "command.json").read_text())["command"].endswith(
+        f"--out {experiment.parent}/results"
+    )
     table = read_table(run / "episodes.parquet")
     assert table.groupby("mode").size().to_dict() == {"greedy": 6, "sampled": 6}  # 3 episodes of 2 agents
     assert table.attrs["episodes"] == {"measured": 6, "void": 0, "incomplete": 0, "corrupted": {}}
@@ -133,3 +124,78 @@ def workers(driver):
             if b"ray::_carry_out" in title and session == os.getsid(driver):
                 found.append(int(folder.name))
     return found
+
+
+HELD_OUT = """
+algorithms: [ppo]
+tasks: [double_merge]
+traffic: [no_social_vehicles, random_social_vehicles]
+seeds: [3]
+training: {sharing: all, rollout_fragment_length: 8}
+environment: {agents: 2}
+budget: {agent_steps: 1000000, minutes: 0.02}
+evaluation: {episodes: 3, held_out_episodes: 2, validations: 1, validation_episodes: 1}
+resources: {copies: 2, parallel: 1}
+"""
+BY_TRAFFIC = {
+    "no_social_vehicles": {"three_lanes"},
+    "random_social_vehicles": {"dense", "sparse_impatient", "all_cross", "three_lanes"},
+}
+"""Held-out variations of double merge: without traffic, only that of the map differs from the training."""
+
+
+def test_what_is_held_out_differs_from_what_was_trained_on(tmp_path):
+    file = tmp_path / "held.yaml"
+    file.write_text(HELD_OUT)
+    for cell in cells_of(read_experiment(file)):
+        found = {name.removeprefix("double_merge@") for name in held_out_of(cell)}
+        assert found == BY_TRAFFIC[cell.traffic]
+
+
+@pytest.fixture(scope="module")
+def held_out(tmp_path_factory):
+    """The folder of an experiment with held-out variations, and what the command printed."""
+    folder = tmp_path_factory.mktemp("held")
+    (folder / "held.yaml").write_text(HELD_OUT)
+    code, out, err = finish(start(folder / "held.yaml"))
+    assert code == 0, err
+    return folder / "results" / "held", out
+
+
+def test_generalization_compares_the_splits_of_each_cell(held_out):
+    root, out = held_out
+    assert "training ended by: minutes in 2 runs" in out
+    for traffic, variations in BY_TRAFFIC.items():
+        table = read_table(root / "ppo/double_merge" / traffic / "seed_3/episodes.parquet")
+        held = table[table["split"] == "held_out"]
+        trained = table[(table["split"] == "train") & (table["mode"] == "greedy")]
+        assert set(held["variation"]) == variations
+        assert (held.groupby("variation").size() == 2 * 2).all()  # 2 episodes of 2 agents
+        assert set(held["mode"]) == {"greedy"}
+        assert len(trained) == 3 * 2
+        assert set(table["traffic"]) == {traffic}
+        (found,) = compute(table[table["mode"] == "greedy"], metrics=["generalization"]).to_dict("records")
+        for split, rows in (("train", trained), ("held_out", held)):
+            assert found["terms"][f"{split}_completion"] == (rows["outcome"] == "goal").mean()
+            assert found["terms"][f"{split}_non_collision"] == 1 - (rows["outcome"] == "collision").mean()
+
+
+def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out, tmp_path):
+    run = tmp_path / "seed_3"
+    shutil.copytree(held_out[0] / "ppo/double_merge/no_social_vehicles/seed_3", run)
+    damaged = run / "checkpoint" / "learner_group" / "learner" / "state.pkl"
+    damaged.write_bytes(damaged.read_bytes()[:100])
+    short = ("evaluate", str(run), "--episodes", "1", "--mode", "greedy")
+    code, _, err = finish(begin(*short))
+    assert code == 2
+    assert f"{damaged}: the checkpoint is damaged" in err
+    assert "--checkpoint" in err
+    code, out, _ = finish(begin(*short, "--checkpoint", "best"))
+    assert code == 0
+    assert "greedy: 2 agent-episodes" in out
+
+    config = run / "config.yaml"
+    config.write_text(config.read_text().replace("algorithm: ppo", "algorithm: a2c"))
+    code, _, err = finish(begin(*short, "--checkpoint", "best"))
+    assert code == 2
+    assert "the checkpoint does not fit: algorithm" in err

@@ -1,0 +1,35 @@
+"""The command line as a user starts it, in a process of its own."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+LIMIT = 400.0
+"""Patience with a command [s]."""
+
+
+def begin(*arguments):
+    """Start `smarts-bench` with these arguments."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "benchmark.cli", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[1],
+    )
+
+
+def finish(process):
+    """Wait for a command; return its exit code, output and error output."""
+    out, err = process.communicate(timeout=LIMIT)
+    return process.returncode, out, err
+
+
+def wait_for(condition, process):
+    """Wait until a condition holds, while a command is under way."""
+    end = time.monotonic() + LIMIT
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.05)
