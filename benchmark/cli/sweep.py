@@ -16,7 +16,4 @@ def sweep(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
     experiment = read_experiment(config, set_ or ())
     from benchmark.running.sweeping import sweep as search
 
-    folder = out / experiment.name
-    table = search(experiment, folder)
-    typer.echo(table.to_string(index=False))
-    typer.echo(f"table: {folder / 'trials.csv'}")
+    raise typer.Exit(search(experiment, out / experiment.name))

@@ -2,86 +2,154 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Mapping
+import json
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from threading import Event
+from types import FrameType
 from typing import Any
 
 import pandas as pd
+import ray
 from ray import tune
 from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
+from ray.tune.search.basic_variant import BasicVariantGenerator
 
 from algorithms.settings import settings
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, runs_of
 from benchmark.running.driver import start_ray
-from benchmark.running.files import locked, write_whole
+from benchmark.running.experiment import FAILED, check_cells, tell_interruption
+from benchmark.running.files import ResultsError, locked, read_json, write_json, write_whole
 from benchmark.running.folder import RunFolder
 from benchmark.running.training import Training, algorithm_of
-from smarts.errors import SmartsError, nearest_names
+from smarts.errors import SmartsError, nearest_names, shortened
 
 DRAWS = {"uniform": tune.uniform, "loguniform": tune.loguniform, "randint": tune.randint}
 VALIDATION = "validation"
 """What counts the validations of a trial: the time of schedulers."""
+MEASURES = ("completion", "safety", "return", VALIDATION, "agent_steps", "trial_id")
+"""What the table of trials shows beside the settings."""
 
 
 class SweepError(SmartsError):
     """A search cannot be made."""
 
 
-def sweep(experiment: Experiment, root: Path) -> pd.DataFrame:
-    """Search, and return a row for each trial, the best first; the table is kept as trials.csv.
+def sweep(experiment: Experiment, root: Path) -> int:
+    """Search, print and keep a row for each trial in trials.csv, the best first; return the exit code.
 
     The same call goes on with a search that was interrupted.
 
     Raises:
         SweepError: The experiment has no `tune` section, stands for several runs, or names no known draw.
+        SmartsError: A scenario is wrong, or the folder cannot be used.
     """
     run = the_run(experiment)
     section = _section(experiment)
+    space = space_of(section)
+    check_cells(experiment)
     with locked(root):
+        _keep_to_one_search(root / "search.json", run, section)
         start_ray(experiment.resources)
-        trainable = tune.with_resources(
-            tune.with_parameters(trial, run=run),
-            {"cpu": 1 + run.resources.env_runners, "gpu": run.resources.learner_gpus},
+        try:
+            with _stoppable() as stopped:
+                found = _tuner(run, section, space, root.absolute()).fit()
+        except KeyboardInterrupt:
+            return tell_interruption(root)
+        finally:
+            ray.shutdown()
+        return tell_interruption(root) if stopped.is_set() else _tell(found, section, root)
+
+
+@contextmanager
+def _stoppable() -> Iterator[Event]:
+    """Let Ctrl-C and SIGTERM stop a search that keeps how far it is, and a second one end it at once.
+
+    Yields:
+        Whether it was stopped: Tune itself returns as if there were nothing left to do.
+    """
+    stopped = Event()
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        tune_listens = signal.getsignal(signal.SIGUSR1) is not signal.SIG_DFL
+        if stopped.is_set() or not tune_listens:
+            raise KeyboardInterrupt
+        stopped.set()
+        signal.raise_signal(signal.SIGUSR1)
+
+    os.environ["TUNE_DISABLE_SIGINT_HANDLER"] = "1"
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stopped
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
+    """See that the folder's search is this one: Tune would go on with its own settings without a word."""
+    content = json.loads(json.dumps({"run": run.content(), "tune": section.model_dump(mode="json")}))
+    if not file.exists():
+        write_json(file, content)
+    elif read_json(file) != content:
+        raise ResultsError(
+            "here is a search with another config",
+            place=str(file),
+            remedy="give the experiment another name or --out, or remove the folder to begin anew",
         )
-        space = space_of(section)
-        trials = root / "trials"
-        if tune.Tuner.can_restore(str(trials.absolute())):
-            tuner = tune.Tuner.restore(
-                str(trials.absolute()), trainable, resume_unfinished=True, restart_errored=True
-            )
-        else:
-            tuner = tune.Tuner(
-                trainable,
-                param_space=space,
-                tune_config=tune.TuneConfig(
-                    metric=section.metric,
-                    mode="max",
-                    num_samples=section.samples,
-                    scheduler=scheduler_of(section, run.cell.evaluation.validations),
-                    trial_dirname_creator=lambda trial: trial.trial_id,
-                ),
-                run_config=tune.RunConfig(name=trials.name, storage_path=str(root.absolute()), verbose=1),
-            )
-        found = tuner.fit().get_dataframe()
-        columns = [name for name in found if name.startswith("config/")]
-        shown = [
-            *columns,
-            section.metric,
-            "completion",
-            "safety",
-            "return",
-            VALIDATION,
-            "agent_steps",
-            "trial_id",
-        ]
-        table = pd.DataFrame(found[list(dict.fromkeys(shown))])
+
+
+def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tune.Tuner:
+    """Return Tune's tuner: of the search that was interrupted in the folder, or of a new one."""
+    trainable = tune.with_resources(
+        tune.with_parameters(trial, run=run),
+        {"cpu": 1 + run.resources.env_runners, "gpu": run.resources.learner_gpus},
+    )
+    trials = root / "trials"
+    if tune.Tuner.can_restore(str(trials)):
+        return tune.Tuner.restore(str(trials), trainable, resume_unfinished=True, restart_errored=True)
+    return tune.Tuner(
+        trainable,
+        param_space=dict(space),
+        tune_config=tune.TuneConfig(
+            metric=section.metric,
+            mode="max",
+            num_samples=section.samples,
+            search_alg=BasicVariantGenerator(
+                max_concurrent=run.resources.parallel or 0, random_state=run.seed
+            ),
+            scheduler=scheduler_of(section, run.cell.evaluation.validations),
+            trial_dirname_creator=lambda trial: trial.trial_id,
+        ),
+        run_config=tune.RunConfig(name=trials.name, storage_path=str(root), verbose=1),
+    )
+
+
+def _tell(found: tune.ResultGrid, section: Tune, root: Path) -> int:
+    """Write and print the table of trials, and say which failed."""
+    results = found.get_dataframe()
+    for error in found.errors:
+        print(f"error: {shortened(str(error))}", file=sys.stderr)
+    if section.metric in results:
+        settings_columns = [name for name in results if name.startswith("config/")]
+        shown = [*settings_columns, *dict.fromkeys((section.metric, *MEASURES))]
+        table = pd.DataFrame(results[shown]).sort_values(section.metric, ascending=False, ignore_index=True)
         table.columns = [name.removeprefix("config/") for name in table.columns]
-        table = table.sort_values(section.metric, ascending=False, ignore_index=True)
         write_whole(root / "trials.csv", lambda file: table.to_csv(file, index=False))
-    return table
+        print(table.to_string(index=False))
+        print(f"table: {root / 'trials.csv'}")
+    if found.num_errors:
+        failed = f"{found.num_errors} of {len(found)} trials failed"
+        print(f"{failed}; the same command tries them again", file=sys.stderr)
+    return FAILED if found.num_errors else 0
 
 
 def the_run(experiment: Experiment) -> Run:
@@ -137,37 +205,48 @@ def scheduler_of(section: Tune, validations: int) -> Any:
             for name, given in section.parameters.items()
         }
         return PopulationBasedTraining(
-            time_attr=VALIDATION, perturbation_interval=1, hyperparam_mutations=mutations
+            time_attr=VALIDATION,
+            perturbation_interval=1,
+            hyperparam_mutations=mutations,
+            custom_explore_fn=partial(within_bounds, section),
         )
     return None
+
+
+def within_bounds(section: Tune, config: dict[str, Any]) -> dict[str, Any]:
+    """Return settings with draws kept in their bounds, out of which population-based training scales them."""
+    kept = dict(config)
+    for name, given in section.parameters.items():
+        if isinstance(given, dict):
+            (kind, (low, high)), *_ = given.items()
+            # An upper bound of whole numbers is never drawn itself.
+            kept[name] = min(max(kept[name], low), high - 1 if kind == "randint" else high)
+    return kept
 
 
 def trial(config: Mapping[str, Any], *, run: Run) -> None:
     """Train with changed settings and report each validation (called by Tune, in a process of its own)."""
     changed = replace(run, settings={**run.settings, **config})
-    folder = RunFolder(Path(tune.get_context().get_trial_dir()) / "run")
     given = tune.get_checkpoint()
-    if given is not None:
-        with given.as_directory() as source:
-            shutil.rmtree(folder.checkpoint, ignore_errors=True)
-            shutil.copytree(source, folder.checkpoint)
-    # Population-based training changes settings between checkpoints: the folder is not bound to one config.
-    folder.open(changed.content(), "trial")
-    validations = 0
-    with algorithm_of(changed) as algo:
-        for progress in Training(changed, folder, algo).go():
-            if progress.validation is None:
-                continue
-            validations += 1
-            tune.report(
-                {
-                    **progress.validation,
-                    "safety": 1 - progress.validation["collision"],
-                    VALIDATION: validations,
-                    "agent_steps": progress.agent_steps,
-                },
-                checkpoint=tune.Checkpoint.from_directory(str(folder.checkpoint)),
-            )
+    # Not in the trial's own folder, which Tune copies at any time, whatever is being written there.
+    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
+        folder = RunFolder(Path(temporary))
+        if given is not None:
+            given.to_directory(str(folder.checkpoint))
+        folder.open(changed.content(), changed.digest())
+        with algorithm_of(changed) as algo:
+            training = Training(changed, folder, algo)
+            for progress in training.go():
+                if progress.validation is not None:
+                    tune.report(
+                        {
+                            **progress.validation,
+                            "safety": 1 - progress.validation["collision"],
+                            VALIDATION: training.validations,
+                            "agent_steps": progress.agent_steps,
+                        },
+                        checkpoint=tune.Checkpoint.from_directory(str(folder.checkpoint)),
+                    )
 
 
 def _section(experiment: Experiment) -> Tune:

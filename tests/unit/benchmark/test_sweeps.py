@@ -6,7 +6,8 @@ from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.sample import Float, Integer
 
 from benchmark.experiment.config import Tune, read_experiment
-from benchmark.running.sweeping import SweepError, scheduler_of, space_of, sweep, the_run
+from benchmark.running.sweeping import SweepError, scheduler_of, space_of, sweep, the_run, within_bounds
+from smarts.errors import SmartsError
 
 ONE = "algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
 
@@ -53,6 +54,15 @@ def test_schedulers():
     assert isinstance(scheduler_of(Tune(parameters=parameters, scheduler="pbt"), 5), PopulationBasedTraining)
 
 
+def test_population_based_training_stays_within_bounds():
+    parameters = {"gamma": {"uniform": [0.9, 0.99]}, "epochs": {"randint": [2, 5]}, "hidden": [[8], [16]]}
+    section = Tune(parameters=parameters, scheduler="pbt")
+    given = {"gamma": 0.99 * 1.2, "epochs": 5, "hidden": [16], "lr": 7.0}
+    assert within_bounds(section, given) == {"gamma": 0.99, "epochs": 4, "hidden": [16], "lr": 7.0}
+    low = {"gamma": 0.9 * 0.8, "epochs": 1, "hidden": [8]}
+    assert within_bounds(section, low) == {"gamma": 0.9, "epochs": 2, "hidden": [8]}
+
+
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
@@ -60,10 +70,12 @@ def test_schedulers():
         (["tune.parameters.lr=[0.1]", "seeds=[1, 2]"], "stands for 2 runs"),
         (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "nothing to compare"),
         (["tune.parameters.lrr=[0.1]"], "has no setting 'lrr'"),
+        (["tune.parameters.lr={normal: [0, 1]}"], "nothing to search in"),
+        (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "there is no traffic 'rush_hour'"),
     ],
 )
 def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, message):
-    with pytest.raises(SweepError, match=message):
+    with pytest.raises(SmartsError, match=message):
         sweep(experiment(*overrides), tmp_path / "results")
     assert not (tmp_path / "results").exists()
 

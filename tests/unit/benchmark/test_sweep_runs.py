@@ -1,0 +1,78 @@
+"""A whole search through the command line: interrupted, gone on with, one trial at a time, ranked."""
+
+import csv
+import json
+import signal
+
+import pytest
+
+from tests.commands import begin, finish, wait_for
+
+pytestmark = pytest.mark.slow
+
+SEARCH = """
+algorithms: [ppo]
+tasks: [loop]
+traffic: [no_social_vehicles]
+seeds: [3]
+training: {sharing: all, rollout_fragment_length: 16}
+environment: {agents: 2}
+budget: {agent_steps: 3000}
+evaluation: {validations: 2, validation_episodes: 2}
+resources: {copies: 2, parallel: 1}
+tune: {parameters: {lr: [0.001, 0.0001]}, metric: return}
+"""
+
+
+def results_of(root):
+    """Return what each trial reported, in order, by the name of its folder."""
+    files = sorted(root.glob("trials/*/result.json"))
+    return {file.parent.name: [json.loads(line) for line in file.open()] for file in files}
+
+
+def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
+    file = tmp_path / "search.yaml"
+    file.write_text(SEARCH)
+    root = tmp_path / "results" / "search"
+    command = ("sweep", str(file), "--out", str(tmp_path / "results"))
+    first = begin(*command)
+    wait_for(lambda: any(results_of(root).values()), first)
+    first.send_signal(signal.SIGINT)
+    code, out, err = finish(first)
+    assert code == 130
+    assert "the same command goes on" in err
+    assert "table:" not in out
+    assert not (root / "trials.csv").exists()
+    (interrupted,) = [name for name, lines in results_of(root).items() if lines]
+    # A failure of Tune's copying would be told here.
+    assert "ERROR" not in err
+
+    code, out, err = finish(begin(*command, "--set", "tune.metric=completion"))
+    assert code == 2
+    assert "a search with another config" in err
+
+    code, out, err = finish(begin(*command))
+    assert code == 0, err
+    found = results_of(root)
+    assert len(found) == 2
+    assert [line["validation"] for line in found[interrupted]] == [1, 2]
+    steps = [line["agent_steps"] for line in found[interrupted]]
+    assert steps[0] < 3000 <= steps[1]
+    times = [
+        (lines[0]["timestamp"] - lines[0]["time_this_iter_s"], lines[-1]["timestamp"])
+        for lines in found.values()
+    ]
+    (_, ended), (began, _) = sorted(times)
+    assert ended <= began + 1, "two trials at a time"  # timestamps are whole seconds
+
+    with (root / "trials.csv").open() as table:
+        rows = [*csv.DictReader(table)]
+    assert {row["lr"] for row in rows} == {"0.001", "0.0001"}
+    returns = [float(row["return"]) for row in rows]
+    assert returns == sorted((lines[-1]["return"] for lines in found.values()), reverse=True)
+    assert [row["validation"] for row in rows] == ["2", "2"]
+    assert str(root / "trials.csv") in out
+
+    written = (root / "trials.csv").read_text()
+    assert finish(begin(*command))[0] == 0
+    assert (root / "trials.csv").read_text() == written  # what is finished is shown again
