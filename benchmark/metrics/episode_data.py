@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from benchmark.metrics.lane_paths import PathBook, path_book
 from smarts.errors import RecordError
+from smarts.geometry.frames import wrap_angle
 from smarts.sim.episode_files import MAPS, RecordedEpisode
 from smarts.types.episode_schema import TABLES
 from smarts.types.seats import SeatState
@@ -295,8 +296,7 @@ class EpisodeData:
         stations = owner * share + graph.point_s
         wanted = lane * share + np.clip(table["s"], 0.0, graph.length[lane])
         row = np.clip(np.searchsorted(stations, wanted, side="right") - 1, 0, len(stations) - 1)
-        turn = table["heading"] - graph.point_heading[row]
-        turn = (turn + np.pi) % (2 * np.pi) - np.pi
+        turn = -wrap_angle(graph.point_heading[row] - table["heading"])
         return np.where(table["lane"] >= 0, turn, np.nan)
 
     def decisions(self, agent: int) -> Decisions:

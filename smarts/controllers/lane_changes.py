@@ -7,12 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.controllers.lane_path import lane_length, next_row, place_on_lane, row_of, wrapped
+from smarts.controllers.lane_path import next_row, place_on_lane, row_of
 from smarts.controllers.lane_state import LaneState
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at
+from smarts.geometry.segments import segment_at, wrapped
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at
+from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_graph import LaneKind
 from smarts.types.actions import LaneAction
 from smarts.types.seats import ChangePhase

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import project, segment_at
+from smarts.geometry.segments import project, segment_at, wrapped
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, find_row
+from smarts.roads.kernels import centre_at, find_row, lane_length
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -58,12 +58,6 @@ def place_on_lane(roads: Roads, lane: int, x: float, y: float) -> tuple[float, f
         offset = math.copysign(math.sqrt(best_square), best_cross)
         best_share = min(1.0, max(0.0, best_share))
     return roads.point_s[best] + best_share * (roads.point_s[best + 1] - roads.point_s[best]), offset
-
-
-@kernel
-def lane_length(roads: Roads, lane: int) -> float:
-    """Return the arc length of a lane's centreline [m]."""
-    return float(roads.point_s[roads.point_start[lane + 1] - 1])
 
 
 @kernel
@@ -120,12 +114,6 @@ def _turn(roads: Roads, lane: int) -> float:
     begin = roads.point_heading[roads.point_start[lane]]
     end = roads.point_heading[roads.point_start[lane + 1] - 1]
     return abs(wrapped(end - begin))
-
-
-@kernel
-def wrapped(angle: float) -> float:
-    """Return the equal angle in [-pi, pi] [rad]."""
-    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @kernel

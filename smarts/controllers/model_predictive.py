@@ -16,10 +16,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.controllers.lane_path import wrapped
 from smarts.controllers.trajectory_tracking import write_paths
 from smarts.dynamics import layout, vehicle, vehicle_names
 from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import wrapped
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType, Commands
 from smarts.types.vehicles import VehicleKind

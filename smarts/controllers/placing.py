@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import interpolate_angle
+from smarts.geometry.segments import interpolate_angle, wrapped_half_open
 from smarts.types.actions import CommandMode
 
 Bools = NDArray[np.bool_]
@@ -21,12 +21,6 @@ BEGIN, TARGET, TIME, STEP, PLAN = 0, 4, 8, 9, 10
 _PLACE = int(CommandMode.PLACE)
 _SLOWEST = 0.05
 """Below this speed a vehicle does not point where it moves [m/s]."""
-
-
-@kernel
-def wrapped_half_open(angle: float) -> float:
-    """Return the equal angle in (-pi, pi] [rad]."""
-    return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
 @kernel

@@ -18,7 +18,7 @@ import numpy as np
 from smarts.dynamics.layout import GRAVITY
 from smarts.dynamics.single_track import planar_motion, record_pose
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import interpolate_angle, project
+from smarts.geometry.segments import interpolate_angle, project, wrapped
 from smarts.types.actions import CommandMode
 
 SPEED_INTEGRAL, OFFSET_INTEGRAL, CURVATURE, MEMORY = 0, 1, 2, 3
@@ -142,12 +142,6 @@ def _sum(rows, count):
 
 
 @kernel
-def _wrapped(angle):
-    """Return the equal angle in [-pi, pi] [rad]."""
-    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
-
-
-@kernel
 def _track(car, state, motion, pose, reference, length, slips, memory, controls, dt):
     """Write the controls of one vehicle that follows a reference; see the module."""
     heading, vx, _, _ = motion
@@ -213,7 +207,7 @@ def _steering(car, heading, vx, reference, length, segment, share, offset, slips
     first = _heading_ahead(reference, length, segment, share, ahead)
     last = _heading_ahead(reference, length, segment, share, ahead + window)
     lag = max(centre_to_rear - rear_slip * speed * speed, 0.0) + 0.5 * window
-    memory[CURVATURE] += (_wrapped(last - first) / window - memory[CURVATURE]) * min(abs(vx) * dt / lag, 1.0)
+    memory[CURVATURE] += (wrapped(last - first) / window - memory[CURVATURE]) * min(abs(vx) * dt / lag, 1.0)
     curvature = memory[CURVATURE]
 
     # Faster than the steering turns, feedback only swings.
@@ -223,7 +217,7 @@ def _steering(car, heading, vx, reference, length, segment, share, offset, slips
     gain = yaw_length * frequency * frequency / (speed * speed)
     look_ahead = 2.0 * DAMPING * speed / frequency
     side_slip = curvature * (centre_to_rear - rear_slip * speed * speed)
-    course = _wrapped(heading + side_slip - here)
+    course = wrapped(heading + side_slip - here)
     error = min(max(offset, -FARTHEST_OFFSET), FARTHEST_OFFSET)
     needed = math.atan(wheelbase * curvature) + understeer * speed * speed * curvature
     feedback = -gain * (error + look_ahead * math.sin(min(max(course, -1.2), 1.2)))

@@ -8,9 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.controllers.placing import wrapped_half_open
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import interpolate_angle
+from smarts.geometry.segments import interpolate_angle, wrapped_half_open
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
 

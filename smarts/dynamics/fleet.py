@@ -10,28 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.dynamics import chassis, layout, readout, single_track
+from smarts.dynamics import chassis, layout, readout, refusals, single_track
 from smarts.dynamics.bullet import Box, BulletWorld
+from smarts.dynamics.layout import MODELS
 from smarts.dynamics.motion import Driver, Motion, Road, Wheels
+from smarts.dynamics.refusals import ControlError, MotionError
 from smarts.dynamics.tyre_faults import FLAT_TYRE, TyreFault
-from smarts.errors import SmartsError, UnknownNameError, nearest_names
 from smarts.geometry.binding import bind
 
 Floats = NDArray[np.float64]
 
-MODELS = ("bullet", "dynamic", "kinematic")
-"""A car in Bullet on four wheels; a planar single track with tyre forces; one that goes where it is
-steered."""
 DRY_ASPHALT = 0.9
 """Friction of a road that nobody described."""
-
-
-class ControlError(SmartsError):
-    """Controls that no vehicle can follow, or a row that cannot take a vehicle."""
-
-
-class MotionError(SmartsError):
-    """A vehicle's motion has left the finite numbers."""
 
 
 class Fleet:
@@ -160,20 +150,12 @@ class Fleet:
             UnknownNameError: A name is unknown.
         """
         self._require_row(row)
-        place = f"vehicle in row {row}"
-        for kind, given, known in (("model", model, MODELS), ("tyre model", tyres, layout.TYRE_MODELS)):
-            if given not in known:
-                raise UnknownNameError(
-                    f"no {kind} {given!r}", place=place, remedy=nearest_names(given, known)
-                )
+        refusals.check_models(row, model, tyres)
         if self._model[row] >= 0:
-            raise ControlError("the row is taken", place=place, remedy="despawn its vehicle first")
-        if not np.isfinite([*position, heading, speed, steering]).all():
             raise ControlError(
-                f"position {position}, heading {heading}, speed {speed}, steering {steering}: not all finite",
-                place=place,
-                remedy="give finite numbers",
+                "the row is taken", place=f"vehicle in row {row}", remedy="despawn its vehicle first"
             )
+        refusals.check_start(row, position, heading, speed, steering)
         self._cars[row] = car = layout.pack(name, tyres)
         steering = min(max(steering, -float(car["max_steering"])), float(car["max_steering"]))
         yaw_rate = speed * math.tan(steering) / float(car["cog_to_front_axle"] + car["cog_to_rear_axle"])
@@ -213,10 +195,7 @@ class Fleet:
             ControlError: There is no such vehicle or wheel.
         """
         self._require_vehicle(row)
-        if not 0 <= wheel < layout.WHEELS:
-            raise ControlError(
-                f"there is no wheel {wheel}", place=f"vehicle in row {row}", remedy="wheels are 0 to 3"
-            )
+        refusals.check_wheel(row, wheel)
         names = ("radius_factor", "stiffness_factor", "grip_factor", "extra_resistance")
         for name, value in zip(names, astuple(fault), strict=True):
             self._states[name][row, wheel] = value
@@ -311,18 +290,11 @@ class Fleet:
             MotionError: A vehicle's motion is no longer finite; see `lost`. The others have made the step.
         """
         controls = np.asarray(controls, np.float64)
-        if controls.shape != self._controls.shape:
-            raise ControlError(
-                f"controls have shape {controls.shape}", remedy=f"send shape {self._controls.shape}"
-            )
+        refusals.check_shape(controls, self._controls.shape)
         moving, rows, worlds = self._chosen(simulations)
         bad = self._take_controls(moving, controls)
         if bad >= 0:
-            raise ControlError(
-                f"controls {controls[bad].tolist()} (throttle, brake, steering) are not numbers",
-                place=f"vehicle in row {bad}",
-                remedy="send finite controls",
-            )
+            raise refusals.not_numbers(bad, controls[bad])
         self._lost[:] = False
         self._remember_velocity()
         if driver is None:
@@ -344,12 +316,7 @@ class Fleet:
 
     def motion_error(self, row: int) -> MotionError:
         """Return what there is to say of a row that is `lost`."""
-        body, road = self._bodies[row].tolist(), self._road[row].tolist()
-        return MotionError(
-            f"motion is no longer finite: body {body}, road (friction, normal, offset) {road}",
-            place=f"vehicle in row {row}",
-            remedy="see that the road is of finite numbers, then clear the simulation",
-        )
+        return refusals.not_finite(row, self._bodies[row], self._road[row])
 
     def _chosen(
         self, simulations: NDArray[np.bool_] | None

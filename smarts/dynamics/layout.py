@@ -24,6 +24,9 @@ WHEELS = 4
 GRAVITY = 9.81
 AIR_DENSITY = 1.2
 
+MODELS = ("bullet", "dynamic", "kinematic")
+"""A car in Bullet on four wheels; a planar single track with tyre forces; one that goes where it is
+steered."""
 TYRE_MODELS = ("linear", "pacejka")
 """Names of the tyre models; their order is the number in `PARAMETERS.tyre_model`."""
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.acting import Acting, Question
 from smarts.env.adapters.actions import encode_one
+from smarts.env.parts import Parts, Watcher
 from smarts.errors import ActionError, ScenarioError, SmartsError
-from smarts.roads.scene import Scene
-from smarts.sim.simulation import Simulation
-from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.actions import ActionSpaceType
 from smarts.types.episode import EpisodeStart
 from smarts.types.frame import Frame
 from smarts.types.seats import SeatState
@@ -28,57 +27,6 @@ _ACTIVE = int(SeatState.ACTIVE)
 
 PATIENCE = 6000
 """Steps after which agents that have not entered are given up."""
-
-
-class Schedule(Protocol):
-    """What `smarts.sim.schedule` gives: which episode comes when."""
-
-    def start(self, world: int, episode: int, seed: int | None = None) -> EpisodeStart:
-        """Return an episode, a function of the arguments alone."""
-        ...
-
-
-class Notes(Protocol):
-    """What `smarts.sim.recorder.EpisodeRecorder` offers to those who have something to say."""
-
-    def annotate(self, name: str, values: ArrayLike, seats: Bools, step: Ints | None = None) -> None:
-        """Add to the record what is said about decisions, by default about those on the present state."""
-        ...
-
-    def finish(self, rows: Bools) -> None:
-        """Have the episodes of some simulations written."""
-        ...
-
-
-class Parts(Protocol):
-    """What `smarts.sim.assembly.Assembly` holds."""
-
-    @property
-    def simulation(self) -> Simulation: ...  # noqa: D102
-
-    @property
-    def schedule(self) -> Schedule: ...  # noqa: D102
-
-    @property
-    def scene(self) -> Scene: ...  # noqa: D102
-
-    @property
-    def actions(self) -> Actions: ...  # noqa: D102
-
-    @property
-    def recorder(self) -> Notes | None: ...  # noqa: D102
-
-
-class Watcher(Protocol):
-    """What an environment lets see every step: an `ArrayAdapter`, or what makes objects for users."""
-
-    def collect(self, frame: Frame, is_last: bool) -> object:
-        """See one step of a decision, or a reset; `is_last` if the decision ends with it."""
-        ...
-
-    def reset(self, egos: Bools) -> None:
-        """Forget what is remembered of these egos, shape (B, N)."""
-        ...
 
 
 @dataclass(frozen=True)

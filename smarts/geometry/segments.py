@@ -44,6 +44,21 @@ def inside_outline(x: float, y: float, outline: Floats, first: int, last: int) -
 
 
 @kernel
+def wrapped_half_open(angle: float) -> float:
+    """Return the equal angle in (-pi, pi] [rad]: `frames.wrap_angle` for kernels."""
+    return math.pi - (math.pi - angle) % (2.0 * math.pi)
+
+
+@kernel
+def wrapped(angle: float) -> float:
+    """Return the equal angle in [-pi, pi] [rad].
+
+    Other than by `wrapped_half_open`, an angle inside stays as it is to the last bit: small turns are exact.
+    """
+    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+
+
+@kernel
 def interpolate_angle(a: float, b: float, share: float) -> float:
     """Return the angle at `share` of the shorter turn from a to b, all three in (-pi, pi] [rad]."""
     # Both sums stay within a turn of the interval, and comparing is several times faster than a modulo.

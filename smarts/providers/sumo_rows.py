@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import wrapped
 
 Floats = NDArray[np.float64]
 
@@ -65,8 +66,7 @@ def fill_rows(
         y = values[2 * index + 1] - math.sin(heading) * half
         speed, yaw_rate, sideways, yaw_acceleration = values[3 * count + index], 0.0, 0.0, 0.0
         if not is_new[row]:
-            turn = heading - before[row]
-            turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+            turn = wrapped(heading - before[row])
             mean = heading - 0.5 * turn
             dx, dy = x - position[row, 0], y - position[row, 1]
             yaw_rate, sideways = turn / dt, (dy * math.cos(mean) - dx * math.sin(mean)) / dt

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import inside_outline
+from smarts.geometry.segments import inside_outline, wrapped
 from smarts.types.actions import CommandMode
 from smarts.types.seats import SeatState
 
@@ -200,8 +200,7 @@ def place_vehicles(
             v = slot[b, a]
             way, reach = 0.0, FASTEST * dt / (last + 1)
             x, y, now = position[b, v, 0], position[b, v, 1], poses[b, a, last, 3]
-            turn = poses[b, a, last, 2] - heading[b, v]
-            turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+            turn = wrapped(poses[b, a, last, 2] - heading[b, v])
             for substep in range(last + 1):
                 pose = poses[b, a, substep]
                 far = math.hypot(pose[0] - x, pose[1] - y)

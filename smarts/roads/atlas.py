@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.errors import MapError
-from smarts.roads import kernels
+from smarts.roads import footprints, kernels
 from smarts.roads.arguments import FLOAT, INT, NOT_GIVEN, floats, ints, require_buffers, require_numbers
 from smarts.roads.arrays import RouteTable
 from smarts.roads.corridors import free_corridor, route_corridor
@@ -180,7 +180,7 @@ class RoadAtlas:
         maps = self._maps(maps)
         position = floats("position", position, len(maps), 2)
         result = np.empty(len(maps), np.bool_)
-        kernels.on_road(self.roads, maps, position, _mask(kinds), bool(junctions), result)
+        footprints.on_road(self.roads, maps, position, _mask(kinds), bool(junctions), result)
         return result
 
     def corners_on_road(
@@ -198,7 +198,7 @@ class RoadAtlas:
         maps = self._maps(maps)
         count = len(maps)
         result = np.empty(count, np.int8)
-        kernels.corners_on_road(
+        footprints.corners_on_road(
             self.roads,
             maps,
             floats("position", position, count, 2),

@@ -12,18 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import (
-    cell_number,
-    inside_outline,
-    interpolate_angle,
-    project,
-    segment_at,
-)
+from smarts.geometry.segments import cell_number, interpolate_angle, project, segment_at
 from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 
 HEADING_COST = 10.0
 """What a lane of exactly the opposite direction costs among lanes that overlap [m of distance]."""
@@ -61,13 +54,19 @@ def find_row(table: RouteTable, corridor: int, lane: int, hint: float) -> int:
 
 
 @kernel
-def _is_somewhere(x: float, y: float) -> bool:
+def lane_length(roads: Roads, lane: int) -> float:
+    """Return the arc length of a lane's centreline [m]; the lane is numbered across all maps."""
+    return float(roads.point_s[roads.point_start[lane + 1] - 1])
+
+
+@kernel
+def is_somewhere(x: float, y: float) -> bool:
     """Tell whether a position can be reckoned with; NaN compares false."""
     return abs(x) < FARTHEST and abs(y) < FARTHEST
 
 
 @kernel
-def _cell_at(roads: Roads, world: int, x: float, y: float) -> int:
+def cell_at(roads: Roads, world: int, x: float, y: float) -> int:
     """Return the number across all maps of the cell that holds a point, -1 outside the grid."""
     column = cell_number(x, roads.grid_origin[world, 0], roads.grid_size[world])
     row = cell_number(y, roads.grid_origin[world, 1], roads.grid_size[world])
@@ -78,7 +77,7 @@ def _cell_at(roads: Roads, world: int, x: float, y: float) -> int:
 
 
 @kernel
-def _nearest_in_run(roads: Roads, run: int, x: float, y: float) -> tuple[int, float]:
+def nearest_in_run(roads: Roads, run: int, x: float, y: float) -> tuple[int, float]:
     """Return the segment of a run nearest to a point, and the square of its distance [m^2]."""
     best, best_square = -1, np.inf
     for point in range(roads.run[run, 1], roads.run[run, 2]):
@@ -90,7 +89,7 @@ def _nearest_in_run(roads: Roads, run: int, x: float, y: float) -> tuple[int, fl
 
 
 @kernel
-def _place_on(roads: Roads, lane: int, point: int, x: float, y: float) -> tuple[float, float, float]:
+def place_on(roads: Roads, lane: int, point: int, x: float, y: float) -> tuple[float, float, float]:
     """Return s, t [m] and overshoot [m] of a position projected onto the segment that begins at `point`.
 
     The overshoot is how far the position lies before the begin or behind the end of the whole lane.
@@ -126,7 +125,7 @@ def _gather(
         lane = roads.run[run, 0]
         if not mask >> roads.lane_kind[lane] & 1:
             continue
-        point, square = _nearest_in_run(roads, run, x, y)
+        point, square = nearest_in_run(roads, run, x, y)
         # Runs are ordered by lane, so a lane's runs follow each other.
         if count and lanes[count - 1] == lane:
             if square < squares[count - 1]:
@@ -154,7 +153,7 @@ def _choose(
     on_road_lane = False
     for place in range(count):
         lane = lanes[place]
-        overshoot = _place_on(roads, lane, points[place], x, y)[2]
+        overshoot = place_on(roads, lane, points[place], x, y)[2]
         half = 0.5 * roads.lane_width[lane]
         # A vehicle that cuts a corner keeps its lane inside a junction, though it has left the lane's area.
         reach = 2.0 * half if roads.lane_inside[lane] else half
@@ -170,7 +169,7 @@ def _choose(
             continue
         cost = math.sqrt(squares[place])
         if not math.isnan(heading) and cost < best_cost:
-            s = _place_on(roads, lane, points[place], x, y)[0]
+            s = place_on(roads, lane, points[place], x, y)[0]
             turn = heading - _heading_at(roads, points[place], s)
             cost += HEADING_COST * 0.5 * (1.0 - math.cos(turn))
         if corridor >= 0 and cost < best_cost and find_row(table, corridor, lane, np.nan) < 0:
@@ -206,7 +205,7 @@ def _nearest_anywhere(roads: Roads, world: int, x: float, y: float, mask: int) -
                 for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
                     lane = roads.run[run, 0]
                     if mask >> roads.lane_kind[lane] & 1:
-                        point, square = _nearest_in_run(roads, run, x, y)
+                        point, square = nearest_in_run(roads, run, x, y)
                         if square < best:
                             best_lane, best_point, best = lane, point, square
         # Whatever is in no ring so far is at least this far away.
@@ -242,10 +241,10 @@ def place_on_map(
 
     `corridor` is the row of `table` of its route, -1 without one; `room` is from `candidates`.
     """
-    if not _is_somewhere(x, y):
+    if not is_somewhere(x, y):
         return -1, np.nan, np.nan, np.nan
     lanes, points, squares = room
-    cell = _cell_at(roads, world, x, y)
+    cell = cell_at(roads, world, x, y)
     chosen = -1
     if cell >= 0:
         count = _gather(roads, cell, x, y, mask, lanes, points, squares)
@@ -256,7 +255,7 @@ def place_on_map(
         found, point = _nearest_anywhere(roads, world, x, y, mask)
     if found < 0:
         return -1, np.nan, np.nan, np.nan
-    s, t, overshoot = _place_on(roads, found, point, x, y)
+    s, t, overshoot = place_on(roads, found, point, x, y)
     distance = math.hypot(t, overshoot) if overshoot > 0.0 else abs(t)
     return found - int(roads.lane_base[world]), s, t, distance
 
@@ -318,7 +317,7 @@ def project_on_lanes(roads: Roads, maps: Ints, lane: Ints, position: Floats, s: 
             if square < best_square:
                 best, best_square = point, square
         if best >= 0:
-            s[i], t[i], _ = _place_on(roads, number, best, x, y)
+            s[i], t[i], _ = place_on(roads, number, best, x, y)
 
 
 @kernel
@@ -349,83 +348,9 @@ def centre_at(roads: Roads, point: int, s: float) -> tuple[float, float, float]:
 
 
 @kernel
-def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctions: bool) -> bool:
-    """Tell whether a point lies on a lane of the masked kinds or, if wanted, in a junction."""
-    cell = _cell_at(roads, world, x, y) if _is_somewhere(x, y) else -1
-    if cell < 0:
-        return False
-    for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
-        lane = roads.run[run, 0]
-        if mask >> roads.lane_kind[lane] & 1:
-            point, square = _nearest_in_run(roads, run, x, y)
-            half = 0.5 * roads.lane_width[lane]
-            if square <= half * half and _place_on(roads, lane, point, x, y)[2] <= END_TOLERANCE:
-                return True
-    if junctions:
-        for entry in range(roads.outline_start[cell], roads.outline_start[cell + 1]):
-            outline = roads.outline[entry]
-            first, last = roads.vertex_start[outline], roads.vertex_start[outline + 1]
-            if inside_outline(x, y, roads.vertex, first, last):
-                return True
-    return False
-
-
-@kernel
-def on_road(roads: Roads, maps: Ints, position: Floats, mask: int, junctions: bool, result: Bools) -> None:
-    """Write whether points lie on a lane of the masked kinds or, if wanted, in a junction; shape (E,)."""
-    for i in range(len(maps)):
-        result[i] = is_on_road(roads, maps[i], position[i, 0], position[i, 1], mask, junctions)
-
-
-@kernel
-def count_corners_on_road(
-    roads: Roads,
-    world: int,
-    x: float,
-    y: float,
-    heading: float,
-    length: float,
-    width: float,
-    mask: int,
-    junctions: bool,
-) -> int:
-    """Return how many of one footprint's four corners are on the road."""
-    forward_x, forward_y = math.cos(heading), math.sin(heading)
-    count = 0
-    for corner in range(4):
-        ahead = length * (0.5 if corner < 2 else -0.5)
-        aside = width * (0.5 if corner % 2 else -0.5)
-        corner_x = x + ahead * forward_x - aside * forward_y
-        corner_y = y + ahead * forward_y + aside * forward_x
-        count += is_on_road(roads, world, corner_x, corner_y, mask, junctions)
-    return count
-
-
-@kernel
-def corners_on_road(
-    roads: Roads,
-    maps: Ints,
-    position: Floats,
-    heading: Floats,
-    length: Floats,
-    width: Floats,
-    mask: int,
-    junctions: bool,
-    result: NDArray[np.int8],
-) -> None:
-    """Write how many of each footprint's four corners are on the road, 0 to 4; shape (E,)."""
-    for i in range(len(maps)):
-        x, y = position[i, 0], position[i, 1]
-        result[i] = count_corners_on_road(
-            roads, maps[i], x, y, heading[i], length[i], width[i], mask, junctions
-        )
-
-
-@kernel
 def distance_on_row(roads: Roads, table: RouteTable, row: int, s: float) -> float:
     """Return the distance along a route of arc length s on the lane of one of its rows [m]."""
-    length = roads.point_s[roads.point_start[table.lane[row] + 1] - 1]
-    share = min(1.0, max(0.0, s / length))
+    share = min(1.0, max(0.0, s / lane_length(roads, table.lane[row])))
     return table.begin[row] + share * (table.end[row] - table.begin[row])
 
 

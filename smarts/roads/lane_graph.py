@@ -238,7 +238,7 @@ class LaneGraph:
         segment = int(np.clip(np.searchsorted(stations, s, side="right") - 1, 0, len(stations) - 2))
         span = stations[segment + 1] - stations[segment]
         share = (s - stations[segment]) / span if span > 0 else 0.0
-        turn = np.remainder(directions[segment + 1] - directions[segment] + np.pi, 2 * np.pi) - np.pi
+        turn = -wrap_angle(directions[segment] - directions[segment + 1])
         heading = wrap_angle(float(directions[segment] + np.clip(share, 0.0, 1.0) * turn))
         x, y = points[segment] + share * (points[segment + 1] - points[segment])
         return float(x - t * np.sin(heading)), float(y + t * np.cos(heading)), heading

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import FARTHEST, centre_at, find_row
+from smarts.roads.kernels import FARTHEST, centre_at, find_row, lane_length
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -181,7 +181,7 @@ def _walk_lane(
 ) -> tuple[int, float]:
     """Write waypoints from `s` to the lane's end; return the next one's number and its overhang [m]."""
     point, last_point = roads.point_start[lane], roads.point_start[lane + 1] - 2
-    length = float(roads.point_s[last_point + 1])
+    length = lane_length(roads, lane)
     lookahead = paths.heading.shape[2]
     while i < lookahead and s <= length:
         while point < last_point and roads.point_s[point + 1] <= s:

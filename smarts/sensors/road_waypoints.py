@@ -14,7 +14,7 @@ from smarts.agents.options import RoadWaypoints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads
-from smarts.roads.kernels import centre_at, project_on_lanes
+from smarts.roads.kernels import centre_at, lane_length, project_on_lanes
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
 from smarts.sensors.road_links import RoadLinks, road_links
@@ -89,18 +89,13 @@ class RoadWaypointsAround:
 
 
 @kernel
-def _length(roads: Roads, lane: int) -> float:
-    return float(roads.point_s[roads.point_start[lane + 1] - 1])
-
-
-@kernel
 def _one_back(roads: Roads, links: RoadLinks, lane: int, s: float) -> tuple[int, float]:
     """Return the place a metre behind another, lane -1 if there is none."""
     s -= 1.0
     while s < 0.0 and lane >= 0:
         lane = links.behind[lane]
         if lane >= 0:
-            s += _length(roads, lane)
+            s += lane_length(roads, lane)
     return lane, s
 
 
@@ -108,8 +103,8 @@ def _one_back(roads: Roads, links: RoadLinks, lane: int, s: float) -> tuple[int,
 def _one_on(roads: Roads, links: RoadLinks, lane: int, s: float) -> tuple[int, float]:
     """Return the place a metre ahead of another, lane -1 if there is none."""
     s += 1.0
-    while lane >= 0 and s > _length(roads, lane):
-        s -= _length(roads, lane)
+    while lane >= 0 and s > lane_length(roads, lane):
+        s -= lane_length(roads, lane)
         lane = links.ahead[lane]
     return lane, s
 

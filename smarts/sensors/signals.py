@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from smarts.agents.options import Signals
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import find_row
+from smarts.roads.kernels import find_row, lane_length
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
 from smarts.types.interface import Field
@@ -74,11 +74,6 @@ class SignalsAhead:
 
 
 @kernel
-def _length(roads: Roads, lane: int) -> float:
-    return float(roads.point_s[roads.point_start[lane + 1] - 1])
-
-
-@kernel
 def _find(
     roads: Roads,
     table: RouteTable,
@@ -97,11 +92,11 @@ def _find(
     `left` [m] is what is left of the row's own lane; `rows` and `begins` are room for lanes yet to be seen.
     """
     found, looked = 0, 0
-    rows[0], begins[0], open_rows = row, left - _length(roads, table.lane[row]), 1
+    rows[0], begins[0], open_rows = row, left - lane_length(roads, table.lane[row]), 1
     while open_rows > 0 and looked < _MOST_OPEN:
         open_rows -= 1
         looked += 1
-        row, end = rows[open_rows], begins[open_rows] + _length(roads, table.lane[rows[open_rows]])
+        row, end = rows[open_rows], begins[open_rows] + lane_length(roads, table.lane[rows[open_rows]])
         if end > lookahead:
             continue
         for entry in range(table.onward_start[row], table.onward_start[row + 1]):
@@ -155,7 +150,7 @@ def _observe(
                     row = find_row(table, table.free + route[b, a], base + own, route_done[b, a])
                 if row < 0 or table.onward_start[row] == table.onward_start[row + 1]:
                     row = int(table.start[maps[b]] + own)
-                left = _length(roads, base + own) - clipped(s[b, slots[b, a]], FARTHEST)
+                left = lane_length(roads, base + own) - clipped(s[b, slots[b, a]], FARTHEST)
                 count = _find(roads, table, row, base, left, lookahead, signals[b], rows, begins, lanes, far)
             count_out[b, g] = count
             for k in range(count):

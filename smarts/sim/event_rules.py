@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at
 from smarts.roads.arrays import RouteTable
-from smarts.roads.kernels import centre_at
-from smarts.sim.judging import STANDING, State, corridor_row, lane_of, length_of
+from smarts.roads.kernels import centre_at, lane_length
+from smarts.sim.judging import STANDING, State, corridor_row, lane_of
 from smarts.sim.yielding import yields_to_stream
 from smarts.types.events import Event
 from smarts.types.mission import GoalKind
@@ -109,7 +109,7 @@ def _has_left_map(state: State, row: int, seat: int) -> bool:
     lane = lane_of(state, state.now, row, slot)
     if goal not in (_ENDLESS, _OFF_MAP) or state.seats.on_road[row, seat] or lane < 0:
         return False
-    is_at_end = state.now.lane_position[row, slot] >= length_of(state.roads, lane) - _AT_END
+    is_at_end = state.now.lane_position[row, slot] >= lane_length(state.roads, lane) - _AT_END
     is_ahead = abs(state.now.lane_offset[row, slot]) <= state.roads.lane_width[lane]
     return bool(state.lanes.is_dead_end[lane]) and is_at_end and is_ahead
 
@@ -195,7 +195,7 @@ def _has_to_wait(state: State, table: RouteTable, row: int, seat: int) -> bool:
     now, slot = state.now, state.seats.slot[row, seat]
     lane = lane_of(state, now, row, slot)
     is_red = lane >= 0 and state.signals[row, now.lane[row, slot]] == _STOP
-    if is_red and length_of(state.roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
+    if is_red and lane_length(state.roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
         return True
     if abs(now.speed[row, slot]) >= STANDING:
         return False
@@ -287,6 +287,6 @@ def _at_line(state: State, table: RouteTable, row: int, seat: int) -> tuple[floa
         return behind, crossed, _is_last_time(state, table, row, seat, lane)
     if was_there:
         crossed = int(old - base + 1 if before < 0.0 <= before + moved else 0)
-        has_gone_on = before + goal_s + moved >= length_of(state.roads, old) and before + moved >= 0.0
+        has_gone_on = before + goal_s + moved >= lane_length(state.roads, old) and before + moved >= 0.0
         return np.inf if has_gone_on else -np.inf, crossed, _is_last_time(state, table, row, seat, old)
     return -np.inf, 0, False

@@ -128,9 +128,3 @@ def corridor_row(state: State, table: RouteTable, row: int, seat: int, lane: int
         return -1
     corridor = table.free + state.route[row, seat]
     return find_row(table, corridor, lane, state.seats.route_done[row, seat])
-
-
-@kernel
-def length_of(roads: Roads, lane: int) -> float:
-    """Return the length of a lane [m]."""
-    return float(roads.point_s[roads.point_start[lane + 1] - 1])

@@ -12,12 +12,11 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.atlas import ROAD_LANES, RoadAtlas
+from smarts.roads.footprints import count_corners_on_road, is_on_road
 from smarts.roads.kernels import (
     candidates,
-    count_corners_on_road,
     distance_on_row,
     find_row,
-    is_on_road,
     place_on_map,
 )
 from smarts.roads.seat_routes import SeatRoutes

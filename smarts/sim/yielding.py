@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import RouteTable
-from smarts.sim.judging import STANDING, State, corridor_row, lane_of, length_of
+from smarts.roads.kernels import lane_length
+from smarts.sim.judging import STANDING, State, corridor_row, lane_of
 from smarts.types.traffic import Signal
 
 NEAR_LINE = 8.0
@@ -35,7 +36,7 @@ def yields_to_stream(state: State, table: RouteTable, row: int, seat: int) -> bo
     if lane < 0:
         return False
     front = state.now.lane_position[row, slot] + 0.5 * state.now.length[row, slot]
-    if not state.roads.lane_inside[lane] and length_of(state.roads, lane) - front > NEAR_LINE:
+    if not state.roads.lane_inside[lane] and lane_length(state.roads, lane) - front > NEAR_LINE:
         return False
     lanes = np.empty(_MOST_MEETINGS, np.int32)
     extents = np.empty((_MOST_MEETINGS, 2))
@@ -118,7 +119,7 @@ def _comes(
             begin, end = extents[meeting]
             if lanes[meeting] == lane and s + reach >= begin and s - half < end:
                 return True
-        s -= length_of(state.roads, lane)
+        s -= lane_length(state.roads, lane)
         if s + reach < 0.0:
             continue
         for entry in range(table.onward_start[here], table.onward_start[here + 1]):

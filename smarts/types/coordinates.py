@@ -9,6 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from smarts.geometry.frames import heading_from_compass, wrap_angle
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -66,13 +68,12 @@ class Heading(float):
 
     def __new__(cls, radians: float = 0.0) -> Heading:
         """Wrap an angle [rad]."""
-        wrapped = math.pi - (math.pi - radians) % (2 * math.pi)
-        return super().__new__(cls, wrapped)
+        return super().__new__(cls, wrap_angle(radians))
 
     @classmethod
     def from_sumo(cls, degrees: float) -> Heading:
         """Return the heading of SUMO's angle, which is clockwise from north in degrees."""
-        return cls(math.radians(90.0 - degrees))
+        return cls(heading_from_compass(degrees))
 
     @property
     def as_sumo(self) -> float:

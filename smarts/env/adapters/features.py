@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.kernels import centre_at, find_row
+from smarts.roads.kernels import centre_at, find_row, lane_length
 from smarts.types.seats import SeatState
 
 Floats = NDArray[np.float64]
@@ -91,12 +91,12 @@ def _heading_errors(
     lane = table.lane[row]
     point, last = roads.point_start[lane], roads.point_start[lane + 1] - 2
     for i in range(WAYPOINTS):
-        while s > roads.point_s[last + 1] and table.onward_start[row + 1] > table.onward_start[row]:
-            s -= float(roads.point_s[last + 1])
+        while s > lane_length(roads, lane) and table.onward_start[row + 1] > table.onward_start[row]:
+            s -= lane_length(roads, lane)
             row = int(table.onward[table.onward_start[row]])
             lane = table.lane[row]
             point, last = roads.point_start[lane], roads.point_start[lane + 1] - 2
-        if s <= roads.point_s[last + 1]:
+        if s <= lane_length(roads, lane):
             while point < last and roads.point_s[point + 1] <= s:
                 point += 1
             error = math.sin(centre_at(roads, point, s)[2] - heading)
@@ -232,8 +232,8 @@ def _write_lane(
         other = _path_ahead(roads, table, base, map_number, route, target, done)
         # Only beside one's own: a target on another road is one that was passed.
         if table.group[other] == table.group[row]:
-            own_end = roads.point_s[roads.point_start[base + lane + 1] - 1]
-            target_end = roads.point_s[roads.point_start[base + target + 1] - 1]
+            own_end = lane_length(roads, base + lane)
+            target_end = lane_length(roads, base + target)
             row, s = other, s * target_end / own_end
     _heading_errors(roads, table, row, s, driving.heading[b, own], headings)
 

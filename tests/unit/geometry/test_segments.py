@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from smarts.geometry import segments
+from smarts.geometry.frames import wrap_angle
 
 
 def test_project_beside_a_segment():
@@ -32,6 +33,19 @@ def test_inside_an_l_shape(x, y, inside):
 def test_interpolate_angle_takes_the_shorter_turn():
     assert segments.interpolate_angle(3.0, -3.0, 0.5) == pytest.approx(math.pi)
     assert segments.interpolate_angle(0.2, -0.2, 0.25) == pytest.approx(0.1)
+
+
+def test_angles_in_kernels_are_wrapped_as_elsewhere():
+    angles = [*np.linspace(-20.0, 20.0, 1001).tolist(), math.pi, -math.pi, 3 * math.pi]
+    assert [segments.wrapped_half_open(angle) for angle in angles] == [wrap_angle(angle) for angle in angles]
+
+
+def test_wrapped_turns_are_equal_turns_and_small_ones_the_same():
+    inside = [*np.linspace(-3.14, 3.14, 101).tolist(), 1e-17, -math.pi]
+    assert [segments.wrapped(turn) for turn in inside] == inside
+    assert segments.wrapped(math.pi) == -math.pi
+    assert segments.wrapped(7.0) == pytest.approx(7.0 - 2 * math.pi)
+    assert segments.wrapped(-10.0) == pytest.approx(4 * math.pi - 10.0)
 
 
 @pytest.mark.parametrize(("s", "segment"), [(-1.0, 2), (0.0, 2), (0.9, 2), (1.0, 3), (2.5, 4), (9.0, 4)])

@@ -5,7 +5,7 @@ import pytest
 
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.corridors import route_corridor
-from smarts.roads.kernels import find_row
+from smarts.roads.kernels import find_row, lane_length
 from smarts.roads.routes import random_route
 
 from . import maps, reference
@@ -54,6 +54,11 @@ def test_locate(atlas, segments, scene):
         assert found.lane[i] == lane
         assert [found.s[i], found.t[i], found.distance[i]] == pytest.approx([s, t, distance], abs=1e-6)
     assert ties < 0.05 * len(world)
+
+
+def test_lane_lengths(atlas):
+    expected = np.concatenate([graph.length for graph in atlas.graphs]).tolist()
+    assert [lane_length(atlas.roads, lane) for lane in range(len(expected))] == expected
 
 
 def test_project_and_poses_are_inverse(atlas, scene):

@@ -1,0 +1,95 @@
+"""What a fleet cannot be asked for, and what it says then."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.dynamics import layout
+from smarts.errors import SmartsError, UnknownNameError, nearest_names
+
+Floats = NDArray[np.float64]
+
+
+class ControlError(SmartsError):
+    """Controls that no vehicle can follow, or a row that cannot take a vehicle."""
+
+
+class MotionError(SmartsError):
+    """A vehicle's motion has left the finite numbers."""
+
+
+def check_models(row: int, model: str, tyres: str) -> None:
+    """Refuse models of a vehicle and of its tyres that there are not.
+
+    Raises:
+        UnknownNameError: It is none of `layout.MODELS`, or none of `layout.TYRE_MODELS`.
+    """
+    for kind, given, known in (("model", model, layout.MODELS), ("tyre model", tyres, layout.TYRE_MODELS)):
+        if given not in known:
+            remedy = nearest_names(given, known)
+            raise UnknownNameError(f"no {kind} {given!r}", place=_vehicle(row), remedy=remedy)
+
+
+def check_start(
+    row: int, position: tuple[float, float], heading: float, speed: float, steering: float
+) -> None:
+    """Refuse to put a vehicle where no number says.
+
+    Raises:
+        ControlError: A number is not finite.
+    """
+    if not np.isfinite([*position, heading, speed, steering]).all():
+        raise ControlError(
+            f"position {position}, heading {heading}, speed {speed}, steering {steering}: not all finite",
+            place=_vehicle(row),
+            remedy="give finite numbers",
+        )
+
+
+def check_wheel(row: int, wheel: int) -> None:
+    """Refuse a wheel that a vehicle does not have.
+
+    Raises:
+        ControlError: It has no such wheel.
+    """
+    if not 0 <= wheel < layout.WHEELS:
+        raise ControlError(f"there is no wheel {wheel}", place=_vehicle(row), remedy="wheels are 0 to 3")
+
+
+def check_shape(controls: Floats, shape: tuple[int, ...]) -> None:
+    """Refuse controls that are not one row for each row of the fleet.
+
+    Raises:
+        ControlError: They have another shape.
+    """
+    if controls.shape != shape:
+        raise ControlError(f"controls have shape {controls.shape}", remedy=f"send shape {shape}")
+
+
+def not_numbers(row: int, controls: Floats) -> ControlError:
+    """Return what there is to say of a row's controls, shape (3,), that hold NaN."""
+    return ControlError(
+        f"controls {controls.tolist()} (throttle, brake, steering) are not numbers",
+        place=_vehicle(row),
+        remedy="send finite controls",
+    )
+
+
+def not_finite(row: int, body: Floats, road: Floats) -> MotionError:
+    """Return what there is to say of a row whose motion has left the finite numbers.
+
+    Args:
+        row: Of the vehicle.
+        body: Its spatial motion, see `layout.BODY_SIZE`.
+        road: Below it: friction, normal, offset [m].
+    """
+    return MotionError(
+        f"motion is no longer finite: body {body.tolist()}, road (friction, normal, offset) {road.tolist()}",
+        place=_vehicle(row),
+        remedy="see that the road is of finite numbers, then clear the simulation",
+    )
+
+
+def _vehicle(row: int) -> str:
+    return f"vehicle in row {row}"

@@ -1,0 +1,93 @@
+"""Compiled: whether points and the corners of footprints are on the road, on several maps at once.
+
+Axis letter: E queries.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import inside_outline
+from smarts.roads.arrays import Roads
+from smarts.roads.kernels import END_TOLERANCE, cell_at, is_somewhere, nearest_in_run, place_on
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Bools = NDArray[np.bool_]
+
+
+@kernel
+def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctions: bool) -> bool:
+    """Tell whether a point lies on a lane of the masked kinds or, if wanted, in a junction."""
+    cell = cell_at(roads, world, x, y) if is_somewhere(x, y) else -1
+    if cell < 0:
+        return False
+    for run in range(roads.run_start[cell], roads.run_start[cell + 1]):
+        lane = roads.run[run, 0]
+        if mask >> roads.lane_kind[lane] & 1:
+            point, square = nearest_in_run(roads, run, x, y)
+            half = 0.5 * roads.lane_width[lane]
+            if square <= half * half and place_on(roads, lane, point, x, y)[2] <= END_TOLERANCE:
+                return True
+    if junctions:
+        for entry in range(roads.outline_start[cell], roads.outline_start[cell + 1]):
+            outline = roads.outline[entry]
+            first, last = roads.vertex_start[outline], roads.vertex_start[outline + 1]
+            if inside_outline(x, y, roads.vertex, first, last):
+                return True
+    return False
+
+
+@kernel
+def on_road(roads: Roads, maps: Ints, position: Floats, mask: int, junctions: bool, result: Bools) -> None:
+    """Write whether points lie on a lane of the masked kinds or, if wanted, in a junction; shape (E,)."""
+    for i in range(len(maps)):
+        result[i] = is_on_road(roads, maps[i], position[i, 0], position[i, 1], mask, junctions)
+
+
+@kernel
+def count_corners_on_road(
+    roads: Roads,
+    world: int,
+    x: float,
+    y: float,
+    heading: float,
+    length: float,
+    width: float,
+    mask: int,
+    junctions: bool,
+) -> int:
+    """Return how many of one footprint's four corners are on the road."""
+    forward_x, forward_y = math.cos(heading), math.sin(heading)
+    count = 0
+    for corner in range(4):
+        ahead = length * (0.5 if corner < 2 else -0.5)
+        aside = width * (0.5 if corner % 2 else -0.5)
+        corner_x = x + ahead * forward_x - aside * forward_y
+        corner_y = y + ahead * forward_y + aside * forward_x
+        count += is_on_road(roads, world, corner_x, corner_y, mask, junctions)
+    return count
+
+
+@kernel
+def corners_on_road(
+    roads: Roads,
+    maps: Ints,
+    position: Floats,
+    heading: Floats,
+    length: Floats,
+    width: Floats,
+    mask: int,
+    junctions: bool,
+    result: NDArray[np.int8],
+) -> None:
+    """Write how many of each footprint's four corners are on the road, 0 to 4; shape (E,)."""
+    for i in range(len(maps)):
+        x, y = position[i, 0], position[i, 1]
+        result[i] = count_corners_on_road(
+            roads, maps[i], x, y, heading[i], length[i], width[i], mask, junctions
+        )
