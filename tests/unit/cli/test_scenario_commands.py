@@ -79,7 +79,9 @@ def test_run_counts_vehicles_and_draws(tiny):
     assert out.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+@pytest.mark.parametrize(
+    "suffix", [".pdf", *(pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".png", ".svg"))]
+)
 def test_show_draws_any_format(tiny, suffix):
     out = tiny / f"picture{suffix}"
     result = smarts_bench("scenario", "show", tiny, "--seconds", "5", "--out", out)

@@ -132,6 +132,7 @@ def output(folder, code, *arguments):
     return run.stdout
 
 
+@pytest.mark.slow
 def test_machine_code_is_kept_on_disk_by_type(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM)
     hits = [int(output(tmp_path, "import program", dtype)) for dtype in ("int64", "float64", "int64")]
@@ -172,6 +173,7 @@ print(bind(third_of, Box(array=np.arange(10, 18)[::2], other=np.arange(8)[::2]))
 """
 
 
+@pytest.mark.slow
 def test_machine_code_on_disk_follows_changes_of_fields(tmp_path):
     (tmp_path / "thirds.py").write_text(THIRD)
     program = BOUND_THIRD.format(binding="smarts.geometry.binding")

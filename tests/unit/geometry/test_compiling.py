@@ -58,12 +58,13 @@ def package(tmp_path):
     return folder
 
 
-def evaluate(package, code):
-    command = [sys.executable, "-c", code]
+def evaluate(package, code, *arguments):
+    command = [sys.executable, "-c", code, *arguments]
     run = subprocess.run(command, cwd=package.parent, capture_output=True, text=True, check=True)
     return run.stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_kernel_follows_changes_of_the_kernels_and_constants_that_it_uses(package):
     (package / "totals.py").write_text(TOTALS)
     results = []
@@ -84,6 +85,7 @@ WAYS_TO_IMPORT_A_CONSTANT = [
 ]
 
 
+@pytest.mark.slow
 def test_a_kernel_follows_changes_of_a_constant_imported_alone(package):
     (package / "derived.py").write_text(DERIVED)
     code = "import importlib\nfor i in range(7):\n"
@@ -99,6 +101,7 @@ def test_a_kernel_follows_changes_of_a_constant_imported_alone(package):
         assert evaluate(package, code).splitlines() == expected
 
 
+@pytest.mark.slow
 def test_a_change_that_a_kernel_does_not_import_leaves_it_alone(package):
     (package / "constants.py").write_text(CONSTANTS.format(metres=1))
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
@@ -109,6 +112,7 @@ def test_a_change_that_a_kernel_does_not_import_leaves_it_alone(package):
     assert [first, evaluate(package, code)] == ["0", "1"]
 
 
+@pytest.mark.slow
 def test_modules_that_import_each_other(package):
     lengths = LENGTHS.format(metres=1, factor=2)
     for feet, hits in ((3, "0"), (4, "0"), (3, "1")):
@@ -126,19 +130,44 @@ def test_a_kernel_follows_changes_of_named_tuples(package):
         assert evaluate(package, code) == "2.0"
 
 
-def test_unchanged_kernels_come_from_the_cache(package):
-    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
-    code = "from fresh.lengths import double; double(1); print(sum(double.stats.cache_hits.values()))"
-    assert [evaluate(package, code) for _ in range(2)] == ["0", "1"]
+DIGESTS = """
+import sys
+from pathlib import Path
+from smarts.geometry.compiling import sources_digest
+
+names = sys.argv[1].split(",")
+for name in names:
+    __import__(f"fresh.{name}")
+for metres in (1, 2, 1):
+    Path("fresh/constants.py").write_text(f"METRES = {metres}")
+    sources_digest.cache_clear()
+    print(*[sources_digest(f"fresh.{name}") for name in names])
+"""
 
 
-def test_a_notice_is_given_when_the_first_kernel_is_compiled(package):
+def test_digests_follow_all_that_a_module_imports(package):
+    """What the slow tests above show by compiling."""
+    modules = {f"way{number}": statement for number, (statement, *_) in enumerate(WAYS_TO_IMPORT_A_CONSTANT)}
+    modules |= {
+        "derived": DERIVED,
+        "there": "import fresh.back, fresh.constants",
+        "back": "import fresh.there",
+    }
+    (package / "constants.py").write_text("METRES = 1")
+    for name, statement in (modules | {"apart": "import math, fresh"}).items():
+        (package / f"{name}.py").write_text(f"# {name}\n{statement}\n")
+    lines = evaluate(package, DIGESTS, ",".join([*modules, "apart"])).splitlines()
+    first, second, third = map(str.split, lines)
+    assert first == third
+    assert [one == other for one, other in zip(first, second, strict=True)] == [False] * len(modules) + [True]
+
+
+def test_a_notice_is_given_when_the_first_kernel_is_compiled_and_none_when_it_is_in_the_cache(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     code = "import logging, sys; from numba import njit; from fresh.lengths import double\n"
     code += "logging.basicConfig(stream=sys.stdout, format='%(message)s')\n"
     code += "njit(lambda x: x + 1)(1); print('a function of somebody else')\n"
-    code += "double(1), double(1.0)"
-    first = evaluate(package, code).splitlines()
-    assert first[0] == "a function of somebody else"
-    assert [line.partition(",")[0] for line in first[1:]] == ["compiling kernels"]
-    assert evaluate(package, code).splitlines() == first[:1]
+    code += "double(1), double(1.0); print(sum(double.stats.cache_hits.values()))"
+    own, notice, hits = evaluate(package, code).splitlines()
+    assert (own, notice.partition(",")[0], hits) == ("a function of somebody else", "compiling kernels", "0")
+    assert evaluate(package, code).splitlines() == ["a function of somebody else", "2"]

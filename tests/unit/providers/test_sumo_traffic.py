@@ -83,14 +83,15 @@ def test_equals_the_sumo_binary(world, country, tmp_path, place):
             assert world.states.speed[slot] == pytest.approx(float(attributes["speed"]), rel=0, abs=1e-12)
 
 
-def test_four_in_turn_equal_four_alone(new_world, country):
+@pytest.mark.parametrize("steps", [200, pytest.param(1000, marks=pytest.mark.slow)])
+def test_four_in_turn_equal_four_alone(new_world, country, steps):
     files = country.road(warm_up=10.0)
-    alone = [digest(new_world(), files, seed, 1000) for seed in range(4)]
+    alone = [digest(new_world(), files, seed, steps) for seed in range(4)]
     worlds = [new_world() for _ in range(4)]
     for seed, world in enumerate(worlds):
         world.reset(files, seed)
     hashes = [hashlib.blake2b(world.fingerprint()) for world in worlds]
-    for _ in range(1000):
+    for _ in range(steps):
         for world, hashed in zip(worlds, hashes, strict=True):
             world.step()
             hashed.update(world.fingerprint())

@@ -1,3 +1,4 @@
+import shutil
 from pathlib import Path
 
 import pytest
@@ -5,6 +6,7 @@ import pytest
 from smarts.roads.compile import compile_map
 from smarts.roads.sources import find_map_source
 from smarts.roads.sumo_net import read_net
+from smarts.sstudio.build import build_scenario
 
 from . import sources
 
@@ -50,6 +52,22 @@ def scenario_folder(tmp_path):
         return folder
 
     return make
+
+
+@pytest.fixture(scope="session")
+def _built_once(tmp_path_factory):
+    folder = sources.write_cross(tmp_path_factory.mktemp("built") / "cross")
+    (folder / "scenario.py").write_text(sources.SCRIPT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder.parent / "cache"))
+        build_scenario(folder)
+    return folder
+
+
+@pytest.fixture
+def built_folder(_built_once, tmp_path) -> Path:
+    """A scenario folder of one's own that was built already: `sources.SCRIPT` on the crossing."""
+    return Path(shutil.copytree(_built_once, tmp_path / "cross"))
 
 
 @pytest.fixture(autouse=True)

@@ -27,16 +27,16 @@ DAMAGES = {
 
 
 class TestDamage:
-    def test_damaged_artefacts_are_built_anew(self, scenario_folder):
-        folder = scenario_folder()
-        directory = build_scenario(folder).directory
+    @pytest.mark.parametrize("names", [FILES[:1], pytest.param(FILES[1:], marks=pytest.mark.slow)])
+    def test_damaged_artefacts_are_built_anew(self, built_folder, names):
+        directory = build_scenario(built_folder).directory
         whole = {name: (directory / name).read_bytes() for name in FILES}
-        for name, damage in zip(FILES, itertools.cycle(DAMAGES.values()), strict=False):
+        for name, damage in zip(names, itertools.cycle(DAMAGES.values()), strict=False):
             damage(directory / name)
             assert Path(damaged_file(directory)).name == Path(name).name
-            assert build_scenario(folder).directory == directory
+            assert build_scenario(built_folder).directory == directory
             assert {name: (directory / name).read_bytes() for name in FILES} == whole
-        assert not list((folder / "build").glob(".partial-*"))
+        assert not list((built_folder / "build").glob(".partial-*"))
 
     @pytest.mark.parametrize("damage", DAMAGES)
     @pytest.mark.parametrize("name", ["a", "manifest.json"])
@@ -53,8 +53,8 @@ class TestDamage:
         (tmp_path / "manifest.json").write_text(manifest)
         assert damaged_file(tmp_path) == "manifest.json"
 
-    def test_damage_of_equal_size_is_found_when_it_is_read_and_mended_next_time(self, scenario_folder):
-        folder = scenario_folder()
+    def test_damage_of_equal_size_is_found_when_it_is_read_and_mended_next_time(self, built_folder):
+        folder = built_folder
         built = build_scenario(folder)
         lanes = built.directory / "lanes.npz"
         lanes.write_bytes(bytes(lanes.stat().st_size))
@@ -63,16 +63,18 @@ class TestDamage:
         assert str(folder) in caught.value.place
         assert build_scenario(folder).roads().edge_number("from_west") >= 0
 
-    def test_damaged_entries_of_the_index(self, scenario_folder):
-        folder = scenario_folder()
-        built = build_scenario(folder)
-        for body in ("[]", '{"key": 5, "files": 1}', "{"):
-            for entry in (folder / "build" / "index").iterdir():
-                entry.write_text(body)
-            assert build_scenario(folder) == built
+    @pytest.mark.parametrize(
+        "body",
+        ["{", *(pytest.param(body, marks=pytest.mark.slow) for body in ("[]", '{"key": 5, "files": 1}'))],
+    )
+    def test_damaged_entries_of_the_index(self, built_folder, body):
+        built = build_scenario(built_folder)
+        for entry in (built_folder / "build" / "index").iterdir():
+            entry.write_text(body)
+        assert build_scenario(built_folder) == built
 
-    def test_a_damaged_map_is_not_shared(self, scenario_folder):
-        folder = scenario_folder()
+    def test_a_damaged_map_is_not_shared(self, built_folder):
+        folder = built_folder
         net = build_scenario(folder).net_file
         whole = net.read_bytes()
         net.write_bytes(bytes(len(whole)))
