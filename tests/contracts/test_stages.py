@@ -95,7 +95,7 @@ ALLOWED = {
     "locator": columns(
         *(f"vehicles.{name}" for name in LOCATION),
         *(f"seats.{name}" for name in ("route_done", "remaining", "on_road", "corners_on_road", "on_route")),
-        *("seats.legal", "seats.lap"),
+        *("seats.legal", "seats.lap", "seats.lane_changes"),
     ),
     "contacts": nothing,
     "events": columns(
