@@ -263,6 +263,45 @@ def test_a_spare_seat_takes_a_vehicle_that_a_transfer_gives_it(play):
     assert world.seats.state[0, SOCIAL] == SeatState.VACANT
 
 
+def test_a_vehicle_taken_in_a_bend_is_where_sumo_had_it_and_stays_in_its_lane(play):
+    """SUMO has both bumpers on the lane's middle: a chord, its middle inside the arc by length^2 / 8 R.
+
+    An agent that keeps its lane takes it on from there, without a jump.
+    """
+    keep = InProcess(lambda seat: Agent.from_function(lambda seen: "keep_lane"))
+    played = play(keep, scenario="roundabout")
+    played.reset()
+    world, ownership = played.world, played.parts.ownership
+    vehicles = world.vehicles
+    slot = _turning(played)
+    curvature = float(vehicles.yaw_rate[0, slot] / vehicles.speed[0, slot])
+    aside = float(vehicles.length[0, slot]) ** 2 * curvature / 8
+    assert abs(aside) > 0.1
+    assert vehicles.lane_offset[0, slot] == pytest.approx(aside, abs=0.04)
+    generation = int(vehicles.generation[0, slot])
+    take = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, SOCIAL, Reason.TAKE)
+    ownership.submit(transfers([take]))
+    for _ in range(10):
+        played.step()
+        assert vehicles.owner[0, slot] == Owner.AGENT
+        assert jumps(played, slot)[0] < 0.1
+        assert abs(vehicles.lane_offset[0, slot]) < abs(aside) + 0.1
+
+
+def _turning(played):
+    """Step until a vehicle of traffic has been on a bend of 12 to 25 m for some steps; return its slot."""
+    vehicles, steady = played.world.vehicles, {}
+    for _ in range(300):
+        played.step()
+        for slot in np.flatnonzero(vehicles.owner[0] == Owner.TRAFFIC).tolist():
+            curvature = abs(float(vehicles.yaw_rate[0, slot])) / max(float(vehicles.speed[0, slot]), 1.0)
+            key = slot, int(vehicles.lane[0, slot])
+            steady[key] = steady.get(key, 0) + 1 if 1 / 25 < curvature < 1 / 12 else 0
+            if steady[key] == 8:
+                return slot
+    raise AssertionError("nobody turned")
+
+
 def test_where_all_wait_time_goes_on_until_somebody_is_there(play):
     played = play(Answers(), trap(seat=EGO))
     played.reset()
