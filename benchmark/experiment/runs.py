@@ -85,7 +85,7 @@ class Run:
 
     def digest(self) -> str:
         """Return a digest of all that its training depends on."""
-        return _digest(self.content())
+        return digest_of(self.content())
 
 
 def run_from(content: Mapping[str, Any]) -> Run:
@@ -146,10 +146,11 @@ class ReferenceRun:
 
     def digest(self) -> str:
         """Return a digest of the content."""
-        return _digest(self.content())
+        return digest_of(self.content())
 
 
-def _digest(content: Mapping[str, Any]) -> str:
+def digest_of(content: Mapping[str, Any]) -> str:
+    """Return a digest of what runs keep beside their results."""
     return hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=8).hexdigest()
 
 

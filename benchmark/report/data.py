@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import yaml
 from pydantic import ValidationError
 
 from benchmark.experiment.config import Experiment
@@ -222,7 +221,7 @@ def _read_run(
         return None
     try:
         facts = _mapping(read_json(folder.run), folder.run)
-        config = _read_config(folder.config)
+        config = folder.read_config()
         progress = _read_progress(folder)
     except ResultsError as error:
         problems[place] = str(Path(error.place).name) + f": {error.problem}"
@@ -233,17 +232,11 @@ def _read_run(
         return run
     try:
         table = _checked(read_table(folder.table), names)
+        _check_extent(table, facts.get("tested"))
     except SmartsError as error:
         problems[f"{place}/{folder.table.name}"] = error.problem
         return RunResult(*names, place, UNREADABLE, facts, config, progress)
     return RunResult(*names, place, status, facts, config, progress, table)
-
-
-def _read_config(file: Path) -> Mapping[str, Any]:
-    try:
-        return _mapping(yaml.safe_load(file.read_text(encoding="utf-8")), file)
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ResultsError(f"cannot be read: {_first_line(error)}", place=str(file)) from error
 
 
 def _mapping(content: Any, file: Path) -> Mapping[str, Any]:
@@ -281,6 +274,28 @@ def _checked(table: Frame, names: tuple[str, str, str, int]) -> Frame:
         if others:
             raise ResultsError(f"of another run: its {column} is {others[0]!r}, not {value!r}")
     return table
+
+
+def _check_extent(table: Frame, tested: Any) -> None:
+    """See that a table is of the test that its run says was made; of what is not said nothing is known.
+
+    Raises:
+        ResultsError: It holds other ways of acting, or not that many episodes.
+    """
+    if not isinstance(tested, dict) or not isinstance(wanted := tested.get("episodes"), int):
+        return
+    counts = table.attrs[COUNTS]
+    lost = counts["incomplete"] + len(counts["corrupted"])
+    plain = table[table["split"] == "train"]
+    learned = (table["training_seed"] != SCRIPTED_SEED).any()
+    for mode in sorted({*plain["mode"], *(tested.get("modes", []) if learned else [])}):
+        rows = plain[plain["mode"] == mode]
+        found = rows["world"].nunique()
+        void = rows.loc[rows["is_void"], "world"].nunique()
+        if not found - void <= wanted <= found + lost:
+            raise ResultsError(
+                f"of another test: it holds {found} {mode} episodes, the run was tested on {wanted}"
+            )
 
 
 def _no_rows() -> Frame:

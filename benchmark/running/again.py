@@ -6,10 +6,9 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import pandas as pd
-import yaml
 
 from benchmark.experiment.config import Evaluation, Task
 from benchmark.experiment.runs import Run, run_from
@@ -41,14 +40,20 @@ def evaluate_again(
         episodes: For each mode.
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
-        out: Folder that keeps the table and the recorded episodes.
+        out: Folder that keeps the table and the recorded episodes; not a run's.
 
     Raises:
-        ResultsError: There is no run, or it has no such checkpoint, or that is damaged.
+        ResultsError: There is no run, or it has no such checkpoint, or that is damaged; or `out` is a run's.
         SmartsError: A scenario or its traffic does not exist.
         CheckpointError: The checkpoint does not fit the run's config.
     """
     folder = RunFolder(path)
+    if out is not None and RunFolder(out).run.exists():
+        raise ResultsError(
+            "here are the results of a run, which would be lost",
+            place=str(out),
+            remedy="give another --out",
+        )
     run = _changed(read_run(folder), scenarios, traffic, episodes, modes, keep=out is not None)
     for scenario in run.cell.task.scenarios:
         build_scenario(scenario).with_traffic([run.cell.traffic]).episodes(run.cell.environment.agents)
@@ -73,11 +78,11 @@ def read_run(folder: RunFolder) -> Run:
         ResultsError: There is none, or its config is damaged.
     """
     try:
-        content: Any = yaml.safe_load(folder.config.read_text(encoding="utf-8"))
-        return run_from(content)
-    except (OSError, ValueError, yaml.YAMLError) as error:
+        return run_from(folder.read_config())
+    except (ResultsError, ValueError) as error:
+        reason = error.problem if isinstance(error, ResultsError) else error
         raise ResultsError(
-            f"not a run: {error}",
+            f"not a run: {reason}",
             place=str(folder.config),
             remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1",
         ) from error

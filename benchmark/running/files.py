@@ -45,8 +45,12 @@ def write_json(file: Path, content: Any) -> None:
     write_whole(file, lambda partial: partial.write_text(text, encoding="utf-8"))
 
 
-def read_json(file: Path) -> Any:
+def read_json(file: Path, remedy: str = "remove it, and what was lost is made again") -> Any:
     """Return the content of a JSON file.
+
+    Args:
+        file: Where.
+        remedy: What to do if it is damaged.
 
     Raises:
         ResultsError: It cannot be read, or is damaged.
@@ -54,9 +58,7 @@ def read_json(file: Path) -> Any:
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ResultsError(
-            f"cannot be read: {error}", place=str(file), remedy="remove it, and what was lost is made again"
-        ) from error
+        raise ResultsError(f"cannot be read: {error}", place=str(file), remedy=remedy) from error
 
 
 def replace_folder(folder: Path, fill: Callable[[Path], Any]) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 
 import yaml
 
+from benchmark.experiment.runs import digest_of
 from benchmark.running.files import (
     ResultsError,
     named_failures,
@@ -78,19 +79,45 @@ class RunFolder:
         Raises:
             ResultsError: Here are the results of another run, or they are damaged.
         """
-        if self.run.exists() and (found := read_json(self.run).get("digest")) != digest:
+        found = self._digest()
+        if found not in (None, digest):
             raise ResultsError(
                 f"here are results of a run with another config ({found}, this one is {digest})",
                 place=str(self.config),
                 remedy="give the experiment another name or --out, or remove the folder to begin anew",
             )
 
+    def _digest(self) -> str | None:
+        """Return the digest of the config that what is here was made with; None if here is nothing."""
+        if self.run.exists():
+            return read_json(self.run).get("digest")
+        if not (self.checkpoint.exists() and self.config.exists()):
+            return None
+        # Somebody has removed a damaged run.json.
+        return digest_of(self.read_config())
+
+    def read_config(self) -> dict[str, Any]:
+        """Return the content of config.yaml.
+
+        Raises:
+            ResultsError: It is missing or damaged.
+        """
+        try:
+            content: Any = yaml.safe_load(self.config.read_text(encoding="utf-8"))
+        except (OSError, ValueError, yaml.YAMLError) as error:
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            raise ResultsError(f"cannot be read: {reason}", place=str(self.config)) from error
+        if not isinstance(content, dict):
+            raise ResultsError("holds no keys and values", place=str(self.config))
+        return content
+
     def open(self, content: Mapping[str, Any], digest: str) -> None:
         """Begin the run, or make sure that what is here is a part of it; see `check`."""
         self.check(digest)
         with named_failures(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
-        if not self.config.exists():
+        # What is here without a run.json is of a run that was killed before it began, perhaps another one.
+        if not self.run.exists() or not self.config.exists():
             text = yaml.safe_dump(dict(content), sort_keys=False)
             write_whole(self.config, lambda file: file.write_text(text, encoding="utf-8"))
         recover_folder(self.checkpoint)
@@ -111,9 +138,16 @@ class RunFolder:
         replace_folder(folder, fill)
 
     def training_state(self) -> dict[str, Any] | None:
-        """Return how far training was at the last checkpoint, None without one."""
-        file = self.checkpoint / "training.json"
-        return read_json(file) if file.exists() else None
+        """Return how far training was at the last checkpoint, None without one.
+
+        Raises:
+            ResultsError: The checkpoint is damaged.
+        """
+        if not self.checkpoint.exists():
+            return None
+        return read_json(
+            self.checkpoint / "training.json", remedy=f"remove the folder {self.checkpoint} to train anew"
+        )
 
     def begin_progress(self, iteration: int) -> None:
         """Keep the lines of progress.csv up to an iteration, since those after it will be made again."""

@@ -1,5 +1,7 @@
 """What a report reads: whole runs are used, everything else is named."""
 
+import json
+
 import pytest
 
 from benchmark.report.data import NOT_BEGUN, UNREADABLE, read_results
@@ -72,6 +74,28 @@ def test_damaged_and_foreign_files_are_named_and_left_out(tmp_path):
     assert "run.json" in results.problems[f"a2c/{place}/seed_1"]
     assert [run.algorithm for run in results.finished] == ["ppo"]
     assert [run.status for run in results.runs if run.algorithm == "dqn"] == [UNREADABLE, NOT_BEGUN]
+
+
+@pytest.mark.parametrize(
+    ("episodes", "modes", "fits"),
+    [
+        (2, ["greedy"], True),
+        (5, ["greedy"], False),
+        (1, ["greedy"], False),
+        (2, ["greedy", "sampled"], False),
+        (2, ["sampled"], False),
+    ],
+)
+def test_the_table_of_another_test_is_named(tmp_path, episodes, modes, fits):
+    write_experiment(tmp_path)
+    run = write_run(tmp_path, "ppo", greedy([*TWO, ["void", "void"]]))
+    facts = json.loads((run / "run.json").read_text())
+    tested = {"episodes": episodes, "modes": modes, "held_out_episodes": 0}
+    (run / "run.json").write_text(json.dumps({**facts, "tested": tested}))
+    results = read_results(tmp_path)
+    assert len(results.finished) == fits
+    said = results.problems.get(f"ppo/intersection/{ALONE}/seed_1/episodes.parquet", "")
+    assert ("of another test" in said) is not fits
 
 
 def test_without_a_whole_experiment_file_the_runs_count(tmp_path):

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from benchmark.experiment.runs import digest_of
+from benchmark.running.again import evaluate_again
 from benchmark.running.files import (
     PARTIAL,
     ResultsError,
@@ -18,6 +20,7 @@ from benchmark.running.files import (
     write_json,
 )
 from benchmark.running.folder import PROGRESS_COLUMNS, RunFolder
+from tests.hand_made_results import agent_episodes, write_run
 
 
 class FakeAlgo:
@@ -98,6 +101,41 @@ def test_results_of_another_config_are_refused(tmp_path):
     folder.open({"a": 1}, "digest-1")
     with pytest.raises(ResultsError, match="a run with another config"):
         folder.open({"a": 2}, "digest-2")
+
+
+def test_the_config_of_a_run_that_was_killed_before_it_began_is_written_anew(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    folder.open({"a": 1}, "digest-1")
+    folder.open({"a": 2}, "digest-2")
+    folder.note(status="training", digest="digest-2")
+    assert folder.read_config() == {"a": 2}
+
+
+def test_a_checkpoint_without_its_run_file_still_belongs_to_its_config(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    content = {"a": 1, "rate": [[0, 1e-05]], "minutes": None}
+    folder.open(content, digest_of(content))
+    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    folder.open(content, digest_of(content))
+    with pytest.raises(ResultsError, match="a run with another config"):
+        folder.open({"a": 2}, digest_of({"a": 2}))
+
+
+def test_a_checkpoint_that_does_not_say_how_far_training_was_is_refused(tmp_path):
+    folder = RunFolder(tmp_path)
+    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    (folder.checkpoint / "training.json").unlink()
+    with pytest.raises(ResultsError, match=r"training\.json: cannot be read") as caught:
+        folder.training_state()
+    assert caught.value.remedy == f"remove the folder {folder.checkpoint} to train anew"
+
+
+def test_a_test_is_not_written_over_the_results_of_a_run(tmp_path):
+    run = write_run(tmp_path / "mine", "ppo", [agent_episodes([["goal"]], mode="greedy")])
+    written = (run / "episodes.parquet").read_bytes()
+    with pytest.raises(ResultsError, match="the results of a run, which would be lost"):
+        evaluate_again(run, out=run)
+    assert (run / "episodes.parquet").read_bytes() == written
 
 
 def test_a_damaged_run_file_is_named(tmp_path):
