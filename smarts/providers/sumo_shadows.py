@@ -14,6 +14,8 @@ two. What SUMO needs help with, found by experiment (the tests in `test_sumo_sha
 - A driver who must give way looks at the routes of those who approach. A shadow whose route ends before the
   junction is no reason to wait, so every shadow is given a route across the next junction: its own, or
   straight on.
+- A vehicle is added on any road. If that happens to be where it then is put, SUMO goes back to the route of
+  that one road a step later, whatever it was told meanwhile; so it is told when it is added.
 - SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. It is told
   instead.
 - Oncoming drivers do not see a shadow that reaches over the centre line; `sumo_stand_ins` shows it to them.
@@ -125,6 +127,8 @@ class SumoShadows:
         """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""
         self._library.vehicle.add(name, "", typeID=self._type_of(slot, states))
         self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
+        if route:
+            self._library.accepts(self._library.vehicle.setRoute, name, list(route))
         self._shadows[slot] = _Shadow(name, tuple(route))
 
     def take_over(self, slot: int, name: str) -> None:

@@ -249,6 +249,20 @@ def test_traffic_admitted_by_others_is_driven_by_sumo(world, country):
     assert world.states.owner[slot] == Owner.TRAFFIC
 
 
+@pytest.mark.parametrize("steps", [0, 1, 2])
+def test_handed_back_right_after_it_has_come(world, country, steps):
+    """SUMO forgets a route that it is told in the first step of a vehicle on the first road of its net."""
+    begin(world, country.road(drivers((0, 100, 10))))
+    ego = world.admit(900.0, RIGHT, 0.0, 10.0)
+    world.traffic.set_route(ego, ("ab", "bc"))
+    for step in range(1, steps + 1):
+        world.put(ego, 900.0 + step, RIGHT, 0.0, 10.0)
+        world.step()
+    world.states.owner[ego] = Owner.TRAFFIC
+    world.step(10)
+    assert world.traffic.route(ego) == ("ab", "bc")
+
+
 def test_followers_keep_their_distance_across_hand_overs(world, country):
     begin(world, country.road(drivers((0, 100, 10), (0, 80, 10))), 2.0)
     slot = world.slot("s0")
