@@ -61,6 +61,8 @@ _AT_ONCE = 1e4
 """A limit to the speed of lane changes [m/s] that ends one in a step; `_SIDEWAYS` is its other half."""
 _CENTRING = 0.1
 """How far a vehicle that SUMO has got back moves to the middle of its lane in a step [m]."""
+_OVER_THE_LINE = 0.1
+"""How far a vehicle must reach over a line to be seen there for sure [m]."""
 _OFF_THE_NET = -1e6
 """Both coordinates of a place that is on no map [m]."""
 
@@ -88,6 +90,8 @@ class _Shadow:
     """Of the front along the lane [m]."""
     offset: float = 0.0
     """Of the front to the left of the lane's centre [m]."""
+    shift: float = 0.0
+    """How far to the left of where it is SUMO has it [m], to see its front where its tail is."""
     side: int = 0
     """Where it reaches into another lane: 1 left, -1 right, 0 nowhere."""
     noted_side: int = 0
@@ -157,6 +161,8 @@ class SumoShadows:
         vehicle = self._library.vehicle
         if not vehicle.getLaneID(shadow.id):
             return False
+        if shadow.shift:
+            vehicle.setLateralLanePosition(shadow.id, shadow.offset)
         vehicle.setLaneChangeMode(shadow.id, _SUMO_LANE_CHANGES)
         self._restore_route(shadow)
         self._returned[slot] = shadow
@@ -192,6 +198,9 @@ class SumoShadows:
                 self.stand_ins.place(shadow.id, kind, (x, y), heading, speed, length)
             to_front = length / 2
             x, y = x + to_front * math.cos(heading), y + to_front * math.sin(heading)
+            if shadow.shift:
+                along = self._heading_of(shadow.lane, shadow.position)
+                x, y = x - shadow.shift * math.sin(along), y + shadow.shift * math.cos(along)
             move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET, _MATCH_WITHIN)
         for slot in [*self._returned]:
             if self._is_centred(self._returned[slot]):
@@ -207,12 +216,13 @@ class SumoShadows:
             lane = vehicle.getLaneID(shadow.id)
             if lane:
                 position = vehicle.getLanePosition(shadow.id)
-                lean = heading - self._heading_of(lane, position)
+                # On a bend, a vehicle is in line with the lane at its middle.
+                lean = heading - self._heading_of(lane, position - size[0] / 2)
                 if speed * math.cos(lean) < 0:
                     speed = 0.0
                 self._settle_on_lane(shadow, lane, position, lean, *size)
             else:
-                shadow.lane, shadow.entry = "", None
+                shadow.lane, shadow.entry, shadow.shift = "", None, 0.0
                 self.stand_ins.remove(shadow.id)
             vehicle.setPreviousSpeed(shadow.id, abs(speed))
             if shadow.own_type:
@@ -225,15 +235,19 @@ class SumoShadows:
         self, shadow: _Shadow, lane: str, position: float, lean: float, length: float, width: float
     ) -> None:
         number = self._roads.lane_of_id(lane)
-        offset = self._library.vehicle.getLateralLanePosition(shadow.id)
+        half = self._half_widths[number]
+        lateral = self._library.vehicle.getLateralLanePosition(shadow.id)
+        offset = lateral - shadow.shift
         # Where it will be in a step, for that is when the stand-in is there.
         drift = max(offset - shadow.offset, 0.0) if lane == shadow.lane else 0.0
         shadow.offset = offset
-        reaches_out = abs(offset) + width / 2 > self._half_widths[number]
-        shadow.side = self._side_of(number, offset) if reaches_out else 0
-        leftmost = offset + drift + max(0.0, -length * math.sin(lean)) + width / 2 * abs(math.cos(lean))
-        if leftmost > self._half_widths[number] or self.stand_ins.has_one(shadow.id):
-            self.stand_ins.reach(shadow.id, number, leftmost)
+        shadow.side = self._side_of(number, lateral) if abs(lateral) + width / 2 > half else 0
+        # What is not on this lane yet may well turn into it from another direction.
+        tail, half_box = -min(length, position) * math.sin(lean), width / 2 * abs(math.cos(lean))
+        left, right = offset + max(0.0, tail) + half_box, offset + min(0.0, tail) - half_box
+        shadow.shift = self._shift_of(number, offset, left, right, width)
+        if left + drift > half or self.stand_ins.has_one(shadow.id):
+            self.stand_ins.reach(shadow.id, number, left + drift)
         # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
         # net.
         is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE
@@ -252,6 +266,19 @@ class SumoShadows:
         """Return the direction of a lane [rad] at one of SUMO's positions [m]."""
         roads, number = self._roads, self._roads.lane_of_id(lane)
         return roads.heading_near(number, position * float(roads.length[number] / roads.sumo_length[number]))
+
+    def _shift_of(self, lane: int, offset: float, left: float, right: float, width: float) -> float:
+        """Return how far SUMO must have a vehicle to the left to see the lane that its tail reaches into.
+
+        SUMO takes all of a vehicle to be in line with its front, at `offset` from the lane's middle; it
+        reaches from `right` to `left` [m]. Where the front is over the line itself, or there is no lane
+        behind the line, nothing is to be shifted.
+        """
+        half, side = self._half_widths[lane], 1.0 if left > -right else -1.0
+        reach = max(left, -right)
+        if reach <= half or abs(offset) + width / 2 > half or not self._side_of(lane, side):
+            return 0.0
+        return side * (half - width / 2 + _OVER_THE_LINE) - offset
 
     def _is_centred(self, shadow: _Shadow) -> bool:
         """Ease a vehicle that was handed to SUMO to the middle of its lane; return whether that is over.

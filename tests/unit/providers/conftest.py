@@ -39,6 +39,24 @@ def cross(kind: str) -> tuple[str, str]:
     return f'<nodes>{nodes}<node id="c" x="0" y="0" type="{kind}"/></nodes>', f"<edges>{edges}</edges>"
 
 
+def bend(turn: int) -> tuple[str, str]:
+    """Return a road of two lanes and one back, from 80 m west of the origin, that turns around there.
+
+    Its left edge is a half circle of 12 m to the left, or of 18.4 m to the right (`turn` 1 and -1): lane 1 is
+    1.6 m to the right of it.
+    """
+    radius = 12.0 if turn > 0 else 18.4
+    angles = np.linspace(0, np.pi, 91)
+    x, y = radius * np.sin(angles), turn * radius * (1 - np.cos(angles))
+    points = [(-80.0, 0.0), *zip(x, y, strict=True), (-80.0, float(y[-1]))]
+    shape, back = (" ".join(f"{x:.4f},{y:.4f}" for x, y in line) for line in (points, points[::-1]))
+    return (
+        f'<nodes><node id="a" x="-80" y="0"/><node id="b" x="-80" y="{y[-1]}"/></nodes>',
+        f'<edges><edge id="ab" from="a" to="b" numLanes="2" speed="10" shape="{shape}"/>'
+        f'<edge id="ba" from="b" to="a" numLanes="1" speed="10" shape="{back}"/></edges>',
+    )
+
+
 BUSY_ROAD = """<routes>
   <vType id="patient" sigma="0.7" speedFactor="normc(0.9,0.1,0.7,1.1)"/>
   <vType id="hurried" sigma="0.3" speedFactor="normc(1.2,0.1,0.9,1.4)" lcSpeedGain="3" tau="0.8"/>
@@ -93,6 +111,9 @@ class Country:
 
     def cross(self, routes: str = BUSY_CROSS, warm_up: float = 0.0, kind: str = "priority") -> TrafficFiles:
         return self.files(self.net(f"cross_{kind}", cross(kind)), routes, warm_up)
+
+    def bend(self, routes: str, turn: int) -> TrafficFiles:
+        return self.files(self.net(f"bend_{turn + 1}", bend(turn)), routes)
 
     def roads(self, files: TrafficFiles) -> LaneGraph:
         if files.net not in self._roads:

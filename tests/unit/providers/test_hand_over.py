@@ -6,6 +6,7 @@ import pytest
 from smarts.geometry.frames import wrap_angle
 from smarts.types.vehicles import Owner, VehicleKind
 
+from .conftest import front_of
 from .test_sumo_shadows import LEFT, RIGHT, begin, drive, drivers, from_arm, speed, x
 
 
@@ -112,6 +113,23 @@ def test_return_beside_the_middle_of_the_lane(world, country, offset):
     assert watch.worst_aside < 0.1 + 1e-6
     assert watch.worst_speed < 0.46
     assert world.states.position[slot, 1] == pytest.approx(RIGHT)
+
+
+def test_return_with_the_tail_in_the_next_lane(world, country):
+    """SUMO has been shown the vehicle farther to the side than it was; it drives on from where it was."""
+    begin(world, country.road(drivers((0, 100, 10))), 3.0)
+    slot = world.slot("s0")
+    world.states.owner[slot] = Owner.AGENT
+    begin_x, lean = world.states.position[slot, 0], -0.3
+    for step in range(1, 31):
+        front = begin_x + 0.3 * step + 2.5, RIGHT
+        middle = front[0] - 2.5 * np.cos(lean), front[1] - 2.5 * np.sin(lean)
+        world.put(slot, *middle, lean, 3.0)
+        world.step()
+    assert world.traffic._library.vehicle.getLateralLanePosition("s0") > 0.7
+    world.states.owner[slot] = Owner.TRAFFIC
+    world.step()
+    assert front_of(world.states, [slot])[0, 1] == pytest.approx(RIGHT, abs=0.05)
 
 
 def test_return_across_the_line_leaves_no_ghost(world, country):

@@ -167,6 +167,18 @@ def test_straddling_two_lanes_stops_both(world, country):
         assert x(world, name) < 300 - 5
 
 
+@pytest.mark.parametrize(("lane", "lean"), [(LEFT, 0.4), (RIGHT, -0.4)])
+def test_a_tail_that_is_left_in_the_next_lane_stops_that_lane_too(world, country, lane, lean):
+    """Who changes lanes and comes to stand: SUMO takes all of a vehicle to be in line with its front."""
+    begin(world, country.road(drivers((0, 20, 10), (1, 20, 10))))
+    middle = 300 - 2.5 * math.cos(lean), lane - 2.5 * math.sin(lean)
+    ego = world.admit(*middle, lean, 0.0)
+    drive(world, ego, lambda t: (*middle, lean, 0.0), 250)
+    for name in ("s0", "s1"):
+        assert speed(world, name) < 0.1
+        assert x(world, name) < 300 - 7
+
+
 def test_drifting_over_the_line_stops_the_next_lane_too(world, country):
     """SUMO looks whether a vehicle straddles when it enters a lane, and not again."""
     begin(world, country.road(drivers((0, 20, 10), (1, 20, 10))))
@@ -302,6 +314,23 @@ def test_oncoming_drivers_see_a_drift_over_the_line_in_the_step_that_it_happens(
         # Half a step's drift is left to rounding.
         if abs(y + 0.9) > 0.026:
             assert len(known()) == (3 if y + 0.9 > 0.0 else 2)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize("index", [0, 1])
+def test_who_keeps_a_lane_in_a_bend_is_in_no_other(world, country, turn, index):
+    """Its tail is where the lane was; neither does it reach into the next lane, nor over the centre line."""
+    begin(world, country.bend("", turn))
+    lane = world.roads.lane_of_id(f"ab_{index}")
+    ego = world.admit(*world.roads.pose_at(lane, 60.0), 5.0)
+    vehicle = world.traffic._library.vehicle
+    for s in np.arange(60.5, 130.0, 0.5):
+        px, py, heading = world.roads.pose_at(lane, float(s))
+        world.put(ego, px, py, heading, 5.0)
+        world.step()
+        assert vehicle.getIDCount() == 1
+        front = px + 2.5 * math.cos(heading), py + 2.5 * math.sin(heading)
+        assert vehicle.getPosition(world.traffic._ids[ego]) == pytest.approx(front)
 
 
 def test_a_stand_in_is_no_vehicle_of_the_world_and_goes_with_its_ego(world, country):
