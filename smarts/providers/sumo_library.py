@@ -134,13 +134,12 @@ class SumoLibrary:
         # The index is -1 before departure.
         return self.vehicle.getRoute(name)[max(self.vehicle.getRouteIndex(name), 0) :]
 
-    def is_out_of_order(self, name: str, lane: str) -> bool:
-        """Return whether SUMO's order on a vehicle's lane is not that of the positions around the vehicle."""
+    def is_out_of_order(self, name: str, lane: str, own: float) -> bool:
+        """Return whether SUMO's order on a vehicle's lane is not that of the positions around its own [m]."""
         order = self.lane.getLastStepVehicleIDs(lane)
         if len(order) < 2:
             return False
         place, position = order.index(name), self.vehicle.getLanePosition
-        own = position(name)
         if place > 0 and position(order[place - 1]) > own:
             return True
         return place + 1 < len(order) and position(order[place + 1]) < own

@@ -28,6 +28,7 @@ two. What SUMO needs help with, found by experiment (the tests in `test_sumo_sha
 
 from __future__ import annotations
 
+import bisect
 import enum
 import math
 from collections.abc import Sequence
@@ -112,6 +113,7 @@ class SumoShadows:
         self._returned: dict[int, _Shadow] = {}
         self._types: set[str] = set()
         self._ways_on: dict[str, list[str]] = {}
+        self._courses: dict[str, tuple[list[float], list[float]]] = {}
         self.stand_ins = SumoStandIns(library)
 
     def __contains__(self, slot: int) -> bool:
@@ -125,6 +127,7 @@ class SumoShadows:
         self._returned.clear()
         self._types.clear()
         self._ways_on.clear()
+        self._courses.clear()
         self.stand_ins.reset(roads)
 
     def create(self, slot: int, name: str, states: VehicleStates, route: Sequence[str]) -> None:
@@ -245,7 +248,8 @@ class SumoShadows:
         # What is not on this lane yet may well turn into it from another direction.
         tail, half_box = -min(length, position) * math.sin(lean), width / 2 * abs(math.cos(lean))
         left, right = offset + max(0.0, tail) + half_box, offset + min(0.0, tail) - half_box
-        shadow.shift = self._shift_of(number, offset, left, right, width)
+        reaches_out = left > half or right < -half
+        shadow.shift = self._shift_of(number, offset, left, right, width) if reaches_out else 0.0
         if left + drift > half or self.stand_ins.has_one(shadow.id):
             self.stand_ins.reach(shadow.id, number, left + drift)
         # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
@@ -259,13 +263,20 @@ class SumoShadows:
         elif is_noted:
             shadow.noted_side = shadow.side
         shadow.entry = None
-        if shadow.side != shadow.noted_side or self._library.is_out_of_order(shadow.id, lane):
+        if shadow.side != shadow.noted_side or self._library.is_out_of_order(shadow.id, lane, position):
             shadow.entry = _Entry.BESIDE if shadow.side else _Entry.AND_BACK
 
     def _heading_of(self, lane: str, position: float) -> float:
-        """Return the direction of a lane [rad] at one of SUMO's positions [m]."""
-        roads, number = self._roads, self._roads.lane_of_id(lane)
-        return roads.heading_near(number, position * float(roads.length[number] / roads.sumo_length[number]))
+        """Return the direction of a lane [rad] at one of SUMO's positions [m], or up to a metre on."""
+        if lane not in self._courses:
+            roads, number = self._roads, self._roads.lane_of_id(lane)
+            rows = slice(int(roads.point_start[number]), int(roads.point_start[number + 1]))
+            positions = roads.point_s[rows] * float(
+                roads.sumo_length[number] / max(roads.length[number], 1e-9)
+            )
+            self._courses[lane] = positions.tolist(), roads.point_heading[rows].tolist()
+        positions, headings = self._courses[lane]
+        return headings[min(bisect.bisect_left(positions, position), len(headings) - 1)]
 
     def _shift_of(self, lane: int, offset: float, left: float, right: float, width: float) -> float:
         """Return how far SUMO must have a vehicle to the left to see the lane that its tail reaches into.
@@ -275,8 +286,7 @@ class SumoShadows:
         behind the line, nothing is to be shifted.
         """
         half, side = self._half_widths[lane], 1.0 if left > -right else -1.0
-        reach = max(left, -right)
-        if reach <= half or abs(offset) + width / 2 > half or not self._side_of(lane, side):
+        if abs(offset) + width / 2 > half or not self._side_of(lane, side):
             return 0.0
         return side * (half - width / 2 + _OVER_THE_LINE) - offset
 

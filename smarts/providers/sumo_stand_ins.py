@@ -106,14 +106,14 @@ class SumoStandIns:
 
     def settle(self) -> None:
         """See where SUMO has put the stand-ins, and tell it what it got wrong."""
-        library = self._library
+        library, vehicle = self._library, self._library.vehicle
         for stand_in in self._stand_ins.values():
             if not stand_in.id:
                 continue
-            library.vehicle.setPreviousSpeed(stand_in.id, stand_in.speed)
-            lane = library.vehicle.getLaneID(stand_in.id)
-            if lane and library.is_out_of_order(stand_in.id, lane):
-                library.vehicle.remove(stand_in.id)
+            vehicle.setPreviousSpeed(stand_in.id, stand_in.speed)
+            lane, position = vehicle.getLaneID(stand_in.id), vehicle.getLanePosition(stand_in.id)
+            if lane and library.is_out_of_order(stand_in.id, lane, position):
+                vehicle.remove(stand_in.id)
                 stand_in.id = ""
 
     def remove(self, name: str) -> None:

@@ -243,15 +243,6 @@ class LaneGraph:
         x, y = points[segment] + share * (points[segment + 1] - points[segment])
         return float(x - t * np.sin(heading)), float(y + t * np.cos(heading)), heading
 
-    def heading_near(self, lane: int, s: float) -> float:
-        """Return the heading [rad] of a lane's first point at or after arc length `s` [m].
-
-        That is up to a metre on, at a tenth of the time of `pose_at`.
-        """
-        begin, end = int(self.point_start[lane]), int(self.point_start[lane + 1])
-        point = begin + int(self.point_s[begin:end].searchsorted(s))
-        return float(self.point_heading[min(point, end - 1)])
-
     def save(self, path: Path) -> None:
         """Write the graph to one file; equal graphs give equal bytes."""
         arrays: dict[str, NDArray] = {"format": np.array(FORMAT)}
