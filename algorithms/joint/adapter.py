@@ -12,7 +12,7 @@ from gymnasium.spaces import Discrete
 from ray.cloudpickle import cloudpickle
 
 from algorithms.errors import EnvironmentFailure, SpaceError
-from algorithms.joint.env import Block, Final, Ints, JointSpaces, JointStep, episode_seed
+from algorithms.joint.env import Block, Bools, Final, Ints, JointSpaces, JointStep, episode_seed
 from algorithms.joint.rollout import View
 from algorithms.joint.spaces import MASK, Flattening, check_action_space
 
@@ -27,7 +27,9 @@ class JointVector:
 
     An agent is alive while it is among the observations and has neither terminated nor truncated. An agent
     that ends may come back as a new life; one that is left out without a flag must not (that would be
-    turn-based play).
+    turn-based play). Who is left out for good counts as truncated and is valued from what it saw last, for
+    want of anything later; a truncation that the environment itself reports needs an observation, as RLlib's
+    own episodes demand.
 
     Args:
         make: Creates copy b.
@@ -65,6 +67,7 @@ class JointVector:
         self._agents = tuple(self._place)
         self._view = View.empty(self.spaces, num_envs)
         self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
+        self._warned = False
 
     def reset(self, seed: int, worlds: Ints, *, episode: int = 0, stride: int = 0) -> JointStep:
         """Start all copies; see `VectorJointEnv.reset`."""
@@ -98,7 +101,7 @@ class JointVector:
                 self._replace(b, error)
                 continue
             self._account(b, alive, reward, ends, cuts, observations, (rewards, terminated, truncated))
-            self._write(b, observations, infos)
+            self._write(b, observations, infos, acted=alive)
             over = ends.get("__all__") or cuts.get("__all__") or not self._view.alive[b].any()
             if over:
                 finals.append((b, self._view[np.array([b])]))
@@ -159,16 +162,41 @@ class JointVector:
                 self._view.alive[b, column] = here and not (ends.get(agent) or cuts.get(agent))
                 continue
             end, cut = bool(ends.get(agent, False)), bool(cuts.get(agent, False))
+            if not here and (cut or all_cut) and not (end or all_end):
+                raise SpaceError(
+                    f"agent {agent!r} was truncated without an observation to value what was cut off",
+                    place="environment",
+                    remedy="give every agent that is truncated its last observation in the same step",
+                )
+            left = not (here or end or cut or all_end)
+            self._warn_of(agent, left=left)
             rewards[b, column] = reward.get(agent, 0.0)
             terminated[b, column] = end or (all_end and not cut)
-            truncated[b, column] = (cut or all_cut) and not end
+            truncated[b, column] = (cut or all_cut or left) and not end
             self._view.alive[b, column] = here and not (end or cut)
-            self._away[b, column] = not (here or end or cut)
+            self._away[b, column] = left
 
-    def _write(self, b: int, observations: Mapping[str, Any], infos: Mapping[str, Any] | None) -> None:
+    def _warn_of(self, agent: str, *, left: bool) -> None:
+        if left and not self._warned:
+            self._warned = True
+            logger.warning(
+                "agent %r was left out of a step without having ended: it counts as truncated, "
+                "valued from what it saw last",
+                agent,
+            )
+
+    def _write(
+        self,
+        b: int,
+        observations: Mapping[str, Any],
+        infos: Mapping[str, Any] | None,
+        acted: Bools | None = None,
+    ) -> None:
         view = self._view
-        for agent, (_, number, row) in self._place.items():
+        for agent, (column, number, row) in self._place.items():
             leaves, mask, seen = view.observations[number], view.masks[number], observations.get(agent)
+            if seen is None and acted is not None and acted[column]:
+                continue  # the last that it saw stands for what it would see now
             if seen is None:
                 parts, legal = dict.fromkeys(leaves, 0), True
             elif self._flattening[agent].plain:

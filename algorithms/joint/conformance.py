@@ -85,6 +85,8 @@ def _check_lives(acted: Bools, step: JointStep, t: int) -> None:
         taken_over[step.final.rows] = True
     back = ended & step.alive & ~taken_over[:, None]
     _require(not back.any(), t, "an agent that ended is alive, yet its last observation is not in `final`")
+    left = acted & ~step.alive & ~ended & valid[:, None] & ~step.reset[:, None]
+    _require(not left.any(), t, "an agent that acted is gone without having terminated or been truncated")
     _require(bool(step.alive.any(1).all()), t, "nobody is alive in a copy that was not reset")
 
 

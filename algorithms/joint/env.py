@@ -87,7 +87,8 @@ class JointStep(NamedTuple):
         rewards: Shape (B, N); zero for agents that did not act.
         terminated: Ended for good, value zero; shape (B, N).
         truncated: Cut short, value to be bootstrapped; shape (B, N).
-        alive: Who acts in the *next* step, shape (B, N).
+        alive: Who acts in the *next* step, shape (B, N). Who acted and does so no more has terminated or was
+            truncated, unless its copy was reset or failed.
         reset: Copies that were reset in this step, shape (B,).
         final: Last observations of copies that were reset, or in which a column was taken over in this very
             step.

@@ -30,7 +30,7 @@ from ray.rllib.utils.metrics import (
 )
 from ray.tune.registry import ENV_CREATOR, _global_registry
 
-from algorithms.errors import AlgorithmError, EnvironmentFailure, SpaceError
+from algorithms.errors import AlgorithmError, SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.callbacks import EpisodeCallbacks
 from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
@@ -112,7 +112,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self.set_state(ray.get(state) if isinstance(state, ray.ObjectRef) else state)
         try:
             rollout = self._sample_fragment(steps)
-        except EnvironmentFailure as failure:
+        except AlgorithmError as failure:
             # Raised here, it would count as the actor's death, and the actor would be restarted for ever.
             return Reply(self.worker_index, failure, self.get_metrics())
         return Reply(self.worker_index, rollout, self.get_metrics())

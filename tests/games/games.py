@@ -181,7 +181,7 @@ class Ragged(MultiAgentEnv):
                 del self.lives[agent]
                 if u < 0.08:
                     ends[agent] = True
-                elif u < 0.16:
+                elif u < 0.16 or self.t >= 12:  # a time limit without a last observation is refused
                     cuts[agent] = True
                 else:
                     del seen[agent]

@@ -1,3 +1,5 @@
+import copy
+
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Tuple
@@ -8,7 +10,7 @@ from algorithms.joint.conformance import check_vector_env
 from algorithms.joint.env import episode_seed
 from algorithms.joint.spaces import Flattening, to_env
 from algorithms.joint.spec import JointSpec
-from tests.games.games import Broken, Cues, Ragged, Target, TwoStep
+from tests.games.games import Broken, Cues, Game, Ragged, Target, TwoStep
 
 
 @pytest.mark.parametrize("game", [Cues, Target, TwoStep, Ragged])
@@ -118,3 +120,56 @@ def test_groups_cover_all_agents_with_equal_spaces():
         JointSpec.build(spaces, {"x": ["a", "b"]})
     with pytest.raises(SpaceError, match="sharing 'some'"):
         JointSpec.build(spaces, "some")
+
+
+class Leaver(Game):
+    """Agent 0 is left out, without a flag, of what the third step answers; both see the time."""
+
+    length = 5
+    flag = False
+
+    def observe(self):
+        seen = {a: np.full(1, self.t / 10, np.float32) for a in self.agents}
+        return seen if self.t < 3 else {"agent_1": seen["agent_1"]}
+
+    def step(self, action_dict):
+        self.t += 1
+        alive = list(action_dict)
+        cuts = {"agent_0": self.flag and self.t == 3, "__all__": self.t == self.length}
+        return self.observe(), dict.fromkeys(alive, 1.0), {"__all__": False}, cuts, {}
+
+
+def test_who_leaves_without_a_flag_is_cut_and_valued_from_what_it_saw_last(caplog):
+    env = JointVector(lambda b: Leaver(), 1)
+    env.reset(0, np.array([0]))
+    steps = [copy.deepcopy(env.step((np.zeros((1, 2), np.int64),))) for _ in range(4)]
+    assert [s.truncated[0].tolist() for s in steps] == [[False, False]] * 2 + [[True, False], [False, False]]
+    assert not any(s.terminated.any() for s in steps)
+    assert [s.alive[0, 0] for s in steps] == [True, True, False, False]
+    seen = [s.observations[0][""][0, :, 0].tolist() for s in steps]
+    np.testing.assert_allclose(seen, [[0.1, 0.1], [0.2, 0.2], [0.2, 0.3], [0.0, 0.4]], rtol=1e-6)
+    assert [r.message for r in caplog.records] == [
+        "agent 'agent_0' was left out of a step without having ended: it counts as truncated, valued from "
+        "what it saw last"
+    ]
+
+
+def test_a_truncation_without_a_last_observation_is_refused():
+    env = JointVector(lambda b: type("Flagged", (Leaver,), {"flag": True})(), 1)
+    env.reset(0, np.array([0]))
+    for _ in range(2):
+        env.step((np.zeros((1, 2), np.int64),))
+    with pytest.raises(SpaceError, match="'agent_0' was truncated without an observation"):
+        env.step((np.zeros((1, 2), np.int64),))
+
+
+class Silent(JointVector):
+    def step(self, actions):
+        step = super().step(actions)
+        return step._replace(truncated=np.zeros_like(step.truncated))
+
+
+def test_leaves_without_a_flag_are_found():
+    check_vector_env(JointVector(lambda b: Leaver(), 2), steps=10)
+    with pytest.raises(SpaceError, match="gone without having terminated"):
+        check_vector_env(Silent(lambda b: Leaver(), 2), steps=10)

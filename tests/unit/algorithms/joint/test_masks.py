@@ -53,7 +53,7 @@ class Logged(Ragged):
                 self.log.append([(o, r, n, "boot") for o, r, n, _ in rows])
             raise
         for agent, reward in rewards.items():
-            following = observations.get(agent, np.zeros(3, np.float32))
+            following = observations.get(agent, self.now[agent])  # who left is valued from what it saw last
             end = "end" if ends.get(agent) else None
             self.open[agent].append((self.now[agent], reward, following, end))
             if ends.get(agent) or cuts.get(agent) or agent not in observations or cuts["__all__"]:
