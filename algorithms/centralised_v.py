@@ -64,7 +64,8 @@ class CentralisedVLearner(PPOLearner):
         critic = self.net(CRITIC)
         error = (critic.value(batch) - critic.moments.scaled(batch.targets)).square()
         loss = self.mean(error, batch.alive)
-        self.step_optimizer(loss, CRITIC)
+        if batch.alive.any():
+            self.step_optimizer(loss, CRITIC)
         self.log(CRITIC, "value_loss", loss)
 
 

@@ -19,6 +19,7 @@ share one network. The paper's extensions are left out: local connectivity, skip
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -26,6 +27,7 @@ from torch import Tensor, nn
 from algorithms.a2c import A2C, A2CConfig, A2CLearner
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
 from algorithms.joint.module import JointModule
+from algorithms.joint.ranges import NOT_NEGATIVE, NUMBER, Ranges, Widths
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.communication import mean_of_others
 from algorithms.parts.moments import RunningMoments
@@ -124,7 +126,8 @@ class CommNetLearner(A2CLearner):
             total = total - self.now(self.config.entropy_coeff) * entropy
             self.log(net.group.id, "entropy", entropy)
             self.log(net.group.id, "value_loss", fit)
-        self.step_optimizer(total, *(group.id for group in self.groups))
+        absent = batch.absent()
+        self.step_optimizer(total, *(group.id for group in self.groups if group.id not in absent))
 
 
 class CommNetConfig(A2CConfig):
@@ -137,6 +140,11 @@ class CommNetConfig(A2CConfig):
     """
 
     algorithm = "commnet"
+    ranges: ClassVar[Ranges] = {
+        "communication_steps": NUMBER,
+        "value_coeff": NOT_NEGATIVE,
+        "hidden": Widths(least=1),
+    }
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or CommNet)

@@ -15,6 +15,7 @@ Deviations: target networks follow by polyak averaging instead of periodic copie
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -26,6 +27,7 @@ from algorithms.joint.env import MEMORY
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, without_memory
 from algorithms.joint.prioritised import PrioritisedReplay
+from algorithms.joint.ranges import NOT_NEGATIVE, FirstAndLast, Ranges
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
@@ -35,17 +37,20 @@ from algorithms.parts.networks import Encoder, perceptron
 
 
 class QNetwork(nn.Module):
-    """Q values (..., n, A) of observation leaves (..., n, *shape)."""
+    """Q values (..., n, A) of observation leaves (..., n, *shape); linear in them without hidden layers."""
 
     def __init__(
         self, group: Group, hidden: tuple[int, ...], actions: int, *, duelling: bool, memory: int = 0
     ) -> None:
         super().__init__()
         self.encoder = Encoder(without_memory(group.observation), group.size)
-        self.trunk = perceptron([self.encoder.size, *hidden], nn.ReLU).append(nn.ReLU())
-        self.memory = GRUMemory(hidden[-1], memory) if memory else None
-        self.advantage = nn.Linear(memory or hidden[-1], actions)
-        self.value = nn.Linear(memory or hidden[-1], 1) if duelling else None
+        self.trunk = perceptron([self.encoder.size, *hidden], nn.ReLU)
+        if hidden:
+            self.trunk.append(nn.ReLU())
+        width = hidden[-1] if hidden else self.encoder.size
+        self.memory = GRUMemory(width, memory) if memory else None
+        self.advantage = nn.Linear(memory or width, actions)
+        self.value = nn.Linear(memory or width, 1) if duelling else None
 
     def forward(self, leaves) -> Tensor:
         """Return Q values of single moments."""
@@ -120,7 +125,7 @@ class DQNLearner(OffPolicyLearner):
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target."""
-        surprise = {}
+        surprise, absent = {}, batch.absent()
         for group, own in batch.groups():
             net = self.net(group.id)
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
@@ -128,8 +133,9 @@ class DQNLearner(OffPolicyLearner):
             target = self.config.reward_scale * own.rewards + self.gamma * following
             error = nn.functional.smooth_l1_loss(chosen, target, reduction="none")
             loss = self.mean(error if batch.weights is None else error * batch.weights[:, None], own.alive)
-            self.step_optimizer(loss, group.id)
-            self.log(group.id, "td_loss", loss)
+            if group.id not in absent:
+                self.step_optimizer(loss, group.id)
+                self.log(group.id, "td_loss", loss)
             surprise[group.id] = (chosen - target).detach().abs()
         self.reprioritise(batch, batch.join(surprise))
         self.track(*(g.id for g in self.groups), tau=self.config.tau)
@@ -187,6 +193,12 @@ class DQNConfig(OffPolicyConfig):
     """
 
     algorithm = "dqn"
+    ranges: ClassVar[Ranges] = {
+        "priority_alpha": NOT_NEGATIVE,
+        "priority_beta": NOT_NEGATIVE,
+        "epsilon": FirstAndLast(),
+        "epsilon_steps": NOT_NEGATIVE,
+    }
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or DQN)

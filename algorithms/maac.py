@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -26,6 +27,7 @@ from algorithms.joint.batch import GroupView, JointView, ReplayBatch, encode
 from algorithms.joint.config import OffPolicyConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule
+from algorithms.joint.ranges import COUNT, NOT_NEGATIVE, Ranges, Widths
 from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.maddpg import Actor
 from algorithms.parts.attention import attend
@@ -95,9 +97,12 @@ class AttentionQ(nn.Module):
             view: What everybody sees.
             actions: Everybody's actions by group id, one-hot (M, n, A).
         """
-        parts = [view.view(group) for group in self._groups]
+        parts, absent = [view.view(group) for group in self._groups], view.absent()
         embedded = [
-            net.embed(part.observations, actions[group.id])  # type: ignore[operator]
+            [
+                without_gradient_if(group.id in absent, x)
+                for x in net.embed(part.observations, actions[group.id])  # type: ignore[operator]
+            ]
             for net, part, group in zip(self.embeddings, parts, self._groups, strict=True)
         ]
         own, pairs = (torch.cat(column, -2) for column in zip(*embedded, strict=True))
@@ -108,9 +113,14 @@ class AttentionQ(nn.Module):
         both = torch.cat([own, attend(asked, found, given, alive).flatten(-2)], -1)
         shares = both.split([group.size for group in self._groups], -2)
         return {
-            group.id: net.judge(share)  # type: ignore[operator]
+            group.id: without_gradient_if(group.id in absent, net.judge(share))  # type: ignore[operator]
             for net, share, group in zip(self.embeddings, shares, self._groups, strict=True)
         }
+
+
+def without_gradient_if(condition: bool, x: Tensor) -> Tensor:
+    """Return `x`, if so without gradient: what has none is not stepped, by Adam's momentum neither."""
+    return x.detach() if condition else x
 
 
 class MAACCritic(LearnerModule):
@@ -178,7 +188,7 @@ class MAACLearner(OffPolicyLearner):
         policies, chosen, encoded = self.play(batch)
         with torch.no_grad():
             values = self.net(CRITIC).q(batch, encoded)
-        for group, own in batch.groups():
+        for group, own in batch.present():
             policy, actions = policies[group.id], chosen[group.id]
             log_prob = policy.log_prob(actions)
             advantage = counterfactual_advantage(values[group.id], policy, actions)
@@ -196,6 +206,7 @@ class MAACConfig(OffPolicyConfig):
     """
 
     algorithm = "maac"
+    ranges: ClassVar[Ranges] = {"alpha": NOT_NEGATIVE, "attention_heads": COUNT, "hidden": Widths(least=1)}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or MAAC)

@@ -13,6 +13,7 @@ with flags of who is there; agents of a group share networks, told apart by a le
 from __future__ import annotations
 
 import copy
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -24,6 +25,7 @@ from algorithms.joint.batch import GroupView, JointView, ReplayBatch
 from algorithms.joint.config import OffPolicyConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule, critic_of
+from algorithms.joint.ranges import NOT_NEGATIVE, Ranges
 from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.parts.distributions import CategoricalHead, DeterministicHead, Exploration, Head
 from algorithms.parts.networks import Encoder, perceptron
@@ -79,7 +81,7 @@ class JointQ(nn.Module):
     """Q_i(x, a) for the n agents of a group.
 
     The first layer is linear in every agent's action, so replacing one agent's action costs one small product
-    instead of a pass over the joint input for each agent.
+    instead of a pass over the joint input for each agent. Without hidden layers all of Q is linear.
     """
 
     def __init__(self, spec: JointSpec, group: Group, hidden: tuple[int, ...]) -> None:
@@ -93,10 +95,13 @@ class JointQ(nn.Module):
         self._own = slice(start, start + int(np.prod(widths[group.id])))
         self._shape = widths[group.id]
         total = sum(int(np.prod(w)) for w in widths.values())
-        self.see = nn.Linear(spec.joint_size + len(spec.agents), hidden[0])
-        self.act = nn.Linear(total, hidden[0], bias=False)
-        self.place = nn.Parameter(torch.randn(group.size, hidden[0]) * 0.1)
-        self.rest = nn.Sequential(nn.ReLU(), *perceptron([*hidden, 1], nn.ReLU))
+        first, *others = *hidden, 1
+        self.see = nn.Linear(spec.joint_size + len(spec.agents), first)
+        self.act = nn.Linear(total, first, bias=False)
+        self.place = nn.Parameter(torch.randn(group.size, first) * 0.1)
+        self.rest = nn.Sequential()
+        if others:
+            self.rest = nn.Sequential(nn.ReLU(), *perceptron([first, *others], nn.ReLU))
 
     def forward(self, view: JointView, actions: dict[str, Tensor], replaced: Tensor | None = None) -> Tensor:
         """Return Q values (M, n).
@@ -150,7 +155,7 @@ class MADDPGLearner(OffPolicyLearner):
             for group in self.groups:
                 net, view = self.net(group.id), following.view(group)
                 chosen[group.id] = net.relax(net.target_actor(view.observations), view, self.generator)
-        for group, own in batch.groups():
+        for group, own in batch.present():
             critic = self.net(critic_of(group))
             with torch.no_grad():
                 value = torch.where(own.bootstrap, critic.target_q(following, chosen), 0)
@@ -161,7 +166,7 @@ class MADDPGLearner(OffPolicyLearner):
 
     def improve_policies(self, batch: ReplayBatch, taken: dict[str, Tensor]) -> None:
         """Follow the gradient of Q_i(x, a_1, .., pi_i(o_i), .., a_N) in agent i's own action only (eq. 5)."""
-        for group, own in batch.groups():
+        for group, own in batch.present():
             net = self.net(group.id)
             outputs = net.policy(own)
             q = self.net(critic_of(group)).q(batch, taken, net.relax(outputs, own, self.generator))
@@ -180,6 +185,7 @@ class MADDPGConfig(OffPolicyConfig):
     """
 
     algorithm = "maddpg"
+    ranges: ClassVar[Ranges] = {"noise": NOT_NEGATIVE, "logit_penalty": NOT_NEGATIVE}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or MADDPG)

@@ -16,6 +16,7 @@ paper's gradient without the noise of sampling that action; an entropy bonus.
 from __future__ import annotations
 
 import copy
+from typing import ClassVar
 
 import torch
 from gymnasium.spaces import Box
@@ -27,6 +28,7 @@ from algorithms.joint.features import MEAN_ACTION, common_actions
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.neighbours import Neighbourhood
+from algorithms.joint.ranges import NOT_NEGATIVE, Ranges
 from algorithms.joint.spec import JointSpec
 from algorithms.maac import MAACModule, of_actions
 from algorithms.mf_q import MeanFieldConfig, MeanFieldQ, mean_actions
@@ -67,7 +69,7 @@ class MeanFieldACLearner(OffPolicyLearner):
 
     def fit_critics(self, batch: ReplayBatch, means: Tensor) -> None:
         """Regress Q_i(o, a_i, m_i) on r_i + gamma * E_a Q'_i(o', a, m_i), a from the target policy."""
-        for group, own in batch.groups():
+        for group, own in batch.present():
             critic, mean = self.net(critic_of(group)), {MEAN_ACTION: means[:, group.columns]}
             with torch.no_grad():
                 following = critic.target_q({**own.next.observations, **mean})
@@ -82,7 +84,7 @@ class MeanFieldACLearner(OffPolicyLearner):
 
     def improve_policies(self, batch: ReplayBatch, means: Tensor) -> None:
         """Follow the gradient of E_a Q_i(o, a, m_i), a from the own policy, m_i as replayed."""
-        for group, own in batch.groups():
+        for group, own in batch.present():
             policy = self.net(group.id).distribution(own)
             with torch.no_grad():
                 seen = {**own.observations, MEAN_ACTION: means[:, group.columns]}
@@ -102,6 +104,7 @@ class MeanFieldACConfig(MeanFieldConfig):
     """
 
     algorithm = "mf_ac"
+    ranges: ClassVar[Ranges] = {"entropy_coeff": NOT_NEGATIVE._replace(scheduled=True)}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or MeanFieldAC)

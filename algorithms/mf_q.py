@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from typing import ClassVar
 
 import torch
 from gymnasium.spaces import Box
@@ -37,6 +38,7 @@ from algorithms.joint.features import MEAN_ACTION, WithMeanActions, common_actio
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
 from algorithms.joint.neighbours import Graph, Neighbourhood
+from algorithms.joint.ranges import POSITIVE, Ranges
 from algorithms.joint.spec import JointSpec
 from algorithms.maac import of_actions
 from algorithms.parts.communication import mean_over
@@ -100,7 +102,7 @@ class MeanFieldQLearner(OffPolicyLearner):
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target, then targets."""
         means = mean_actions(batch, self.neighbourhood)
-        for group, own in batch.groups():
+        for group, own in batch.present():
             net, mean = self.net(group.id), {MEAN_ACTION: means[:, group.columns]}
             with torch.no_grad():
                 following = net.target_q({**own.next.observations, **mean})
@@ -153,22 +155,13 @@ class MeanFieldQConfig(MeanFieldConfig):
     """
 
     algorithm = "mf_q"
+    ranges: ClassVar[Ranges] = {"temperature": POSITIVE}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or MeanFieldQLearning)
         self._defaults(temperature=0.1)
 
     temperature: float
-
-    def validate(self) -> None:
-        """Refuse a temperature that is not positive (RLlib).
-
-        Raises:
-            ValueError: It is not.
-        """
-        super().validate()
-        if self.temperature <= 0:
-            self._value_error(f"temperature={self.temperature} must be positive")
 
     def adapt(self, env: VectorJointEnv) -> VectorJointEnv:
         """Let agents see the mean action of the step before, where there is one; else `check` refuses."""

@@ -33,7 +33,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from math import prod
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -45,6 +45,7 @@ from algorithms.joint.config import OffPolicyConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
 from algorithms.joint.neighbours import Graph, Neighbourhood
+from algorithms.joint.ranges import COUNT, NOT_NEGATIVE, NUMBER, FirstAndLast, Ranges
 from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.maac import of_actions
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
@@ -248,6 +249,13 @@ class NetworkedQConfig(OffPolicyConfig):
     """
 
     algorithm = "networked_q"
+    ranges: ClassVar[Ranges] = {
+        "fit_steps": COUNT,
+        "agreement_rounds": NUMBER,
+        "max_joint_actions": COUNT,
+        "epsilon": FirstAndLast(),
+        "epsilon_steps": NOT_NEGATIVE,
+    }
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or NetworkedQ)

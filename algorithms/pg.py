@@ -17,7 +17,7 @@ Adam.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -26,6 +26,7 @@ from algorithms.a2c import A2C, A2CConfig, A2CLearner
 from algorithms.joint.batch import JointView, OnPolicyBatch, to_tensor
 from algorithms.joint.env import Bools
 from algorithms.joint.lives import OpenLives
+from algorithms.joint.ranges import COUNT, Ranges
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import JointSpec
 
@@ -122,6 +123,7 @@ class PGConfig(A2CConfig):
     """
 
     algorithm = "pg"
+    ranges: ClassVar[Ranges] = {"longest_life": COUNT}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or PG)

@@ -13,6 +13,8 @@ recurrence of their own but read the policies' stored memory beside the observat
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -23,6 +25,7 @@ from algorithms.joint.bundles import Bundle, bundles
 from algorithms.joint.config import OnPolicyConfig
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
+from algorithms.joint.ranges import POSITIVE, Ranges
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.moments import RunningMoments
@@ -160,6 +163,7 @@ class PPOConfig(OnPolicyConfig):
     """
 
     algorithm = "ppo"
+    ranges: ClassVar[Ranges] = {"clip": POSITIVE}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or PPO)

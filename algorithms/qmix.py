@@ -9,12 +9,14 @@ Deviations: as VDN; the state is the environment's, or all observations side by 
 from __future__ import annotations
 
 import copy
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
 
 from algorithms.joint.batch import JointView
 from algorithms.joint.module import LearnerModule
+from algorithms.joint.ranges import COUNT, Ranges
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.networks import perceptron
 from algorithms.vdn import VDN, VDNConfig, VDNLearner
@@ -72,6 +74,7 @@ class QMIXConfig(VDNConfig):
     """
 
     algorithm = "qmix"
+    ranges: ClassVar[Ranges] = {"mixer_width": COUNT}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or QMIX)

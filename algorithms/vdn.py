@@ -9,11 +9,14 @@ Deviations: recurrence is optional (`gru`); absent agents contribute zero, and t
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import torch
 from torch import Tensor
 
 from algorithms.dqn import DQN, DQNConfig, DQNLearner
 from algorithms.joint.batch import JointView, ReplayBatch
+from algorithms.joint.ranges import Either, Ranges
 
 
 class VDNLearner(DQNLearner):
@@ -37,7 +40,8 @@ class VDNLearner(DQNLearner):
             target = self.config.reward_scale * self.team_reward(batch) + self.gamma * value
         # Squared, not Huber's: a sum fits most games only on average, and it is the mean that is meant.
         loss = self.mean((total - target).square(), batch.alive.any(-1))
-        self.step_optimizer(loss, *self.trained())
+        absent = batch.absent()
+        self.step_optimizer(loss, *(name for name in self.trained() if name not in absent))
         self.log(self.groups[0].id, "td_loss", loss)
         self.track(*self.trained(), tau=self.config.tau)
 
@@ -66,6 +70,7 @@ class VDNConfig(DQNConfig):
     """
 
     algorithm = "vdn"
+    ranges: ClassVar[Ranges] = {"team_reward": Either("sum", "mean")}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or VDN)

@@ -37,7 +37,7 @@ class MyLearner(OffPolicyLearner):
 
     def update_minibatch(self, batch):
         """Step each group's network towards its targets."""
-        for group, own in batch.groups():  # own.observations, own.actions, ...: (M, n, ...)
+        for group, own in batch.present():  # own.observations, own.actions, ...: (M, n, ...)
             net = self.net(group.id)
             with torch.no_grad():
                 values = net.target_body(net.target_encoder(own.next.observations))

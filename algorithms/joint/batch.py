@@ -136,6 +136,13 @@ class JointView:
         """Return what a group's agents see."""
         return GroupView(*self._seen(group), **self._order(group))
 
+    def absent(self) -> set[str]:
+        """Return the ids of the groups of which nobody is there in any row.
+
+        A loss says nothing about them, but Adam's momentum would move their networks all the same.
+        """
+        return {group.id for group in self.spec.groups if not self.alive[..., group.columns].any()}
+
     def join(self, parts: Mapping[str, Tensor]) -> Tensor:
         """Return (..., N) or (..., N, x) from each group's (..., n) or (..., n, x), by group id."""
         axis = self.alive.dim() - 1
@@ -263,6 +270,11 @@ class ReplayBatch(JointBatch):
         for group in self.spec.groups:
             parts = *self._seen(group), *self._done(group), self.next.view(group)
             yield group, ReplayGroup(*parts, **self._order(group))
+
+    def present(self) -> Iterator[tuple[Group, ReplayGroup]]:
+        """Yield every group to be stepped with its part: all but the `absent` ones."""
+        absent = self.absent()
+        yield from ((group, own) for group, own in self.groups() if group.id not in absent)
 
 
 def encode(group: Group, actions: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ import inspect
 import logging
 import secrets
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
@@ -20,7 +20,17 @@ from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
 from algorithms.joint.env import MEMORY, Block, VectorJointEnv
 from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
-from algorithms.joint.ranges import faults
+from algorithms.joint.ranges import (
+    COUNT,
+    FRACTION,
+    NOT_NEGATIVE,
+    NUMBER,
+    POSITIVE,
+    Range,
+    Ranges,
+    Widths,
+    faults,
+)
 from algorithms.joint.runner import SPEC, JointEnvRunner
 from algorithms.joint.spec import Group, JointSpec, Sharing, agent_spaces
 from algorithms.parts.distributions import Exploration
@@ -33,12 +43,12 @@ logger = logging.getLogger(__name__)
 class JointConfig(AlgorithmConfig):
     """Settings of every joint algorithm; attributes below are keywords of `training()`.
 
-    A subclass names its registry entry in `algorithm`, adds settings in `settings()` and networks in
-    `modules()`.
+    A subclass names its registry entry in `algorithm`, adds settings by `_defaults()`, says in `ranges` which
+    values these may take (any, where it does not), and adds networks in `modules()`.
 
     Attributes:
         sharing: Who shares a policy network: "none", "all", {"group": ["agent", ...]}, or a function.
-        hidden: Widths of hidden layers, of policies and critics alike.
+        hidden: Widths of hidden layers, of policies and critics alike; (): linear, where algorithms can.
         lr: Learning rate of all networks, or an RLlib schedule over environment steps.
         gamma: Discount per environment step.
         grad_clip: Largest gradient norm of each network, or None.
@@ -55,6 +65,17 @@ class JointConfig(AlgorithmConfig):
     """
 
     algorithm: str
+    ranges: ClassVar[Ranges] = {
+        "hidden": Widths(),
+        "gamma": FRACTION,
+        "grad_clip": POSITIVE._replace(optional=True),
+        "reward_scale": POSITIVE,
+        "max_env_failures": COUNT,
+        "max_silent_iterations": COUNT,
+        "torch_threads": COUNT,
+        "gru": NUMBER,
+        "sequence_length": COUNT,
+    }
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class)
@@ -255,7 +276,7 @@ class JointConfig(AlgorithmConfig):
             f"{getattr(self.algo_class, '__name__', None)}_on_new_api_stack"
         )  # there is no other stack to warn about
         super().validate()
-        for fault in faults({name: getattr(self, name) for name in self.setting_names}):
+        for fault in faults(type(self), {name: getattr(self, name) for name in self.setting_names}):
             self._value_error(fault)
         if self.seed is None:  # drawn once here, so that checkpoints and results tell it
             self.seed = secrets.randbits(31)
@@ -302,6 +323,13 @@ class OnPolicyConfig(JointConfig):
         entropy_coeff: Weight of the entropy bonus, or an RLlib schedule over environment steps.
     """
 
+    ranges: ClassVar[Ranges] = {
+        "lambda_": FRACTION,
+        "epochs": COUNT,
+        "minibatch_size": COUNT._replace(optional=True),
+        "entropy_coeff": NOT_NEGATIVE._replace(scheduled=True),
+    }
+
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class)
         self._defaults(
@@ -326,6 +354,14 @@ class OffPolicyConfig(JointConfig):
         checkpoint_replay: Whether checkpoints hold the replay buffer; without it a restored run is not exact.
     """
 
+    ranges: ClassVar[Ranges] = {
+        "capacity": COUNT,
+        "batch_size": COUNT,
+        "learning_starts": NUMBER,
+        "updates_per_step": POSITIVE,
+        "tau": Range(0, 1, above=True),
+    }
+
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class)
         self.env_runners(rollout_fragment_length=8)
@@ -345,6 +381,19 @@ class OffPolicyConfig(JointConfig):
     updates_per_step: float
     tau: float
     checkpoint_replay: bool
+
+    def validate(self) -> None:
+        """Refuse settings that cannot work together (RLlib).
+
+        Raises:
+            ValueError: Learning would never start; see also `JointConfig.validate`.
+        """
+        super().validate()
+        if self.learning_starts > self.capacity:
+            self._value_error(
+                f"learning_starts={self.learning_starts} is more than capacity={self.capacity}: "
+                "nothing would ever be learnt"
+            )
 
 
 def _unused_mapping(agent_id: str, episode: Any = None, **kwargs: Any) -> str:

@@ -97,8 +97,11 @@ class JointTorchLearner(TorchLearner):
     def step_optimizer(self, loss: Tensor, *module_ids: str) -> None:
         """Take one gradient step on `loss` with respect to these modules, and no others.
 
-        The gradient of each module is clipped by its own norm.
+        The gradient of each module is clipped by its own norm. Modules of groups of which nobody is there are
+        left out by the caller, see `JointView.absent`.
         """
+        if not module_ids:
+            return
         owned = [self._parameters[module_id] for module_id in module_ids]
         flat = [p for parameters in owned for p in parameters]
         for p, gradient in zip(flat, torch.autograd.grad(loss, flat, allow_unused=True), strict=True):

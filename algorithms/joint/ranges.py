@@ -1,13 +1,25 @@
-"""Which numbers settings may take."""
+"""Which values settings may take. Each config class declares in `ranges` those of the settings it defines."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import inf
 from numbers import Integral, Real
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from algorithms.parts.schedule import is_schedule
+
+
+class Values(Protocol):
+    """The values that a setting may take."""
+
+    def fault(self, value: Any) -> str | None:
+        """Return what a value is not, to be read behind "setting=value is", or None if it may be taken."""
+        ...
+
+
+Ranges = Mapping[str, Values | None]
+"""What a config class says of its settings; None: anything."""
 
 
 class Range(NamedTuple):
@@ -18,12 +30,23 @@ class Range(NamedTuple):
         high: Largest number.
         whole: Whether only whole numbers are meant.
         above: Whether `low` itself is excluded.
+        optional: Whether None may be taken too.
+        scheduled: Whether a schedule of such numbers may be taken too.
     """
 
     low: float
     high: float = inf
     whole: bool = False
     above: bool = False
+    optional: bool = False
+    scheduled: bool = False
+
+    def fault(self, value: Any) -> str | None:
+        """Return what the value is not, or None."""
+        if self.scheduled and isinstance(value, list | tuple):
+            fine = is_schedule(value) and all(self.holds(number) for _, number in value)
+            return None if fine else "not a schedule, as [[0, 0.01], [10000, 0.001]]"
+        return None if self.holds(value) or (self.optional and value is None) else f"not {self}"
 
     def holds(self, value: Any) -> bool:
         """Return whether the value is a number of this range."""
@@ -42,67 +65,58 @@ class Range(NamedTuple):
 FRACTION, POSITIVE, COUNT = Range(0, 1), Range(0, above=True), Range(1, whole=True)
 NOT_NEGATIVE, NUMBER = Range(0), Range(0, whole=True)
 
-RANGES: Mapping[str, Range] = {
-    "agreement_rounds": NUMBER,
-    "alpha": NOT_NEGATIVE,
-    "attention_heads": COUNT,
-    "batch_size": COUNT,
-    "capacity": COUNT,
-    "clip": POSITIVE,
-    "communication_steps": NUMBER,
-    "entropy_coeff": NOT_NEGATIVE,
-    "epochs": COUNT,
-    "epsilon_steps": NOT_NEGATIVE,
-    "fit_steps": COUNT,
-    "gamma": FRACTION,
-    "grad_clip": POSITIVE,
-    "gru": NUMBER,
-    "lambda_": FRACTION,
-    "learning_starts": NUMBER,
-    "logit_penalty": NOT_NEGATIVE,
-    "longest_life": COUNT,
-    "max_env_failures": COUNT,
-    "max_joint_actions": COUNT,
-    "max_silent_iterations": COUNT,
-    "minibatch_size": COUNT,
-    "mixer_width": COUNT,
-    "noise": NOT_NEGATIVE,
-    "priority_alpha": NOT_NEGATIVE,
-    "priority_beta": NOT_NEGATIVE,
-    "reward_scale": POSITIVE,
-    "sequence_length": COUNT,
-    "tau": Range(0, 1, above=True),
-    "temperature": POSITIVE,
-    "torch_threads": COUNT,
-    "updates_per_step": POSITIVE,
-    "value_coeff": NOT_NEGATIVE,
-}
-OPTIONAL = ("grad_clip", "minibatch_size")
-"""Settings that may also be None."""
-SCHEDULED = ("entropy_coeff",)
-"""Settings that may also be schedules."""
+
+class Widths(NamedTuple):
+    """Widths of layers.
+
+    Attributes:
+        least: Smallest number of layers.
+    """
+
+    least: int = 0
+
+    def fault(self, value: Any) -> str | None:
+        """Return what the value is not, or None."""
+        if isinstance(value, tuple | list) and all(COUNT.holds(width) for width in value):
+            return None if len(value) >= self.least else f"not a tuple of {self.least} or more widths"
+        return "not a tuple of widths, as (64, 64)"
 
 
-def faults(settings: Mapping[str, Any]) -> Iterator[str]:
+class FirstAndLast(NamedTuple):
+    """Two probabilities, from the first to the second of which something goes."""
+
+    def fault(self, value: Any) -> str | None:
+        """Return what the value is not, or None."""
+        pair = isinstance(value, tuple | list) and len(value) == 2
+        fine = pair and all(FRACTION.holds(chance) for chance in value)
+        return None if fine else "not a pair (first, last) of probabilities"
+
+
+class Either(NamedTuple):
+    """One of two words."""
+
+    first: str
+    second: str
+
+    def fault(self, value: Any) -> str | None:
+        """Return what the value is not, or None."""
+        return None if value in self else f"neither {self.first!r} nor {self.second!r}"
+
+
+def declared(config: type) -> Ranges:
+    """Return the values that settings may take, as the classes of a config declare them, the nearest last.
+
+    A class that gives a setting another meaning declares its values anew, or None for any.
+    """
+    found: dict[str, Values | None] = {}
+    for kind in reversed(config.__mro__):
+        found |= vars(kind).get("ranges", {})
+    return found
+
+
+def faults(config: type, settings: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence on every setting whose value cannot be meant."""
-    for name, value in settings.items():
-        wanted = RANGES.get(name)
-        if name in SCHEDULED and isinstance(value, list | tuple):
-            if not is_schedule(value) or not all(RANGES[name].holds(number) for _, number in value):
-                yield f"{name}={value!r} is not a schedule, as [[0, 0.01], [10000, 0.001]]"
-            continue
-        if wanted and not wanted.holds(value) and not (value is None and name in OPTIONAL):
-            yield f"{name}={value!r} is not {wanted}"
-    hidden = settings.get("hidden", ())
-    if not isinstance(hidden, tuple | list) or not all(COUNT.holds(width) for width in hidden):
-        yield f"hidden={hidden!r} is not a tuple of widths, as (64, 64)"
-    # Without the steps of a schedule it is an algorithm's own affair what its epsilon is.
-    epsilon = settings["epsilon"] if "epsilon_steps" in settings else (1.0, 0.0)
-    pair = isinstance(epsilon, tuple | list) and len(epsilon) == 2
-    if not pair or not all(FRACTION.holds(chance) for chance in epsilon):
-        yield f"epsilon={epsilon!r} is not a pair (first, last) of probabilities"
-    starts, capacity = settings.get("learning_starts", 0), settings.get("capacity", inf)
-    if NUMBER.holds(starts) and starts > capacity:
-        yield f"learning_starts={starts} is more than capacity={capacity}: nothing would ever be learnt"
-    if settings.get("team_reward", "sum") not in ("sum", "mean"):
-        yield f"team_reward={settings['team_reward']!r} is neither 'sum' nor 'mean'"
+    for name, values in declared(config).items():
+        fault = values.fault(settings[name]) if values is not None and name in settings else None
+        if fault is not None:
+            yield f"{name}={settings[name]!r} is {fault}"

@@ -13,6 +13,7 @@ from rigs import Rig, moved, replayed
 import algorithms
 from algorithms.joint.bundles import Bundle
 from algorithms.joint.module import critic_of
+from algorithms.maac import CRITIC
 from tests.games.games import Constant, Cues, Game, Ragged, Target, TwoStep
 
 ON_POLICY = ["pg", "a2c", "ppo", "commnet", "centralised_v"]
@@ -271,6 +272,29 @@ def test_every_kind_of_sharing_learns_on_ragged_games(name, sharing):
     assert all(torch.isfinite(w).all() for part in after.values() for w in part.values())
 
 
+@pytest.mark.parametrize(
+    ("name", "gru"),
+    [
+        *((name, 0) for name in algorithms.names() if name not in ("maac", "commnet")),
+        *((name, 4) for name in algorithms.names() if algorithms.entry(name).recurrent),
+    ],
+)
+def test_without_hidden_layers_networks_are_linear_and_learn(name, gru):
+    rig = Rig(name, Ragged, hidden=(), gru=gru, sequence_length=8, **settings_of(name))
+    before, after = update(rig, rig.rollout(40, epsilon=0.5))
+    assert moved(before, after) == set(before)
+    if name == "maddpg":
+        q, wide = rig.learner.net("a__critic").q, torch.randn(5, 12)
+        halves = q.rest(q.see(wide)) + q.rest(q.see(-wide))
+        torch.testing.assert_close(halves, 2 * q.see.bias.expand(5, 1))
+
+
+@pytest.mark.parametrize("name", ["maac", "commnet"])
+def test_a_width_of_embeddings_is_asked_for(name):
+    with pytest.raises(ValueError, match=r"hidden=\(\) is not a tuple of 1 or more widths"):
+        algorithms.config(name).training(hidden=()).validate()
+
+
 @pytest.mark.parametrize("name", ["ppo", "dqn"])
 def test_the_same_seed_gives_the_same_weights_after_twenty_iterations(name):
     settings = {"epochs": 1} if name == "ppo" else REPLAY
@@ -310,13 +334,31 @@ def test_networks_evaluated_as_one_learn_like_separate_ones():
             torch.testing.assert_close(weight, second[module][name], rtol=0, atol=1e-6)
 
 
-def test_groups_of_which_nobody_is_there_do_not_move():
-    rig = Rig("ppo", Ragged)
-    rig.learner.update_joint(rig.rollout(32))
-    batch = rig.learner.prepare(rig.rollout(32))
-    before = rig.weights()
+@pytest.mark.parametrize("name", [n for n in algorithms.names() if n != "networked_q"])
+def test_networks_of_groups_of_which_nobody_is_there_do_not_move(name):
+    """Adam's momentum would move them; in networked Q every node takes part in every fit."""
+    settings = {"sharing": "none", **settings_of(name)}
+    rig = Rig(name, Ragged, **settings)
+    rig.learner.update_joint(rig.rollout(32, epsilon=1.0))
+    rollout = rig.rollout(32, epsilon=1.0)
+    batch = rig.learner.prepare(rollout) if name in ON_POLICY else replayed(rig, 32, 200, epsilon=1.0)
+    before = trained_weights(rig)
     rig.learner.update_minibatch(batch[~batch.alive[:, 1]])
-    assert moved(before, rig.weights()) == {"a", "c", "a__critic", "c__critic"}
+    after = trained_weights(rig)
+    for module in (m for m in before if m.split("__")[0] in "abc"):
+        still = all(torch.equal(before[module][k], after[module][k]) for k in before[module])
+        assert still == module.startswith("b"), module
+    if name == "maac":
+        kept = {k for k, v in after[CRITIC].items() if torch.equal(v, before[CRITIC][k])}
+        assert kept == {k for k in after[CRITIC] if k.startswith("q.embeddings.1.")}
+
+
+def trained_weights(rig):
+    """Return the weights but for target networks, which follow at all times."""
+    return {
+        module: {k: v for k, v in part.items() if not k.startswith("target_")}
+        for module, part in rig.weights().items()
+    }
 
 
 class Pictures(Cues):

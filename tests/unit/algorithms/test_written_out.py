@@ -11,6 +11,7 @@ from algorithms.maddpg import critic_of
 from algorithms.mf_q import mean_actions
 from algorithms.parts.distributions import CategoricalDistribution
 from algorithms.parts.relaxation import straight_through_gumbel
+from algorithms.ppo import PPOConfig
 from algorithms.qmix import MIXER
 from tests.games.games import Constant, Ragged, Target
 
@@ -264,11 +265,11 @@ def test_the_entropy_bonus_follows_its_schedule(name, monkeypatch):
     "points", [[], [[5, 0.1]], [[0, 0.1], [0, 0.2]], [[0, -0.1]], [[0, "a"]], [0.1, 0.2]]
 )
 def test_schedules_that_are_none_are_refused(points):
-    assert [*faults({"entropy_coeff": points})] == [
+    assert [*faults(PPOConfig, {"entropy_coeff": points})] == [
         f"entropy_coeff={points!r} is not a schedule, as [[0, 0.01], [10000, 0.001]]"
     ]
 
 
 def test_a_schedule_is_a_number_or_points():
-    assert not [*faults({"entropy_coeff": 0.1})]
-    assert not [*faults({"entropy_coeff": [[0, 0.1], [1000, 0]]})]
+    assert not [*faults(PPOConfig, {"entropy_coeff": 0.1})]
+    assert not [*faults(PPOConfig, {"entropy_coeff": [[0, 0.1], [1000, 0]]})]
