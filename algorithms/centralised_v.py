@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from algorithms.joint.batch import JointView, OnPolicyBatch
+from algorithms.joint.checks import check_state
 from algorithms.joint.env import MEMORY
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.spec import JointSpec
@@ -80,7 +81,7 @@ class CentralisedVConfig(PPOConfig):
 
     def modules(self, spec: JointSpec):
         """Return a policy for each group and the central critic."""
-        self.check_state(spec)
+        check_state(spec, self.algorithm)
         policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
         return policies | {CRITIC: self.learner_spec(spec, CentralValue)}
 

@@ -140,6 +140,7 @@ class CommNetConfig(A2CConfig):
     """
 
     algorithm = "commnet"
+    interchangeable = ("channel",)
     ranges: ClassVar[Ranges] = {
         "communication_steps": NUMBER,
         "value_coeff": NOT_NEGATIVE,

@@ -61,7 +61,7 @@ class RunnerFailure(AlgorithmError):  # noqa: N818
 
 
 class CheckpointError(AlgorithmError):
-    """A checkpoint of another algorithm, or of other agents, spaces or groups."""
+    """A checkpoint of another algorithm, of other agents, spaces or groups, or of other networks."""
 
 
 def nearest_names(name: str, known: Iterable[str]) -> str:

@@ -22,6 +22,7 @@ from torch import Generator, Tensor, nn
 
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
+from algorithms.joint.checks import check_vectors
 from algorithms.joint.config import OffPolicyConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule, critic_of
@@ -201,7 +202,7 @@ class MADDPGConfig(OffPolicyConfig):
 
     def modules(self, spec: JointSpec):
         """Return a policy and a critic for each group."""
-        self.check_vectors(spec)
+        check_vectors(spec, self.algorithm)
         policies = {g.id: self.policy_spec(spec, g, MADDPGModule) for g in spec.groups}
         return policies | {critic_of(g): self.learner_spec(spec, MADDPGCritic, g) for g in spec.groups}
 

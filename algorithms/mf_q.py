@@ -156,6 +156,7 @@ class MeanFieldQConfig(MeanFieldConfig):
 
     algorithm = "mf_q"
     ranges: ClassVar[Ranges] = {"temperature": POSITIVE}
+    interchangeable = ("temperature",)
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or MeanFieldQLearning)

@@ -41,6 +41,7 @@ from torch import Tensor, nn
 from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, ReplayBatch
+from algorithms.joint.checks import check_vectors
 from algorithms.joint.config import OffPolicyConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
@@ -293,7 +294,7 @@ class NetworkedQConfig(OffPolicyConfig):
                 a fixed graph falls into parts, which could never agree.
         """
         super().check(spec)
-        self.check_vectors(spec)
+        check_vectors(spec, self.algorithm)
         joint = prod(JointActions(spec.groups).sizes)
         if joint > self.max_joint_actions:
             raise SpaceError(

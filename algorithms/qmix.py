@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from algorithms.joint.batch import JointView
+from algorithms.joint.checks import check_state
 from algorithms.joint.module import LearnerModule
 from algorithms.joint.ranges import COUNT, Ranges
 from algorithms.joint.spec import JointSpec
@@ -88,7 +89,7 @@ class QMIXConfig(VDNConfig):
 
     def modules(self, spec: JointSpec):
         """Return a Q network for each group and the mixer."""
-        self.check_state(spec)
+        check_state(spec, self.algorithm)
         return super().modules(spec) | {MIXER: self.learner_spec(spec, QMIXMixer)}
 
     def get_default_learner_class(self):

@@ -88,7 +88,8 @@ class JointAlgorithm(Algorithm):
         """Restore (RLlib).
 
         Raises:
-            CheckpointError: The state is of another algorithm, or of other agents, spaces or groups.
+            CheckpointError: The state is of another algorithm, of other agents, spaces or groups, or of
+                networks built from other settings.
         """
         if IDENTITY in state:
             self._check_identity(state[IDENTITY])
@@ -104,7 +105,8 @@ class JointAlgorithm(Algorithm):
         """Restore from a checkpoint folder (RLlib), after checking that it fits before any weight is touched.
 
         Raises:
-            CheckpointError: The checkpoint is of another algorithm, or of other agents, spaces or groups.
+            CheckpointError: The checkpoint is of another algorithm, of other agents, spaces or groups, or of
+                networks built from other settings.
         """
         self._check_identity(
             _stored_identity(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
@@ -166,14 +168,17 @@ class JointAlgorithm(Algorithm):
             )
 
     def _identity(self) -> dict[str, Any]:
-        return {"algorithm": self.config.algorithm, **self.spec.describe()}
+        return {**self.config.identity(), **self.spec.describe()}
 
     def _check_identity(self, stored: dict[str, Any] | None) -> None:
         own = self._identity()
         if stored is None or stored == own:
             return
-        names = sorted({*stored, *own})
-        differing = [name for name in names if stored.get(name) != own.get(name)]
+        # Checkpoints of earlier versions do not tell the settings of their networks.
+        names = {*stored, *own} - (self.config.identity().keys() - stored.keys())
+        differing = sorted(name for name in names if stored.get(name) != own.get(name))
+        if not differing:
+            return
         lines = "; ".join(f"{n}: {stored.get(n)} there, {own.get(n)} here" for n in differing)
         raise CheckpointError(
             f"the checkpoint does not fit: {lines}",

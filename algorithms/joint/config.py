@@ -65,6 +65,8 @@ class JointConfig(AlgorithmConfig):
     """
 
     algorithm: str
+    interchangeable: ClassVar[tuple[str, ...]] = ()
+    """Settings of networks that a checkpoint may be restored under another value of."""
     ranges: ClassVar[Ranges] = {
         "hidden": Widths(),
         "gamma": FRACTION,
@@ -159,6 +161,14 @@ class JointConfig(AlgorithmConfig):
         """Return the settings that networks are built from."""
         return {"hidden": tuple(self.hidden)}
 
+    def identity(self) -> dict[str, Any]:
+        """Return what a checkpoint's weights depend on besides agents and spaces, in plain comparable values.
+
+        These are the settings that networks are built from; those in `interchangeable` are left out.
+        """
+        built = {"algorithm": self.algorithm, **self.module_settings(), "gru": self.gru}
+        return {name: value for name, value in built.items() if name not in self.interchangeable}
+
     def carried(self, block: Block) -> dict[str, Box]:
         """Return the leaves that the sampler adds to the observations of a block's agents."""
         return {MEMORY: Box(-1.0, 1.0, (self.gru,), np.float32)} if self.gru else {}
@@ -216,26 +226,6 @@ class JointConfig(AlgorithmConfig):
                     place="action space",
                     remedy=f"for {kind} actions use one of: {fitting}",
                 )
-
-    def check_vectors(self, spec: JointSpec) -> None:
-        """Refuse images where critics put all observations side by side.
-
-        Raises:
-            SpaceError: An observation leaf is an image.
-        """
-        for block in spec.spaces.blocks:
-            for name, space in block.observation.items():
-                if len(space.shape) == 3:
-                    raise SpaceError(
-                        f"{self.algorithm!r} joins all observations; {name or 'one'!r} is an image",
-                        place="observation space",
-                        remedy="use 'ppo', or give a state to 'centralised_v', or drop the image",
-                    )
-
-    def check_state(self, spec: JointSpec) -> None:
-        """Refuse images where they would be the global state; see `check_vectors`."""
-        if not spec.spaces.state:
-            self.check_vectors(spec)
 
     def get_multi_rl_module_spec(
         self,

@@ -35,8 +35,9 @@ from algorithms.joint.adapter import JointVector
 from algorithms.joint.callbacks import EpisodeCallbacks
 from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
 from algorithms.joint.metrics import EPISODE_MEAN
+from algorithms.joint.policies import Policies
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.sampler import Episode, EvaluatedStep, Listener, Policies, Sampler
+from algorithms.joint.sampler import Episode, EvaluatedStep, Listener, Sampler
 from algorithms.joint.spec import JointSpec, agent_spaces
 from algorithms.joint.threads import torch_threads
 

@@ -8,8 +8,9 @@ import torch
 import algorithms
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.env import is_vector_env
+from algorithms.joint.policies import Policies
 from algorithms.joint.runner import SPEC
-from algorithms.joint.sampler import Policies, Sampler
+from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
 

@@ -63,3 +63,10 @@ def test_a_replay_buffer_of_other_sequences_is_refused():
     rig.learner.replay.add(rig.rollout(8))
     with pytest.raises(CheckpointError, match="sequences of 8 steps, not of 4"):
         JointReplay(rig.spec, 64, 4).set_state(rig.learner.replay.get_state())
+
+
+def test_what_shapes_no_network_tells_no_checkpoints_apart():
+    hot, cold = (algorithms.config("mf_q").training(temperature=t) for t in (0.1, 2.0))
+    assert hot.identity() == cold.identity()
+    few, many = (algorithms.config("maac").training(attention_heads=n) for n in (2, 4))
+    assert few.identity() != many.identity()

@@ -9,6 +9,7 @@ import pytest
 
 import algorithms
 from algorithms.errors import CheckpointError, EnvironmentFailure, SpaceError, UnknownSettingError
+from algorithms.joint.algorithm import IDENTITY
 from tests.games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -190,6 +191,23 @@ def test_a_checkpoint_of_another_algorithm_or_sharing_is_refused(build, tmp_path
         build(small(sharing="all")).restore_from_path(str(tmp_path / "checkpoint"))
     with pytest.raises(CheckpointError, match="action space"):
         build(small(env=Constant)).restore_from_path(str(tmp_path / "checkpoint"))
+
+
+def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ(build, tmp_path):
+    algo = build(small())
+    algo.save_to_path(str(tmp_path / "checkpoint"))
+    other = build(small(hidden=[8], normalize_values=True, lr=1.0))
+    before = weights(other)
+    both = r"fit: hidden: \(16,\) there, \(8,\) here; normalize_values: False there, True here\n"
+    with pytest.raises(CheckpointError, match=both):
+        other.restore_from_path(str(tmp_path / "checkpoint"))
+    with pytest.raises(CheckpointError, match=both):
+        other.set_state(algo.get_state())
+    assert_same(before, weights(other))
+    # Checkpoints of before do not tell the settings; `lr` may differ at all times.
+    state = algo.get_state()
+    del state[IDENTITY]["hidden"]
+    build(small(lr=1.0, hidden=[16])).set_state(state)
 
 
 @pytest.mark.parametrize("fault", [{"raise_at": 3}, {"nan_at": 3}])

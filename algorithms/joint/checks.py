@@ -1,0 +1,28 @@
+"""Refusals of environments that critics of all observations cannot handle."""
+
+from __future__ import annotations
+
+from algorithms.errors import SpaceError
+from algorithms.joint.spec import JointSpec
+
+
+def check_vectors(spec: JointSpec, algorithm: str) -> None:
+    """Refuse images where an algorithm puts all observations side by side.
+
+    Raises:
+        SpaceError: An observation leaf is an image.
+    """
+    for block in spec.spaces.blocks:
+        for name, space in block.observation.items():
+            if len(space.shape) == 3:
+                raise SpaceError(
+                    f"{algorithm!r} joins all observations; {name or 'one'!r} is an image",
+                    place="observation space",
+                    remedy="use 'ppo', or give a state to 'centralised_v', or drop the image",
+                )
+
+
+def check_state(spec: JointSpec, algorithm: str) -> None:
+    """Refuse images where they would be the global state; see `check_vectors`."""
+    if not spec.spaces.state:
+        check_vectors(spec, algorithm)
