@@ -20,7 +20,10 @@ class JointReplay:
     """The last `capacity` joint transitions in which anybody acted.
 
     Next observations are stored explicitly, so resets, deaths and truncations are resolved once, when a
-    rollout is added, at the price of twice the memory: `nbytes` tells how much.
+    rollout is added, at the price of twice the memory. `nbytes` tells how much: 4 agents at the intersection,
+    203 numbers each, take 629 MiB for 100,000 transitions, 312 of them for next observations. To store them
+    once, rows would have to point to each other, across fragments of copies that may be restarted and with
+    rows of their own for cuts, in a ring whose overwriting, restoring and priorities go by single rows.
 
     Args:
         spec: Agents and spaces.

@@ -17,7 +17,7 @@ from rigs import Rig
 
 from algorithms.centralised_v import CRITIC
 from algorithms.joint.module import critic_of
-from tests.games.games import Constant, Cues
+from tests.games.games import Constant, Cues, Ragged
 
 
 @pytest.mark.parametrize("ends", [False, True])
@@ -149,3 +149,18 @@ def test_centralised_v_with_local_critics_is_independent_ppo(monkeypatch):
             2 * slopes[CRITIC][0][rows, 4 * i : 4 * i + 4], alone[0], rtol=1e-4, atol=1e-7
         )
         torch.testing.assert_close(2 * slopes[CRITIC][1][i, rows], alone[2][0], rtol=1e-4, atol=1e-7)
+
+
+def test_central_values_feel_every_living_agent_and_policies_only_their_own_observation():
+    rig = Rig("centralised_v", Ragged, sharing="all")
+    batch = rig.learner.prepare(rig.rollout(40))
+    seen = batch.observations[0][""].requires_grad_()
+    values = rig.learner.net(CRITIC).value(batch)
+    ((_, own),) = batch.groups()
+    outputs = rig.learner.net("shared").policy(own)
+    assert (~batch.alive).any()
+    for i in range(3):
+        (by_value,) = torch.autograd.grad(values[:, i].sum(), seen, retain_graph=True)
+        assert torch.equal((by_value != 0).any(-1), batch.alive)
+        (by_policy,) = torch.autograd.grad(outputs[:, i].sum(), seen, retain_graph=True)
+        assert (by_policy != 0).any(-1).nonzero()[:, 1].unique().tolist() == [i]

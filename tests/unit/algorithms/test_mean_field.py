@@ -268,15 +268,20 @@ def test_critics_explain_what_neighbours_cause_and_not_what_others_do(name, seed
     assert errors[1] < 0.125 < errors[2]
 
 
+def cues_score(seed, entropy_coeff=0.1):
+    """Return what the worse agent earns a step after learning, greedily."""
+    # With the default entropy some policies settle on one action before the critic knows the cues.
+    rig = Rig("mf_ac", Cues, seed=seed, entropy_coeff=entropy_coeff, **{**LEARN, "gamma": 0.5})
+    for _ in range(130):
+        rig.learner.update_joint(rig.rollout(8))
+    return rig.rollout(200, explore=False).rewards.mean((0, 1)).max()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_mf_ac_hits_the_cues_for_its_own_reward(seed):
     """-1 a step where everybody hits his own; a team-sum or swapped reward makes it 0."""
-    # With the default entropy some policies settle on one action before the critic knows the cues.
-    rig = Rig("mf_ac", Cues, seed=seed, entropy_coeff=0.1, **{**LEARN, "gamma": 0.5})
-    for _ in range(130):
-        rig.learner.update_joint(rig.rollout(8))
-    assert (rig.rollout(200, explore=False).rewards.mean((0, 1)) < -0.5).all()
+    assert cues_score(seed) < -0.5
 
 
 class Spins:

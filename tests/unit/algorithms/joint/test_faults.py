@@ -249,6 +249,11 @@ def test_an_own_algorithms_settings_mean_what_it_says():
         Own().training(lambda_=3).validate()
 
 
+def test_several_learners_are_refused():
+    with pytest.raises(ValueError, match="learn in one process: set num_learners to 0 or 1"):
+        algorithms.config("ppo").learners(num_learners=2).validate()
+
+
 @pytest.mark.parametrize("name", list(ALGORITHMS))
 def test_every_number_among_the_settings_has_a_range(name):
     config = algorithms.config(name)
