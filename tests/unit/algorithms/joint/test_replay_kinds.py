@@ -147,7 +147,7 @@ def recalled(name, seed, steps, **settings):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("name", ["dqn", "vdn"])
+@pytest.mark.parametrize("name", ["dqn", "vdn", "qmix"])
 def test_a_cue_is_remembered_by_values(name, seed):
     """1.0; 0.5 without memory."""
     assert recalled(name, seed, 6_000, gru=16, sequence_length=8) > 0.75

@@ -195,6 +195,7 @@ def test_a_checkpoint_of_another_algorithm_or_sharing_is_refused(build, tmp_path
 
 def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ(build, tmp_path):
     algo = build(small())
+    train(algo, 1)
     algo.save_to_path(str(tmp_path / "checkpoint"))
     other = build(small(hidden=[8], normalize_values=True, lr=1.0))
     before = weights(other)
