@@ -15,6 +15,7 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_graph import LaneKind
 from smarts.types.actions import LaneAction
+from smarts.types.guidance import GuidePhase
 from smarts.types.seats import ChangePhase
 from smarts.types.vehicles import VehicleKind
 
@@ -30,6 +31,7 @@ LOOK_AHEAD = 20.0
 LOOK_AHEAD_TIME = 4.0
 """A lane that leaves the route is legal up to 20 m and 4 s before its end."""
 
+_MANOEUVRE = int(GuidePhase.MANOEUVRE)
 _NONE, _REQUESTED = int(ChangePhase.NONE), int(ChangePhase.REQUESTED)
 _MOVING, _SETTLED, _ABORTED = int(ChangePhase.MOVING), int(ChangePhase.SETTLED), int(ChangePhase.ABORTED)
 _KEEP, _SLOW = int(LaneAction.keep_lane), int(LaneAction.slow_down)
@@ -177,9 +179,17 @@ def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
 
 @kernel
 def write_legal(
-    roads: Roads, table: RouteTable, state: LaneState, legal: NDArray[np.bool_], chosen: NDArray[np.bool_]
+    roads: Roads,
+    table: RouteTable,
+    state: LaneState,
+    guidance: NDArray[np.int8],
+    legal: NDArray[np.bool_],
+    chosen: NDArray[np.bool_],
 ) -> None:
-    """Write which of the four lane actions the agents of `chosen` seats may take next, shape (B, A, 4)."""
+    """Write which of the four lane actions the agents of `chosen` seats may take next, shape (B, A, 4).
+
+    `guidance` is the `GuidePhase` of all seats, shape (B, A).
+    """
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
             if not chosen[b, a] or state.slot[b, a] < 0:
@@ -187,7 +197,7 @@ def write_legal(
             mask = legal[b, a]
             mask[_KEEP], mask[_SLOW], mask[_LEFT], mask[_RIGHT] = True, True, False, False
             row, s, t = steered_lane(roads, table, state, b, a)
-            if row >= 0:
+            if row >= 0 and guidance[b, a] != _MANOEUVRE:
                 mask[_LEFT] = _is_legal(roads, table, state, b, a, row, s, t, 1)
                 mask[_RIGHT] = _is_legal(roads, table, state, b, a, row, s, t, -1)
 

@@ -12,12 +12,16 @@ from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import write_reference
 from smarts.controllers.lane_state import LaneState
 from smarts.controllers.leaders import heed_leaders
+from smarts.controllers.led_path import write_led_reference
 from smarts.controllers.tracking import SPEED_GAIN
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.guide import Guide, guide_of
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands, LaneAction
+from smarts.types.guidance import GuidePhase
+from smarts.types.seats import ChangePhase
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -30,6 +34,8 @@ SLOWING = 2.5
 BY_SPEED, BY_NAME, NEUTRAL = 0, 1, 2
 """How `follow_lanes` is told what to do: by target speed and lane change, by a `LaneAction`, not at all."""
 
+_MANOEUVRE = int(GuidePhase.MANOEUVRE)
+_NO_CHANGE = int(ChangePhase.NONE)
 _TRACK = int(CommandMode.TRACK)
 _SLOW = int(LaneAction.slow_down)
 _LEFT, _RIGHT = int(LaneAction.change_lane_left), int(LaneAction.change_lane_right)
@@ -40,6 +46,7 @@ def follow_lanes(
     roads: Roads,
     table: RouteTable,
     state: LaneState,
+    guide: Guide,
     manner: int,
     speeds: NDArray[np.float64],
     chosen: NDArray[np.bool_],
@@ -56,6 +63,7 @@ def follow_lanes(
         roads: The maps' lanes.
         table: The routes.
         state: Of the world; latch, effective and desired speed are written.
+        guide: Where the missions' tasks lead, of all seats.
         manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
         speeds: The largest speed of discrete actions on each map [m/s], shape (M,).
         chosen: Shape (B, A).
@@ -74,27 +82,59 @@ def follow_lanes(
             if state.entry_step[b, a] == state.step[b]:
                 state.target_lane[b, a] = -1
                 state.change_phase[b, a] = 0
+            is_led = guide.phase[b, a] == _MANOEUVRE
             change = _change_of(manner, values[b, a])
-            row, s, t = latch(roads, table, state, b, a, change, fresh[b, a], legal[b, a])
+            row, s, t = latch(roads, table, state, b, a, 0 if is_led else change, fresh[b, a], legal[b, a])
             mode[b, a], length[b, a] = _TRACK, 0
             if row < 0:
                 continue
-            top = min(roads.lane_speed[table.lane[row]], speeds[state.map[b]])
-            cap, desired = speeds[state.map[b]], top
-            if manner == BY_SPEED:
-                cap = desired = max(values[b, a, 0], 0.0)
-            elif manner == BY_NAME and is_changing(state.change_phase[b, a]):
-                cap = min(cap, CHANGE_SPEED)
+            cap, desired = _speeds(
+                roads.lane_speed[table.lane[row]],
+                speeds[state.map[b]],
+                guide.speed[b, a],
+                manner,
+                values[b, a, 0],
+                is_changing(state.change_phase[b, a]),
+            )
             state.desired_speed[b, slot] = desired
             points = reference[b, a]
             speed = state.speed[b, slot]
             obeys, agility = manner != BY_SPEED, state.agility[state.kind[b, slot]]
-            write_reference(roads, table, state.map[b], row, s, t, speed, cap, obeys, agility, points)
+            if is_led:
+                # The lane that it steers for will be the one that it is in when the curve is behind it.
+                state.target_lane[b, a], state.change_phase[b, a] = -1, _NO_CHANGE
+                write_led_reference(roads, table, state, guide, b, a, cap, obeys, points)
+            else:
+                write_reference(roads, table, state.map[b], row, s, t, speed, cap, obeys, agility, points)
             if manner == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
             elif manner == NEUTRAL:
                 heed_leaders(state, b, slot, points)
             length[b, a] = len(points)
+
+
+@kernel
+def _speeds(
+    limit: float, top: float, task_speed: float, manner: int, asked: float, changes: bool
+) -> tuple[float, float]:
+    """Return the largest speed of a reference and the speed that its driver would like [m/s].
+
+    Args:
+        limit: Of the lane [m/s].
+        top: The largest of discrete actions on this map [m/s].
+        task_speed: The mission's task's [m/s], 0 for none.
+        manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
+        asked: The first value of the action.
+        changes: Whether the vehicle changes lanes.
+    """
+    cap, desired = top, min(limit, top)
+    if manner == BY_SPEED:
+        cap = desired = max(asked, 0.0)
+    elif manner == BY_NAME and changes:
+        cap = min(cap, CHANGE_SPEED)
+    if task_speed > 0.0:
+        cap, desired = min(cap, task_speed), min(desired, task_speed)
+    return cap, desired
 
 
 @kernel
@@ -126,7 +166,9 @@ class LaneFollowing:
     """Keeps a lane at a target speed; a fresh command of -1 or 1 changes to the lane on the right or left.
 
     Values: target speed [m/s], lane change. Before and in curves the speed is as low as lateral comfort
-    takes (`lane_path.CURVE_ACCELERATION`). Where the lane leaves the route, the vehicle keeps it.
+    takes (`lane_path.CURVE_ACCELERATION`). Where the lane leaves the route, the vehicle keeps it. A mission's
+    task (`smarts.types.guidance`) leads it: no faster than the task says, and during the manoeuvre along its
+    curve, whatever lane is asked for.
 
     Args:
         scene: What the controller works in.
@@ -139,7 +181,7 @@ class LaneFollowing:
         top_speeds = np.full(len(scene.atlas.graphs), np.inf)
         if speeds is not None:
             top_speeds[:] = speeds
-        arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene)
+        arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene), guide_of(scene.world)
         self._follow = bind(follow_lanes, *arrays, self.manner, top_speeds)
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:

@@ -23,12 +23,13 @@ class Legality:
     To keep the lane and to slow down are always legal. A lane change is if there is a lane on that side in
     the same direction that is open to the vehicle, outside junctions, and if that lane is on the route and
     goes on along it or does not end soon. During a lane change only the opposite one is legal, up to
-    half-way: it takes the change back.
+    half-way: it takes the change back. While a mission's task leads the agent out of its lane, none is.
     """
 
     def __init__(self, scene: Scene) -> None:
-        arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene), scene.world.seats.legal
-        self._write = bind(write_legal, *arrays)
+        world = scene.world
+        arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene)
+        self._write = bind(write_legal, *arrays, world.guidance.phase, world.seats.legal)
 
     def write(self, world: World, rows: Bools) -> None:
         """Say what is legal in all occupied seats of some simulations."""

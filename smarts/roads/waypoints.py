@@ -71,7 +71,7 @@ class WaypointPaths(NamedTuple):
 
 
 @kernel
-def _foot(roads: Roads, lane: int, x: float, y: float) -> float:
+def foot(roads: Roads, lane: int, x: float, y: float) -> float:
     """Return the arc length of the point of a lane's centreline that is nearest to a position [m]."""
     best, best_square, best_share = roads.point_start[lane], np.inf, 0.0
     for point in range(roads.point_start[lane], roads.point_start[lane + 1] - 1):
@@ -90,12 +90,12 @@ def _start(roads: Roads, table: RouteTable, row: int, x: float, y: float) -> flo
     A way through a junction may have two lanes, one after the other; the path begins on the second as soon as
     the vehicle is past its first point.
     """
-    s = _foot(roads, table.lane[row], x, y)
+    s = foot(roads, table.lane[row], x, y)
     if table.before[row] >= 0 and s == 0.0:
         return -1.0
     for entry in range(table.onward_start[row], table.onward_start[row + 1]):
         following = table.onward[entry]
-        if table.before[following] == row and _foot(roads, table.lane[following], x, y) > 0.0:
+        if table.before[following] == row and foot(roads, table.lane[following], x, y) > 0.0:
             return -1.0
     return s
 
@@ -129,7 +129,7 @@ def _follow(
         row, i, parent, s = forks[place, 0], forks[place, 1], forks[place, 2], fork_s[place]
         _copy_waypoints(paths, e, parent, path, i)
         while row >= 0:
-            i, s = _walk_lane(roads, table.lane[row], s, i, spacing, base, e, path, paths)
+            i, s = walk_lane(roads, table.lane[row], s, i, spacing, base, e, path, paths)
             if i == lookahead:
                 break
             first, last = table.onward_start[row], table.onward_start[row + 1]
@@ -140,13 +140,13 @@ def _follow(
                 open_forks += 1
             row = int(table.onward[first]) if last > first else -1
         paths.waypoint_count[e, path] = i
-        _clear(paths, e, path, i)
+        clear_waypoints(paths, e, path, i)
         path += 1
     return path
 
 
 @kernel
-def _clear(paths: WaypointPaths, e: int, path: int, first: int) -> None:
+def clear_waypoints(paths: WaypointPaths, e: int, path: int, first: int) -> None:
     """Set the waypoints of a path to zero from number `first` on."""
     for i in range(first, paths.heading.shape[2]):
         paths.position[e, path, i, 0], paths.position[e, path, i, 1] = 0.0, 0.0
@@ -168,7 +168,7 @@ def _copy_waypoints(paths: WaypointPaths, e: int, source: int, target: int, coun
 
 
 @kernel
-def _walk_lane(
+def walk_lane(
     roads: Roads,
     lane: int,
     s: float,
@@ -252,4 +252,4 @@ def write_waypoints(
         paths.path_count[e] = count
         for path in range(count, paths.heading.shape[1]):
             paths.waypoint_count[e, path] = 0
-            _clear(paths, e, path, 0)
+            clear_waypoints(paths, e, path, 0)

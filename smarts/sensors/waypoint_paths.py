@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from smarts.agents.options import Waypoints
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.guide import Guide, guide_of, is_led, write_led_path
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.scene import Scene
 from smarts.roads.waypoints import WaypointPaths, write_waypoints
@@ -49,7 +50,9 @@ class _Entries(NamedTuple):
 class WaypointPathsAhead:
     """A path for each lane of the road that the vehicle may use, from the right to the left, along the route.
 
-    `smarts.roads.waypoints.WaypointPaths` says how paths run, branch and end.
+    `smarts.roads.waypoints.WaypointPaths` says how paths run, branch and end. An agent that its mission's
+    task leads (`smarts.types.guidance`) gets one path instead: its lane as far as the manoeuvre, then the
+    curve into the other lane. Where the task says how fast to drive, that is every waypoint's limit.
     """
 
     option: Waypoints = field(default_factory=Waypoints)
@@ -86,6 +89,7 @@ class WaypointPathsAhead:
             world.vehicles.kind,
             world.vehicles.position,
             world.vehicles.lane,
+            guide_of(world),
             self.option.spacing,
             _Entries(**{name: out[name] for name in _Entries._fields}),
         )
@@ -104,6 +108,7 @@ def _observe(
     kind: Bytes,
     position: Floats,
     lane: Ints,
+    guide: Guide,
     spacing: float,
     entries: _Entries,
 ) -> None:
@@ -128,18 +133,37 @@ def _observe(
             a = seats[g]
             v = slots[b, a]
             hint[0] = route_done[b, a]
-            write_waypoints(
-                roads,
-                table,
-                maps[b : b + 1],
-                position[b, v : v + 1],
-                lane[b, v : v + 1],
-                route[b, a : a + 1],
-                hint,
-                _BUS_LANES if kind[b, v] == _BUS or kind[b, v] == _COACH else _CAR_LANES,
-                spacing,
-                paths,
-            )
+            mask = _BUS_LANES if kind[b, v] == _BUS or kind[b, v] == _COACH else _CAR_LANES
+            if is_led(guide, b, a) and lane[b, v] >= 0:
+                write_led_path(
+                    roads,
+                    table,
+                    guide,
+                    b,
+                    a,
+                    maps[b],
+                    (position[b, v, 0], position[b, v, 1], lane[b, v]),
+                    route[b, a],
+                    route_done[b, a],
+                    mask,
+                    spacing,
+                    paths,
+                )
+            else:
+                write_waypoints(
+                    roads,
+                    table,
+                    maps[b : b + 1],
+                    position[b, v : v + 1],
+                    lane[b, v : v + 1],
+                    route[b, a : a + 1],
+                    hint,
+                    mask,
+                    spacing,
+                    paths,
+                )
+            if guide.speed[b, a] > 0.0:
+                paths.speed_limit[:] = guide.speed[b, a]
             _copy(paths, entries, b, g)
 
 

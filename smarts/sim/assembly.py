@@ -30,6 +30,7 @@ from smarts.sim.entries import Entries
 from smarts.sim.events import AgentEvents
 from smarts.sim.interest import interest_of
 from smarts.sim.locator import MapLocator
+from smarts.sim.manoeuvres import Manoeuvres
 from smarts.sim.ownership import Ownership
 from smarts.sim.schedule import Schedule
 from smarts.sim.simulation import Simulation, Stages
@@ -112,15 +113,17 @@ class NoRecorder:
 
 
 class LocatorStage:
-    """Says where everybody is, and then what may be done there."""
+    """Says where everybody is, and then where tasks lead and what may be done there."""
 
     def __init__(self, scene: Scene) -> None:
         self._locator = MapLocator(scene.atlas, scene.routes)
+        self._manoeuvres = Manoeuvres(scene)
         self._legality = Legality(scene)
 
     def locate(self, world: World, rows: np.ndarray) -> None:
-        """Write all vehicles' places, the seats' progress and their legal actions."""
+        """Write all vehicles' places, the seats' progress, their guidance and their legal actions."""
         self._locator.locate(world, rows)
+        self._manoeuvres.plan(world, rows)
         self._legality.write(world, rows)
 
 

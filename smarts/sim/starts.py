@@ -19,7 +19,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.missions import PlacedMission, ViaPoint, place_missions
 from smarts.types.episode import SeatStart, TakeOver
-from smarts.types.mission import GoalKind, SeatMission, Via
+from smarts.types.mission import GoalKind, SeatMission, Task, TaskKind, Via
 from smarts.types.vehicles import VehicleKind
 
 if TYPE_CHECKING:
@@ -155,6 +155,7 @@ def _seat_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape) -> Seat
         route_length=length,
         free_flow_time=free_flow_time(roads, route, placed.start.lane, length, placed.speed),
         vias=vias,
+        task=_task(placed, roads),
     )
 
 
@@ -205,6 +206,22 @@ def free_flow_time(roads: LaneGraph, route: Sequence[str], lane: int, length: fl
 def _via(via: ViaPoint, roads: LaneGraph) -> Via:
     x, y, _ = via.point.pose(roads)
     return Via((x, y), via.point.lane, via.hit_distance, via.required_speed)
+
+
+def _task(placed: PlacedMission, roads: LaneGraph) -> Task:
+    task = placed.mission.task if isinstance(placed.mission, t.Mission) else None
+    if isinstance(task, t.UTurn):
+        edge = roads.edge_number(placed.route[-1])
+        index = min(task.target_lane_index, int(roads.edge_lane_count[edge]) - 1)
+        lane = int(roads.edge_first_lane[edge]) + index
+        return Task(TaskKind.U_TURN, task.trigger_radius, lane, task.initial_speed or 0.0)
+    if isinstance(task, t.CutIn):
+        edge_id, lane = task.complete_on_edge_id, -1
+        if edge_id is not None:
+            name = edge_id.to_edge(roads) if isinstance(edge_id, t.JunctionEdgeIDResolver) else edge_id
+            lane = int(roads.edge_first_lane[roads.edge_number(name)])
+        return Task(TaskKind.CUT_IN, task.trigger_radius, lane)
+    return Task()
 
 
 def _take_over(placed: PlacedMission, roads: LaneGraph, place: str) -> TakeOver | None:

@@ -29,6 +29,29 @@ class GoalKind(enum.IntEnum):
     """Off the map at the end of a road."""
 
 
+class TaskKind(enum.IntEnum):
+    """A manoeuvre that the agent is led through on its way."""
+
+    NONE = 0
+    U_TURN = 1
+    """On to the road of the other direction."""
+    CUT_IN = 2
+    """In front of a vehicle in the lane beside."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A manoeuvre of one mission; see `smarts.sstudio.types.UTurn` and `CutIn`."""
+
+    kind: TaskKind = TaskKind.NONE
+    radius: float = 0.0
+    """Within which another vehicle triggers it [m]."""
+    lane: int = -1
+    """To turn into, or of the road on which there is no cutting in any more; -1 for none."""
+    speed: float = 0.0
+    """To drive at before [m/s], 0 where it does not say."""
+
+
 @dataclass(frozen=True)
 class Via:
     """A point to pass on the way."""
@@ -62,6 +85,7 @@ class SeatMission:
     free_flow_time: float = 0.0
     """What the route takes at the limits, from the start's speed [s]."""
     vias: tuple[Via, ...] = field(default=())
+    task: Task = Task()
 
 
 @dataclass(frozen=True)
@@ -85,6 +109,14 @@ class Missions:
     """[m]"""
     free_flow_time: Floats
     """[s]"""
+    task: Bytes
+    """A `TaskKind`."""
+    task_radius: Floats
+    """[m]"""
+    task_lane: Ints
+    """-1 for none."""
+    task_speed: Floats
+    """[m/s], 0 where the task does not say."""
     via_count: Bytes
     """How many of the via points there are."""
     via_position: Floats
@@ -110,6 +142,10 @@ class Missions:
             laps=np.zeros(shape, np.int16),
             route_length=np.zeros(shape),
             free_flow_time=np.zeros(shape),
+            task=np.zeros(shape, np.int8),
+            task_radius=np.zeros(shape),
+            task_lane=np.full(shape, -1, np.int32),
+            task_speed=np.zeros(shape),
             via_count=np.zeros(shape, np.int8),
             via_position=np.zeros((*shape, vias, 2)),
             via_lane=np.full((*shape, vias), -1, np.int32),
@@ -125,6 +161,9 @@ class Missions:
             getattr(self, name)[row, seat] = getattr(mission, name)
         for name in ("laps", "route_length", "free_flow_time"):
             getattr(self, name)[row, seat] = getattr(mission, name)
+        self.task[row, seat] = mission.task.kind
+        for name in ("radius", "lane", "speed"):
+            getattr(self, f"task_{name}")[row, seat] = getattr(mission.task, name)
         self.via_count[row, seat] = len(mission.vias)
         for number, via in enumerate(mission.vias):
             self.via_position[row, seat, number] = via.position
@@ -135,5 +174,5 @@ class Missions:
     def clear(self, row: int, seat: int | slice = slice(None)) -> None:
         """Make missions of one simulation endless."""
         for column in dataclasses.fields(self):
-            absent = -1 if column.name in ("route", "goal_lane", "via_lane") else 0
+            absent = -1 if column.name in ("route", "goal_lane", "task_lane", "via_lane") else 0
             getattr(self, column.name)[row, seat] = absent

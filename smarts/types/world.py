@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.types.guidance import Guidance
 from smarts.types.mission import Missions
 from smarts.types.seats import Seats
 from smarts.types.vehicles import VehicleStates
@@ -56,6 +57,8 @@ class World:
         """Shape (B, A)."""
         self.missions = Missions.allocate(worlds, seats, vias)
         """Shape (B, A)."""
+        self.guidance = Guidance.allocate(worlds, seats)
+        """Where the missions' tasks lead, shape (B, A)."""
         self.signals = np.zeros((worlds, lanes), np.int8)
         """What each lane's light shows, a `Signal`, shape (B, L)."""
         self._pairs = [
@@ -89,6 +92,7 @@ class World:
             vehicles.generation[:] = 0
         self.seats.clear(row)
         self.missions.clear(row)
+        self.guidance.clear(row)
         self.signals[row] = 0
         self.step[row] = 0
 

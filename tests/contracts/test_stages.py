@@ -11,6 +11,7 @@ from smarts.sim.assembly import assemble
 from smarts.sim.simulation import Simulation
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
+from smarts.types.guidance import Guidance
 from smarts.types.vehicles import Owner
 
 LOCATION = {"lane", "lane_position", "lane_offset"}
@@ -26,7 +27,8 @@ def tables(world):
         for name in ("vehicles", "before", "seats")
         for column, array in getattr(world, name).columns()
     }
-    return found | {"signals": world.signals, "step": world.step}
+    guidance = {f"guidance.{name}": array for name, array in dataclasses.asdict(world.guidance).items()}
+    return found | guidance | {"signals": world.signals, "step": world.step}
 
 
 class Guard:
@@ -96,6 +98,7 @@ ALLOWED = {
         *(f"vehicles.{name}" for name in LOCATION),
         *(f"seats.{name}" for name in ("route_done", "remaining", "on_road", "corners_on_road", "on_route")),
         *("seats.legal", "seats.lap", "seats.lane_changes"),
+        *(f"guidance.{column.name}" for column in dataclasses.fields(Guidance)),
     ),
     "contacts": nothing,
     "events": columns(

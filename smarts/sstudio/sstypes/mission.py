@@ -32,14 +32,23 @@ class Via(Described):
 
 @dataclass(frozen=True, eq=False)
 class UTurn(Described):
-    """The task to turn round: the route is its first road and its last, the turn the way between them."""
+    """The task to turn round: the route is its first road and its last, the turn the way between them.
+
+    As soon as a vehicle on the last road is within `trigger_radius`, and that road is beside the agent's, the
+    agent's waypoint paths are one: its lane, at the speed that the turn takes, and once it is that slow, a
+    curve from where it is into the lane across (`world.guidance`). The lane controllers follow it: `Lane` and
+    `LaneWithContinuousSpeed` turn round while they are told to keep the lane. An agent that acts otherwise
+    has to follow the path itself. To mind the others is the agent's part. Without a vehicle on the last road
+    nothing is triggered, as in the original. The two lanes must be at least two turning radii of the vehicle
+    apart, about 10 m for a car.
+    """
 
     trigger_radius: float = 100
-    """Without effect: when to turn is for the agent to decide. Kept so that the original's calls work [m]."""
+    """Within which a vehicle on the last road triggers the turn [m]."""
     initial_speed: float | None = None
-    """The speed before the turn [m/s]."""
+    """The speed at the start, and all waypoints' limit until the turn is triggered [m/s]."""
     target_lane_index: int = 0
-    """Without effect: the route's end says in which lane the goal is. Kept as above."""
+    """The lane of the last road to turn into, 0 is the rightmost; the leftmost if there are fewer."""
 
     @property
     def name(self) -> str:
@@ -49,16 +58,23 @@ class UTurn(Described):
 
 @dataclass(frozen=True, eq=False)
 class CutIn(Described):
-    """A label of missions whose point is cutting in; it has no effect on observations, events or ends.
+    """The task to cut in on the nearest vehicle in a lane beside the agent's.
 
-    In the original it bends the waypoints into the lane of the nearest vehicle. Here nothing plans for
-    the agent: whether it cut in is measured from the record (`smarts-bench` metric `cut_in_ratio`).
+    As soon as one is within `trigger_radius`, the agent's waypoint paths are one: its lane, at speeds (up to
+    twice the other's) that bring it 15 m ahead of the other, from centre to centre, and from there a curve of
+    3 s into the other's lane (`world.guidance`). The lane controllers follow it, at most at these speeds:
+    `Lane` and `LaneWithContinuousSpeed` cut in while they are told to keep the lane. An agent that acts
+    otherwise has to follow the path itself. To mind third vehicles is the agent's part, and discrete lane
+    actions do not exceed the speed limit even if the other drives at it. Behind the curve the task is over.
+
+    Whether an agent cut in is measured from the record (`smarts-bench` metric `cut_in_ratio`). The original
+    took the distance from the agent's aggressiveness (20 m to 10 m) and had no radius in effect.
     """
 
     trigger_radius: float = 30
-    """Checked, and without effect [m]."""
+    """Within which the other vehicle triggers the task [m]."""
     complete_on_edge_id: str | JunctionEdgeIDResolver | None = None
-    """Checked to be an edge of the map, and without effect."""
+    """The edge on which the task is over, whether it cut in or not."""
 
     @property
     def name(self) -> str:

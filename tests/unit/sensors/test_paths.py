@@ -9,6 +9,7 @@ from smarts.agents.options import RoadWaypoints, Waypoints
 from smarts.roads.lane_graph import LaneKind
 from smarts.sensors.road_waypoints import RoadWaypointsAround
 from smarts.sensors.waypoint_paths import WaypointPathsAhead
+from smarts.types.guidance import GuidePhase
 from smarts.types.mission import SeatMission
 from smarts.types.vehicles import VehicleKind
 from tests.maps import Road, graph_of
@@ -139,3 +140,59 @@ def test_beyond_the_road_the_way_that_turns_least_is_taken():
     road = seen(around(horizon=30), made)
     assert road["position"][0, :, 1] == pytest.approx(-1.6)
     assert road["position"][1, :, 1] == pytest.approx(1.6)
+
+
+def led(phase, *, x=50.0, speed=0.0, **curve):
+    """Return the paths of one who is led on a road of two lanes each way, three metres between waypoints."""
+    roads = {"there": Road([(0, 0), (200, 0)], 2), "back": Road([(200, 12.8), (0, 12.8)], 2)}
+    made = world_of([Car(x, 0.0, mission=SeatMission(route=("there",)))], maps=[graph_of(roads)])
+    guidance = made.world.guidance
+    guidance.phase[0, 0], guidance.speed[0, 0] = phase, speed
+    for name, value in curve.items():
+        getattr(guidance, name)[0, 0] = value
+    return seen(ahead(lookahead=15, spacing=3.0), made)
+
+
+def test_who_approaches_a_manoeuvre_sees_its_lane_alone():
+    paths = led(GuidePhase.APPROACH, speed=8.0)
+    assert (paths["path_count"], paths["waypoint_count"].tolist()) == (1, [15, *[0] * 7])
+    assert paths["position"][0].tolist() == [[50.0 + 3.0 * i, 0.0] for i in range(15)]
+    assert paths["speed_limit"][0].tolist() == [8.0] * 15
+    assert not paths["position"][1:].any()
+
+
+@pytest.mark.parametrize("phase", [GuidePhase.FREE, GuidePhase.OVER])
+def test_who_is_not_led_sees_all_lanes(phase):
+    paths = led(phase, speed=8.0)
+    assert paths["path_count"] == 2
+    assert paths["speed_limit"][:2].tolist() == [[8.0] * 15] * 2
+    assert paths["position"].tolist() == led(phase)["position"].tolist()
+    assert led(phase)["speed_limit"][0].tolist() == [14.0] * 15
+
+
+def test_a_manoeuvre_is_a_path_out_of_the_lane_and_on_along_the_other():
+    # The half circle is about 20.2 m long: seven waypoints on it, the others from 0.9 m behind it.
+    paths = led(GuidePhase.MANOEUVRE, begin=(50.0, 0.0, 0.0), lane=2, s=150.0)
+    assert (paths["path_count"], paths["waypoint_count"][0]) == (1, 15)
+    places, headings = paths["position"][0], paths["heading"][0]
+    assert places[0].tolist() == [50.0, 0.0]
+    assert np.hypot(*(places[:7] - (50.0, 6.4)).T) == pytest.approx(6.4, rel=0.02)
+    assert headings[:7] == pytest.approx(np.arange(7) * 3.0 / 6.4, abs=0.1)
+    assert places[7:, 0] == pytest.approx(49.1 - 3.0 * np.arange(8), abs=0.2)
+    assert places[7:, 1] == pytest.approx(12.8)
+    # It crosses the own left lane, as far as y = 6.4, and then both lanes of the other road.
+    assert paths["lane"][0].tolist() == [0, 0, 1, 1, 3, 3, 2, *[2] * 8]
+    assert paths["lane_index"][0].tolist() == [0, 0, 1, 1, 1, 1, 0, *[0] * 8]
+    assert paths["lane_offset"][0, 7:] == pytest.approx(150.9 + 3.0 * np.arange(8), abs=0.2)
+    assert paths["lane_width"][0] == pytest.approx(3.2)
+
+
+def test_on_a_manoeuvre_the_path_begins_beside_the_vehicle():
+    curve = {"begin": (50.0, 0.0, 0.0), "lane": 1, "s": 80.0}
+    paths = led(GuidePhase.MANOEUVRE, x=65.0, **curve)
+    # Half-way of the change, at (65, 1.6), is nearest to (65, 0) but for the slope.
+    x, y = paths["position"][0, 0]
+    assert (x, y) == pytest.approx((64.8, 1.57), abs=0.1)
+    # Behind the curve it is lane 1.
+    assert paths["position"][0, 6:, 1] == pytest.approx(3.2)
+    assert paths["lane"][0, -1] == 1

@@ -1,0 +1,61 @@
+"""Compiled: the reference of a vehicle that its mission's task leads along a curve into another lane."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.lane_path import NEAR_SPACING, limit_speeds, row_of, write_reference
+from smarts.controllers.lane_state import LaneState
+from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.curves import curve_into, pose_along, station_near, stations_of
+from smarts.roads.guide import Guide
+
+
+@kernel
+def write_led_reference(
+    roads: Roads,
+    table: RouteTable,
+    state: LaneState,
+    guide: Guide,
+    b: int,
+    a: int,
+    cap: float,
+    obeys: bool,
+    reference: NDArray[np.float64],
+) -> None:
+    """Write the points that lead a vehicle along the curve of its manoeuvre and on along the lane behind it.
+
+    Args:
+        roads: The maps' lanes.
+        table: The routes.
+        state: Of the world.
+        guide: Of all seats.
+        b: Simulation.
+        a: Seat.
+        cap: The largest speed [m/s].
+        obeys: Whether the limit of the lane behind the curve holds too.
+        reference: Written, shape (R, 4), see `Commands`.
+    """
+    world, slot = state.map[b], state.slot[b, a]
+    first_lane = roads.lane_base[world]
+    lane = first_lane + guide.lane[b, a]
+    agility = state.agility[state.kind[b, slot]]
+    control = curve_into(roads, guide.begin[b, a], lane, guide.s[b, a])
+    stations = stations_of(control)
+    x, y = state.position[b, slot]
+    station = station_near(control, stations, x, y)[0]
+    on_curve = 0
+    while on_curve < len(reference) and station < stations[-1]:
+        point = reference[on_curve]
+        point[0], point[1], point[2] = pose_along(control, stations, station)
+        point[3] = min(cap, roads.lane_speed[lane]) if obeys else cap
+        station += NEAR_SPACING
+        on_curve += 1
+    behind = reference[on_curve:]
+    if len(behind) > 0:
+        row = row_of(table, world, state.route[b, a], lane, first_lane, state.route_done[b, a])
+        s = guide.s[b, a] + station - stations[-1]
+        write_reference(roads, table, world, row, s, 0.0, state.speed[b, slot], cap, obeys, agility, behind)
+    limit_speeds(reference, len(reference), agility)

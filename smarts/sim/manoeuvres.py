@@ -1,0 +1,76 @@
+"""Manoeuvres: where the missions' tasks lead their agents now."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.binding import bind
+from smarts.geometry.compiling import kernel
+from smarts.roads.curves import curve_into, station_near, stations_of
+from smarts.roads.guide import Guide, guide_of
+from smarts.roads.scene import Scene
+from smarts.sim.cut_in import plan_cut_in
+from smarts.sim.surroundings import Surroundings, surroundings_of
+from smarts.sim.u_turn import plan_u_turn
+from smarts.types.guidance import GuidePhase
+from smarts.types.mission import TaskKind
+from smarts.types.seats import SeatState
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+
+STRAYED = 6.0
+"""So far off the curve an agent is led no longer, and begins anew [m]."""
+
+_NONE, _CUT_IN = int(TaskKind.NONE), int(TaskKind.CUT_IN)
+_FREE, _MANOEUVRE, _OVER = int(GuidePhase.FREE), int(GuidePhase.MANOEUVRE), int(GuidePhase.OVER)
+_SHADOWING, _ACTIVE = int(SeatState.SHADOWING), int(SeatState.ACTIVE)
+
+
+class Manoeuvres:
+    """Writes `world.guidance`; a part of the locator stage, which has just said where everybody is.
+
+    Args:
+        scene: The world, its maps and the agents' routes.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._plan = bind(plan_manoeuvres, surroundings_of(scene), guide_of(scene.world))
+
+    def plan(self, world: World, rows: Bools) -> None:
+        """Say where tasks lead in some simulations."""
+        tasked = world.missions.task > _NONE
+        if tasked.any():
+            state = world.seats.state
+            tasked &= ((state == _ACTIVE) | (state == _SHADOWING)) & rows[:, None]
+            self._plan(tasked)
+
+
+@kernel
+def plan_manoeuvres(around: Surroundings, guide: Guide, tasked: Bools) -> None:
+    """Write the guidance of the seats that have a task, shape (B, A)."""
+    for b in range(tasked.shape[0]):
+        for a in range(tasked.shape[1]):
+            if not tasked[b, a] or around.slot[b, a] < 0 or guide.phase[b, a] == _OVER:
+                continue
+            if guide.phase[b, a] == _MANOEUVRE:
+                _go_on(around, guide, b, a)
+            elif around.task[b, a] == _CUT_IN:
+                plan_cut_in(around, guide, b, a)
+            else:
+                plan_u_turn(around, guide, b, a)
+
+
+@kernel
+def _go_on(around: Surroundings, guide: Guide, b: int, a: int) -> None:
+    """End a manoeuvre when the curve is behind the vehicle, or far off."""
+    lane = around.roads.lane_base[around.map[b]] + guide.lane[b, a]
+    control = curve_into(around.roads, guide.begin[b, a], lane, guide.s[b, a])
+    stations = stations_of(control)
+    x, y = around.position[b, around.slot[b, a]]
+    station, distance = station_near(control, stations, x, y)
+    if station >= stations[-1]:
+        guide.phase[b, a], guide.speed[b, a] = _OVER, 0.0
+    elif distance > STRAYED:
+        guide.phase[b, a], guide.speed[b, a] = _FREE, 0.0

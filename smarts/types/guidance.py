@@ -1,0 +1,66 @@
+"""Guidance: where a mission's task leads its agent now, as arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.int8]
+Ints = NDArray[np.int32]
+Floats = NDArray[np.float64]
+
+
+class GuidePhase(enum.IntEnum):
+    """How far a task has come."""
+
+    FREE = 0
+    """There is no task, or it has not been triggered: lanes are followed as ever."""
+    APPROACH = 1
+    """Triggered: the agent is to keep its lane, at the speed that the manoeuvre takes."""
+    MANOEUVRE = 2
+    """It is led along a curve out of its lane and into another."""
+    OVER = 3
+    """It has performed its task, and is free for good."""
+
+
+@dataclass(frozen=True)
+class Guidance:
+    """Guidance of B simulations, shape (B, A); written with the lanes, read by sensors and controllers."""
+
+    phase: Bytes
+    """A `GuidePhase`."""
+    speed: Floats
+    """The speed to drive at [m/s], 0 where the task does not say."""
+    begin: Floats
+    """Where the curve begins: x, y [m], heading [rad], shape (B, A, 3)."""
+    lane: Ints
+    """The lane that the curve leads into, -1 without a curve."""
+    s: Floats
+    """Where on that lane it ends [m]."""
+    target: Ints
+    """Slot of the vehicle that the task is about, -1 for none."""
+    target_generation: Ints
+    """Its generation; with the slot, the vehicle itself."""
+
+    @classmethod
+    def allocate(cls, worlds: int, seats: int) -> Guidance:
+        """Return no guidance for B simulations of A seats."""
+        shape = (worlds, seats)
+        return cls(
+            phase=np.zeros(shape, np.int8),
+            speed=np.zeros(shape),
+            begin=np.zeros((*shape, 3)),
+            lane=np.full(shape, -1, np.int32),
+            s=np.zeros(shape),
+            target=np.full(shape, -1, np.int32),
+            target_generation=np.zeros(shape, np.int32),
+        )
+
+    def clear(self, row: int) -> None:
+        """Forget the guidance of one simulation."""
+        for column in dataclasses.fields(self):
+            getattr(self, column.name)[row] = -1 if column.name in ("lane", "target") else 0
