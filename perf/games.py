@@ -23,7 +23,7 @@ TESTS = ROOT / "tests" / "unit" / "algorithms"
 
 
 def games() -> dict[str, Callable[[int], float]]:
-    """Return by name what plays a game with a seed and returns the mean score of its agents."""
+    """Return by name what plays a game with a seed and returns its agents' mean score, of mf_ac the worst."""
     sys.path[:0] = [str(ROOT), str(TESTS), str(TESTS / "joint")]
     names = ("games", "pg", "maac", "mean_field", "networked_q", "commnet", "recurrence", "replay_kinds")
     games, pg, maac, field, networked, commnet, recurrence, kinds = (
