@@ -1,4 +1,4 @@
-"""`smarts-bench compare`: paired differences of two experiments or algorithms."""
+"""`smarts-bench compare`: differences of two experiments or algorithms at equal starts."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ Csv = Annotated[Path | None, typer.Option("--csv", help="Table to write as well.
 
 
 def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv: Csv = None) -> None:
-    """Show A minus B in episodes with equal starts and traffic, p-values Holm-corrected over all lines.
+    """Show A minus B at the starts that both have played, p-values Holm-corrected over all lines.
 
-    Of two experiments, the algorithms that both have; of two algorithms, these two.
+    Of two experiments, the algorithms that both have; of two algorithms, these two. The unit is a start, over
+    all training seeds a side has: the answer is about these checkpoints, not about others of the algorithm.
     """
     from benchmark.report.comparing import compare_sides, differing_protocols, read_side
     from benchmark.report.ranking import RANKED_BY
@@ -41,6 +42,8 @@ def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv
         text = found.to_csv(index=False, float_format="%.6g", lineterminator="\n")
         write_whole(csv, lambda file: file.write_text(text, encoding="utf-8"))
     typer.echo(_shown(found))
+    for note in dict.fromkeys(filter(None, found["note"])):
+        typer.echo(f"note: left out: {note}", err=True)
 
 
 def _shown(found: Frame) -> str:
@@ -52,8 +55,9 @@ def _shown(found: Frame) -> str:
         "metric",
         "difference",
         "95% interval",
-        "pairs",
+        "starts",
         "p",
+        "corrected p",
         "better",
     ]
     lines = [titles, *map(_line, found.to_dict("records"))]
@@ -65,12 +69,13 @@ def _shown(found: Frame) -> str:
 
 
 def _line(row: dict[Any, Any]) -> list[str]:
+    is_compared = row["corrected"] == row["corrected"]
     known = row["low"] == row["low"]
     return [
         *(str(row[name]) for name in ("first", "second", "task", "task_traffic", "metric")),
         f"{row['value']:+.3f}" if row["value"] == row["value"] else "n/a",
         f"[{row['low']:+.3f}, {row['high']:+.3f}]" if known else "no interval",
         str(row["pairs"]),
-        f"{row['corrected']:.3f}" if row["corrected"] == row["corrected"] else "",
-        row["better"] or "tie",
+        *(f"{row[name]:.3f}" if is_compared else "" for name in ("p_value", "corrected")),
+        row["better"] or ("tie" if is_compared else "not compared"),
     ]

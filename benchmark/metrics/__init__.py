@@ -6,9 +6,10 @@
 A further metric is one file with a `Measure` and a line in `METRICS`.
 """
 
+from benchmark.metrics.differences import compare
 from benchmark.metrics.live import Episode, EpisodeLog, Metric
 from benchmark.metrics.registry import METRICS
-from benchmark.metrics.results import compare, compute
+from benchmark.metrics.results import compute
 from benchmark.metrics.table import join_tables, measure_episodes, read_table, write_table
 
 __all__ = [

@@ -28,13 +28,16 @@ METRIC = Measure(
     name="collaborative",
     label="Collaborative",
     meaning="giving way: yielded / (yielded + went first + collided) over conflict encounters that the "
-    "agent could have won",
-    kind="ratio",
+    "agent could have won; where two agents meet, one goes first and one yields as a rule, so without "
+    "traffic it is near 0.5 whatever they do",
     columns=tuple(_RESULTS),
     measure=measure,
     value=lambda totals: share(
         totals["yielded"], totals["yielded"] + totals["went_first"] + totals["collided_encounters"]
     ),
+    hits="yielded",
+    count=("yielded", "went_first", "collided_encounters"),
+    counted="encounters",
     missing="no encounter that the agents could have won",
     better="higher",
 )

@@ -14,11 +14,10 @@ METRIC = Measure(
     name="collision_rate",
     label="Collision rate",
     meaning="share of agent-episodes that ended by a collision with any vehicle",
-    kind="rate",
     columns=("collisions",),
     measure=measure,
     value=lambda totals: share(totals["collisions"], totals["agents"]),
+    hits="collisions",
     missing="no agent took part",
     better="lower",
-    rate=("collisions", "agents"),
 )

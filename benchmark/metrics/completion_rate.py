@@ -14,11 +14,10 @@ METRIC = Measure(
     name="completion_rate",
     label="Completion rate",
     meaning="share of agent-episodes that ended at the goal",
-    kind="rate",
     columns=("goals",),
     measure=measure,
     value=lambda totals: share(totals["goals"], totals["agents"]),
+    hits="goals",
     missing="no agent took part",
     better="higher",
-    rate=("goals", "agents"),
 )

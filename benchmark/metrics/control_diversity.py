@@ -11,6 +11,8 @@ from smarts.types.actions import ActionSpaceType, LaneAction
 
 LEAST_COMMANDS = 20
 """Of an agent-episode that counts."""
+LEAST_AGENTS = 10
+"""That gave so many, for a mean."""
 ACCELERATION = 0.3
 """Above which a change of speed is a command [m/s^2]."""
 STEERING_RATE = np.radians(2.0)
@@ -90,11 +92,13 @@ METRIC = Measure(
     name="control_diversity",
     label="Control diversity",
     meaning="entropy of the split between longitudinal and lateral commands / log 2",
-    kind="mean",
     columns=("control_diversity", "controlling_agents", "longitudinal_commands", "lateral_commands"),
     measure=measure,
     value=lambda totals: share(totals["control_diversity"], totals["controlling_agents"]),
-    missing="nobody gave 20 commands",
+    count=("controlling_agents",),
+    counted="agent-episodes with 20 commands",
+    least=LEAST_AGENTS,
+    missing=f"fewer than {LEAST_AGENTS} agent-episodes with {LEAST_COMMANDS} commands",
     is_axis=True,
     terms=terms,
 )

@@ -15,10 +15,12 @@ METRIC = Measure(
     name="cut_in_ratio",
     label="Cut-in ratio",
     meaning="lane changes that leave the vehicle behind less than 1.0 s of headway / completed lane changes",
-    kind="ratio",
     columns=("cut_ins", "lane_changes"),
     measure=measure,
     value=lambda totals: share(totals["cut_ins"], totals["lane_changes"]),
+    hits="cut_ins",
+    count=("lane_changes",),
+    counted="lane changes",
     missing="no lane change was completed",
     better="lower",
 )

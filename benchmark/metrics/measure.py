@@ -17,8 +17,6 @@ Columns = Mapping[str, NDArray]
 Totals = Mapping[str, NDArray]
 """Sums of columns over agent-episodes, all of one shape: of one group, of each seed, of each resample."""
 
-Kind = Literal["rate", "mean", "ratio", "index"]
-
 
 @dataclass(frozen=True)
 class Measure:
@@ -35,8 +33,6 @@ class Measure:
     """For people."""
     meaning: str
     """One sentence for reports."""
-    kind: Kind
-    """rate: share of agent-episodes. mean: over agent-episodes. ratio: sums over sums. index: in [0, 1]."""
     columns: tuple[str, ...]
     """That `measure` writes."""
     measure: Callable[[EpisodeData], Columns]
@@ -52,17 +48,31 @@ class Measure:
     """Whether it lies in [0, 1], and its interval is cut to that."""
     is_axis: bool = False
     """Whether it is one of the radar's axes."""
-    rate: tuple[str, str] | None = None
-    """Numerator and denominator of a rate."""
+    count: tuple[str, ...] = ("agents",)
+    """Columns that add up to the denominator: how much there was to measure."""
+    counted: str = "agent-episodes"
+    """What that counts, for people."""
+    least: float = 0.0
+    """Denominator below which a group has no value; single starts are compared whatever they have."""
+    hits: str = ""
+    """Column of the numerator where the value is a share of counted things, and so has Wilson's interval."""
     terms: Callable[[Totals], Mapping[str, Floats]] | None = None
     """What it consists of. NaN is a term that is not defined; the value is flagged then."""
 
+    def known(self, totals: Totals) -> Floats:
+        """Return the metric, NaN also where there was less than `least` to measure."""
+        return np.where(self.denominator(totals) >= self.least, self.value(totals), np.nan)
 
-def share(part: ArrayLike, whole: ArrayLike, least: float = 0.0) -> Floats:
-    """Return part / whole, NaN where the whole is 0 or below `least`."""
+    def denominator(self, totals: Totals) -> Floats:
+        """Return how much there was to measure."""
+        return np.sum([totals[name] for name in self.count], axis=0)
+
+
+def share(part: ArrayLike, whole: ArrayLike) -> Floats:
+    """Return part / whole, NaN where the whole is 0."""
     part, whole = np.asarray(part, float), np.asarray(whole, float)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where((whole > 0) & (whole >= least), part / whole, np.nan)
+        return np.where(whole > 0, part / whole, np.nan)
 
 
 def mean_of_known(values: Mapping[str, Floats]) -> Floats:

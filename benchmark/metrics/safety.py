@@ -49,7 +49,6 @@ METRIC = Measure(
     label="Safety",
     meaning="mean of: non-collision rate; share of driving time with time-to-collision above 1.5 s; "
     "share of conflict encounters with post-encroachment time above 1.0 s",
-    kind="index",
     columns=("collisions", "safe_time", "driving_time", "gaps", "safe_gaps"),
     measure=measure,
     value=lambda totals: mean_of_known(terms(totals)),

@@ -23,7 +23,10 @@ _CHANGING = (ChangePhase.REQUESTED, ChangePhase.MOVING)
 
 
 def measure(episode: EpisodeData) -> Columns:
-    """Return the index and its terms of each agent that was fast enough for long enough, and their count."""
+    """Return the index and its terms of each agent that was fast enough for long enough, and their count.
+
+    Who has nothing to measure for one of the terms does not count.
+    """
     columns = {name: np.zeros(episode.count) for name in METRIC.columns}
     changes = episode.shared(find_lane_changes)
     phase = episode.seat_column("change_phase")
@@ -33,6 +36,9 @@ def measure(episode: EpisodeData) -> Columns:
             continue
         is_changing = changes.under_way[:, agent] | np.isin(phase[:, agent], _CHANGING)
         found = _terms_of(episode, int(episode.own[agent]), moving, is_changing)
+        # Stop and go in runs shorter than the average's window has no jerk that one could call small.
+        if not np.isfinite(found).all():
+            continue
         columns["stable_agents"][agent] = 1.0
         for name, each in zip(_TERMS, found, strict=True):
             columns[name][agent] = each
@@ -44,16 +50,21 @@ def measure(episode: EpisodeData) -> Columns:
 def _terms_of(
     episode: EpisodeData, own: int, moving: np.ndarray, is_changing: np.ndarray
 ) -> tuple[float, float, float]:
+    """Return the three terms, NaN where there is nothing to measure."""
     motion = episode.motion
     jerks = [_jerks(motion.acceleration[run, own], episode.dt) for run in _runs(moving)]
-    jerk = np.concatenate(jerks)
-    offset = motion.t[moving & ~is_changing, own]
-    offset = offset[np.isfinite(offset)]
+    jerk = _finite(np.concatenate(jerks))
+    sideways = _finite(motion.lateral_acceleration[moving, own])
+    offset = _finite(motion.t[moving & ~is_changing, own])
     return (
-        float(np.abs(jerk).mean()) if len(jerk) else 0.0,
-        float(np.nanmean(np.abs(motion.lateral_acceleration[moving, own]))),
-        float(offset.std()) if len(offset) else 0.0,
+        float(np.abs(jerk).mean()) if len(jerk) else np.nan,
+        float(np.abs(sideways).mean()) if len(sideways) else np.nan,
+        float(offset.std()) if len(offset) else np.nan,
     )
+
+
+def _finite(values: Floats) -> Floats:
+    return values[np.isfinite(values)]
 
 
 def _runs(moving: np.ndarray) -> list[slice]:
@@ -80,11 +91,12 @@ METRIC = Measure(
     label="Stability",
     meaning="1 / (1 + mean |longitudinal jerk| / 2.0 + mean |lateral acceleration| / 1.5 "
     "+ std(lane offset) / 0.5) while faster than 1 m/s",
-    kind="index",
     columns=("stability", "stable_agents", *_TERMS),
     measure=measure,
     value=lambda totals: share(totals["stability"], totals["stable_agents"]),
-    missing="nobody was faster than 1 m/s for 2 s",
+    count=("stable_agents",),
+    counted="agents that moved",
+    missing="nobody was faster than 1 m/s for 2 s, with a jerk and a place in a lane to measure",
     better="higher",
     is_axis=True,
     terms=terms,

@@ -46,9 +46,10 @@ METRIC = Measure(
     label="Stochasticity",
     meaning="mean over visited states of the entropy of the sampling distribution / log(legal actions); "
     "of continuous actions, the standard deviation / half range, cut at 1",
-    kind="ratio",
     columns=("stochasticity", "stochastic_states"),
     measure=measure,
     value=lambda totals: share(totals["stochasticity"], totals["stochastic_states"]),
+    count=("stochastic_states",),
+    counted="states",
     missing="no distribution was recorded, as of rule-based policies",
 )

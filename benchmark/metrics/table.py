@@ -22,13 +22,14 @@ from smarts.types.events import Outcome
 
 FORMAT = 1
 """Of the file; others are refused."""
-FILE = "episodes.parquet"
-"""Usual name of the file."""
 COUNTS = "episodes"
 """Key of `DataFrame.attrs`: how many episodes were measured, void, incomplete, and which are corrupted."""
 
 EPISODE_KEYS = ("scenario", "variation", "traffic", "seed", "world", "episode")
-"""Columns that name an episode; with the same seed, it has the same start and traffic whoever plays."""
+"""Columns that name an episode. Its start and traffic are the same whoever plays, unless the scenario or the
+number of agents has changed since: `START` tells."""
+START = ("start_x", "start_y", "start_heading", "start_speed")
+"""Columns of each agent's start [m, m, rad, m/s]."""
 
 _VERSION = b"smarts_bench.metrics.format"
 _COUNTS = b"smarts_bench.metrics.episodes"
@@ -107,7 +108,7 @@ def _rows(episode: EpisodeData, measures: Iterable[Any], labels: Mapping[str, An
         "agent": agents["name"],
         "outcome": [Outcome(int(outcome)).name.lower() for outcome in agents["outcome"]],
         "is_void": is_void,
-        **{name: agents[name] for name in ("start_x", "start_y", "start_heading", "start_speed")},
+        **{name: agents[name] for name in START},
         "duration": episode.duration,
         "travelled": agents["travelled"],
         "agents": took_part.astype(float),

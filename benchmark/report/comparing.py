@@ -1,4 +1,4 @@
-"""Two experiments or algorithms side by side: paired differences in equal episodes."""
+"""Two experiments or algorithms side by side: differences at equal starts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
 from benchmark.report.data import Results, RunResult, read_results
 from benchmark.report.protocol import described, protocol_of
-from benchmark.report.ranking import CELL, beside_each_seed
+from benchmark.report.ranking import CELL
 from benchmark.report.values import SCRIPTED
 from benchmark.running.files import ResultsError
 
@@ -29,6 +29,7 @@ COLUMNS = (
     "p_value",
     "corrected",
     "better",
+    "note",
 )
 
 
@@ -75,7 +76,7 @@ def read_side(path: Path) -> Side:
 
 
 def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) -> Frame:
-    """Return the paired differences between two sides in all cells, Holm-corrected over all of them.
+    """Return the differences at equal starts between two sides, Holm-corrected over all cells and metrics.
 
     One algorithm a side is compared whatever their names; of several, those that both sides have.
 
@@ -86,7 +87,8 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
         mode: Way of acting.
 
     Returns:
-        A row for each pair of algorithms, cell and metric, with `COLUMNS`; `better` is "" for a tie.
+        A row for each pair of algorithms, cell and metric, with `COLUMNS`; `better` is "" for a tie, and
+        where `p_value` is NaN, since they could not be compared.
 
     Raises:
         ResultsError: There is nothing in common.
@@ -100,9 +102,9 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
         for side, name, letter in ((first, one, "A"), (second, other, "B")):
             tables = [run.table for run in side.runs if run.algorithm == name and run.table is not None]
             parts.append(pd.concat(tables, ignore_index=True).assign(pair=number, side=letter))
-    table = pd.concat(parts, ignore_index=True)
+    table: Frame = pd.concat(parts, ignore_index=True)
     table = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
-    found = compare(beside_each_seed(table), [*metrics], ["pair", *CELL], "side")
+    found = compare(table, [*metrics], ["pair", *CELL], "side", family=())
     if not len(found):
         raise ResultsError(
             f"nothing that both have: no common task, traffic and {mode} episodes",

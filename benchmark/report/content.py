@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame
 from benchmark.report.data import Results
 from benchmark.report.paper import Printed, is_as_good, paper, printed
-from benchmark.report.ranking import RANKED_BY, differences, of_cell, ranks
+from benchmark.report.ranking import Standing, differences, of_cell, ranks
 from benchmark.report.values import (
     GENERALIZATION,
     MODES,
@@ -36,11 +37,14 @@ class Cell:
     is_as_good: bool | None
     """As the paper; None where it has none, or we."""
     rank: int | None
-    """Among the learning algorithms of the column; None without another one."""
+    """Among the learning algorithms of the column; None without another one to compare with."""
     is_tied: bool
-    """Whether others have the same rank."""
-    is_best: bool
-    """Whether its figures are the best of the column, decided or not, as bold figures in the paper are."""
+    """Whether one that it was compared with has the same rank."""
+
+    @property
+    def is_best(self) -> bool:
+        """Whether no other one of the column is better."""
+        return self.rank == 1
 
     @property
     def is_short(self) -> bool:
@@ -104,21 +108,19 @@ class Report:
             rows.append(Row(name, is_reference, tuple(cells)))
         return rows
 
-    def _ranks(self, task: str, traffic: str, mode: str) -> dict[str, int]:
+    def _ranks(self, task: str, traffic: str, mode: str) -> dict[Any, Standing]:
         entries = [
             name
             for name in self.results.algorithms
             if self.value(name, task, traffic, mode, "completion_rate") is not None
         ]
-        found = ranks(of_cell(self.differences[mode], task, traffic), entries)
-        return {str(name): rank for name, rank in found.items()} if len(entries) > 1 else {}
+        return ranks(of_cell(self.differences[mode], task, traffic), entries) if len(entries) > 1 else {}
 
-    def _cell(self, name: str, task: str, traffic: str, mode: str, standing: dict[str, int]) -> Cell:
+    def _cell(self, name: str, task: str, traffic: str, mode: str, standings: dict[Any, Standing]) -> Cell:
         collision = self.value(name, task, traffic, mode, "collision_rate")
         completion = self.value(name, task, traffic, mode, "completion_rate")
         theirs = printed(name, task, traffic)
-        rank = standing.get(name)
-        best = max((self._order(each, task, traffic, mode) for each in standing), default=None)
+        standing = standings.get(name)
         return Cell(
             task,
             traffic,
@@ -126,16 +128,9 @@ class Report:
             completion,
             theirs,
             _is_as_good(theirs, collision, completion),
-            rank,
-            rank is not None and list(standing.values()).count(rank) > 1,
-            rank is not None and self._order(name, task, traffic, mode) == best,
+            standing.rank if standing else None,
+            standing is not None and standing.is_tied,
         )
-
-    def _order(self, name: str, task: str, traffic: str, mode: str) -> tuple[float, float]:
-        """Return completion rate and -collision rate, of which more is better."""
-        found = [self.value(name, task, traffic, mode, metric) for metric in RANKED_BY]
-        completion, collision = (each.value if each and each.is_known else -1.0 for each in found)
-        return completion, -collision
 
     def generalization(self) -> Iterator[tuple[str, str, str, Value]]:
         """Yield algorithm, task, traffic and generalization where held-out variations were played."""

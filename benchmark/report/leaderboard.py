@@ -14,7 +14,7 @@ from benchmark.metrics.results import Frame
 from benchmark.report.data import Results, read_results
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.protocol import described, protocol_of
-from benchmark.report.ranking import RANKED_BY, differences, of_cell, ranks
+from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
 from benchmark.report.values import MODES, SCRIPTED, Value, by_key, measure_cells
 from benchmark.running.files import ResultsError
 from benchmark.statistics import interquartile_mean
@@ -35,7 +35,7 @@ class Place:
     algorithm: str
     paradigm: str
     rank: int | None
-    """None of references, and where there is no figure."""
+    """None of references, and where there is no figure or nobody to compare with at equal starts."""
     is_tied: bool
     completion: Value
     collision: Value
@@ -175,10 +175,10 @@ def _places(table: Frame, letter: str, mode: str) -> list[Place]:
             for entry, pair in figures.items()
             if entry not in scripted and all(x.is_known for x in pair)
         ]
-        standing = ranks(of_cell(differing, task, traffic), ranked)
-        for entry in sorted(figures, key=lambda each: _order(standing.get(each), figures[each])):
+        standings = ranks(of_cell(differing, task, traffic), ranked)
+        for entry in sorted(figures, key=lambda each: _order(standings.get(each), figures[each])):
             experiment, _, algorithm = entry.partition("\n")
-            rank = standing.get(entry)
+            standing = standings.get(entry)
             places.append(
                 Place(
                     letter,
@@ -187,17 +187,17 @@ def _places(table: Frame, letter: str, mode: str) -> list[Place]:
                     experiment,
                     algorithm,
                     paradigm_of(algorithm, entry in scripted),
-                    rank,
-                    rank is not None and list(standing.values()).count(rank) > 1,
+                    standing.rank if standing else None,
+                    standing is not None and standing.is_tied,
                     *figures[entry],
                 )
             )
     return places
 
 
-def _order(rank: int | None, figures: Sequence[Value]) -> tuple[float, float, float]:
+def _order(standing: Standing | None, figures: Sequence[Value]) -> tuple[float, float, float]:
     completion, collision = (value.value if value.is_known else 0.0 for value in figures)
-    return float("inf") if rank is None else rank, -completion, collision
+    return standing.rank if standing else float("inf"), -completion, collision
 
 
 def _summaries(places: Sequence[Place], letter: str) -> list[Summary]:

@@ -27,7 +27,7 @@ OUTCOMES = (
 """Metrics that are shares of outcomes and add up to 1."""
 COLUMNS = (
     *("algorithm", "kind", "task", "traffic", "mode", "metric", "value", "low", "high"),
-    *("n", "episodes", "seeds", "label", "note", "terms"),
+    *("n", "count", "counted", "episodes", "seeds", "label", "note", "terms"),
 )
 
 
@@ -42,6 +42,10 @@ class Value:
     high: float
     n: int
     """Agent-episodes."""
+    count: float
+    """How much there was to measure: the denominator."""
+    counted: str
+    """What that is."""
     episodes: int
     seeds: int
     """Training seeds."""
@@ -59,6 +63,11 @@ class Value:
     def has_interval(self) -> bool:
         """Whether there is an interval."""
         return math.isfinite(self.low) and math.isfinite(self.high)
+
+    @property
+    def count_text(self) -> str:
+        """What it was measured on, empty if that is all agent-episodes."""
+        return "" if self.counted == "agent-episodes" else f"{self.count:,.0f} {self.counted}"
 
     @property
     def digits(self) -> int:
@@ -118,6 +127,18 @@ def by_key(rows: Frame) -> dict[Key, Value]:
     records: list[dict[str, Any]] = rows.to_dict("records")
     for row in records:
         key = row["algorithm"], row["task"], row["traffic"], row["mode"], row["metric"]
-        names = ("value", "low", "high", "n", "episodes", "seeds", "label", "note", "terms")
+        names = (
+            "value",
+            "low",
+            "high",
+            "n",
+            "count",
+            "counted",
+            "episodes",
+            "seeds",
+            "label",
+            "note",
+            "terms",
+        )
         found[key] = Value(row["metric"], *(row[name] for name in names))
     return found

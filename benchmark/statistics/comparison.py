@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import stdtr
+from scipy.special import stdtr, stdtrit
 
-from benchmark.statistics.intervals import seed_interval
+from benchmark.statistics.intervals import LEVEL
 
 Floats = NDArray[np.float64]
 
@@ -21,47 +21,42 @@ class Difference:
     low: float
     high: float
     p_value: float
-    """Two-sided, that there is no difference."""
+    """Two-sided, that there is no difference; NaN if nothing can be said."""
     pairs: int
-    """Training seeds or, with fewer than three, starts that were compared."""
-
-    @property
-    def is_tie(self) -> bool:
-        """Whether the interval contains 0."""
-        return not (self.low > 0.0 or self.high < 0.0)
+    """Starts that were compared."""
 
 
-def paired_difference(first: ArrayLike, second: ArrayLike) -> Difference:
-    """Return the paired difference over common training seeds and starts.
+def paired_difference(gaps: ArrayLike, is_share_of_counts: bool = False) -> Difference:
+    """Return the mean difference over distinct starts with Student's interval.
 
-    With three seeds or more that both have, by Student's interval on the seeds' differences of means over
-    the starts. With fewer, by that on the starts' differences, which then tells of these checkpoints only.
-    NaN where one has not played a start with a seed: the other is left out, too.
-
-    Differences that are all alike tell of no spread, which would make two of them as good as two hundred: a
-    further one of 0 is counted in for interval and p-value then.
+    Shares of counted things can agree in all starts, or nearly so, which tells of no spread. Their standard
+    error is never below that of matched pairs which counts two further starts: one alike, one half each way.
+    Other differences that are all alike, but not 0, have no interval.
 
     Args:
-        first: Mean over the agents of an episode, shape (S, K): row = training seed, column = start.
-        second: The same of the other algorithm, rows and columns alike.
+        gaps: First minus second at each start, shape (K,); starts are the unit, so each stands here once.
+        is_share_of_counts: Whether they are differences of such shares, in [-1, 1].
+
+    Source: Agresti and Min, Simple improved confidence intervals for comparing matched proportions,
+    Statistics in Medicine 24 (2005); here of starts, whatever the agents in one of them share.
     """
-    gap = np.asarray(first, float) - np.asarray(second, float)
-    gap = gap[np.isfinite(gap).any(axis=1)][:, np.isfinite(gap).any(axis=0)]
-    units = np.nanmean(gap, axis=1) if len(gap) >= 3 else _mean_over_seeds(gap)
-    if len(units) < 2:
-        value = float(units[0]) if len(units) else float("nan")
-        return Difference(value, float("nan"), float("nan"), float("nan"), len(units))
-    value, counted = float(units.mean()), len(units)
-    if value != 0.0 and np.ptp(units) == 0.0:
-        units = np.append(units, 0.0)
-    low, high = seed_interval(units)
-    error = units.std(ddof=1) / np.sqrt(len(units))
-    p_value = 2.0 * float(stdtr(len(units) - 1, -abs(float(units.mean())) / error)) if error > 0.0 else 1.0
-    return Difference(value, float(low), float(high), p_value, counted)
-
-
-def _mean_over_seeds(gap: Floats) -> Floats:
-    return np.nanmean(gap, axis=0) if gap.size else np.zeros(0)
+    units = np.asarray(gaps, float)
+    count = len(units)
+    value = float(units.mean()) if count else float("nan")
+    if count < 2:
+        return Difference(value, float("nan"), float("nan"), float("nan"), count)
+    error = units.std(ddof=1) / np.sqrt(count)
+    if is_share_of_counts:
+        square = (units**2).sum() + 1.0 - units.sum() ** 2 / (count + 2)
+        error = max(error, np.sqrt(square) / (count + 2))
+    if error == 0.0:
+        end, p_value = (0.0, 1.0) if value == 0.0 else (float("nan"), float("nan"))
+        return Difference(value, end, end, p_value, count)
+    reach = float(stdtrit(count - 1, (1 + LEVEL) / 2) * error)
+    low, high = value - reach, value + reach
+    if is_share_of_counts:
+        low, high = max(low, -1.0), min(high, 1.0)
+    return Difference(value, low, high, 2.0 * float(stdtr(count - 1, -abs(value) / error)), count)
 
 
 def holm(p_values: ArrayLike) -> Floats:

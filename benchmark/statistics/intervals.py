@@ -34,9 +34,9 @@ def arcsine_interval(rates: ArrayLike, counts: ArrayLike) -> Bounds:
     """Return the interval for a rate over three training seeds or more.
 
     Student's interval on arcsine-root-transformed seed rates, transformed back: on that scale the spread of
-    a rate does not depend on the rate. Seeds that agree (all 0, say) tell of no spread, which would make an
-    interval of no width: what the counts alone leave open is the least that is given, as Wilson's interval
-    with all seeds' agent-episodes.
+    a rate does not depend on the rate. Seeds that agree by chance, or are all 0, tell of too little spread:
+    what the counts alone leave open, Wilson's interval of all seeds' independent trials, lies within in any
+    case.
 
     Args:
         rates: Of each seed, shape (..., S).
@@ -46,9 +46,10 @@ def arcsine_interval(rates: ArrayLike, counts: ArrayLike) -> Bounds:
     low, high = seed_interval(np.arcsin(np.sqrt(np.clip(rates, 0.0, 1.0))))
     low = np.sin(np.clip(low, 0.0, np.pi / 2)) ** 2
     high = np.sin(np.clip(high, 0.0, np.pi / 2)) ** 2
-    agree = np.ptp(rates, axis=-1) == 0.0
-    least = wilson_interval(rates.mean(axis=-1), np.sum(counts, axis=-1))
-    return np.where(agree, least[0], low), np.where(agree, least[1], high)
+    counts = np.asarray(counts, float)
+    total = counts.sum(axis=-1)
+    least = wilson_interval((rates * counts).sum(axis=-1) / total, total)
+    return np.minimum(low, least[0]), np.maximum(high, least[1])
 
 
 def wilson_interval(rate: ArrayLike, count: ArrayLike) -> Bounds:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from benchmark.statistics.intervals import LEVEL, Bounds
 
@@ -13,22 +13,25 @@ REPEATS = 2000
 
 
 def resampled_totals(
-    totals: Floats, draws: np.random.Generator, repeats: int = REPEATS, episodes: int | None = None
+    totals: Floats, draws: np.random.Generator, strata: ArrayLike | None = None, repeats: int = REPEATS
 ) -> Floats:
-    """Return sums over episodes that are drawn with replacement.
+    """Return sums over episodes that are drawn with replacement, as many from each stratum as it has.
 
     Args:
         totals: Sums of C columns in each of K episodes, shape (K, C).
         draws: Source of randomness.
+        strata: Number of each episode's stratum (training seed, split), shape (K,); by default there is one.
         repeats: R, how often to draw K episodes.
-        episodes: How many to draw, by default K.
 
     Returns:
         Shape (R, C).
     """
-    count = len(totals)
-    weights = draws.multinomial(episodes or count, np.full(count, 1.0 / count), size=repeats)
-    return weights @ totals
+    of = np.zeros(len(totals), int) if strata is None else np.asarray(strata)
+    drawn = np.zeros((repeats, totals.shape[1]))
+    for stratum in np.unique(of).tolist():
+        own = totals[of == stratum]
+        drawn += draws.multinomial(len(own), np.full(len(own), 1.0 / len(own)), size=repeats) @ own
+    return drawn
 
 
 def sampled_interval(values: Floats) -> Bounds:

@@ -122,7 +122,6 @@ def test_ranks_and_ties(tmp_path):
     pairs = {
         (row["first"], row["second"]): row["wins"] for row in report.differences["greedy"].to_dict("records")
     }
-    # Beside the policy that was trained with seed 1 stands the one that was not trained.
     assert pairs["dqn", "parked"] == "dqn"
     assert pairs["dqn", "maac"] == ""
 

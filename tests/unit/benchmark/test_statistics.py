@@ -87,10 +87,18 @@ def test_wilson_of_no_event_in_ten():
     assert high == pytest.approx(1.959964**2 / (10 + 1.959964**2))
 
 
-def test_seeds_that_agree_have_wilsons_interval():
-    low, high = arcsine_interval([0.0, 0.0, 0.0], [50.0, 50.0, 50.0])
-    assert low == 0.0
-    assert high == pytest.approx(float(wilson_interval(0.0, 150.0)[1]))
+@pytest.mark.parametrize("rates", [[0.0, 0.0, 0.0], [0.5, 0.5, 0.505], [1.0, 1.0, 0.99875]])
+def test_seeds_that_agree_by_chance_tell_no_more_than_their_trials(rates):
+    low, high = arcsine_interval(rates, [50.0, 50.0, 50.0])
+    least = wilson_interval(np.mean(rates), 150.0)
+    assert low == pytest.approx(float(least[0]))
+    assert float(least[1]) <= high <= float(least[1]) + 1e-5
+
+
+def test_resampling_stays_in_its_stratum():
+    totals = np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 5.0]])
+    drawn = resampled_totals(totals, stream(1, Purpose.RESAMPLING), [0, 0, 1], repeats=500)
+    assert {tuple(row) for row in drawn} == {(2.0, 5.0), (4.0, 5.0), (6.0, 5.0)}
 
 
 def test_resampling_keeps_episodes_whole():
@@ -109,16 +117,59 @@ def test_holm_and_interquartile_mean():
     assert interquartile_mean([0.0, 1.0, 2.0, 4.0, 9.0]) == pytest.approx((0.75 + 2.0 + 3.0) / 2.5)
 
 
-def test_paired_differences():
-    first = np.array([[1.0, 0.5, 1.0, np.nan], [1.0, 1.0, 0.5, 1.0]])
-    found = paired_difference(first, np.zeros((2, 4)))
-    assert (found.pairs, found.is_tie) == (4, False)
-    assert found.value == pytest.approx((1.0 + 0.75 + 0.75 + 1.0) / 4)
-    seeds = paired_difference(np.array([[0.2, 0.4], [0.1, 0.1], [-0.3, 0.0]]), np.zeros((3, 2)))
-    assert (seeds.pairs, seeds.is_tie) == (3, True)
-    assert seeds.value == pytest.approx((0.3 + 0.1 - 0.15) / 3)
+def test_a_difference_by_hand():
+    found = paired_difference([0.0, 1.0, 2.0])
+    # Mean 1, standard error 1 / sqrt(3), Student's quantile of 2 degrees of freedom 4.302653.
+    reach = 4.302653 / math.sqrt(3)
+    assert (found.value, found.low, found.high) == pytest.approx((1.0, 1 - reach, 1 + reach))
+    # P(|T| > t) with 2 degrees of freedom is 1 - t / sqrt(2 + t^2), t = sqrt(3).
+    assert found.p_value == pytest.approx(1 - math.sqrt(3 / 5))
+    assert found.pairs == 3
 
 
-def test_two_equal_differences_prove_nothing_and_two_hundred_do():
-    assert paired_difference(np.ones((1, 2)), np.zeros((1, 2))).is_tie
-    assert not paired_difference(np.ones((1, 200)), np.zeros((1, 200))).is_tie
+def test_starts_that_all_agree_are_as_certain_as_they_are_many():
+    # Agresti and Min with K starts: ((K + 1) - K^2 / (K + 2)) / (K + 2)^2, for 12 it is 38 / 14^3.
+    twelve = paired_difference(np.ones(12), is_share_of_counts=True)
+    assert twelve.value == 1.0
+    assert twelve.low == pytest.approx(1 - 2.200985 * math.sqrt(38 / 14**3))
+    assert twelve.high == 1.0
+    p_values = [paired_difference(np.ones(count), True).p_value for count in (2, 3, 4, 12, 200)]
+    assert p_values == sorted(p_values, reverse=True)
+    assert p_values[1] > 0.05 > p_values[3] > 1e-6 > p_values[4]
+    # A start that disagrees makes no difference more certain.
+    assert paired_difference([1.0] * 11 + [0.75], True).p_value > p_values[3]
+
+
+def test_what_cannot_be_compared():
+    for gaps in ([], [0.5]):
+        found = paired_difference(gaps, is_share_of_counts=True)
+        assert math.isnan(found.p_value)
+        assert math.isnan(found.low)
+        assert found.pairs == len(gaps)
+    alike = paired_difference([2.0, 2.0, 2.0])
+    assert alike.value == 2.0
+    assert math.isnan(alike.p_value)
+    assert paired_difference([0.0, 0.0, 0.0]).p_value == 1.0
+
+
+@pytest.mark.parametrize(("rate", "other", "starts"), [(0.98, 0.98, 50), (0.8, 0.8, 200), (0.5, 0.5, 12)])
+def test_equals_are_told_apart_in_one_of_twenty_at_most(rate, other, starts):
+    p_values = simulated(rate, other, starts)
+    assert np.mean(p_values < 0.05) <= 0.06
+
+
+def test_what_differs_is_found():
+    assert np.mean(simulated(0.9, 0.6, 200) < 0.05 / 21) == 1.0
+    assert np.mean(simulated(0.9, 0.8, 200) < 0.05 / 21) > 0.65
+
+
+def simulated(rate, other, starts):
+    """Return p-values of two checkpoints whose 4 agents at a start end alike half the time."""
+    draws = stream(3, Purpose.AGENTS, world=starts)
+
+    def play(p):
+        alike = draws.random((1000, starts, 1)) < 0.5
+        ends = np.where(alike, draws.random((1000, starts, 1)), draws.random((1000, starts, 4)))
+        return (ends < p).mean(axis=-1)
+
+    return np.array([paired_difference(each, True).p_value for each in play(rate) - play(other)])

@@ -1,0 +1,113 @@
+"""Who is better than whom: what is paired, what is left out, and what is corrected together."""
+
+import math
+
+import pandas as pd
+import pytest
+
+from benchmark.metrics import compare, compute
+from benchmark.metrics.results import NO_SPREAD
+from benchmark.report.ranking import ranks
+from tests.hand_made_results import agent_episodes
+
+GOOD, BAD = [["goal", "goal"]] * 12, [["collision", "collision"]] * 12
+
+
+def difference(first, second, **labels):
+    """Return the difference in completion of A, some tables, and B."""
+    parts = [each.assign(algorithm=name) for name, side in (("A", first), ("B", second)) for each in side]
+    return compare(pd.concat(parts, ignore_index=True), ["completion_rate"], **labels).iloc[0]
+
+
+def seeds(outcomes, *numbers, **labels):
+    return [agent_episodes(outcomes, training_seed=number, **labels) for number in numbers]
+
+
+def test_the_unit_is_a_start_whatever_the_training_seeds():
+    row = difference(seeds(GOOD, 1, 2, 3), seeds(BAD, 4, 5))
+    assert (row["value"], row["pairs"], row["wins"], row["note"]) == (1.0, 12, "A", "")
+    # Half the seeds arrive everywhere.
+    row = difference(seeds(GOOD, 1) + seeds(BAD, 2), seeds(BAD, 1))
+    assert (row["value"], row["pairs"]) == (0.5, 12)
+
+
+def test_a_start_that_is_repeated_is_one():
+    row = difference(seeds(GOOD, 1, starts_vary=False), seeds(BAD, 1, starts_vary=False))
+    assert (row["pairs"], row["wins"]) == (1, "")
+    assert math.isnan(row["corrected"])
+    assert row["note"] == "11 episodes with the start of another"
+
+
+def test_other_starts_are_named_and_not_paired():
+    moved = agent_episodes(BAD, training_seed=1)
+    moved.loc[moved["world"] >= 2_000_002, "start_x"] += 100.0
+    row = difference(seeds(GOOD, 1), [moved])
+    assert (row["pairs"], row["note"]) == (2, "10 episodes with other starts")
+    row = difference(seeds(GOOD, 1), [moved[moved["world"] != 2_000_000]])
+    assert (row["pairs"], row["note"]) == (1, "1 episodes played by one only, 10 episodes with other starts")
+
+
+def table_of(**outcomes):
+    parts = [agent_episodes(each, algorithm=name, training_seed=1) for name, each in outcomes.items()]
+    return pd.concat(parts, ignore_index=True)
+
+
+def test_families_of_corrections():
+    some = [["goal", "goal"]] * 6 + [["collision", "goal"]] * 6
+    answer = compare(
+        table_of(a=GOOD, b=some, c=BAD, r=BAD, s=BAD), ["completion_rate", "collision_rate"], apart={"r", "s"}
+    )
+    found = answer[answer["metric"] == "completion_rate"].set_index(["first", "second"])
+    assert ("r", "s") not in found.index
+    # The largest of the three p-values among a, b and c is not corrected, the least one three times.
+    own = found.loc[[("a", "b"), ("a", "c"), ("b", "c")]]
+    assert own["corrected"].max() == own["p_value"].max()
+    assert own["corrected"].min() == pytest.approx(3 * own["p_value"].min())
+    rest = found.drop(own.index)
+    assert rest["corrected"].min() == pytest.approx(6 * rest["p_value"].min())
+
+
+def test_who_cannot_be_compared_has_no_rank():
+    far = agent_episodes(GOOD, algorithm="c", training_seed=1)
+    far["start_x"] += 1000.0
+    table = pd.concat([table_of(a=GOOD, b=GOOD), far], ignore_index=True)
+    found = ranks(compare(table, ["completion_rate", "collision_rate"]), ["a", "b", "c"])
+    assert {name: (each.rank, each.is_tied) for name, each in found.items()} == {
+        "a": (1, True),
+        "b": (1, True),
+    }
+
+
+def behaving(count, agents=1.0, **columns):
+    table = agent_episodes([["goal", "goal"]] * count)
+    return table.assign(**columns, controlling_agents=agents, longitudinal_commands=agents)
+
+
+def test_a_value_needs_enough_to_measure_and_has_its_count():
+    table = behaving(6, control_diversity=0.5)
+    table.loc[table.index[:3], ["controlling_agents", "control_diversity"]] = 0.0
+    row = compute(table, metrics=["control_diversity"]).iloc[0]
+    assert math.isnan(row["value"])
+    assert (row["n"], row["count"], row["counted"]) == (12, 9.0, "agent-episodes with 20 commands")
+    table.loc[table.index[0], ["controlling_agents", "control_diversity"]] = 1.0, 1.0
+    row = compute(table, metrics=["control_diversity"]).iloc[0]
+    assert (row["value"], row["count"]) == (0.55, 10.0)
+    assert row["low"] < 0.55 < row["high"]
+
+
+def test_no_interval_of_no_width():
+    row = compute(behaving(6, control_diversity=0.5), metrics=["control_diversity"]).iloc[0]
+    assert (row["value"], row["note"]) == (0.5, NO_SPREAD)
+    assert math.isnan(row["low"])
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_ratios_of_counts_have_wilsons_interval(seeds):
+    tables = []
+    for seed in range(seeds):
+        table = agent_episodes([["goal"]] * 12, training_seed=seed)
+        tables.append(table.assign(lane_changes=1.0, cut_ins=0.0))
+    row = compute(pd.concat(tables, ignore_index=True), metrics=["cut_in_ratio"]).iloc[0]
+    square, trials = 1.959964**2, 12 * seeds
+    assert (row["value"], row["low"], row["count"]) == (0.0, 0.0, trials)
+    assert row["high"] == pytest.approx(square / (trials + square))
