@@ -53,8 +53,14 @@ class Drive:
     begin: int = 0
     """First instant."""
     remaining: float = 0.0
+    is_oncoming: bool = False
+    """Whether it faces against its lanes, and drives so where s falls."""
+    decisions: Sequence[dict[str, Any]] = ()
+    """Further rows of `decisions`."""
     columns: dict[str, Any] = field(default_factory=dict)
     """Further columns of its row in `agents`."""
+    seats: dict[str, ArrayLike] = field(default_factory=dict)
+    """Further columns of its rows in `seats`, a number for each instant or one for all."""
 
 
 def at_speed(speed: float, steps: int, begin: float = 0.0) -> np.ndarray:
@@ -115,7 +121,7 @@ def _motion(graph: LaneGraph, drive: Drive) -> list[dict[str, Any]]:
     stations = np.asarray(drive.s, float)
     offsets = np.broadcast_to(np.asarray(drive.t, float), stations.shape)
     # The speed at an instant is that of the step which led to it.
-    speeds = np.diff(stations, prepend=2 * stations[0] - stations[1]) / DT
+    speeds = np.diff(stations, prepend=2 * stations[0] - stations[1]) / DT * (-1 if drive.is_oncoming else 1)
     changes = np.diff(speeds, prepend=speeds[0]) / DT
     if drive.acceleration is not None:
         changes = np.broadcast_to(np.asarray(drive.acceleration, float), stations.shape)
@@ -125,6 +131,7 @@ def _motion(graph: LaneGraph, drive: Drive) -> list[dict[str, Any]]:
         on, along = lanes[place], float(s - (ends[place] - graph.length[lanes[place]]))
         on, across = _beside(graph, on, float(t))
         x, y, heading = graph.pose_at(on, along, across)
+        heading += math.pi if drive.is_oncoming else 0.0
         row = dict(x=x, y=y, heading=heading, speed=speed, acceleration=change, lane=on, s=along, t=across)
         rows.append(
             row | dict(desired_speed=drive.desired_speed, lateral_acceleration=drive.lateral_acceleration)
@@ -142,6 +149,7 @@ def _beside(graph: LaneGraph, lane: int, t: float) -> tuple[int, float]:
 
 def _seat(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: int, seat: int) -> None:
     last = drive.begin + len(np.asarray(drive.s)) - 1
+    seats = {name: np.broadcast_to(column, np.shape(drive.s)) for name, column in drive.seats.items()}
     for k, s in enumerate(np.asarray(drive.s).tolist()):
         state = SeatState.DONE if k == len(np.asarray(drive.s)) - 1 else SeatState.ACTIVE
         rows["seats"].append(
@@ -149,6 +157,7 @@ def _seat(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: int, seat
                 **dict(step=drive.begin + k, seat=seat, state=int(state), slot=slot, generation=1),
                 **dict(partner_slot=-1, target_lane=-1, ticket=-1, legal=drive.legal),
                 **dict(route_done=s - np.asarray(drive.s)[0], travelled=abs(s - np.asarray(drive.s)[0])),
+                **{name: column[k] for name, column in seats.items()},
             )
         )
     for step, action in drive.actions:
@@ -156,6 +165,7 @@ def _seat(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: int, seat
         rows["decisions"].append(
             dict(step=step, seat=seat, action=kind, value_0=action, legal=drive.legal, is_effective=True)
         )
+    rows["decisions"] += [dict(seat=seat, legal=drive.legal, **row) for row in drive.decisions]
     for step, name, values in drive.extras:
         rows["extras"].append(dict(step=step, seat=seat, name=name, values=list(values)))
     x, y, heading = graph.pose_at(graph.lane_of_id(drive.lanes[0]), float(np.asarray(drive.s)[0]))

@@ -5,82 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from benchmark.metrics.encounters import COLLIDED, WENT_FIRST, YIELDED, find_encounters
-from benchmark.metrics.leaders import time_to_collision
 from benchmark.metrics.registry import ELEVEN, METRICS
-from smarts.types.actions import LaneAction
+from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.events import Outcome
-from tests.recordings import (
-    DT,
-    LENGTH,
-    Drive,
-    across,
-    at_speed,
-    at_speeds,
-    crossroads,
-    episode_of,
-    lane_drop,
-    straight,
+from smarts.types.seats import ChangePhase
+from tests.measuring import (
+    ROAD,
+    following,
+    parked,
+    sums,
+    term,
+    totals,
+    value,
 )
-
-ROAD = straight(lanes=3, length=400.0)
-CROSS = crossroads()
-WEST_EAST, SOUTH_NORTH = ("west_in", "east_out"), ("south_in", "north_out")
-SLOWLY, QUICKLY = [10.0] * 10 + [3.0] * 50 + [10.0] * 60, [10.0] * 120
-
-
-def totals(*episodes, times: int = 1) -> dict[str, np.ndarray]:
-    found: dict[str, np.ndarray] = {}
-    for episode in episodes:
-        rows = {"agents": episode.entered.astype(float)}
-        for metric in METRICS.values():
-            rows |= metric.measure(episode)
-        for name, column in rows.items():
-            found[name] = found.get(name, np.array(0.0)) + times * column.sum()
-    return found
-
-
-def value(name: str, *episodes, times: int = 1) -> float:
-    return float(METRICS[name].value(totals(*episodes, times=times)))
-
-
-def term(name: str, which: str, *episodes) -> float:
-    return float(METRICS[name].terms(totals(*episodes))[which])
-
-
-def meeting(folder, mine, others, *, outcome=Outcome.GOAL, partner=-1, begin=30.0, other_begin=20.0):
-    """An agent from the west, 57.6 m before the crossing strip; a vehicle from the south, 64.4 m before."""
-    return episode_of(
-        folder,
-        CROSS,
-        Drive(
-            across(CROSS, *WEST_EAST),
-            at_speeds(mine, begin),
-            agent="a",
-            route=WEST_EAST,
-            outcome=outcome,
-            partner=partner,
-        ),
-        Drive(across(CROSS, *SOUTH_NORTH), at_speeds(others, other_begin), route=SOUTH_NORTH),
-    )
-
-
-def following(folder, t, *, speed=8.0, steps=150, gap=20.0, **more):
-    """An agent 20 m behind a vehicle that wants 5 m/s, its place across the road as given."""
-    return episode_of(
-        folder,
-        ROAD,
-        Drive(
-            ["road_0"],
-            at_speed(speed, steps, 10.0),
-            t=t,
-            agent="a",
-            desired_speed=13.0,
-            route=["road"],
-            **more,
-        ),
-        Drive(["road_0"], at_speed(5.0, steps, 10.0 + gap + LENGTH), desired_speed=5.0, route=["road"]),
-    )
+from tests.recordings import DT, Drive, at_speed, at_speeds, episode_of
 
 
 def test_the_eleven_come_first_and_names_agree():
@@ -93,175 +31,6 @@ def test_the_eleven_come_first_and_names_agree():
         "stability",
         "control_diversity",
     ]
-
-
-class TestEncounters:
-    def test_a_scripted_yielder(self, tmp_path):
-        gives_way = meeting(tmp_path, SLOWLY, QUICKLY)
-        stays_behind = following(tmp_path, 0.0, speed=5.0)
-        assert value("collaborative", gives_way) == 1.0
-        assert value("competitive", stays_behind, times=10) == 0.0
-
-    def test_a_scripted_overtaker(self, tmp_path):
-        goes_first = meeting(tmp_path, QUICKLY, SLOWLY)
-        moves_out = np.clip((np.arange(151) - 20) * 0.16, 0.0, 3.2)
-        passes = following(tmp_path, moves_out)
-        assert value("collaborative", goes_first) == 0.0
-        assert value("competitive", passes, times=10) == 1.0
-
-    def test_post_encroachment_time_is_from_the_rear_of_the_first_to_the_front_of_the_second(self, tmp_path):
-        # The strip begins 89.6 m along the agent's way, and ends 90.4 m along the other's.
-        found = find_encounters(meeting(tmp_path, SLOWLY, QUICKLY))
-        other_leaves = (90.4 + LENGTH / 2 - 20.0) / 10.0
-        agent_arrives = 6.0 + (89.6 - LENGTH / 2 - 55.0) / 10.0
-        assert found.result.tolist() == [YIELDED]
-        assert found.gap_time == pytest.approx([agent_arrives - other_leaves], abs=0.15)
-
-    def test_near_misses_are_unsafe_and_collisions_have_no_gap(self, tmp_path):
-        near = meeting(tmp_path, [10.0] * 10 + [8.0] * 50 + [10.0] * 40, QUICKLY)
-        wide = meeting(tmp_path, SLOWLY, QUICKLY)
-        crash = meeting(tmp_path, [10.0] * 60, [11.0] * 60, outcome=Outcome.COLLISION, partner=1)
-        assert term("safety", "post_encroachment_time", near) == 0.0
-        assert term("safety", "post_encroachment_time", wide) == 1.0
-        assert find_encounters(crash).result.tolist() == [COLLIDED]
-        assert find_encounters(crash).gap_time.tolist() == [0.0]
-        assert value("collaborative", crash) == 0.0
-
-    def test_none_where_arrivals_are_more_than_three_seconds_apart(self, tmp_path):
-        # Predicted: agent 5.76 s; other (86.4 - 2 - s) / 10.
-        apart = meeting(tmp_path, QUICKLY, QUICKLY, other_begin=-4.0)
-        close = meeting(tmp_path, QUICKLY, QUICKLY, other_begin=-2.0)
-        assert len(find_encounters(apart).agent) == 0
-        assert len(find_encounters(close).agent) == 1
-
-    def test_one_that_could_not_be_won_is_not_counted(self, tmp_path):
-        # At +3 m/s^2, 37.6 m take 2.7 s and 57.6 m take 3.7 s; the other needs 1.44 s or 3.94 s.
-        hopeless = meeting(tmp_path, [10.0] * 5 + SLOWLY, QUICKLY, begin=50.0, other_begin=70.0)
-        hopeful = meeting(tmp_path, SLOWLY, QUICKLY, other_begin=45.0)
-        assert find_encounters(hopeless).could_win.tolist() == [False]
-        assert find_encounters(hopeful).could_win.tolist() == [True]
-        assert math.isnan(value("collaborative", hopeless))
-
-    def test_who_never_clears_the_crossing_has_not_given_way(self, tmp_path):
-        stops = [10.0] * 10 + [5.0] * 40 + [0.0] * 150
-        episode = meeting(tmp_path, stops, QUICKLY + [0.0] * 80, outcome=Outcome.TIME_OUT)
-        found = totals(episode)
-        assert found["unresolved_encounters"] == 1.0
-        assert math.isnan(value("collaborative", episode))
-
-    def test_a_merge_by_changing_lanes_where_a_lane_ends(self, tmp_path):
-        graph = lane_drop()
-        lane = ["before_1", ":junction_0_0", "after_0"]
-        # The agent on the lane that ends falls behind, and changes lanes after 4 s.
-        moves_over = np.clip((np.arange(101) - 30) * 0.16, 0.0, 3.2)
-        agent = Drive(
-            ["before_0"], at_speed(5.0, 100, 10.0), t=moves_over, agent="a", route=("before", "after")
-        )
-        other = Drive(lane, at_speed(8.0, 100, 12.0), route=("before", "after"))
-        found = find_encounters(episode_of(tmp_path, graph, agent, other))
-        assert found.result.tolist() == [YIELDED]
-        swapped = find_encounters(
-            episode_of(
-                tmp_path,
-                graph,
-                Drive(lane, at_speed(8.0, 100, 12.0), agent="a", route=("before", "after")),
-                Drive(["before_0"], at_speed(5.0, 100, 10.0), t=moves_over, route=("before", "after")),
-            )
-        )
-        assert swapped.result.tolist() == [WENT_FIRST]
-
-    def test_two_that_stay_in_lanes_of_their_own_do_not_meet(self, tmp_path):
-        beside = episode_of(
-            tmp_path,
-            ROAD,
-            Drive(["road_0"], at_speed(8.0, 50), agent="a", route=["road"]),
-            Drive(["road_1"], at_speed(8.0, 50), route=["road"]),
-        )
-        assert len(find_encounters(beside).agent) == 0
-        assert math.isnan(value("collaborative", beside))
-
-
-class TestCutIn:
-    @pytest.mark.parametrize(("headway", "cut_ins"), [(0.9, 1.0), (1.1, 0.0)])
-    def test_headway_of_the_vehicle_behind(self, tmp_path, headway, cut_ins):
-        # The footprint is wholly in the new lane from t = 2.5 m on: 1.6 m + half of 1.8 m.
-        moves_over = np.clip((np.arange(61) - 20) * 0.25, 0.0, 3.2)
-        first_within = int(np.argmax(moves_over >= 2.5 - 1e-9))
-        place = 100.0 + 10.0 * DT * first_within
-        behind = place - LENGTH - headway * 10.0
-        episode = episode_of(
-            tmp_path,
-            ROAD,
-            Drive(["road_0"], at_speed(10.0, 60, 100.0), t=moves_over, agent="a", route=["road"]),
-            Drive(["road_1"], at_speed(10.0, 60, behind - 10.0 * DT * first_within), route=["road"]),
-        )
-        found = totals(episode)
-        assert found["lane_changes"] == 1.0
-        assert found["cut_ins"] == cut_ins
-
-    def test_a_standing_vehicle_behind_is_not_cut_in_on(self, tmp_path):
-        moves_over = np.clip((np.arange(61) - 20) * 0.25, 0.0, 3.2)
-        episode = episode_of(
-            tmp_path,
-            ROAD,
-            Drive(["road_0"], at_speed(2.0, 60, 100.0), t=moves_over, agent="a", route=["road"]),
-            Drive(["road_1"], at_speed(0.9, 60, 98.0), route=["road"]),
-        )
-        assert value("cut_in_ratio", episode) == 0.0
-
-    def test_no_lane_change_is_nothing_to_measure(self, tmp_path):
-        wavers = np.concatenate([np.linspace(0.0, 2.0, 30), np.linspace(2.0, 0.0, 31)])
-        episode = episode_of(
-            tmp_path, ROAD, Drive(["road_0"], at_speed(10.0, 60), t=wavers, agent="a", route=["road"])
-        )
-        assert math.isnan(value("cut_in_ratio", episode))
-
-
-class TestSafety:
-    def test_time_to_collision_along_the_lane(self, tmp_path):
-        # 20 m apart, bumper to bumper, closing at 10 m/s.
-        times = time_to_collision(following(tmp_path, 0.0, speed=15.0, steps=10))
-        assert times[:, 0] == pytest.approx(2.0 - DT * np.arange(11))
-
-    def test_it_follows_the_path_into_the_junction(self, tmp_path):
-        lanes = across(CROSS, *WEST_EAST)
-        episode = episode_of(
-            tmp_path,
-            CROSS,
-            Drive(lanes, at_speed(10.0, 10, 60.0), agent="a", route=WEST_EAST),
-            Drive(lanes, at_speed(0.0, 10, 84.0), route=WEST_EAST),
-        )
-        assert time_to_collision(episode)[0, 0] == pytest.approx(2.0)
-
-    def test_nobody_beside_and_nobody_faster_counts(self, tmp_path):
-        episode = episode_of(
-            tmp_path,
-            ROAD,
-            Drive(["road_0"], at_speed(10.0, 10), agent="a", route=["road"]),
-            Drive(["road_1"], at_speed(0.0, 10, 20.0)),
-            Drive(["road_0"], at_speed(12.0, 10, 30.0)),
-        )
-        assert np.isinf(time_to_collision(episode)).all()
-
-    def test_share_of_time_and_terms_without_encounters(self, tmp_path):
-        # 2.0 s at first, 0.1 s less each step: above 1.5 s at five of eleven instants.
-        episode = following(tmp_path, 0.0, speed=15.0, steps=10)
-        assert term("safety", "time_to_collision", episode) == pytest.approx(5 / 11)
-        assert math.isnan(term("safety", "post_encroachment_time", episode))
-        assert value("safety", episode) == pytest.approx((1.0 + 5 / 11) / 2)
-
-    def test_a_parked_car_has_no_driving_time(self, tmp_path):
-        episode = parked(tmp_path)
-        assert math.isnan(term("safety", "time_to_collision", episode))
-
-
-def parked(folder):
-    return episode_of(
-        folder,
-        CROSS,
-        Drive(across(CROSS, *WEST_EAST), at_speed(0.0, 100, 70.0), agent="a", route=WEST_EAST),
-        Drive(across(CROSS, *SOUTH_NORTH), at_speed(10.0, 100, 20.0), route=SOUTH_NORTH),
-    )
 
 
 def test_a_parked_car_is_neither_stable_nor_collaborative(tmp_path):
@@ -298,8 +67,37 @@ class TestStability:
         changes = np.concatenate([np.zeros(40), np.linspace(0.8, 2.4, 20), np.full(41, 3.2)])
         assert self.index(tmp_path, acceleration=0.0, t=changes) == pytest.approx(1.0)
 
-    def test_two_seconds_above_walking_pace_are_needed(self, tmp_path):
-        assert math.isnan(self.index(tmp_path, steps=15))
+    @pytest.mark.parametrize(
+        ("phase", "is_left_out"),
+        [
+            (ChangePhase.NONE, False),
+            (ChangePhase.REQUESTED, True),
+            (ChangePhase.MOVING, True),
+            (ChangePhase.ABORTED, False),
+        ],
+    )
+    def test_the_offset_leaves_out_commanded_lane_changes(self, tmp_path, phase, is_left_out):
+        # Half of the time 1 m to the left, which never becomes a lane change: a deviation of 0.5 m.
+        aside = np.arange(100) < 50
+        index = self.index(
+            tmp_path,
+            steps=99,
+            acceleration=0.0,
+            t=np.where(aside, 1.0, 0.0),
+            seats={"change_phase": np.where(aside, int(phase), int(ChangePhase.NONE))},
+        )
+        assert index == pytest.approx(1.0 if is_left_out else 0.5)
+
+    @pytest.mark.parametrize(
+        ("steps", "speed", "is_measured"),
+        [(18, 5.0, False), (20, 5.0, True), (100, 0.9, False), (100, 1.1, True)],
+        ids=["for 1.9 s", "for 2.1 s", "at 0.9 m/s", "at 1.1 m/s"],
+    )
+    def test_two_seconds_above_walking_pace_are_needed(self, tmp_path, steps, speed, is_measured):
+        episode = episode_of(
+            tmp_path, ROAD, Drive(["road_0"], at_speed(speed, steps), agent="a", route=["road"])
+        )
+        assert sums("stability", episode)["stable_agents"] == is_measured
 
 
 class TestDecisions:
@@ -329,6 +127,69 @@ class TestDecisions:
         assert value("control_diversity", split) == pytest.approx(quarter)
         assert term("control_diversity", "longitudinal_share", split) == 0.75
         assert math.isnan(value("control_diversity", self.drive(tmp_path, [slow] * 19)))
+
+    def commands(self, folder, decisions, **more):
+        """Return how many commands were along the road, and how many across."""
+        drive = Drive(
+            ["road_1"], **{"s": at_speed(5.0, 250), **more}, agent="a", route=["road"], decisions=decisions
+        )
+        found = sums("control_diversity", episode_of(folder, ROAD, drive))
+        return found["longitudinal_commands"], found["lateral_commands"]
+
+    @pytest.mark.parametrize(("is_effective", "expected"), [(True, (20.0, 10.0)), (False, (20.0, 0.0))])
+    def test_lane_changes_are_commands_if_they_were_carried_out(self, tmp_path, is_effective, expected):
+        kind = int(ActionSpaceType.Lane)
+        slow = dict(action=kind, value_0=int(LaneAction.slow_down), is_effective=True)
+        right = dict(action=kind, value_0=int(LaneAction.change_lane_right), is_effective=is_effective)
+        rows = [{**each, "step": 5 * number} for number, each in enumerate([slow] * 20 + [right] * 10)]
+        assert self.commands(tmp_path, rows) == expected
+
+    @pytest.mark.parametrize(
+        ("rate", "change", "is_effective", "expected"),
+        [
+            pytest.param(0.2, 0, True, (0.0, 0.0), id="0.2 m/s^2"),
+            pytest.param(0.4, 0, True, (40.0, 0.0), id="0.4 m/s^2"),
+            pytest.param(-0.4, 0, True, (40.0, 0.0), id="-0.4 m/s^2"),
+            pytest.param(0.2, 1, True, (0.0, 41.0), id="lane changes"),
+            # The first decision has none before it, and so no change of speed.
+            pytest.param(0.4, -1, True, (20.0, 21.0), id="both at once"),
+            pytest.param(0.4, -1, False, (40.0, 0.0), id="lane changes that could not be"),
+        ],
+    )
+    def test_target_speeds_count_by_their_change_per_second(
+        self, tmp_path, rate, change, is_effective, expected
+    ):
+        # A decision every half second.
+        kind = int(ActionSpaceType.LaneWithContinuousSpeed)
+        rows = [
+            dict(
+                **dict(step=5 * number, action=kind, is_effective=is_effective),
+                **dict(value_0=20.0 + rate * 0.5 * number, value_1=change),
+            )
+            for number in range(41)
+        ]
+        assert self.commands(tmp_path, rows) == expected
+
+    @pytest.mark.parametrize(
+        ("acceleration", "degrees", "expected"),
+        [
+            pytest.param(0.2, 1.9, (0.0, 0.0), id="0.2 m/s^2, 1.9 deg/s"),
+            pytest.param(0.4, 1.9, (40.0, 0.0), id="0.4 m/s^2"),
+            pytest.param(0.2, 2.1, (0.0, 40.0), id="2.1 deg/s"),
+            pytest.param(0.4, -2.1, (20.0, 20.0), id="both at once"),
+        ],
+    )
+    def test_other_actions_count_as_carried_out(self, tmp_path, acceleration, degrees, expected):
+        kind = int(ActionSpaceType.Continuous)
+        rows = [dict(step=5 * number, action=kind, is_effective=True) for number in range(40)]
+        seconds = DT * np.arange(201)
+        seen = self.commands(
+            tmp_path,
+            rows,
+            s=at_speeds(5.0 + acceleration * seconds[1:]),
+            seats={"steering": np.radians(degrees) * seconds},
+        )
+        assert seen == expected
 
     def test_stochasticity_is_entropy_over_that_of_the_legal_actions(self, tmp_path):
         even_of_two = [(0, "probabilities", (0.5, 0.5, 0.0, 0.0))]
@@ -378,19 +239,33 @@ class TestOutcomes:
         assert value("progress_speed", done) == pytest.approx(3.5)
         assert value("goal_distance", done) == pytest.approx(15.0)
 
-    @pytest.mark.parametrize(("headway", "caused"), [(1.0, 1.0), (9.0, 0.0)])
-    def test_hard_brakes_caused(self, tmp_path, headway, caused):
-        brakes = np.where(np.arange(101) == 50, -4.5, 0.0)
-        episode = episode_of(
+    def test_faster_than_free_flow_is_free_flow(self, tmp_path):
+        early = episode_of(
             tmp_path,
             ROAD,
-            Drive(["road_0"], at_speed(10.0, 100, 100.0), agent="a", route=["road"]),
-            Drive(
-                ["road_0"], at_speed(10.0, 100, 96.0 - 10.0 * headway), acceleration=brakes, route=["road"]
-            ),
+            Drive(["road_0"], at_speed(5.0, 100), agent="a", outcome=Outcome.GOAL, free_flow_time=12.0),
         )
-        assert totals(episode)["hard_brakes"] == caused
-        assert value("hard_brakes", episode) == pytest.approx(caused / 0.1)
+        assert value("agility", early) == 1.0
+
+    def test_who_had_no_route_has_no_distance_to_a_goal(self, tmp_path):
+        bound = Drive(["road_0"], at_speed(5.0, 10), agent="a", remaining=30.0)
+        aimless = Drive(
+            ["road_2"], at_speed(5.0, 10), agent="b", remaining=70.0, columns={"route_length": 0.0}
+        )
+        assert value("goal_distance", episode_of(tmp_path, ROAD, bound, aimless)) == 30.0
+
+    @pytest.mark.parametrize(
+        ("gap", "least"),
+        [
+            pytest.param(20.0, 1.5, id="2 s at first"),
+            pytest.param(95.0, 9.0, id="9.5 s at first"),
+            pytest.param(110.0, 10.0, id="11 s at first"),
+        ],
+    )
+    def test_least_time_to_collision(self, tmp_path, gap, least):
+        # 15 m/s behind 5 m/s for half a second.
+        episode = following(tmp_path, speed=15.0, steps=5, gap=gap)
+        assert value("least_time_to_collision", episode) == pytest.approx(least)
 
 
 def test_generalization_is_what_is_left_of_both_rates():

@@ -1,0 +1,216 @@
+"""Who meets whom, who goes first, and how close it was."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmark.metrics.encounters import COLLIDED, UNRESOLVED, WENT_FIRST, YIELDED, find_encounters
+from smarts.types.events import Outcome
+from tests.measuring import (
+    CROSS,
+    QUICKLY,
+    ROAD,
+    SLOWLY,
+    WEST_EAST,
+    following,
+    meeting,
+    sums,
+    term,
+    totals,
+    value,
+)
+from tests.recordings import LENGTH, Drive, across, at_speed, episode_of, lane_drop
+
+
+class TestEncounters:
+    def test_a_scripted_yielder(self, tmp_path):
+        gives_way = meeting(tmp_path, SLOWLY, QUICKLY)
+        stays_behind = following(tmp_path, 0.0, speed=5.0)
+        assert value("collaborative", gives_way) == 1.0
+        assert value("competitive", stays_behind, times=10) == 0.0
+
+    def test_a_scripted_overtaker(self, tmp_path):
+        goes_first = meeting(tmp_path, QUICKLY, SLOWLY)
+        moves_out = np.clip((np.arange(151) - 20) * 0.16, 0.0, 3.2)
+        passes = following(tmp_path, moves_out)
+        assert value("collaborative", goes_first) == 0.0
+        assert value("competitive", passes, times=10) == 1.0
+
+    def test_post_encroachment_time_is_from_the_rear_of_the_first_to_the_front_of_the_second(self, tmp_path):
+        # The strip begins 89.6 m along the agent's way, and ends 90.4 m along the other's.
+        found = find_encounters(meeting(tmp_path, SLOWLY, QUICKLY))
+        other_leaves = (90.4 + LENGTH / 2 - 20.0) / 10.0
+        agent_arrives = 6.0 + (89.6 - LENGTH / 2 - 55.0) / 10.0
+        assert found.result.tolist() == [YIELDED]
+        assert found.gap_time == pytest.approx([agent_arrives - other_leaves], abs=0.15)
+
+    def test_near_misses_are_unsafe_and_collisions_have_no_gap(self, tmp_path):
+        near = meeting(tmp_path, [10.0] * 10 + [8.0] * 50 + [10.0] * 40, QUICKLY)
+        wide = meeting(tmp_path, SLOWLY, QUICKLY)
+        crash = meeting(tmp_path, [10.0] * 60, [11.0] * 60, outcome=Outcome.COLLISION, partner=1)
+        assert term("safety", "post_encroachment_time", near) == 0.0
+        assert term("safety", "post_encroachment_time", wide) == 1.0
+        assert find_encounters(crash).result.tolist() == [COLLIDED]
+        assert find_encounters(crash).gap_time.tolist() == [0.0]
+        assert value("collaborative", crash) == 0.0
+
+    def test_none_where_arrivals_are_more_than_three_seconds_apart(self, tmp_path):
+        # Predicted: agent 5.76 s; other (86.4 - 2 - s) / 10.
+        apart = meeting(tmp_path, QUICKLY, QUICKLY, other_begin=-4.0)
+        close = meeting(tmp_path, QUICKLY, QUICKLY, other_begin=-2.0)
+        assert len(find_encounters(apart).agent) == 0
+        assert len(find_encounters(close).agent) == 1
+
+    def test_one_that_could_not_be_won_is_not_counted(self, tmp_path):
+        # At +3 m/s^2, 37.6 m take 2.7 s and 57.6 m take 3.7 s; the other needs 1.44 s or 3.94 s.
+        hopeless = meeting(tmp_path, [10.0] * 5 + SLOWLY, QUICKLY, begin=50.0, other_begin=70.0)
+        hopeful = meeting(tmp_path, SLOWLY, QUICKLY, other_begin=45.0)
+        assert find_encounters(hopeless).could_win.tolist() == [False]
+        assert find_encounters(hopeful).could_win.tolist() == [True]
+        assert math.isnan(value("collaborative", hopeless))
+
+    def test_who_never_clears_the_crossing_has_not_given_way(self, tmp_path):
+        stops = [10.0] * 10 + [5.0] * 40 + [0.0] * 150
+        episode = meeting(tmp_path, stops, QUICKLY + [0.0] * 80, outcome=Outcome.TIME_OUT)
+        found = totals(episode)
+        assert found["unresolved_encounters"] == 1.0
+        assert math.isnan(value("collaborative", episode))
+
+    def test_a_merge_by_changing_lanes_where_a_lane_ends(self, tmp_path):
+        graph = lane_drop()
+        lane = ["before_1", ":junction_0_0", "after_0"]
+        # The agent on the lane that ends falls behind, and changes lanes after 4 s.
+        moves_over = np.clip((np.arange(101) - 30) * 0.16, 0.0, 3.2)
+        agent = Drive(
+            ["before_0"], at_speed(5.0, 100, 10.0), t=moves_over, agent="a", route=("before", "after")
+        )
+        other = Drive(lane, at_speed(8.0, 100, 12.0), route=("before", "after"))
+        found = find_encounters(episode_of(tmp_path, graph, agent, other))
+        assert found.result.tolist() == [YIELDED]
+        swapped = find_encounters(
+            episode_of(
+                tmp_path,
+                graph,
+                Drive(lane, at_speed(8.0, 100, 12.0), agent="a", route=("before", "after")),
+                Drive(["before_0"], at_speed(5.0, 100, 10.0), t=moves_over, route=("before", "after")),
+            )
+        )
+        assert swapped.result.tolist() == [WENT_FIRST]
+
+    def test_two_that_stay_in_lanes_of_their_own_do_not_meet(self, tmp_path):
+        beside = episode_of(
+            tmp_path,
+            ROAD,
+            Drive(["road_0"], at_speed(8.0, 50), agent="a", route=["road"]),
+            Drive(["road_1"], at_speed(8.0, 50), route=["road"]),
+        )
+        assert len(find_encounters(beside).agent) == 0
+        assert math.isnan(value("collaborative", beside))
+
+
+def at_distances(folder, speed, distance, other_speed, other_distance):
+    """Return half a second of two whose fronts are so far from the section that they contend for."""
+    return meeting(
+        folder,
+        [speed] * 5,
+        [other_speed] * 5,
+        begin=89.75 - LENGTH / 2 - distance,
+        other_begin=86.5 - LENGTH / 2 - other_distance,
+    )
+
+
+class TestOpening:
+    @pytest.mark.parametrize(
+        ("speed", "distance", "other_speed", "other_distance", "opens"),
+        [
+            pytest.param(5.0, 45.0, 5.0, 45.0, True, id="both arrive in 9 s"),
+            # Half a second later it is still 10.5 s.
+            pytest.param(5.0, 55.0, 5.0, 45.0, False, id="the agent in 11 s"),
+            pytest.param(5.0, 45.0, 5.0, 55.0, False, id="the other in 11 s"),
+            pytest.param(5.0, 20.0, 5.0, 34.0, True, id="the other 2.8 s later"),
+            pytest.param(5.0, 20.0, 5.0, 36.0, False, id="the other 3.2 s later"),
+            pytest.param(5.0, 36.0, 5.0, 20.0, False, id="the agent 3.2 s later"),
+            pytest.param(1.1, 6.0, 10.0, 60.0, True, id="the agent at 1.1 m/s"),
+            pytest.param(0.9, 6.0, 10.0, 60.0, False, id="the agent at 0.9 m/s"),
+            pytest.param(10.0, 60.0, 1.1, 6.0, True, id="the other at 1.1 m/s"),
+            pytest.param(10.0, 60.0, 0.9, 6.0, False, id="the other at 0.9 m/s"),
+            pytest.param(5.0, 0.5, 5.0, 5.0, True, id="the agent 0.5 m before it"),
+            pytest.param(5.0, -0.5, 5.0, 5.0, False, id="the agent 0.5 m in it"),
+            pytest.param(5.0, 5.0, 5.0, -0.5, False, id="the other 0.5 m in it"),
+        ],
+    )
+    def test_who_meets(self, tmp_path, speed, distance, other_speed, other_distance, opens):
+        episode = at_distances(tmp_path, speed, distance, other_speed, other_distance)
+        assert len(find_encounters(episode).agent) == opens
+
+    @pytest.mark.parametrize(("arrival", "could_win"), [(3.6, False), (3.8, True)])
+    def test_who_could_win(self, tmp_path, arrival, could_win):
+        # At +3 m/s^2 from 10 m/s, 57.6 m take 3.70 s.
+        episode = at_distances(tmp_path, 10.0, 57.6, 10.0, 10.0 * arrival)
+        assert find_encounters(episode).could_win.tolist() == [could_win]
+
+
+class TestHowItEnds:
+    @pytest.mark.parametrize(
+        ("clears", "result", "counts"),
+        [(14.0, YIELDED, [1.0, 0.0]), (16.0, UNRESOLVED, [0.0, 1.0])],
+    )
+    def test_who_gives_way_clears_the_section_within_15_seconds(self, tmp_path, clears, result, counts):
+        # 95.5 m is where the agent's rear leaves it, 55.5 m after a first second at 10 m/s; the half metre
+        # is driven well within the last step.
+        slowly = (95.5 - 30.0 - 10.0 + 0.2) / (clears - 1.0)
+        episode = meeting(tmp_path, [10.0] * 10 + [slowly] * 160, QUICKLY + [10.0] * 50)
+        assert find_encounters(episode).result.tolist() == [result]
+        found = sums("collaborative", episode)
+        assert [found["yielded"], found["unresolved_encounters"]] == counts
+
+    @pytest.mark.parametrize(("steps", "result"), [(140, COLLIDED), (160, UNRESOLVED)])
+    def test_a_collision_after_15_seconds_is_not_this_encounters(self, tmp_path, steps, result):
+        # The other stands in the way, and the agent waits before it.
+        waits = [10.0] * 10 + [5.0] * 80 + [0.0] * (steps - 90)
+        stands = [10.0] * 70 + [0.0] * (steps - 70)
+        episode = meeting(tmp_path, waits, stands, outcome=Outcome.COLLISION, partner=1)
+        found = find_encounters(episode)
+        assert found.result.tolist() == [result]
+        assert np.nan_to_num(found.gap_time, nan=-1.0).tolist() == [0.0 if result == COLLIDED else -1.0]
+
+    def test_a_collision_with_somebody_else_is_not_this_encounters(self, tmp_path):
+        episode = meeting(tmp_path, SLOWLY, QUICKLY, outcome=Outcome.COLLISION, partner=-1)
+        assert find_encounters(episode).result.tolist() == [YIELDED]
+
+    @pytest.mark.parametrize(("steps_apart", "safe"), [(9, 0.0), (10, 0.0), (11, 1.0)])
+    @pytest.mark.parametrize("is_first", [False, True], ids=["the agent second", "the agent first"])
+    def test_post_encroachment_time_above_a_second_is_safe(self, tmp_path, is_first, steps_apart, safe):
+        # At 10 m/s, so a metre a step. Who is first has left with its rear, the second comes with its front;
+        # half a metre off, lest rounding decide.
+        enters, leaves = (86.5, 93.5) if is_first else (89.75, 90.25)
+        first = leaves + LENGTH / 2 - 45.0 + 0.5
+        second = enters - LENGTH / 2 - 45.0 - steps_apart + 0.5
+        begin, other_begin = (first, second) if is_first else (second, first)
+        episode = meeting(tmp_path, QUICKLY, QUICKLY, begin=begin, other_begin=other_begin)
+        found = find_encounters(episode)
+        assert found.result.tolist() == [WENT_FIRST if is_first else YIELDED]
+        assert found.gap_time == pytest.approx([steps_apart / 10])
+        answer = sums("safety", episode)
+        assert (answer["safe_gaps"], answer["gaps"]) == (safe, 1.0)
+
+    def test_who_comes_into_a_lane_from_another_meets_at_its_begin(self, tmp_path):
+        # Both turn into the road to the east, whose begin is the section, a line.
+        ways = across(CROSS, "north_in", "east_out"), across(CROSS, "west_in", "east_out")
+        begins = [sum(CROSS.length[CROSS.lane_of_id(lane)] for lane in way[:2]) for way in ways]
+        agent_arrives, other_leaves = 62, 41
+        episode = episode_of(
+            tmp_path,
+            CROSS,
+            Drive(
+                ways[0],
+                at_speed(10.0, 120, begins[0] - LENGTH / 2 - agent_arrives + 0.5),
+                agent="a",
+                route=("north_in", "east_out"),
+            ),
+            Drive(ways[1], at_speed(10.0, 120, begins[1] + LENGTH / 2 - other_leaves + 0.5), route=WEST_EAST),
+        )
+        found = find_encounters(episode)
+        assert found.result.tolist() == [YIELDED]
+        assert found.gap_time == pytest.approx([2.1])

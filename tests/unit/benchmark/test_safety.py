@@ -1,0 +1,202 @@
+"""How near others came: times to collision, cut-ins, hard brakes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmark.metrics.leaders import time_to_collision
+from tests.maps import Road, graph_of
+from tests.measuring import (
+    CROSS,
+    ROAD,
+    WEST_EAST,
+    following,
+    meeting,
+    parked,
+    sums,
+    term,
+    totals,
+    value,
+)
+from tests.recordings import DT, LENGTH, Drive, across, at_speed, episode_of
+
+
+class TestSafety:
+    def test_time_to_collision_along_the_lane(self, tmp_path):
+        # 20 m apart, bumper to bumper, closing at 10 m/s.
+        times = time_to_collision(following(tmp_path, 0.0, speed=15.0, steps=10))
+        assert times[:, 0] == pytest.approx(2.0 - DT * np.arange(11))
+
+    def test_it_follows_the_path_into_the_junction(self, tmp_path):
+        lanes = across(CROSS, *WEST_EAST)
+        episode = episode_of(
+            tmp_path,
+            CROSS,
+            Drive(lanes, at_speed(10.0, 10, 60.0), agent="a", route=WEST_EAST),
+            Drive(lanes, at_speed(0.0, 10, 84.0), route=WEST_EAST),
+        )
+        assert time_to_collision(episode)[0, 0] == pytest.approx(2.0)
+
+    def test_nobody_beside_and_nobody_faster_counts(self, tmp_path):
+        episode = episode_of(
+            tmp_path,
+            ROAD,
+            Drive(["road_0"], at_speed(10.0, 10), agent="a", route=["road"]),
+            Drive(["road_1"], at_speed(0.0, 10, 20.0)),
+            Drive(["road_0"], at_speed(12.0, 10, 30.0)),
+        )
+        assert np.isinf(time_to_collision(episode)).all()
+
+    @pytest.mark.parametrize(
+        ("own", "lane", "other", "expected"),
+        [
+            pytest.param(-1.5, "road_0", 0.5, 2.0, id="on its lane, along it"),
+            pytest.param(-1.7, "road_0", 0.5, math.inf, id="beside its lane, straight on, 2.2 m past it"),
+            pytest.param(-1.7, "road_0", 0.0, 2.0, id="beside its lane, straight on, 1.7 m aside"),
+            pytest.param(0.0, "road_1", -1.3, math.inf, id="1.9 m from who is in the lane beside"),
+            pytest.param(0.0, "road_1", -1.5, 2.0, id="1.7 m from who reaches in"),
+            pytest.param(1.3, "road_1", 0.0, math.inf, id="1.9 m from the lane beside"),
+            pytest.param(1.5, "road_1", 0.0, 2.0, id="reaching into the lane beside"),
+        ],
+    )
+    def test_whose_way_it_is_in(self, tmp_path, own, lane, other, expected):
+        """Cars of 1.8 m in lanes of 3.2 m, 20 m apart, closing at 10 m/s."""
+        episode = episode_of(
+            tmp_path,
+            ROAD,
+            Drive(["road_0"], at_speed(15.0, 2, 10.0), t=own, agent="a", route=["road"]),
+            Drive([lane], at_speed(5.0, 2, 30.0 + LENGTH), t=other, route=["road"]),
+        )
+        assert time_to_collision(episode)[0, 0] == pytest.approx(expected)
+
+    @pytest.mark.parametrize("t", [0.0, -2.0], ids=["along the lane", "straight on"])
+    def test_speeds_of_oncoming_vehicles_add_up(self, tmp_path, t):
+        episode = episode_of(
+            tmp_path,
+            ROAD,
+            Drive(["road_0"], at_speed(10.0, 2, 10.0), t=t, agent="a", route=["road"]),
+            Drive(["road_0"], at_speed(-5.0, 2, 40.0 + LENGTH), t=t, is_oncoming=True, route=["road"]),
+        )
+        assert time_to_collision(episode)[0, 0] == pytest.approx(30.0 / 15.0)
+
+    @pytest.mark.parametrize(("away", "is_seen"), [(190.0, True), (210.0, False)])
+    def test_planned_paths_reach_200_metres_beyond_the_lane(self, tmp_path, away, is_seen):
+        roads = {
+            "near": Road([(0.0, 0.0), (50.0, 0.0)]),
+            "far": Road([(50.0 + away, 0.0), (150.0 + away, 0.0)]),
+        }
+        episode = episode_of(
+            tmp_path,
+            graph_of(roads, [(("near", 0), ("far", 0))]),
+            Drive(["near_0"], at_speed(10.0, 2, 40.0), agent="a", route=["near", "far"]),
+            Drive(["far_0"], at_speed(0.0, 2, 10.0), route=["far"]),
+        )
+        expected = (10.0 + away + 10.0 - LENGTH) / 10.0 if is_seen else math.inf
+        assert time_to_collision(episode)[0, 0] == pytest.approx(expected)
+
+    @pytest.mark.parametrize(("driven", "seconds"), [(4.9, 0.0), (5.1, 1.1)])
+    def test_driving_time_is_of_who_drove_five_metres(self, tmp_path, driven, seconds):
+        found = sums("safety", following(tmp_path, speed=driven, steps=10))
+        assert found["driving_time"] == pytest.approx(seconds)
+        assert found["safe_time"] == pytest.approx(seconds)
+
+    def test_share_of_time_and_terms_without_encounters(self, tmp_path):
+        # 2.0 s at first, 0.1 s less each step: above 1.5 s at five of eleven instants.
+        episode = following(tmp_path, 0.0, speed=15.0, steps=10)
+        assert term("safety", "time_to_collision", episode) == pytest.approx(5 / 11)
+        assert math.isnan(term("safety", "post_encroachment_time", episode))
+        assert value("safety", episode) == pytest.approx((1.0 + 5 / 11) / 2)
+
+    def test_a_parked_car_has_no_driving_time(self, tmp_path):
+        episode = parked(tmp_path)
+        assert math.isnan(term("safety", "time_to_collision", episode))
+
+
+class TestCutIn:
+    @pytest.mark.parametrize(("headway", "cut_ins"), [(0.9, 1.0), (1.1, 0.0)])
+    def test_headway_of_the_vehicle_behind(self, tmp_path, headway, cut_ins):
+        # The footprint is wholly in the new lane from t = 2.5 m on: 1.6 m + half of 1.8 m.
+        moves_over = np.clip((np.arange(61) - 20) * 0.25, 0.0, 3.2)
+        first_within = int(np.argmax(moves_over >= 2.5 - 1e-9))
+        place = 100.0 + 10.0 * DT * first_within
+        behind = place - LENGTH - headway * 10.0
+        episode = episode_of(
+            tmp_path,
+            ROAD,
+            Drive(["road_0"], at_speed(10.0, 60, 100.0), t=moves_over, agent="a", route=["road"]),
+            Drive(["road_1"], at_speed(10.0, 60, behind - 10.0 * DT * first_within), route=["road"]),
+        )
+        found = totals(episode)
+        assert found["lane_changes"] == 1.0
+        assert found["cut_ins"] == cut_ins
+
+    @pytest.mark.parametrize(("speed", "ratio"), [(0.9, 0.0), (1.1, 1.0)])
+    def test_a_standing_vehicle_behind_is_not_cut_in_on(self, tmp_path, speed, ratio):
+        moves_over = np.clip((np.arange(61) - 20) * 0.25, 0.0, 3.2)
+        episode = episode_of(
+            tmp_path,
+            ROAD,
+            Drive(["road_0"], at_speed(2.0, 60, 100.0), t=moves_over, agent="a", route=["road"]),
+            Drive(["road_1"], at_speed(speed, 60, 98.0), route=["road"]),
+        )
+        assert value("cut_in_ratio", episode) == ratio
+
+    def test_no_lane_change_is_nothing_to_measure(self, tmp_path):
+        wavers = np.concatenate([np.linspace(0.0, 2.0, 30), np.linspace(2.0, 0.0, 31)])
+        episode = episode_of(
+            tmp_path, ROAD, Drive(["road_0"], at_speed(10.0, 60), t=wavers, agent="a", route=["road"])
+        )
+        assert math.isnan(value("cut_in_ratio", episode))
+
+
+class TestHardBrakes:
+    def caused(self, folder, decelerations, *, gap=10.0, driven=100.0, steps=100):
+        """Return hard brakes and kilometres of an agent, before a vehicle that brakes at the steps given."""
+        brakes = np.zeros(steps + 1)
+        for step, deceleration in decelerations.items():
+            brakes[step] = -deceleration
+        episode = episode_of(
+            folder,
+            ROAD,
+            Drive(["road_0"], at_speed(driven / steps / DT, steps, 200.0), agent="a", route=["road"]),
+            Drive(
+                ["road_0"],
+                at_speed(10.0, steps, 200.0 - LENGTH - gap),
+                acceleration=brakes,
+                route=["road"],
+            ),
+        )
+        found = sums("hard_brakes", episode)
+        return found["hard_brakes"], found["kilometres"]
+
+    @pytest.mark.parametrize(
+        ("decelerations", "count"),
+        [
+            pytest.param({50: 3.9}, 0.0, id="3.9 m/s^2"),
+            pytest.param({50: 4.1}, 1.0, id="4.1 m/s^2"),
+            pytest.param({50: 5.0, 51: 5.0, 52: 5.0}, 1.0, id="one that takes a while"),
+            pytest.param({50: 5.0, 59: 5.0}, 1.0, id="again after 0.9 s"),
+            pytest.param({50: 5.0, 61: 5.0}, 2.0, id="again after 1.1 s"),
+        ],
+    )
+    def test_what_a_hard_brake_is(self, tmp_path, decelerations, count):
+        assert self.caused(tmp_path, decelerations) == (count, pytest.approx(0.1))
+
+    @pytest.mark.parametrize(("gap", "count"), [(32.0, 1.0), (33.0, 0.0)])
+    def test_whoever_is_next_ahead_and_near_has_caused_it(self, tmp_path, gap, count):
+        # At 10 m/s near is 2 s and the 12.5 m in which 4 m/s^2 make a stop.
+        assert self.caused(tmp_path, {50: 5.0}, gap=gap)[0] == count
+
+    @pytest.mark.parametrize(("driven", "found"), [(4.9, (0.0, 0.0)), (5.1, (1.0, 0.0051))])
+    def test_who_has_not_driven_five_metres_does_not_count(self, tmp_path, driven, found):
+        assert self.caused(tmp_path, {2: 5.0}, driven=driven, steps=10) == pytest.approx(found)
+
+    @pytest.mark.parametrize(
+        ("step", "count"), [(29, 1.0), (31, 0.0)], ids=["2.9 s after they met", "3.1 s after they met"]
+    )
+    def test_whoever_was_met_lately_has_caused_it(self, tmp_path, step, count):
+        # They meet at first, and the agent is on a road of its own all the time.
+        brakes = np.where(np.arange(41) == step, -5.0, 0.0)
+        episode = meeting(tmp_path, [10.0] * 40, [10.0] * 40, acceleration=brakes)
+        assert sums("hard_brakes", episode)["hard_brakes"] == count
