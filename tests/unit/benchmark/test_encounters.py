@@ -175,8 +175,16 @@ class TestHowItEnds:
         assert found.result.tolist() == [result]
         assert np.nan_to_num(found.gap_time, nan=-1.0).tolist() == [0.0 if result == COLLIDED else -1.0]
 
-    def test_a_collision_with_somebody_else_is_not_this_encounters(self, tmp_path):
-        episode = meeting(tmp_path, SLOWLY, QUICKLY, outcome=Outcome.COLLISION, partner=-1)
+    @pytest.mark.parametrize(("partner", "result"), [(1, COLLIDED), (-1, UNRESOLVED)])
+    def test_a_collision_with_somebody_else_is_not_this_encounters(self, tmp_path, partner, result):
+        # After 8 s the other has gone first, and the agent is not there yet.
+        episode = meeting(
+            tmp_path, SLOWLY[:80], QUICKLY[:80], outcome=Outcome.COLLISION, partner=partner, begin=20.0
+        )
+        assert find_encounters(episode).result.tolist() == [result]
+
+    def test_a_collision_after_both_have_left_is_not_this_encounters(self, tmp_path):
+        episode = meeting(tmp_path, SLOWLY, QUICKLY, outcome=Outcome.COLLISION, partner=1)
         assert find_encounters(episode).result.tolist() == [YIELDED]
 
     @pytest.mark.parametrize(("steps_apart", "safe"), [(9, 0.0), (10, 0.0), (11, 1.0)])

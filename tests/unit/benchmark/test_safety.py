@@ -134,11 +134,13 @@ class TestCutIn:
     @pytest.mark.parametrize(("speed", "ratio"), [(0.9, 0.0), (1.1, 1.0)])
     def test_a_standing_vehicle_behind_is_not_cut_in_on(self, tmp_path, speed, ratio):
         moves_over = np.clip((np.arange(61) - 20) * 0.25, 0.0, 3.2)
+        # Wholly in the new lane after 3 s, 0.5 m before the other.
+        behind = 100.0 + 2.0 * 3.0 - LENGTH - 0.5
         episode = episode_of(
             tmp_path,
             ROAD,
             Drive(["road_0"], at_speed(2.0, 60, 100.0), t=moves_over, agent="a", route=["road"]),
-            Drive(["road_1"], at_speed(speed, 60, 98.0), route=["road"]),
+            Drive(["road_1"], at_speed(speed, 60, behind - speed * 3.0), route=["road"]),
         )
         assert value("cut_in_ratio", episode) == ratio
 

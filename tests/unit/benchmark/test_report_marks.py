@@ -1,0 +1,166 @@
+"""Which way a report's marks, orders and pictures point: the good one is called good in every file."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from matplotlib.colors import to_rgba
+
+from benchmark.report.content import Cell, Report, make_report
+from benchmark.report.curves import SHOWN, draw_curves
+from benchmark.report.data import read_results
+from benchmark.report.html import report_page
+from benchmark.report.latex import main_table
+from benchmark.report.leaderboard import make_leaderboard
+from benchmark.report.outcomes import draw_outcomes
+from benchmark.report.protocol import protocol_of
+from benchmark.report.provenance import run_lines
+from benchmark.report.style import OUTCOME_COLOURS, new_figure
+from benchmark.report.wording import AS_GOOD, WORSE, intervals, mark
+from benchmark.running.folder import FINISHED, RunFolder
+from tests.hand_made_results import ALONE, ENVIRONMENT, agent_episodes, write_experiment, write_run
+
+EPISODES = 200
+"""As many as a mark asks for."""
+GOOD = [["goal", "goal"]] * EPISODES
+BAD = [["collision", "collision"]] * EPISODES
+MIXED = [["goal", "goal"], ["goal", "collision"]] * (EPISODES // 2)
+"""3 of 4 arrive."""
+PROGRESS = ([1, 500, 2.5, 200, -1.0, 0.0, 1.0, "", "", ""], [2, 1000, 5.0, 200, 1.0, 0.5, 0.5, "", "", ""])
+"""200 agent-steps a second."""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory) -> Report:
+    """PPO arrives and DQN collides, both at the intersection; sampled, it is the other way round."""
+    root = tmp_path_factory.mktemp("marks")
+    write_experiment(root, algorithms=["ppo", "dqn"], seeds=[1, 2])
+    for name, greedy, sampled in (("ppo", GOOD, BAD), ("dqn", MIXED, GOOD)):
+        tables = [agent_episodes(greedy, mode="greedy"), agent_episodes(sampled, mode="sampled")]
+        write_run(root, name, tables, progress=PROGRESS)
+    # The second seed learns to collide.
+    second = [[*line[:5], 0.0, 1.0, *line[7:]] for line in PROGRESS]
+    write_run(root, "ppo", None, seed=2, progress=second)
+    return make_report(read_results(root))
+
+
+def cell_of(report: Report, algorithm: str, mode: str = "greedy") -> Cell:
+    return next(row.cells[0] for row in report.main_table(mode) if row.algorithm == algorithm)
+
+
+class TestMarks:
+    """The paper has 0.1 / 0.07 of PPO and 0.83 / 0.2 of DQN."""
+
+    def test_who_is_as_good_as_the_paper(self, report):
+        assert [mark(cell_of(report, name)) for name in ("ppo", "dqn")] == [AS_GOOD, AS_GOOD]
+        assert mark(cell_of(report, "ppo", "sampled")) == WORSE
+
+    def test_the_star_in_latex_is_theirs(self, report):
+        assert r"{\small 0.1 / 0.07$^{\ast}$}" in main_table(report, "greedy")
+        sampled = main_table(report, "sampled")
+        assert r"{\small 0.1 / 0.07}" in sampled
+        assert r"{\small 0.83 / 0.2$^{\ast}$}" in sampled
+
+    def test_the_colour_on_the_page_is_theirs(self, report):
+        page = report_page(report)
+        found = re.findall(r'paper (0\.\d+ / 0\.\d+) <span class="([\w-]+)"[^>]*>([\w ]*)</span>', page)
+        assert set(found) == {
+            ("0.1 / 0.07", "as-good", AS_GOOD),
+            ("0.1 / 0.07", "worse", WORSE),
+            ("0.83 / 0.2", "as-good", AS_GOOD),
+        }
+
+    @pytest.mark.parametrize(
+        ("seeds", "episodes", "is_short"), [(1, 199, True), (1, 200, False), (2, 399, True), (2, 400, False)]
+    )
+    def test_two_hundred_episodes_of_each_seed_are_asked_for(self, report, seeds, episodes, is_short):
+        cell = cell_of(report, "ppo")
+        assert cell.completion
+        played = replace(cell.completion, seeds=seeds, episodes=episodes)
+        assert replace(cell, completion=played).is_short == is_short
+
+
+def test_half_an_interval_is_none(report):
+    cell = cell_of(report, "ppo")
+    assert cell.collision
+    assert cell.completion
+    unknown = float("nan")
+    for name in ("collision", "completion"):
+        value = replace(getattr(cell, name), low=unknown, high=unknown)
+        assert intervals(replace(cell, **{name: value})) == "no interval"
+    assert intervals(cell).count("[") == 2
+
+
+def test_speed_is_steps_per_second(report):
+    line = next(line for line in run_lines(report.results) if line.run.algorithm == "ppo")
+    assert (line.agent_steps, line.training, line.speed) == ("1,000", "0:00:05", "200")
+
+
+def test_outcomes_are_those_of_the_main_mode(report):
+    axes = new_figure(3, 3).add_subplot()
+    draw_outcomes(axes, report, "intersection", ALONE)
+    names = [name for name, _ in report.names]
+    bars = dict(zip(("completion_rate", "collision_rate"), axes.containers, strict=True))
+    for outcome, shares in (
+        ("completion_rate", {"ppo": 1.0, "dqn": 0.75}),
+        ("collision_rate", {"ppo": 0.0, "dqn": 0.25}),
+    ):
+        drawn = {name: bar.get_width() for name, bar in zip(names, bars[outcome], strict=True)}
+        assert drawn == pytest.approx(shares)
+        assert bars[outcome][0].get_facecolor() == to_rgba(OUTCOME_COLOURS[outcome])
+
+
+def test_a_learning_curve_is_the_mean_of_its_seeds_in_their_band(report):
+    panels = new_figure(3, 5).subplots(len(SHOWN), 1)
+    draw_curves(panels, report, "intersection", ALONE)
+    completion = panels[SHOWN.index("completion")]
+    line = {line.get_label(): line for line in completion.get_lines()}["PPO"]
+    # From 0 to 0.5, and 0 all the time.
+    assert (line.get_ydata()[0], line.get_ydata()[-1]) == (0.0, 0.25)
+    box = completion.collections[0].get_paths()[0].get_extents()
+    assert (box.ymin, box.ymax) == (0.0, 0.5)
+
+
+def test_the_summary_begins_with_the_best(report):
+    summaries = make_leaderboard([report.results.root]).summaries
+    assert [(each.algorithm, each.completion) for each in summaries] == [("ppo", 1.0), ("dqn", 0.75)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_same"),
+    [
+        ({}, True),
+        ({"environment": ENVIRONMENT | {"agents": 3}}, False),
+        ({"environment": ENVIRONMENT | {"options": {"reward": "dense"}}}, False),
+        ({"budget": {"agent_steps": 2000, "minutes": None}}, False),
+    ],
+)
+def test_results_of_other_environments_are_not_compared(tmp_path, changes, is_same):
+    protocols = []
+    for name, keys in (("one", {}), ("other", changes)):
+        write_run(tmp_path / name, "ppo", [agent_episodes(GOOD[:2], mode="greedy")], **keys)
+        results = read_results(tmp_path / name)
+        protocols.append(protocol_of(results.finished[0], results))
+    assert (protocols[0] == protocols[1]) == is_same
+
+
+def test_a_table_of_another_training_seed_is_left_out(tmp_path):
+    write_experiment(tmp_path, seeds=[1, 2])
+    first = write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")])
+    second = write_run(tmp_path, "ppo", [agent_episodes(BAD[:2], mode="greedy")], seed=2)
+    (second / "episodes.parquet").write_bytes((first / "episodes.parquet").read_bytes())
+    results = read_results(tmp_path)
+    assert [run.seed for run in results.finished] == [1]
+    place = Path("ppo", "intersection", ALONE, "seed_2", "episodes.parquet").as_posix()
+    assert "training_seed is 1, not 2" in results.problems[place]
+
+
+def test_a_run_without_its_table_is_not_finished(tmp_path):
+    tested = {"episodes": 2}
+    folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")]))
+    folder.note(status=FINISHED, tested=tested)
+    assert folder.is_finished(tested)
+    assert not folder.is_finished({"episodes": 3})
+    folder.table.unlink()
+    assert not folder.is_finished(tested)
