@@ -6,8 +6,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass, field
 
-QUANTILE = 1.959964
-"""Of the normal distribution, for intervals of 95%."""
+from benchmark.statistics import wilson_interval
 
 
 @dataclass
@@ -54,7 +53,5 @@ def wilson(share: float, count: float) -> tuple[float, float]:
     """Return Wilson's 95% interval of a share of `count` independent trials (1927), all without any."""
     if count <= 0:
         return 0.0, 1.0
-    square = QUANTILE**2
-    middle = (share + square / (2 * count)) / (1 + square / count)
-    half = QUANTILE * math.sqrt(share * (1 - share) / count + square / (4 * count**2)) / (1 + square / count)
-    return max(0.0, middle - half), min(1.0, middle + half)
+    low, high = wilson_interval(share, count)
+    return float(low), float(high)

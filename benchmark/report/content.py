@@ -35,7 +35,7 @@ class Cell:
     printed: tuple[Printed, ...]
     """The paper's."""
     is_as_good: bool | None
-    """As the paper; None where it has none, or we."""
+    """As the paper; None where it has none, or we have none or too few test episodes."""
     rank: int | None
     """Among the learning algorithms of the column; None without another one to compare with."""
     is_tied: bool
@@ -49,8 +49,7 @@ class Cell:
     @property
     def is_short(self) -> bool:
         """Whether there are fewer test episodes than a comparison with the paper asks for."""
-        found = self.completion
-        return found is not None and found.episodes < paper()["test_episodes"] * max(1, found.seeds)
+        return self.completion is not None and _is_short(self.completion)
 
 
 @dataclass(frozen=True)
@@ -141,10 +140,16 @@ class Report:
                     yield name, task, traffic, found
 
 
+def _is_short(found: Value) -> bool:
+    return found.episodes < paper()["test_episodes"] * max(1, found.seeds)
+
+
 def _is_as_good(
     theirs: tuple[Printed, ...], collision: Value | None, completion: Value | None
 ) -> bool | None:
     if collision is None or completion is None or not (collision.is_known and completion.is_known):
+        return None
+    if _is_short(completion):
         return None
     return is_as_good(theirs, collision.value, completion.value)
 

@@ -88,11 +88,11 @@ def _draw(axes: Any, runs: Sequence[Frame], column: str, algorithm: str) -> None
     steps, rows = seeds_curve(runs, column)
     how = line(algorithm)
     if len(steps):
-        some = np.isfinite(rows).any(axis=0)
-        steps, rows = steps[some], rows[:, some]
-        axes.plot(steps, np.nanmean(rows, axis=0), label=label(algorithm), **how)
+        # Where a seed is not there the mean is of something else, so there is none.
+        axes.plot(steps, rows.mean(axis=0), label=label(algorithm), **how)
         if len(rows) > 1:
-            low, high = np.nanmin(rows, axis=0), np.nanmax(rows, axis=0)
+            axes.plot(steps, rows.T, color=how["color"], linewidth=0.5, alpha=0.6)
+            low, high = np.fmin.reduce(rows), np.fmax.reduce(rows)
             axes.fill_between(steps, low, high, color=how["color"], alpha=0.15, linewidth=0)
     for run in runs:
         points = _points(run, f"validation_{column}")

@@ -15,12 +15,15 @@ from benchmark.report.style import (
     as_dots,
     as_lines,
     colour,
+    dash,
     label,
     line,
     new_figure,
     png,
 )
 
+LEGEND_WIDTH = 1.45
+"""Of an entry with the longest name [inches]."""
 SHORT_TRAFFIC = {"no_social_vehicles": "No SV", "random_social_vehicles": "SV"}
 
 
@@ -56,8 +59,9 @@ KINDS = (
     Kind(
         "learning_curves",
         "Learning curves",
-        "Line: mean over training seeds of the last training episodes, which explore. Band: from the lowest"
-        " seed to the highest. Dots: greedy validation episodes of each seed.",
+        "Line: mean over training seeds of the last training episodes, which explore, as far as all seeds are"
+        " there; thin lines: each seed. Band: from the lowest seed to the highest. Dots: greedy"
+        " validation episodes of each seed.",
         (3.6, 5.0),
         3,
         None,
@@ -127,18 +131,17 @@ def draw_all(kind: Kind, report: Report) -> bytes:
             kind.draw(_one_or_all(panels), report, task, traffic)
         handles = _handles(kind, report)
         if handles:
-            figure.legend(
-                handles=handles, loc="outside lower center", ncols=min(len(handles), 9), frameon=False
-            )
+            ncols = min(len(handles), max(1, int(figure.get_figwidth() / LEGEND_WIDTH)))
+            figure.legend(handles=handles, loc="outside lower center", ncols=ncols, frameon=False)
         return png(figure)
 
 
-def legend(kind: Kind, report: Report) -> list[tuple[str, str]]:
-    """Return colour and name of all that a kind of plot shows."""
+def legend(kind: Kind, report: Report) -> list[tuple[str, str, str]]:
+    """Return colour, dashes (empty for areas) and name of all that a kind of plot shows."""
     if kind.name == "outcomes":
         shown = outcomes.shown_outcomes(report)
-        return [(OUTCOME_COLOURS[name], outcomes.outcome_label(name)) for name in shown]
-    return [(colour(name), label(name)) for name in report.results.algorithms]
+        return [(OUTCOME_COLOURS[name], "", outcomes.outcome_label(name)) for name in shown]
+    return [(colour(name), dash(name), label(name)) for name in report.results.algorithms]
 
 
 def _handles(kind: Kind, report: Report) -> list[Any]:
@@ -146,7 +149,7 @@ def _handles(kind: Kind, report: Report) -> list[Any]:
     from matplotlib.patches import Patch
 
     if kind.name == "outcomes":
-        return [Patch(color=shade, label=name) for shade, name in legend(kind, report)]
+        return [Patch(color=shade, label=name) for shade, _, name in legend(kind, report)]
     return [Line2D([], [], label=label(name), **line(name)) for name in report.results.algorithms]
 
 

@@ -37,7 +37,6 @@ def report_page(report: Report) -> str:
     """Return a report as an HTML page."""
     results = report.results
     rows, notes = tables.metrics_table(report)
-    decided, ties = tables.difference_rows(report)
     return fill(
         "report.html.j2",
         name=results.name,
@@ -68,8 +67,10 @@ def report_page(report: Report) -> str:
         ],
         generalization=tables.generalization_rows(report),
         generalization_columns=tables.GENERALIZATION_COLUMNS.items(),
-        differences=decided,
-        ties=ties,
+        differences=tables.difference_rows(report),
+        difference_notes=tables.difference_notes(report),
+        intervals=wording.INTERVALS,
+        compared=wording.COMPARED,
         difference_columns=tables.DIFFERENCE_COLUMNS.items(),
         commands=provenance.commands(results),
         circumstances=provenance.circumstances(results),
@@ -90,8 +91,8 @@ def _main_table(report: Report, mode: str) -> dict[str, Any]:
     return {
         "mode": mode,
         "title": f"{wording.MODE_TITLES[mode]} episodes",
-        "note": f"{wording.MODE_NOTES[mode]} Bold: the best figures of the column; ranks say what is decided."
-        " Below each cell: 95% intervals, the paper's figures, training seeds and test episodes.",
+        "note": f"{wording.MODE_NOTES[mode]} {wording.BOLD} Below each cell: 95% intervals, the paper's"
+        " figures, training seeds and test episodes.",
         "groups": [
             (traffic_label(traffic), len([*group]))
             for traffic, group in groupby(columns, key=lambda it: it[1])

@@ -31,7 +31,10 @@ def main_table(report: Report, mode: str) -> str:
         rules.append(rf"\cmidrule(lr){{{first}-{first + width - 1}}}")
         first += width
     lines = [
-        "% Needs \\usepackage{booktabs}.",
+        "% Needs \\usepackage{booktabs}. Collision / completion rate, their 95% intervals, the paper's.",
+        f"% {wording.BOLD} Asterisk: as good as the paper.",
+        f"% {wording.INTERVALS}",
+        f"% {wording.COMPARED}",
         r"\begin{tabular}{l" + "c" * len(columns) + "}",
         r"\toprule",
         " & ".join(["", *titles]).strip() + r" \\",
@@ -60,7 +63,9 @@ def _figures(cell: Cell) -> str:
 
 def _intervals(cell: Cell) -> str:
     # In braces, since a bracket after a row's end is an argument of it.
-    return rf"{{\scriptsize {wording.intervals(cell)}}}" if wording.figures(cell) else ""
+    if not wording.figures(cell):
+        return ""
+    return rf"{{\scriptsize {wording.intervals(cell)}}} {{\tiny ({wording.count(cell)})}}"
 
 
 def _printed(cell: Cell) -> str:

@@ -10,6 +10,7 @@ from benchmark.report.html import fill
 from benchmark.report.leaderboard import Leaderboard, make_leaderboard
 from benchmark.report.paper import task_label, traffic_label
 from benchmark.report.ranking import RANKED_BY
+from benchmark.report.wording import COMPARED
 from benchmark.running.files import write_whole
 
 Column = tuple[str, str, bool]
@@ -56,6 +57,7 @@ def leaderboard_page(board: Leaderboard) -> str:
     return fill(
         "leaderboard.html.j2",
         mode=board.mode,
+        compared=COMPARED,
         problems=board.problems,
         protocols=list(board.protocols.items()),
         places=places,

@@ -26,7 +26,8 @@ def report_text(report: Report, pictures: Iterable[str]) -> str:
         parts += ["Missing from the tables:", "\n".join(f"- {place}: {reason}" for place, reason in gaps)]
     for mode in report.modes:
         parts += [f"## {wording.MODE_TITLES[mode]} episodes: collision rate / completion rate"]
-        parts += [wording.MODE_NOTES[mode], _main_table(report, mode)]
+        parts += [f"{wording.MODE_NOTES[mode]} {wording.BOLD}", _main_table(report, mode)]
+    parts += [wording.INTERVALS, wording.COMPARED, " ".join(tables.difference_notes(report))]
     there = set(pictures)
     for kind in KINDS:
         if kind.name in there:
@@ -95,7 +96,7 @@ def _entry(entry: tables.Entry | None) -> str:
     if entry is None:
         return ""
     notes = f" ({', '.join(map(str, entry.notes))})" if entry.notes else ""
-    return f"{entry.text}{notes}<br>{entry.interval}" if entry.interval else f"{entry.text}{notes}"
+    return "<br>".join(filter(None, (f"{entry.text}{notes}", entry.interval, entry.count)))
 
 
 def _generalization(report: Report) -> str:

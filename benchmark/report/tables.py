@@ -29,8 +29,9 @@ DIFFERENCE_COLUMNS = {
     "second": "Subtrahend",
     "difference": "First minus second",
     "95% interval": "Of the difference, before correction",
-    "p": "Two-sided, that there is no difference; after Holm over the table",
-    "pairs": "Training seeds or, with fewer than three, starts",
+    "p": "Two-sided, that there is no difference between these checkpoints",
+    "corrected p": "After Holm over the pairs of the cell and metric",
+    "starts": "Distinct ones that both have played: the unit of comparison",
     "better": "Whose figure is better",
 }
 
@@ -41,6 +42,8 @@ class Entry:
 
     text: str
     interval: str
+    count: str
+    """What it was measured on, if that is not all agent-episodes."""
     sort: str
     """By which it is sorted, empty for n/a."""
     notes: tuple[int, ...]
@@ -99,7 +102,7 @@ def _entry(
         return None
     numbers = [notes.setdefault(note, len(notes) + 1) for note in found.note.split("; ") if note]
     sort = f"{found.value:.6g}" if found.is_known else ""
-    return Entry(found.text, found.interval, sort, tuple(numbers))
+    return Entry(found.text, found.interval, found.count_text, sort, tuple(numbers))
 
 
 def generalization_rows(report: Report) -> list[list[str]]:
@@ -113,11 +116,19 @@ def generalization_rows(report: Report) -> list[list[str]]:
     return rows
 
 
-def difference_rows(report: Report) -> tuple[list[list[str]], int]:
-    """Return a row for each decided pair, cell and metric of the main mode, and the number of ties."""
-    rows = [*_differences(report)]
-    decided = [row for row in rows if row[-1]]
-    return decided, len(rows) - len(decided)
+def difference_rows(report: Report) -> list[list[str]]:
+    """Return a row for each decided pair, cell and metric of the main mode."""
+    return [row for row in _differences(report) if row[-1]]
+
+
+def difference_notes(report: Report) -> list[str]:
+    """Return how many differences of the main mode are decided, and what was left out of them."""
+    found = report.differences[report.modes[0]]
+    decided, unknown = int((found["wins"] != "").sum()), int(found["corrected"].isna().sum())
+    ties = len(found) - decided - unknown
+    counts = f"{decided} differences are decided, {ties} are ties, {unknown} could not be compared."
+    notes = dict.fromkeys(filter(None, found["note"]))
+    return [counts, *(f"Left out of some: {note}." for note in notes)]
 
 
 def _differences(report: Report) -> Iterator[list[str]]:
@@ -131,7 +142,7 @@ def _differences(report: Report) -> Iterator[list[str]]:
             algorithm_label(row["second"]),
             f"{row['value']:+.2f}" if math.isfinite(row["value"]) else "n/a",
             f"[{row['low']:+.2f}, {row['high']:+.2f}]" if is_known else "",
-            f"{row['corrected']:.3f}" if math.isfinite(row["corrected"]) else "",
+            *(f"{row[name]:.3f}" if math.isfinite(row[name]) else "" for name in ("p_value", "corrected")),
             str(row["pairs"]),
             algorithm_label(row["wins"]) if row["wins"] else "",
         ]

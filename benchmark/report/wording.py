@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+from benchmark.metrics.results import THIS_CHECKPOINT
 from benchmark.report.content import Cell, Report
 from benchmark.report.paper import Printed, paper
 
@@ -11,6 +14,23 @@ MODE_NOTES = {
     "sampled": "Test episodes of the last checkpoint, which draws its actions, as the paper's rollouts did.",
 }
 AS_GOOD, WORSE = "as good", "worse"
+INTERVALS = (
+    "95% intervals. With three or more training seeds they are of the algorithm: Student's t on the "
+    "seeds, rates on the arcsine-root scale. With one or two, marked 'this checkpoint', they are of "
+    "what was trained and tell nothing of further seeds. Either way they are no narrower than what the "
+    "episodes leave open: Wilson's interval at trials / design effect for rates and ratios of counts, "
+    "resampled episodes for others. None where a training seed has fewer distinct starts than episodes, "
+    "or where all episodes are alike."
+)
+COMPARED = (
+    "The unit of comparison is a distinct start of these checkpoints: the value there over all training "
+    "seeds that an algorithm has, paired with the other's, by Student's t. It does not say how further "
+    "training seeds would turn out; the cells' intervals show how far seeds spread. P-values are "
+    "corrected after Holm over the pairs of learning algorithms in a cell and metric; reference "
+    "policies against them are a family of their own. Tie: the corrected p-value is 0.05 or more. Not "
+    "compared: fewer than two starts that both have played."
+)
+BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
 NO_RUN = "no finished run"
 
 
@@ -44,7 +64,7 @@ def printed_text(cells: tuple[Printed, ...]) -> str:
 
 
 def mark(cell: Cell) -> str:
-    """Return how a cell compares to the paper's; empty where one of the two is missing."""
+    """Return how a cell compares to the paper's; empty where one is missing or episodes are too few."""
     if cell.is_as_good is None:
         return ""
     return AS_GOOD if cell.is_as_good else WORSE
@@ -54,17 +74,20 @@ def mark_meaning(cell: Cell) -> str:
     """Return what the mark rests on."""
     if not cell.printed:
         return ""
-    highest, lowest = cell.printed[0].worst
-    asked = f"; fewer than {paper()['test_episodes']} test episodes a seed" if cell.is_short else ""
-    return f"As good: collision up to {highest:.2f} and completion from {lowest:.2f}{asked}"
+    bounds = [each.worst for each in cell.printed]
+    # Rounded to the side on which who keeps to them is as good.
+    highest = math.floor(1000 * min(bound[0] for bound in bounds)) / 1000
+    lowest = math.ceil(1000 * max(bound[1] for bound in bounds)) / 1000
+    return f"As good: collision up to {highest:.3f} and completion from {lowest:.3f}"
 
 
 def count(cell: Cell) -> str:
-    """Return seeds and episodes; empty without a finished run."""
+    """Return seeds, episodes and whether intervals are of one checkpoint; empty without a finished run."""
     found = cell.completion
     if found is None:
         return ""
-    return f"{found.seeds} {'seed' if found.seeds == 1 else 'seeds'}, {found.episodes} episodes"
+    label = f"; {found.label}" if found.label == THIS_CHECKPOINT else ""
+    return f"{found.seeds} {'seed' if found.seeds == 1 else 'seeds'}, {found.episodes} episodes{label}"
 
 
 def rank_text(cell: Cell) -> str:
@@ -79,14 +102,15 @@ def standing(report: Report) -> list[str]:
     sentences = []
     for mode in report.modes:
         cells = [cell for row in report.main_table(mode) for cell in row.cells if cell.is_as_good is not None]
-        if not cells:
-            continue
-        good = sum(bool(cell.is_as_good) for cell in cells)
-        short = any(cell.is_short for cell in cells)
-        text = f"{MODE_TITLES[mode]}: as good as the paper in {good} of {len(cells)} cells that it has too"
-        sentences.append(
-            f"{text}, on fewer test episodes than the {paper()['test_episodes']} a seed that this asks for."
-            if short
-            else f"{text}."
-        )
+        if cells:
+            good = sum(bool(cell.is_as_good) for cell in cells)
+            where = f"in {good} of {len(cells)} cells that it has too"
+            sentences.append(f"{MODE_TITLES[mode]}: as good as the paper {where}.")
+        every = (cell for row in report.main_table(mode) for cell in row.cells)
+        short = sum(bool(cell.printed) and cell.is_short for cell in every)
+        if short:
+            asked = f"fewer test episodes than the {paper()['test_episodes']} a seed that this asks for"
+            sentences.append(
+                f"{MODE_TITLES[mode]}: {short} cells are not set against the paper's, on {asked}."
+            )
     return sentences

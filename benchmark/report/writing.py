@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pandas as pd
+
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report, make_report
 from benchmark.report.data import read_results
@@ -49,7 +51,7 @@ def report_files(report: Report) -> dict[str, bytes]:
         PAGE: report_page(report),
         TEXT: report_text(report, pictures),
         VALUES: values_csv(report.values),
-        DIFFERENCES: report.differences[report.modes[0]].to_csv(index=False, lineterminator="\n"),
+        DIFFERENCES: differences_csv(report),
         **{f"main_table_{mode}.tex": main_table(report, mode) for mode in report.modes},
     }
     return {name: text.encode() for name, text in texts.items()} | {
@@ -61,6 +63,18 @@ def values_csv(values: Frame) -> str:
     """Return a row for each algorithm, cell, mode and metric; n/a is empty, and its note says why."""
     terms = ["; ".join(f"{name}={value:.6g}" for name, value in each.items()) for each in values["terms"]]
     return values.assign(terms=terms).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+
+
+def differences_csv(report: Report) -> str:
+    """Return a row for each mode, cell, rate and pair; `better` is "tie" or "not compared" without one."""
+    parts = []
+    for mode, found in report.differences.items():
+        better = found["wins"].where(found["wins"] != "", "tie")
+        better = better.where(found["corrected"].notna(), "not compared")
+        named = found.drop(columns="wins").assign(better=better).rename(columns={"pairs": "starts"})
+        named.insert(0, "mode", mode)
+        parts.append(named)
+    return pd.concat(parts, ignore_index=True).to_csv(index=False, float_format="%.6g", lineterminator="\n")
 
 
 def _check_free(folder: Path) -> None:

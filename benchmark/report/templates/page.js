@@ -29,7 +29,7 @@ function sortBy(button) {
 function filter(box) {
   const wanted = [...box.querySelectorAll("select")].filter((select) => select.value !== "");
   document.querySelectorAll(box.dataset.of).forEach((row) => {
-    row.hidden = !wanted.every((select) => row.dataset[select.name] === select.value);
+    row.hidden = !wanted.every((select) => (row.dataset[select.name] ?? select.value) === select.value);
   });
 }
 document.querySelectorAll("button.sort").forEach((button) => button.addEventListener("click", () => sortBy(button)));

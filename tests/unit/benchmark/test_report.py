@@ -10,7 +10,9 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
+from algorithms.registry import ALGORITHMS
 from benchmark.metrics import METRICS
 from benchmark.report.content import make_report
 from benchmark.report.curves import seeds_curve
@@ -18,8 +20,8 @@ from benchmark.report.data import read_results
 from benchmark.report.latex import escaped
 from benchmark.report.paper import is_as_good, printed
 from benchmark.report.radar import axes_of_radar, draw_radar
-from benchmark.report.style import new_figure
-from benchmark.report.wording import figures, intervals, mark, printed_text
+from benchmark.report.style import colour, line, new_figure, png
+from benchmark.report.wording import count, figures, intervals, mark, mark_meaning, printed_text
 from benchmark.report.writing import write_report
 from benchmark.running.files import ResultsError
 from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run
@@ -72,8 +74,9 @@ def test_a_cells_numbers(folder):
     assert figures(cell) == "0.25 / 0.75"
     # Wilson at n = 8: (p + z^2/16) / (1 + z^2/8) -+ z / (1 + z^2/8) sqrt(p (1 - p) / 8 + z^2/256)
     assert intervals(cell) == "[0.07, 0.59] / [0.41, 0.93]"
-    # The paper's 0.1 of 40 may be 0.23 at most.
-    assert (printed_text(cell.printed), mark(cell)) == ("0.1 / 0.07", "worse")
+    # Four test episodes are too few to be set against the paper's.
+    assert (printed_text(cell.printed), mark(cell), cell.is_short) == ("0.1 / 0.07", "", True)
+    assert count(cell) == "1 seed, 4 episodes; this checkpoint"
     assert (cell.completion.n, cell.completion.episodes, cell.completion.seeds) == (8, 4, 1)
     assert figures(cells_of(report, "ppo", "sampled")["intersection", ALONE]) == "1.00 / 0.00"
     reference = cells_of(report, "keep_lane", "sampled")["intersection", ALONE]
@@ -102,6 +105,38 @@ def test_as_good_as_the_paper():
     assert printed_text(both) == "0.46 / 0.45 (main text 0.7 / 0.25)"
     assert not is_as_good(both, 0.7, 0.25)
     assert printed("commnet", "double_merge", SOCIAL)[0].completion == 0.5
+
+
+def test_marks_on_enough_episodes(tmp_path):
+    write_experiment(tmp_path, algorithms=["ppo", "commnet"])
+    write_run(tmp_path, "ppo", [agent_episodes(PERFECT[:1] * 200, mode="greedy")])
+    mixed = [*HOPELESS[:1] * 50, *PERFECT[:1] * 150]
+    write_run(tmp_path, "commnet", [agent_episodes(mixed, mode="greedy")])
+    report = make_report(read_results(tmp_path))
+    assert mark(cells_of(report, "ppo")["intersection", ALONE]) == "as good"
+    # Wilson of 0.1 and 0.07 of 40: up to 0.2305, from 0.0233.
+    assert mark_meaning(cells_of(report, "ppo")["intersection", ALONE]) == (
+        "As good: collision up to 0.230 and completion from 0.024"
+    )
+
+
+def test_no_two_algorithms_look_alike():
+    looks = [(line(name)["color"], str(line(name)["linestyle"])) for name in ALGORITHMS]
+    assert len({*looks}) == len(looks) > 12
+
+
+def test_pictures_have_the_colours_of_the_lines():
+    figure = new_figure(3, 2)
+    axes = figure.add_subplot()
+    for number, name in enumerate(ALGORITHMS):
+        axes.axhline(number, color=colour(name), linewidth=3)
+    picture = Image.open(io.BytesIO(png(figure))).convert("RGB")
+    seen = {shade for _, shade in picture.getcolors(1 << 20)}
+    assert {to_rgb(colour(name)) for name in ALGORITHMS} <= seen
+
+
+def to_rgb(text):
+    return tuple(bytes.fromhex(text[1:]))
 
 
 def test_ranks_and_ties(tmp_path):
