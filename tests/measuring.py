@@ -33,8 +33,8 @@ def totals(*episodes: EpisodeData, times: int = 1) -> dict[str, np.ndarray]:
 
 
 def value(name: str, *episodes: EpisodeData, times: int = 1) -> float:
-    """Return a metric of episodes."""
-    return float(METRICS[name].value(totals(*episodes, times=times)))
+    """Return a metric of episodes, NaN where there is too little to measure."""
+    return float(METRICS[name].known(totals(*episodes, times=times)))
 
 
 def term(name: str, which: str, *episodes: EpisodeData) -> float:
