@@ -120,7 +120,8 @@ class VectorJointEnv(Protocol):
     Optional methods: `get_state() -> Any` (picklable) and `set_state(state)`, which make continued training
     after a restore exact; `annotate(name, values)`, by which evaluations tell an environment that keeps
     records what the next step's actions were sampled from: per block, "probabilities" (B, n, A) or "mean_std"
-    (B, n, 2, k), None for the blocks that have the other.
+    (B, n, 2, k), None for the blocks that have the other. An environment that goes on with another world
+    where one fails has an attribute `worlds`, the present one of each copy, shape (B,).
     """
 
     num_envs: int

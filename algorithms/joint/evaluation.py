@@ -28,7 +28,7 @@ def evaluate(
     env: VectorJointEnv | None = None,
     seed: int | None = None,
 ) -> list[Episode]:
-    """Play exactly `episodes` episodes with the present policies, in this process.
+    """Play `episodes` episodes with the present policies, in this process.
 
     Args:
         algo: A built algorithm; its training is left alone.
@@ -44,7 +44,8 @@ def evaluate(
         SpaceError: `env` has other agents or spaces than the algorithm.
 
     Returns:
-        The episodes in the order of their worlds.
+        The episodes in the order of their worlds; one that fails in an environment which then goes on with
+        another world, as the benchmark's does, is missing.
     """
     runner: JointEnvRunner = algo.env_runner_group.local_env_runner
     runner.set_state(algo.runner_state())

@@ -85,6 +85,11 @@ class WithMeanActions:
         """How the environment takes down what policies gave, or None where it does not."""
         return getattr(self._env, "annotate", None)
 
+    @property
+    def worlds(self) -> Ints | None:
+        """Which world each copy plays, shape (B,), or None where the environment does not tell."""
+        return getattr(self._env, "worlds", None)
+
     def close(self) -> None:
         """Release all resources."""
         self._env.close()

@@ -179,7 +179,7 @@ class Sampler:
         exploration: Exploration,
         on_step: Callable[[EvaluatedStep], None] | None = None,
     ) -> list[Episode]:
-        """Play exactly one episode in each of the given worlds, dealt in turn to the copies.
+        """Play one episode in each of the given worlds, dealt in turn to the copies.
 
         Args:
             worlds: Equally spaced numbers, shape (c,).
@@ -187,15 +187,16 @@ class Sampler:
             on_step: Called with every step of all copies.
 
         Returns:
-            The episodes in the order of `worlds`.
+            The episodes in the order of `worlds`, without those that failed in an environment that then
+            goes on with another world.
         """
         copies = self.env.num_envs
         spacing = int(worlds[1] - worlds[0]) if len(worlds) > 1 else 1
         self._generator.manual_seed(_mixed(self._seed, int(worlds[0])))
         self.begin(worlds[0] + spacing * np.arange(copies), stride=spacing * copies)
-        playing = worlds[0] + spacing * np.arange(copies)
+        playing = self._worlds(worlds[0] + spacing * np.arange(copies))
         finished: dict[int, Episode] = {}
-        while len(finished) < len(worlds):
+        while (playing <= worlds[-1]).any():
             seen = self._view() if on_step is None else _copied(self._view())
             acting = self._act(seen, exploration)
             actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
@@ -210,7 +211,8 @@ class Sampler:
                 if world <= worlds[-1]:
                     finished[world] = episode._replace(world=world)
                 playing[episode.copy] += spacing * copies
-        return [finished[world] for world in worlds.tolist()]
+            playing = self._worlds(playing)
+        return [finished[world] for world in worlds.tolist() if world in finished]
 
     def take_episodes(self) -> list[Episode]:
         """Return the episodes that ended since the last call."""
@@ -236,6 +238,11 @@ class Sampler:
         self._source = state["source"]
         self.env.set_state(state["env"])  # type: ignore[attr-defined]
         self._now, self.progress = _copied(state["now"]), copy.deepcopy(state["progress"])
+
+    def _worlds(self, expected: Ints) -> Ints:
+        """Return a copy of the worlds that are played, as expected unless the environment tells."""
+        told = getattr(self.env, "worlds", None)
+        return np.array(expected if told is None else told, int)
 
     def _empty_memories(self) -> list[np.ndarray | None]:
         """Return zeros (B, n, H) for each recurrent block."""

@@ -163,6 +163,11 @@ class VectorHiWayEnv:
         """What is being played in each simulation; nothing before the first reset."""
         return tuple(start for start in self._worlds.batch.starts if start is not None)
 
+    @property
+    def worlds(self) -> Ints:
+        """The world that each simulation plays, shape (B,): where one fails, another one may be played."""
+        return self._world_numbers.copy()
+
     def reset(
         self, seed: int | None = None, worlds: Ints | None = None, *, episode: int = 0, stride: int = 0
     ) -> VectorStep:

@@ -5,14 +5,15 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Discrete
 from rigs import Rig, replayed
 
 import algorithms
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.adapter import COMMON, JointVector
-from algorithms.joint.env import MEMORY
+from algorithms.joint.env import MEMORY, Block, Final, JointSpaces, JointStep
 from algorithms.joint.ranges import Range, Ranges, declared
+from algorithms.parts.distributions import Exploration
 from algorithms.ppo import PPOConfig
 from algorithms.registry import ALGORITHMS
 from tests.games.games import Cues, Game, Ragged, Target
@@ -50,6 +51,52 @@ class NaNStart(Cues):
         if NaNStart.bad >= 0:
             seen["agent_0"][0] = np.nan
         return seen, infos
+
+
+class Unsound:
+    """One agent, episodes of two steps, each paid with the number of its world; some worlds are skipped."""
+
+    num_envs = 2
+    spaces = JointSpaces((Block(("agent",), {"": Box(0.0, 1.0, (1,), np.float32)}, Discrete(2)),))
+    fails, never_begins = 12, (13, 14)
+
+    def reset(self, seed, worlds, *, episode=0, stride=0):
+        self.worlds, self.stride, self.t = np.array(worlds), stride, np.zeros(2, int)
+        return self._stand()
+
+    def step(self, actions):
+        self.t += 1
+        rewards = self.worlds.astype(np.float32)[:, None]
+        failed = {b: RuntimeError("failed on purpose") for b in np.flatnonzero(self.worlds == self.fails)}
+        over = (self.t == 2) | (self.worlds == self.fails)
+        reset = over & (self.worlds != self.fails)
+        self.t[over] = 0
+        self.worlds[over] += self.stride
+        while np.isin(self.worlds, self.never_begins).any():
+            self.worlds[np.isin(self.worlds, self.never_begins)] += self.stride
+        return self._stand(rewards, reset, failed)
+
+    def recreate(self, failures):
+        raise RuntimeError("nothing here is NaN") from next(iter(failures.values()))
+
+    def close(self):
+        pass
+
+    def _stand(self, rewards=None, reset=None, failed=None):
+        rewards = np.zeros((2, 1), np.float32) if rewards is None else rewards
+        reset = np.zeros(2, bool) if reset is None else reset
+        seen, ends = {"": np.zeros((2, 1, 1), np.float32)}, reset[:, None]
+        rows = np.flatnonzero(reset)
+        final = Final(rows, ({"": seen[""][rows]},), (None,)) if len(rows) else None
+        return JointStep(
+            (seen,), rewards, ends, ~ends & False, ends | True, reset, final, failed=failed or {}
+        )
+
+
+def test_worlds_that_an_environment_skips_are_missing_and_the_others_keep_their_names():
+    episodes = Rig("ppo", Unsound()).sampler.episodes(np.arange(10, 19), Exploration())
+    assert [episode.world for episode in episodes] == [10, 11, 15, 16, 17, 18]
+    assert [float(episode.returns[0]) for episode in episodes] == [20, 22, 30, 32, 34, 36]
 
 
 @pytest.mark.parametrize("bad", [1, 2, 4])
