@@ -37,6 +37,10 @@ _NUMBERS = {
     "t": "t",
     "desired_speed": "desired_speed",
 }
+_ON_LANES = ("s", "t")
+"""Columns of the vehicles that mean nothing off the lanes."""
+_FINITE = (*sorted(set(_NUMBERS) - {*_ON_LANES}), "length", "width")
+"""Other columns of the vehicles on which metrics rely."""
 _DRIVING = (int(SeatState.ACTIVE), int(SeatState.DONE))
 
 
@@ -150,12 +154,24 @@ class EpisodeData:
             ("seats", self._seats["seat"], 0, self.count - 1),
             ("decisions", self._decisions["step"], 0, self.steps),
             ("agents", self.agents["goal_lane"], -1, len(self.graph.lane_ids) - 1),
+            ("agents", self.agents["entry_step"], -1, self.steps),
             ("agents", self.agents["end_step"], -1, self.steps),
         )
         for table, numbers, low, high in ranges:
             if len(numbers) and not low <= int(numbers.min()) <= int(numbers.max()) <= high:
                 raise RecordError(
                     f"a number in table '{table}' is not between {low} and {high}",
+                    place=place,
+                    remedy="record the episode anew",
+                )
+        on_lane = self._vehicles["lane"] >= 0
+        numbers = {name: self._vehicles[name] for name in _FINITE}
+        numbers |= {name: self._vehicles[name][on_lane] for name in _ON_LANES}
+        numbers["travelled"] = self.agents["travelled"]
+        for name, each in numbers.items():
+            if not np.isfinite(each).all():
+                raise RecordError(
+                    f"a number in column '{name}' is not finite",
                     place=place,
                     remedy="record the episode anew",
                 )

@@ -41,6 +41,7 @@ def measure_episodes(
     labels: Mapping[str, Any] | None = None,
     split: str = "train",
     metrics: Sequence[str] = (),
+    worlds: range | None = None,
 ) -> pd.DataFrame:
     """Measure all whole episodes of a store.
 
@@ -49,6 +50,7 @@ def measure_episodes(
         labels: Further columns, the same in all rows: algorithm, training_seed, mode ...
         split: "train" or "held_out": see generalization.
         metrics: Names, by default all.
+        worlds: Of which episodes are measured; others count nowhere. By default all.
 
     Returns:
         A row for each agent of each episode: the labels, `split`, `EPISODE_KEYS`, agent, outcome, is_void,
@@ -70,7 +72,10 @@ def measure_episodes(
     parts = []
     for path in episodes_in(folder):
         try:
-            episode = _read(path, split)
+            recorded = RecordedEpisode(path)
+            if worlds is not None and int(recorded.facts["world"]) not in worlds:
+                continue
+            episode = EpisodeData(recorded, split)
             if not episode.facts["is_complete"] and not episode.facts["is_void"]:
                 counts["incomplete"] += 1
                 continue
@@ -78,19 +83,14 @@ def measure_episodes(
         except (RecordError, MapError) as error:
             counts["corrupted"][path.name] = error.problem
             continue
+        except (IndexError, KeyError, ValueError) as error:
+            # Whatever half a file, or numbers that do not fit together, end in: the others are whole.
+            counts["corrupted"][path.name] = f"not a whole episode: {type(error).__name__}: {error}"
+            continue
         counts["void" if episode.facts["is_void"] else "measured"] += 1
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
     table.attrs[COUNTS] = counts
     return table
-
-
-def _read(path: Path, split: str) -> EpisodeData:
-    try:
-        return EpisodeData(RecordedEpisode(path), split)
-    except (IndexError, KeyError, ValueError) as error:
-        raise RecordError(
-            f"not a whole episode: {error}", place=str(path), remedy="record the episode anew"
-        ) from error
 
 
 def _rows(episode: EpisodeData, measures: Iterable[Any], labels: Mapping[str, Any]) -> pd.DataFrame:

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from benchmark.metrics import (
@@ -57,6 +59,39 @@ def test_a_row_for_each_agent_episode(store):
     assert set(table["algorithm"]) == {"ppo"}
     assert table["agents"].tolist() == [1, 1, 1, 1, 0, 0]
     assert table.loc[table["is_void"], "collisions"].isna().all()
+
+
+def change(file, column, value):
+    """Put a value into all rows of a column of a recorded table."""
+    table = pq.read_table(file)
+    number = table.schema.get_field_index(column)
+    kind = table.schema.field(number)
+    values = pa.array([value] * len(table), kind.type)
+    pq.write_table(
+        table.set_column(number, kind, values).replace_schema_metadata(table.schema.metadata), file
+    )
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value", "said"),
+    [
+        ("agents", "entry_step", 10**6, "table 'agents' is not between -1 and 20"),
+        ("agents", "outcome", 99, "not a whole episode: ValueError: 99 is not a valid Outcome"),
+        ("agents", "travelled", math.nan, "column 'travelled' is not finite"),
+        ("vehicles", "length", math.nan, "column 'length' is not finite"),
+        ("vehicles", "s", math.inf, "column 's' is not finite"),
+    ],
+)
+def test_an_episode_whose_numbers_cannot_be_is_named_and_the_others_count(
+    tmp_path, table, column, value, said
+):
+    play(tmp_path, 0, [Outcome.GOAL])
+    change(play(tmp_path, 1, [Outcome.GOAL]) / f"{table}.parquet", column, value)
+    found = measure_episodes(tmp_path)
+    counts = found.attrs["episodes"]
+    assert found["episode"].tolist() == [0]
+    assert counts["measured"] == 1
+    assert said in counts["corrupted"]["e1"]
 
 
 def test_the_file_gives_the_table_back_or_is_refused(store, tmp_path):
