@@ -1,6 +1,6 @@
 """The settings of all algorithms as data, so that files can be checked and completed without loading torch.
 
-`python -m algorithms.settings` writes `settings.json` from the configs; a test keeps the two equal.
+`python -m algorithms.settings` writes the files from the configs; a test keeps them equal.
 """
 
 from __future__ import annotations
@@ -8,11 +8,16 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+from algorithms.joint import ranges
+from algorithms.joint.ranges import Values
 from algorithms.registry import ALGORITHMS
 
 FILE = Path(__file__).with_name("settings.json")
+VALUES = Path(__file__).with_name("setting_values.json")
+"""The values that settings may take: by algorithm and name, a class of `algorithms.joint.ranges` and
+its fields."""
 OF_RUNNERS = ("rollout_fragment_length",)
 """Keywords of `env_runners()` that change what is learned: steps of each copy from one update to the next."""
 
@@ -21,6 +26,31 @@ OF_RUNNERS = ("rollout_fragment_length",)
 def settings() -> dict[str, dict[str, Any]]:
     """Return the default of every setting by algorithm and name."""
     return json.loads(FILE.read_text(encoding="utf-8"))
+
+
+@cache
+def values() -> dict[str, dict[str, Values]]:
+    """Return the values that settings may take by algorithm and name, without those that have no limits."""
+    published = json.loads(VALUES.read_text(encoding="utf-8"))
+    return {
+        algorithm: {name: getattr(ranges, kind)(*fields) for name, (kind, *fields) in each.items()}
+        for algorithm, each in published.items()
+    }
+
+
+def collect_values() -> dict[str, dict[str, list[Any]]]:
+    """Return the values that all algorithms' settings may take, from their configs, as they are published."""
+    import algorithms  # here, since it loads torch and ray
+
+    configs = {name: algorithms.config(name) for name in ALGORITHMS}
+    return {
+        algorithm: {
+            name: [type(each).__name__, *cast(tuple, each)]
+            for name, each in sorted(ranges.declared(type(config)).items())
+            if each is not None and name in config.setting_names
+        }
+        for algorithm, config in configs.items()
+    }
 
 
 def collect() -> dict[str, dict[str, Any]]:
@@ -49,8 +79,9 @@ def _plain(value: Any) -> Any:
 
 
 def main() -> None:
-    """Write the file."""
-    FILE.write_text(json.dumps(collect(), indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    """Write the files."""
+    for file, content in ((FILE, collect()), (VALUES, collect_values())):
+        file.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

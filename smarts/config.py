@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -73,6 +74,35 @@ class ConfigError(SmartsError):
         return "\n  ".join(lines)
 
 
+@dataclass(frozen=True)
+class Fault:
+    """What a check of a config's values finds; see `read_config`."""
+
+    key: Key
+    """Of the value, or of what is around it."""
+    text: str
+    remedy: str = ""
+
+
+Check = Callable[[Mapping[str, Any]], Iterable[Fault]]
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads 1e-3 as a number, as everybody writes it: YAML 1.1 wants 1.0e-3."""
+
+
+def _number(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | float:
+    number = float(node.value.replace("_", ""))
+    return int(number) if number.is_integer() else number
+
+
+_NUMBER = "tag:yaml.org,2002:float#exponent"
+_Loader.add_implicit_resolver(
+    _NUMBER, re.compile(r"[-+]?\d[\d_]*(\.\d*)?[eE][-+]?\d{1,3}$"), [*"-+0123456789"]
+)
+_Loader.add_constructor(_NUMBER, _number)
+
+
 @dataclass
 class _Content:
     """What files and the command line say, and where each key was said."""
@@ -80,6 +110,8 @@ class _Content:
     values: dict[str, Any] = field(default_factory=dict)
     places: dict[Key, str] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
+    is_whole: bool = True
+    """Whether all values are known, so that more can be said than `problems`."""
 
     def place(self, key: Key) -> str:
         """Return where a key is, or else where the nearest thing around it is."""
@@ -88,7 +120,9 @@ class _Content:
         return self.places.get(key, COMMAND_LINE)
 
 
-def read_config(file: Path, model: type[Model], overrides: Sequence[str] = ()) -> Model:
+def read_config(
+    file: Path, model: type[Model], overrides: Sequence[str] = (), check: Check = lambda values: ()
+) -> Model:
     """Return the content of a YAML file as a model.
 
     Args:
@@ -96,6 +130,7 @@ def read_config(file: Path, model: type[Model], overrides: Sequence[str] = ()) -
             are merged, everything else (lists too) is replaced.
         model: What the content must be.
         overrides: Values that go before the file's, as in "budget.minutes=5"; the value is read as YAML.
+        check: Finds what the model does not, in values which need not fit the model.
 
     Raises:
         ConfigError: With all mistakes: of syntax, names, types, ranges.
@@ -103,40 +138,50 @@ def read_config(file: Path, model: type[Model], overrides: Sequence[str] = ()) -
     content = _read(file, ())
     for text in overrides:
         _override(content, text)
-    if content.problems:
+    if not content.is_whole:
         raise ConfigError(content.problems)
+    problems = list(content.problems)
+    found = None
     try:
-        return model.model_validate(content.values)
+        found = model.model_validate(content.values)
     except ValidationError as error:
-        problems = [_problem(dict(each), content, model) for each in _primary(error)]
-        raise ConfigError(_joined(problems)) from None
+        problems += _joined([_problem(dict(each), content, model) for each in _primary(error)])
+    for fault in check(content.values):
+        text = f"{_shown(fault.key)}: {fault.text}" if fault.key else fault.text
+        problems.append(Problem(content.place(fault.key), text, fault.remedy))
+    if found is None or problems:
+        raise ConfigError(problems)
+    return found
 
 
 def _read(file: Path, extended_by: tuple[Path, ...]) -> _Content:
     """Read a file and those it extends."""
     by = f"{extended_by[-1]}" if extended_by else str(file)
     if file.resolve() in [other.resolve() for other in extended_by]:
-        return _Content(problems=[Problem(by, f"{EXTENDS}: {file} extends itself")])
+        return _Content(problems=[Problem(by, f"{EXTENDS}: {file} extends itself")], is_whole=False)
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         known = [str(other) for other in file.parent.glob("*.yaml")] if file.parent.is_dir() else []
         remedy = "" if isinstance(error, UnicodeDecodeError) else nearest_names(str(file), known)
-        return _Content(problems=[Problem(by, f"cannot read {file}: {reason}", remedy)])
+        problems = [Problem(by, f"cannot read {file}: {reason}", remedy)]
+        return _Content(problems=problems, is_whole=False)
     own = _Content(places={(): f"{file}:1"})
     try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        node = yaml.compose(text, Loader=_Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f":{mark.line + 1}" if mark else ""
         reason = getattr(error, "problem", None) or str(error)
-        return _Content(problems=[Problem(f"{file}{line}", f"not YAML: {reason}")])
-    values = _walk(node, (), file, own) if node is not None else {}
+        return _Content(problems=[Problem(f"{file}{line}", f"not YAML: {reason}")], is_whole=False)
+    walk = _Walk(own, lambda each: f"{file}:{each.start_mark.line + 1}")
+    values = walk.value(node, ()) if node is not None else {}
     if not isinstance(values, dict):
         own.problems.append(
             Problem(f"{file}:1", f"the file holds a {type(values).__name__}, not keys with values")
         )
+        own.is_whole = False
         return own
     base = values.pop(EXTENDS, None)
     own.values = values
@@ -148,30 +193,69 @@ def _read(file: Path, extended_by: tuple[Path, ...]) -> _Content:
     return _merged(_read(file.parent / base, (*extended_by, file)), own)
 
 
-def _walk(node: yaml.Node, key: Key, file: Path, content: _Content) -> Any:
-    """Return the value of a node, and note where its parts are."""
-    content.places.setdefault(key, f"{file}:{node.start_mark.line + 1}")
-    if isinstance(node, yaml.SequenceNode):
-        return [_walk(child, (*key, index), file, content) for index, child in enumerate(node.value)]
-    if not isinstance(node, yaml.MappingNode):
-        return yaml.SafeLoader("").construct_object(node)
-    values: dict[Any, Any] = {}
-    for name_node, child in node.value:
-        name = yaml.SafeLoader("").construct_object(name_node)
-        place = f"{file}:{name_node.start_mark.line + 1}"
-        if not isinstance(name, str):
-            content.problems.append(Problem(place, f"the key {name!r} is not a text", "put it in quotes"))
-            continue
-        if name in values:
-            content.problems.append(Problem(place, f"{_shown((*key, name))} is there twice", "remove one"))
-        content.places[(*key, name)] = place
-        values[name] = _walk(child, (*key, name), file, content)
-    return values
+class _Walk:
+    """Makes values of the nodes of a YAML text, and notes where each is.
+
+    Args:
+        content: Takes places and problems in.
+        place: Where a node is, in words.
+    """
+
+    def __init__(self, content: _Content, place: Callable[[yaml.Node], str]) -> None:
+        self._content, self._place = content, place
+        self._around: list[yaml.Node] = []
+
+    def value(self, node: yaml.Node, key: Key) -> Any:
+        """Return the value of a node, the one of `key`."""
+        self._content.places.setdefault(key, self._place(node))
+        if node in self._around:
+            self._complain(node, f"{_shown(key)} contains itself", "write it out")
+            return None
+        self._around.append(node)
+        try:
+            if isinstance(node, yaml.SequenceNode):
+                return [self.value(child, (*key, index)) for index, child in enumerate(node.value)]
+            if isinstance(node, yaml.MappingNode):
+                return self._section(node, key)
+            return self._single(node)
+        finally:
+            self._around.pop()
+
+    def _section(self, node: yaml.MappingNode, key: Key) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        for name_node, child in node.value:
+            if name_node.tag == "tag:yaml.org,2002:merge":
+                self._complain(name_node, "merge keys (<<) are not known here", f"use {EXTENDS}")
+                continue
+            name = self._single(name_node)
+            if not isinstance(name, str):
+                self._complain(name_node, f"the key {name!r} is not a text", "put it in quotes")
+                continue
+            inside = (*key, name)
+            if name in values:
+                self._complain(name_node, f"{_shown(inside)} is there twice", "remove one")
+                _forget(self._content.places, inside)
+            self._content.places[inside] = self._place(name_node)
+            values[name] = self.value(child, inside)
+        return values
+
+    def _single(self, node: yaml.Node) -> Any:
+        try:
+            return _Loader("").construct_object(node)
+        except (yaml.YAMLError, ValueError):
+            # Such as a date that does not exist, or a tag of somebody else's.
+            shown = shortened(str(node.value), LONGEST_VALUE)
+            self._complain(node, f"{shown} is no {node.tag.rpartition(':')[2]}", "put it in quotes")
+            return shown
+
+    def _complain(self, node: yaml.Node, text: str, remedy: str) -> None:
+        self._content.problems.append(Problem(self._place(node), text, remedy))
 
 
 def _merged(base: _Content, own: _Content) -> _Content:
     """Return a file's content over that of the file it extends."""
     merged = _Content(dict(base.values), dict(base.places), [*base.problems, *own.problems])
+    merged.is_whole = base.is_whole and own.is_whole
     _lay_over(merged, own.values, own.places)
     merged.places[()] = own.places[()]
     return merged
@@ -195,10 +279,15 @@ def _laid_over(
             merged[name] = _laid_over(below, value, key, places, own)
             continue
         merged[name] = value
-        for other in [other for other in places if other[: len(key)] == key]:
-            del places[other]
+        _forget(places, key)
         places.update({other: place for other, place in own.items() if other[: len(key)] == key})
     return merged
+
+
+def _forget(places: dict[Key, str], key: Key) -> None:
+    """Leave out where a value was and what is in it."""
+    for other in [other for other in places if other[: len(key)] == key]:
+        del places[other]
 
 
 def _override(content: _Content, text: str) -> None:
@@ -207,12 +296,19 @@ def _override(content: _Content, text: str) -> None:
     if not sign or not all(parts):
         content.problems.append(Problem(COMMAND_LINE, f"{text!r} is not KEY=VALUE", "as in budget.minutes=5"))
         return
+    if parts == [EXTENDS]:
+        remedy = "give the command the file that is to be extended"
+        content.problems.append(Problem(COMMAND_LINE, f"{EXTENDS} can only be said in a file", remedy))
+        return
     try:
-        given = yaml.safe_load(value)
+        node = yaml.compose(value, Loader=_Loader)
     except yaml.YAMLError:
         content.problems.append(Problem(COMMAND_LINE, f"the value of {text!r} is not YAML"))
         return
     place = f"{COMMAND_LINE}, {text}"
+    said = _Content()
+    given = _Walk(said, lambda each: place).value(node, tuple(parts)) if node is not None else None
+    content.problems += said.problems
     nested: Any = given
     for part in reversed(parts):
         nested = {part: nested}

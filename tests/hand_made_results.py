@@ -86,6 +86,7 @@ def write_run(
     progress: Sequence[Sequence[object]] = (),
     environment=ENVIRONMENT,
     budget=BUDGET,
+    settings=None,
 ) -> Path:
     """Write a run's folder and return it; without tables, of a run that still trains.
 
@@ -99,6 +100,7 @@ def write_run(
         progress: Lines of progress.csv.
         environment: For config.yaml.
         budget: For config.yaml.
+        settings: For config.yaml.
     """
     cell = Path(task, traffic)
     folder = root / ("reference" / Path(algorithm) / cell if seed < 0 else algorithm / cell / f"seed_{seed}")
@@ -110,7 +112,12 @@ def write_run(
         **{"test_seconds": 61.0},
     }
     (folder / "run.json").write_text(json.dumps(facts))
-    config = {"algorithm": algorithm, "environment": environment, "budget": budget, "settings": {}}
+    config = {
+        "algorithm": algorithm,
+        "environment": environment,
+        "budget": budget,
+        "settings": settings or {},
+    }
     if seed < 0:
         config = {"policy": algorithm}
     (folder / "config.yaml").write_text(yaml.safe_dump(config))

@@ -69,6 +69,7 @@ class JointConfig(AlgorithmConfig):
     """Settings of networks that a checkpoint may be restored under another value of."""
     ranges: ClassVar[Ranges] = {
         "hidden": Widths(),
+        "lr": NOT_NEGATIVE._replace(scheduled=True),
         "gamma": FRACTION,
         "grad_clip": POSITIVE._replace(optional=True),
         "reward_scale": POSITIVE,

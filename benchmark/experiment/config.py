@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from algorithms import settings as algorithm_settings
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm
+from benchmark.experiment.checks import check_experiment
 from benchmark.floors import FLOORS
-from smarts.config import Section, UnfitError, read_config
+from smarts.config import Fault, Section, UnfitError, read_config
 from smarts.errors import nearest_names
 from smarts.sstudio.locating import suite
 
@@ -62,6 +63,10 @@ def _distinct(values: Iterable[Any]) -> Any:
     return values
 
 
+def _sorted(values: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(sorted(values))
+
+
 FolderName = Annotated[str, AfterValidator(_name)]
 Algorithm = Annotated[str, AfterValidator(_algorithm)]
 Reference = Annotated[str, AfterValidator(_floor)]
@@ -77,12 +82,17 @@ class Task(Section):
     """Names of the suite or folders, each perhaps with "@variation"."""
 
 
+def name_of(scenarios: Iterable[str]) -> str:
+    """Return the name of a task that has none of its own."""
+    return "-".join(Path(each).name.replace("@", "-") for each in scenarios)
+
+
 def _tasks(given: Any) -> Any:
     """Make tasks of the names of scenarios."""
     if not isinstance(given, list):
         return given
     return [
-        {"name": Path(each).name, "scenarios": [each]} if isinstance(each, str) else each for each in given
+        {"name": name_of([each]), "scenarios": [each]} if isinstance(each, str) else each for each in given
     ]
 
 
@@ -93,8 +103,9 @@ def _differently_named(tasks: tuple[Task, ...]) -> tuple[Task, ...]:
 
 DISTINCT = AfterValidator(_distinct)
 Names = Annotated[tuple[str, ...], SEVERAL, DISTINCT]
-Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT]
-Seeds = Annotated[tuple[Annotated[int, Field(ge=0)], ...], SEVERAL, DISTINCT]
+# In one order, whatever the file's: greedy first.
+Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT, AfterValidator(_sorted)]
+Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], SEVERAL, DISTINCT]
 Algorithms = Annotated[tuple[Algorithm, ...], SEVERAL, DISTINCT]
 References = Annotated[tuple[Reference, ...], Field(strict=False), DISTINCT]
 Tasks = Annotated[tuple[Task, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)]
@@ -128,10 +139,10 @@ class Evaluation(Section):
     episodes: Positive = 200
     """Test episodes of each run, for each way of acting."""
     modes: Modes = ("greedy", "sampled")
-    """Ways of acting: the first is the one that tables show."""
+    """Ways of acting. Tables show greedy acting, unless there is only the other."""
     held_out_episodes: Annotated[int, Field(ge=0)] = 0
-    """Episodes, in the first way of acting, on each held-out variation of the scenarios that differs from
-    what was trained on (many differ in traffic alone); 0: generalization is not measured."""
+    """Episodes, of greedy acting unless there is only the other, on each held-out variation of the scenarios
+    that differs from the training (many differ in traffic alone); 0: generalization is not measured."""
     validations: Annotated[int, Field(ge=0)] = 10
     """How often during training the policy is tried, to choose the best checkpoint and to draw its curve."""
     validation_episodes: Positive = 20
@@ -196,15 +207,6 @@ class Experiment(Section):
     resources: Resources = Resources()
     tune: Tune | None = None
 
-    @model_validator(mode="after")
-    def _every_setting_is_used(self) -> Self:
-        known = algorithm_settings.settings()
-        used = set().union(*(known[name] for name in self.algorithms))
-        idle = sorted(self.training.model_fields_set - used)
-        if idle:
-            raise UnfitError(f"training: none of the algorithms has {', '.join(idle)}", "remove it")
-        return self
-
     def settings_of(self, algorithm: str) -> dict[str, Any]:
         """Return the settings of an algorithm that the file gives."""
         known = algorithm_settings.settings()[algorithm]
@@ -221,5 +223,12 @@ def read_experiment(file: Path, overrides: Iterable[str] = ()) -> Experiment:
     Raises:
         ConfigError: With all of its mistakes.
     """
-    experiment = read_config(file, Experiment, tuple(overrides))
-    return experiment if experiment.name else experiment.model_copy(update={"name": _name(file.stem)})
+
+    def check(values: Mapping[str, Any]) -> Iterator[Fault]:
+        if not values.get("name") and not NAME.fullmatch(file.stem):
+            remedy = "give the experiment another one: name: ..."
+            yield Fault((), f"the file's name {file.stem!r} cannot name a folder", remedy)
+        yield from check_experiment(values)
+
+    experiment = read_config(file, Experiment, tuple(overrides), check)
+    return experiment if experiment.name else experiment.model_copy(update={"name": file.stem})

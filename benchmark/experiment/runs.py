@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from benchmark.experiment.config import Budget, Environment, Evaluation, Experiment, Resources, Task
+from benchmark.experiment.config import Budget, Environment, Evaluation, Experiment, Resources, Task, name_of
 
 REFERENCE = "reference"
 """Folder of the scripted policies' results, among those of the algorithms."""
@@ -103,7 +103,7 @@ def run_from(content: Mapping[str, Any]) -> Run:
             content["algorithm"],
             Cell(
                 Task(
-                    name="-".join(Path(each).name.replace("@", "-") for each in scenarios),
+                    name=name_of(scenarios),
                     scenarios=scenarios,
                 ),
                 content["traffic"],

@@ -135,7 +135,10 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            pq.write_table(arrow, partial, compression="zstd")
+            with partial.open("wb") as file:
+                pq.write_table(arrow, file, compression="zstd")
+                file.flush()
+                os.fsync(file.fileno())
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,7 +20,7 @@ from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS, EPISODE_KEYS
 from benchmark.report.paper import paper
 from benchmark.running.files import ResultsError, read_json
-from benchmark.running.folder import COMMAND, FINISHED, PROGRESS_COLUMNS, RunFolder
+from benchmark.running.folder import COMMAND, FINISHED, PARTS, PROGRESS_COLUMNS, RunFolder
 from smarts.errors import SmartsError
 
 SCRIPTED_SEED = -1
@@ -72,8 +73,8 @@ class Results:
     root: Path
     name: str
     description: str
-    command: str
-    """That made it, empty if that is not known."""
+    commands: tuple[str, ...]
+    """That made it, each once."""
     runs: tuple[RunResult, ...]
     problems: Mapping[str, str]
     """File or folder -> why it was left out."""
@@ -138,7 +139,9 @@ def read_results(root: Path) -> Results:
         )
     problems: dict[str, str] = {}
     experiment = _read_experiment(root / "experiment.json", problems)
-    expected = {run.place: run for run in _expected(experiment)} if experiment else {}
+    commands, parts = _read_parts(root / COMMAND, problems)
+    every = [*parts, experiment] if experiment else parts
+    expected = {run.place: run for each in every for run in _expected(each)}
     found = {run.place: run for run in _found(root, problems)}
     if experiment is None and not found:
         raise ResultsError(
@@ -151,7 +154,7 @@ def read_results(root: Path) -> Results:
         root=root,
         name=experiment.name if experiment else root.resolve().name,
         description=experiment.description if experiment else "",
-        command=_read_command(root / COMMAND, problems),
+        commands=commands,
         runs=tuple(runs[place] for place in sorted(runs)),
         problems=problems,
     )
@@ -172,14 +175,18 @@ def _read_experiment(file: Path, problems: dict[str, str]) -> Experiment | None:
         return None
 
 
-def _read_command(file: Path, problems: dict[str, str]) -> str:
+def _read_parts(file: Path, problems: dict[str, str]) -> tuple[tuple[str, ...], list[Experiment]]:
+    """Return the commands that filled the folder, and the experiments that were asked for."""
     if not file.exists():
-        return ""
+        return (), []
     try:
-        return str(_mapping(read_json(file), file).get("command", ""))
-    except ResultsError as error:
-        problems[file.name] = error.problem
-        return ""
+        content = _mapping(read_json(file), file)
+        parts = content.get(PARTS, [content])
+        experiments = [Experiment.model_validate_json(json.dumps(each["experiment"])) for each in parts[:-1]]
+        return tuple(dict.fromkeys(str(each["command"]) for each in parts)), experiments
+    except (ResultsError, KeyError, TypeError, ValidationError) as error:
+        problems[file.name] = error.problem if isinstance(error, ResultsError) else _first_line(error)
+        return (), []
 
 
 def _expected(experiment: Experiment) -> Iterator[RunResult]:

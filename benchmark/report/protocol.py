@@ -1,4 +1,4 @@
-"""What must be alike for results to be compared: environment and budget."""
+"""What must be alike for results to be compared: environment, budget and sharing of parameters."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from benchmark.report.data import Results, RunResult
 COMPARED = ("environment", "budget")
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action and reward; the
 horizon and the starts are the scenario's, by whose name results are told apart anyway."""
+OWN_SHARING = "each algorithm's own"
+"""Which parameters agents share where the settings do not say."""
 
 
 def protocol_of(run: RunResult, results: Results) -> str:
@@ -22,7 +24,9 @@ def protocol_of(run: RunResult, results: Results) -> str:
     if run.is_reference:
         beside = (each for each in results.runs if _cell(each) == _cell(run) and not each.is_reference)
         config = next((each.config for each in beside if each.config), config)
-    return json.dumps({name: config.get(name) for name in COMPARED}, sort_keys=True)
+    sharing = (config.get("settings") or {}).get("sharing", OWN_SHARING)
+    content = {**{name: config.get(name) for name in COMPARED}, "sharing": sharing}
+    return json.dumps(content, sort_keys=True)
 
 
 def _cell(run: RunResult) -> tuple[str, str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmark.report.data import NOT_BEGUN, Results, RunResult
+from benchmark.running.folder import CONTINUED
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,8 @@ def duration(seconds: float) -> str:
 
 def circumstances(results: Results) -> list[tuple[str, list[str]]]:
     """Return name and distinct values of what runs were made with; more than one value is worth a look."""
-    facts = [run.facts for run in results.runs if run.facts]
+    begun = [run.facts for run in results.runs if run.facts]
+    facts = [each for run in begun for each in (run, *run.get(CONTINUED, ()))]
     versions = [_text(each.get("versions")) for each in facts]
     machines = [
         ", ".join(filter(None, (_text(each.get(name)) for name in ("processor", "cores", "system"))))
@@ -103,7 +105,7 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
 
 def commands(results: Results) -> list[str]:
     """Return the commands that made the results, and the one that makes the report again."""
-    return [*filter(None, [results.command]), f"smarts-bench report {results.root}"]
+    return [*results.commands, f"smarts-bench report {results.root}"]
 
 
 def totals(results: Results) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pandas as pd
@@ -40,7 +41,8 @@ def write_report(root: Path, out: Path | None = None) -> Path:
         for name, content in files.items():
             (partial / name).write_bytes(content)
 
-    replace_folder(folder, write)
+    # `report` may be called while a run writes its own.
+    replace_folder(folder, write, by=f"-{os.getpid()}")
     return folder / PAGE
 
 

@@ -10,7 +10,7 @@ from typing import Literal
 
 import pandas as pd
 
-from benchmark.experiment.config import Evaluation, Task
+from benchmark.experiment.config import Evaluation, Task, name_of
 from benchmark.experiment.runs import Run, run_from
 from benchmark.metrics import read_table
 from benchmark.running.driver import start_ray
@@ -100,8 +100,7 @@ def _changed(
     cell = run.cell
     task = cell.task
     if scenarios:
-        name = "-".join(Path(each).name.replace("@", "-") for each in scenarios)
-        task = Task(name=name, scenarios=tuple(scenarios))
+        task = Task(name=name_of(scenarios), scenarios=tuple(scenarios))
     evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=keep)
     cell = replace(cell, task=task, traffic=traffic or cell.traffic, evaluation=evaluation)
     resources = run.resources.model_copy(update={"env_runners": 0})

@@ -17,7 +17,7 @@ from benchmark.experiment.runs import Run, cells_of
 from benchmark.report.writing import write_report
 from benchmark.running.driver import Driver, JobState, jobs_of, start_ray
 from benchmark.running.files import locked, read_json, write_json
-from benchmark.running.folder import COMMAND, ENDED_BY, FINISHED, RunFolder
+from benchmark.running.folder import COMMAND, ENDED_BY, FINISHED, PARTS, RunFolder
 from benchmark.running.held_out import held_out_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
@@ -39,8 +39,7 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
     with locked(root):
         live = LiveProgress()
         driver = Driver(jobs_of(experiment), root, experiment.resources, live.show)
-        write_json(root / "experiment.json", experiment.model_dump(mode="json", exclude_unset=True))
-        write_json(root / COMMAND, {"command": command()})
+        keep_command(root, experiment, command())
         if driver.is_done:
             return _tell(driver.states, root)
         start_ray(experiment.resources)
@@ -52,6 +51,19 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         finally:
             ray.shutdown()
         return _tell(states, root)
+
+
+def keep_command(root: Path, experiment: Experiment, line: str) -> None:
+    """Write what is asked for, beside what was asked for before: a folder may be filled by parts."""
+    file, kept = root / "experiment.json", root / COMMAND
+    content = experiment.model_dump(mode="json", exclude_unset=True)
+    before = read_json(kept) if kept.exists() else {PARTS: []}
+    if PARTS not in before:  # of an earlier version
+        before = {PARTS: [{**before, "experiment": read_json(file)}] if file.exists() else []}
+    part = {"command": line, "experiment": content}
+    parts = [*(each for each in before[PARTS] if each != part), part]
+    write_json(file, content)
+    write_json(kept, {"command": line, PARTS: parts})
 
 
 def check_cells(experiment: Experiment) -> None:

@@ -34,6 +34,7 @@ def write_whole(file: Path, write: Callable[[Path], Any]) -> None:
             write(partial)
             _to_disk(partial)
             partial.replace(file)
+            _to_disk(file.parent)
         except BaseException:
             partial.unlink(missing_ok=True)
             raise
@@ -61,19 +62,29 @@ def read_json(file: Path, remedy: str = "remove it, and what was lost is made ag
         raise ResultsError(f"cannot be read: {error}", place=str(file), remedy=remedy) from error
 
 
-def replace_folder(folder: Path, fill: Callable[[Path], Any]) -> None:
+def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -> None:
     """Let `fill` write a folder under another name, then put it in the place of the one that was there.
 
     Between the two a kill leaves the old one under the name of `previous_of`; `recover_folder` puts it back.
 
+    Args:
+        folder: Where.
+        fill: Writes what is to be in it.
+        by: Who writes, if several may at a time; what a kill of them leaves is not recovered.
+
     Raises:
         ResultsError: The disk is full, or the folder cannot be written to. What was there before stays.
     """
-    partial, previous = folder.with_name(f"{PARTIAL}-{folder.name}"), previous_of(folder)
+    partial, previous = (
+        folder.with_name(f"{each.name}{by}") for each in (_partial_of(folder), previous_of(folder))
+    )
     with named_failures(folder):
         shutil.rmtree(partial, ignore_errors=True)
         try:
             fill(partial)
+            # Before the old one goes, lest a power cut leave neither.
+            for path in (*partial.rglob("*"), partial):
+                _to_disk(path)
         except BaseException:
             shutil.rmtree(partial, ignore_errors=True)
             raise
@@ -81,6 +92,7 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any]) -> None:
         if folder.exists():
             folder.rename(previous)
         partial.rename(folder)
+        _to_disk(folder.parent)
         shutil.rmtree(previous, ignore_errors=True)
 
 
@@ -90,7 +102,11 @@ def recover_folder(folder: Path) -> None:
     if previous.exists() and not folder.exists():
         previous.rename(folder)
     shutil.rmtree(previous, ignore_errors=True)
-    shutil.rmtree(folder.with_name(f"{PARTIAL}-{folder.name}"), ignore_errors=True)
+    shutil.rmtree(_partial_of(folder), ignore_errors=True)
+
+
+def _partial_of(folder: Path) -> Path:
+    return folder.with_name(f"{PARTIAL}-{folder.name}")
 
 
 def previous_of(folder: Path) -> Path:
@@ -142,8 +158,9 @@ def named_failures(place: Path) -> Iterator[None]:
         ) from error
 
 
-def _to_disk(file: Path) -> None:
-    descriptor = os.open(file, os.O_RDONLY)
+def _to_disk(path: Path) -> None:
+    """Wait until a file, or what a folder lists, is on disk."""
+    descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:

@@ -30,9 +30,14 @@ from benchmark.running.files import (
 )
 
 COMMAND = "command.json"
-"""Beside experiment.json: the command that made or last went on with an experiment."""
+"""Beside experiment.json: the last command that made or went on with an experiment, and as `PARTS` each
+distinct one with its experiment."""
+PARTS = "parts"
+"""In command.json; files of earlier versions have none."""
 ENDED_BY = "ended_by"
 """In run.json: the budget that was used up first, "agent_steps" or "minutes"."""
+CONTINUED = "continued"
+"""In run.json: what each continuation was made with, as the file itself says it of the beginning."""
 FINISHED, TRAINING, TESTING = "finished", "training", "testing"
 PROGRESS_COLUMNS: tuple[str, ...] = (
     "iteration",
@@ -127,6 +132,10 @@ class RunFolder:
         """Write into run.json."""
         before = read_json(self.run) if self.run.exists() else {}
         write_json(self.run, {**before, **changes})
+
+    def note_continuation(self, circumstances: Mapping[str, Any]) -> None:
+        """Write into run.json with what the run goes on after an interruption, or is tested anew."""
+        self.note(**{CONTINUED: [*read_json(self.run).get(CONTINUED, []), dict(circumstances)]})
 
     def save(self, folder: Path, algo: Any, state: Mapping[str, Any]) -> None:
         """Put a checkpoint into one of the two folders, with how far training is."""

@@ -10,18 +10,24 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from algorithms.joint.evaluation import REPORTED_WORLDS, evaluate
 from benchmark.experiment.runs import Cell, ReferenceRun, Run
 from benchmark.floors.run import episodes_in
 from benchmark.metrics import join_tables, measure_episodes, write_table
 from benchmark.metrics.table import COUNTS
 from benchmark.running.environments import environment
+from benchmark.running.files import ResultsError
 from benchmark.running.folder import FINISHED, TESTING, RunFolder
 from benchmark.running.held_out import held_out_of
 from benchmark.running.machine import machine
 
 EVALUATION_SEED = 42
 """Root seed of validation and test, the same for all runs: their episodes begin alike."""
+
+ROUNDS = 5
+"""How often at most a part of a test is played: all of it, then what is lacking."""
 
 SCRIPTED = "scripted"
 """Mode of policies that act in one way only."""
@@ -56,16 +62,16 @@ def parts_of(cell: Cell, modes: tuple[str, ...]) -> Iterator[Part]:
 def test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
     """Play the test of a trained policy and write its table; yields the share that is done."""
 
-    def play_part(part: Part, record: Path) -> None:
+    def play_part(part: Part, worlds: range, record: Path) -> None:
         discount = algo.config.gamma
         with closing(
             environment(run.cell, scenarios=part.scenarios, record=record, discount=discount)
         ) as env:
             evaluate(
                 algo,
-                part.episodes,
+                len(worlds),
                 explore=part.mode == "sampled",
-                first_world=REPORTED_WORLDS,
+                first_world=worlds.start,
                 env=env,
                 seed=EVALUATION_SEED,
             )
@@ -82,10 +88,10 @@ def test_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
     folder.open(run.content(), run.digest())
     folder.note(status=TESTING, digest=run.digest(), run=str(run), **machine())
 
-    def play_part(part: Part, record: Path) -> None:
+    def play_part(part: Part, worlds: range, record: Path) -> None:
         with closing(environment(run.cell, copies=1, scenarios=part.scenarios, record=record)) as env:
-            played = episodes_in(env, run.policy, EVALUATION_SEED, REPORTED_WORLDS)
-            for _ in islice(played, part.episodes):
+            played = episodes_in(env, run.policy, EVALUATION_SEED, worlds.start)
+            for _ in islice(played, len(worlds)):
                 pass
 
     labels = {"algorithm": run.policy, "training_seed": -1}
@@ -98,28 +104,60 @@ def _test(
     folder: RunFolder,
     modes: tuple[str, ...],
     given: Mapping[str, Any],
-    play_part: Callable[[Part, Path], None],
+    play_part: Callable[[Part, range, Path], None],
 ) -> Iterator[float]:
+    """Play and measure all parts, and write the table; yields the share that is done.
+
+    Raises:
+        ResultsError: Not one episode of a part could be measured.
+    """
     parts = [*parts_of(cell, modes)]
     tables = []
     for number, part in enumerate(parts):
-        record = folder.episodes / part.name
-        shutil.rmtree(record, ignore_errors=True)  # what a test left that was interrupted
-        play_part(part, record)
         labels = {**given, "task": cell.task.name, "task_traffic": cell.traffic, "mode": part.mode}
-        tables.append(_of_the_test(measure_episodes(record, labels=labels, split=part.split), part.episodes))
+        tables += _measured(part, folder.episodes, labels, play_part, keep=cell.evaluation.keep_episodes)
         yield (number + 1) / len(parts)
-        if not cell.evaluation.keep_episodes:
-            shutil.rmtree(record)
     write_table(join_tables(tables), folder.table)
     if not cell.evaluation.keep_episodes:
         shutil.rmtree(folder.episodes, ignore_errors=True)
 
 
-def _of_the_test(table: Any, episodes: int) -> Any:
-    """Leave out the further worlds with which simulations go on that are done before the others."""
-    kept = table[table["world"] < REPORTED_WORLDS + episodes].reset_index(drop=True)
-    void = int(kept.loc[kept["is_void"], "world"].nunique())
-    measured = int(kept["world"].nunique()) - void
-    kept.attrs[COUNTS] = {**table.attrs[COUNTS], "measured": measured, "void": void, "incomplete": 0}
-    return kept
+def _measured(
+    part: Part,
+    episodes: Path,
+    labels: Mapping[str, Any],
+    play_part: Callable[[Part, range, Path], None],
+    *,
+    keep: bool,
+) -> Iterator[pd.DataFrame]:
+    """Yield tables of a part that hold as many episodes that count as it asks for, unless too many do not.
+
+    For each that does not count, the next world that was not played yet is played as well: so the episodes
+    that count are the first ones of one sequence of worlds, whoever plays.
+    """
+    first, lacking, measured = REPORTED_WORLDS, part.episodes, 0
+    unread: dict[str, str] = {}
+    for number in range(1, ROUNDS + 1):
+        record = episodes / (part.name if number == 1 else f"{part.name}-{number}")
+        shutil.rmtree(record, ignore_errors=True)  # what a test left that was interrupted
+        worlds = range(first, first + lacking)
+        play_part(part, worlds, record)
+        table = measure_episodes(record, labels=labels, split=part.split, worlds=worlds)
+        counts = table.attrs[COUNTS]
+        found = counts["measured"] + counts["void"] + len(counts["corrupted"])
+        counts["incomplete"] = max(0, len(worlds) - found)  # those of which nothing was written, too
+        measured += counts["measured"]
+        unread |= counts["corrupted"]
+        yield table
+        if not keep:
+            shutil.rmtree(record)
+        first, lacking = worlds.stop, part.episodes - measured
+        if lacking <= 0:
+            return
+    if not measured:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in unread.items())
+        raise ResultsError(
+            f"not one of {first - REPORTED_WORLDS} test episodes counts" + (reasons and f": {reasons}"),
+            place=str(episodes / part.name),
+            remedy="with fewer agents or less traffic, fewer begin with vehicles inside each other",
+        )

@@ -57,8 +57,11 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
     if folder.is_finished(tested):
         return
     folder.open(run.content(), run.digest())
+    circumstances = {"begun": _now(), **machine()}
     if folder.status is None:
-        folder.note(status=TRAINING, digest=run.digest(), run=str(run), begun=_now(), **machine())
+        folder.note(status=TRAINING, digest=run.digest(), run=str(run), **circumstances)
+    else:
+        folder.note_continuation(circumstances)
     with algorithm_of(run) as algo:
         training = Training(run, folder, algo)
         yield from training.go()
@@ -216,17 +219,24 @@ class Training:
                 env=env,
                 seed=EVALUATION_SEED,
             )
-        completion, collision = (
-            float(np.mean([episode.metrics[name] for episode in episodes])) for name in ("goal", "collision")
+        # A void episode says nothing of the policy.
+        counted = [episode for episode in episodes if not episode.metrics["void"]]
+        completion, collision, returns = (
+            float(np.mean(values)) if counted else np.nan
+            for values in (
+                [episode.metrics["goal"] for episode in counted],
+                [episode.metrics["collision"] for episode in counted],
+                [episode.returns.mean() for episode in counted],
+            )
         )
         done = int(self._share() * self._run.cell.evaluation.validations)
         self._state = replace(self._state, validations=done)
         best = self._state.best
-        if best is None or (completion, -collision) > (best[0], -best[1]):
+        if counted and (best is None or (completion, -collision) > (best[0], -best[1])):
             self._state = replace(self._state, best=(completion, collision))
             self._folder.save(self._folder.best, self._algo, asdict(self._state))
         return {
-            "return": round(float(np.mean([episode.returns.mean() for episode in episodes])), 4),
+            "return": round(returns, 4),
             "completion": round(completion, 4),
             "collision": round(collision, 4),
         }

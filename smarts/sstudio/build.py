@@ -67,6 +67,13 @@ def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenari
         return _build(location, inputs, _describe(location, seed))
 
 
+def describe_scenario(path: str | Path) -> Scenario:
+    """Return what a scenario's file says, without building it; see `build_scenario`."""
+    location = locate(path)
+    with named_failures("describing the scenario", _place(location)):
+        return _describe(location, None).scenario
+
+
 def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:
     """Build a scenario given as an object into a folder, and remember it there.
 

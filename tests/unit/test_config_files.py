@@ -112,3 +112,42 @@ def test_a_missing_file_and_one_that_is_not_text(tmp_path):
     assert any("No such file" in problem for problem in problems(tmp_path / "none.yaml"))
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
     assert any("not UTF-8 text" in problem for problem in problems(tmp_path / "binary.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("name: 2026-13-45\n", "car.yaml:1: 2026-13-45 is no timestamp; put it in quotes"),
+        ("name: !foo bar\n", "car.yaml:1: bar is no !foo; put it in quotes"),
+        ("name: a\nextra: {<<: {a: 1}}\n", "car.yaml:2: merge keys (<<) are not known here; use extends"),
+        ("name: a\nextra: &x {a: *x}\n", "car.yaml:2: extra.a contains itself; write it out"),
+    ],
+)
+def test_what_yaml_itself_cannot_make_a_value_of_has_its_line(write, text, problem):
+    assert problem in problems(write(text + "wheels: [{radius: 1}]\n"))
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ("name=2026-13-45", "command line, name=2026-13-45: 2026-13-45 is no timestamp; put it in quotes"),
+        (
+            "extends=other.yaml",
+            "command line: extends can only be said in a file; "
+            "give the command the file that is to be extended",
+        ),
+        ("seats=&x [*x]", "command line, seats=&x [*x]: seats[0] contains itself; write it out"),
+    ],
+)
+def test_what_cannot_be_said_on_the_command_line(write, change, problem):
+    assert problem in problems(write("name: a\nwheels: [{radius: 1}]\n"), change)
+
+
+def test_numbers_with_an_exponent_are_numbers(write):
+    file = write("name: a\nseats: 1e1\nwheels: [{radius: 1e-3}, {radius: 2E+2}, {radius: 1.5e-2}]\n")
+    car = read_config(file, Car, ["extra.a=1_0e2"])
+    assert [wheel.radius for wheel in car.wheels] == [0.001, 200.0, 0.015]
+    assert (car.seats, car.extra) == (10, {"a": 1000})
+    assert "car.yaml:2: seats is 0.5; input should be a valid integer" in problems(
+        write("name: a\nseats: 5e-1\n")
+    )

@@ -66,7 +66,12 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     lines = progress(run)
     assert [int(line["iteration"]) for line in lines] == [*range(1, len(lines) + 1)]
     steps = [int(line["agent_steps"]) for line in lines]
-    assert all(np.diff(steps) > 0)  # over the kill as well
+    assert all(np.diff(steps) > 0)
+    # Over the kill as well: what comes after the checkpoint goes on from its counts.
+    assert steps[kept["iteration"] - 1] == kept["agent_steps"] < steps[kept["iteration"]]
+    seconds = [float(line["seconds"]) for line in lines]
+    assert seconds[kept["iteration"] - 1] == pytest.approx(kept["seconds"], abs=0.01)
+    assert all(np.diff(seconds) >= 0)
     assert steps[-1] >= 4000 > steps[-2]
     assert sum(line["validation_completion"] != "" for line in lines) == 2
     facts = json.loads((run / "run.json").read_text())

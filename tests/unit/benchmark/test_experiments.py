@@ -1,6 +1,8 @@
 """Experiment files: what they say, their runs, and that what is published about them is up to date."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -82,6 +84,12 @@ def test_the_digest_follows_what_training_depends_on_and_nothing_else(write):
     assert len({digest(), *(digest(*overrides) for overrides in other)}) == 1 + len(other)
 
 
+def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
+    file = write("algorithms: [ppo]\ntasks: [loop]\nevaluation: {modes: [sampled, greedy]}\n")
+    assert read_experiment(file).evaluation.modes == ("greedy", "sampled")
+    assert read_experiment(file, ["evaluation.modes=[sampled]"]).evaluation.modes == ("sampled",)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -101,6 +109,21 @@ def test_the_digest_follows_what_training_depends_on_and_nothing_else(write):
         ("evaluation.modes=[greedily]", "'greedy' or 'sampled'"),
         ("reference=[parkt]", "did you mean 'parked'?"),
         ("name=../x", "cannot name a folder"),
+        ("seeds=[99999999999999999999]", "less than 2147483648"),
+        ("training.gamma=7.0", "training.gamma: 7.0 is not a number of at least 0 and at most 1"),
+        ("settings.ppo.lr=-1.0", "settings.ppo.lr: -1.0 is not a number"),
+        ("training.lr=.nan", "training.lr: nan is not a number"),
+        ("training.lr=[[0, 1e-3], [9, 1e-4]]", ""),
+        ("training.lr=[[5, 1e-3]]", "is not a schedule"),
+        ("environment.adapter=bencmark", "there is no adapter 'bencmark'; did you mean 'benchmark'?"),
+        ("environment.options={rewrad: paper}", "options.rewrad: adapter 'benchmark' has no such option"),
+        ("environment.options={reward: papr}", "there is no reward 'papr'; did you mean 'paper'?"),
+        ("environment.options={reward: paper, image: true}", ""),
+        ("environment={adapter: raw, options: {reward: paper}}", ""),
+        ("traffic=[random_social_vehicle]", "loop has no traffic 'random_social_vehicle'; did you mean"),
+        ("tasks=[intersection@nope]", "nope"),
+        ("tasks=[{name: a, scenarios: [intersection@dense]}]", ""),
+        ("tune.parameters={lrr: [1]}", "tune.parameters.lrr: 'ppo' has no such setting; did you mean 'lr'?"),
     ],
 )
 def test_mistakes_are_named(write, change, message):
@@ -111,7 +134,54 @@ def test_mistakes_are_named(write, change, message):
         read_experiment(file, [change])
 
 
+def test_mistakes_of_all_kinds_are_told_at_once_with_their_lines(write):
+    file = write(
+        "algorithms: [ppo]\ntasks: [loop]\ntraffic:\n- no_social_vehicles\n- nobody\n"
+        "training:\n  gamma: 7\n  tau: 0.1\nbugdet: 3\nseeds: [1]\nseeds: [-1]\n"
+    )
+    told = said(file, "budget").replace(f"{file}:", "line ")
+    for text in (
+        "command line: 'budget' is not KEY=VALUE",
+        "line 5: traffic[1]: loop has no traffic 'nobody'",
+        "line 7: training.gamma: 7 is not",
+        "line 8: training.tau: none of the algorithms has tau",
+        "line 9: there is no key bugdet",
+        "line 11: seeds is there twice",
+        "line 11: seeds[0] is -1",
+    ):
+        assert text in told
+    assert len(told.splitlines()) == 7
+
+
+def test_a_task_is_named_after_its_scenario_and_variation(write):
+    file = write("algorithms: [ppo]\ntasks: [intersection@dense]\n")
+    (task,) = read_experiment(file).tasks
+    assert (task.name, task.scenarios) == ("intersection-dense", ("intersection@dense",))
+
+
+def test_a_file_whose_name_cannot_name_a_folder_needs_a_name(tmp_path):
+    file = tmp_path / "my exp.yaml"
+    file.write_text("algorithms: [ppo]\ntasks: [loop]\n")
+    assert f"{file}:1: the file's name 'my exp' cannot name a folder" in said(file)
+    assert read_experiment(file, ["name=mine"]).name == "mine"
+
+
+def test_reading_a_file_loads_neither_torch_nor_ray_nor_the_simulation():
+    code = (
+        "import sys; from pathlib import Path\n"
+        "from benchmark.experiment.config import read_experiment\n"
+        "read_experiment(Path(sys.argv[1]))\n"
+        "print(*{'torch', 'ray', 'numba', 'smarts.env.vector'} & {*sys.modules})\n"
+    )
+    config = str(CONFIGS / "paper_table.yaml")
+    out = subprocess.run([sys.executable, "-c", code, config], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == ""
+
+
 def test_the_table_of_settings_is_up_to_date():
+    assert json.loads(algorithm_settings.VALUES.read_text()) == algorithm_settings.collect_values(), (
+        "run python -m algorithms.settings"
+    )
     assert algorithm_settings.settings() == json.loads(json.dumps(algorithm_settings.collect())), (
         "run python -m algorithms.settings"
     )

@@ -18,14 +18,15 @@ BAD = [["collision", "collision"]] * 12
 SLOW = [["time_out", "time_out"]] * 12
 
 
-def experiment(root, runs, budget=BUDGET, traffic=ALONE):
+def experiment(root, runs, budget=BUDGET, traffic=ALONE, settings=None):
     """Write an experiment with one greedy run for each algorithm."""
     names = [name for name in runs if name != "parked"]
     write_experiment(root, algorithms=names, traffic=[traffic])
     for name, outcomes in runs.items():
         mode, seed = ("scripted", -1) if name == "parked" else ("greedy", 1)
         table = agent_episodes(outcomes, mode=mode, task_traffic=traffic)
-        write_run(root, name, [table], seed=seed, budget=budget, traffic=traffic)
+        more = {"budget": budget, "traffic": traffic, "settings": settings}
+        write_run(root, name, [table], seed=seed, **more)
     return root
 
 
@@ -63,6 +64,17 @@ def test_protocols_are_not_mixed(tmp_path):
     page = tmp_path / "page.html"
     write_leaderboard([one, two], page, "greedy")
     assert "do not have the same protocol" in page.read_text()
+
+
+def test_who_shares_parameters_is_not_ranked_with_who_does_not(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "parked": SLOW}, settings={"sharing": "all"})
+    two = experiment(tmp_path / "two", {"dqn": BAD}, settings={"sharing": "none"})
+    board = make_leaderboard([one, two])
+    assert board.protocols == {"A": "sharing all", "B": "sharing none"}
+    assert {place.algorithm: place.protocol for place in board.places} == {
+        **{"ppo": "A", "parked": "A"},
+        "dqn": "B",
+    }
 
 
 def test_summary_is_the_interquartile_mean_over_cells(tmp_path):

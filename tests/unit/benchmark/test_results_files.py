@@ -7,8 +7,12 @@ import sys
 
 import pytest
 
+from benchmark.experiment.config import Experiment
 from benchmark.experiment.runs import digest_of
+from benchmark.report.data import read_results
+from benchmark.report.provenance import circumstances
 from benchmark.running.again import evaluate_again
+from benchmark.running.experiment import keep_command
 from benchmark.running.files import (
     PARTIAL,
     ResultsError,
@@ -20,7 +24,7 @@ from benchmark.running.files import (
     write_json,
 )
 from benchmark.running.folder import PROGRESS_COLUMNS, RunFolder
-from tests.hand_made_results import agent_episodes, write_run
+from tests.hand_made_results import agent_episodes, write_experiment, write_run
 
 
 class FakeAlgo:
@@ -73,6 +77,34 @@ def test_a_kill_while_a_folder_is_replaced_leaves_one_that_is_whole(tmp_path, mo
         folder.rename(previous_of(folder))
     recover_folder(folder)
     assert (folder / "weights").read_text() == "old"
+    assert [*tmp_path.iterdir()] == [folder]
+
+
+def test_a_folder_is_on_disk_before_the_one_that_was_there_goes(tmp_path, monkeypatch):
+    folder = tmp_path / "checkpoint"
+    replace_folder(folder, lambda path: FakeAlgo("old").save_to_path(path))
+    synced, sync = {}, os.fsync
+
+    def watched(descriptor):
+        synced[os.readlink(f"/proc/self/fd/{descriptor}")] = (folder / "weights").read_text()
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    replace_folder(folder, lambda path: FakeAlgo("new").save_to_path(path))
+    partial = str(tmp_path / f"{PARTIAL}-checkpoint")
+    assert synced == {f"{partial}/weights": "old", partial: "old", str(tmp_path): "new"}
+
+
+def test_two_may_put_a_folder_into_its_place_at_a_time(tmp_path):
+    folder = tmp_path / "report"
+
+    def slow(path):
+        FakeAlgo("slow").save_to_path(path)
+        replace_folder(folder, lambda inner: FakeAlgo("quick").save_to_path(inner), by="-2")
+        assert (folder / "weights").read_text() == "quick"
+
+    replace_folder(folder, slow, by="-1")
+    assert (folder / "weights").read_text() == "slow"
     assert [*tmp_path.iterdir()] == [folder]
 
 
@@ -136,6 +168,32 @@ def test_a_test_is_not_written_over_the_results_of_a_run(tmp_path):
     with pytest.raises(ResultsError, match="the results of a run, which would be lost"):
         evaluate_again(run, out=run)
     assert (run / "episodes.parquet").read_bytes() == written
+
+
+def test_a_folder_that_is_filled_by_parts_keeps_all_commands_and_expects_all_runs(tmp_path):
+    write_experiment(tmp_path, seeds=[1, 2])  # as an earlier version leaves it
+    first = Experiment.model_validate_json((tmp_path / "experiment.json").read_bytes())
+    second = first.model_copy(update={"algorithms": ("dqn",), "seeds": (1,)})
+    for line, experiment in (("b", second), ("c", first), ("b", second)):
+        keep_command(tmp_path, experiment, line)
+    assert read_json(tmp_path / "command.json")["command"] == "b"
+    assert read_json(tmp_path / "experiment.json")["algorithms"] == ["dqn"]
+    results = read_results(tmp_path)
+    assert results.commands == ("smarts-bench run hand.yaml", "c", "b")
+    assert [(run.algorithm, run.seed) for run in results.runs] == [("dqn", 1), ("ppo", 1), ("ppo", 2)]
+    assert not results.problems
+
+
+def test_what_a_run_goes_on_with_is_kept_beside_what_it_began_with(tmp_path):
+    write_experiment(tmp_path)
+    folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes([["goal"]], mode="greedy")]))
+    began = read_json(folder.run)
+    for commit in ("second", "third"):
+        folder.note_continuation({"begun": "later", "commit": commit, "python": began["python"]})
+    told = dict(circumstances(read_results(tmp_path)))
+    assert told["Commit"] == [began["commit"], "second", "third"]
+    assert told["Python"] == [began["python"]]
+    assert read_json(folder.run)["commit"] == began["commit"]
 
 
 def test_a_damaged_run_file_is_named(tmp_path):

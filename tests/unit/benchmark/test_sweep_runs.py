@@ -8,7 +8,8 @@ import pytest
 
 from tests.commands import begin, finish, wait_for
 
-pytestmark = pytest.mark.slow
+# Three starts of Ray and four trainings, of which each has to load everything: minutes on a busy machine.
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(3000)]
 
 SEARCH = """
 algorithms: [ppo]
