@@ -69,7 +69,7 @@ def test_population_based_training_stays_within_bounds():
         ([], "there is no section `tune`"),
         (["tune.parameters.lr=[0.1]", "seeds=[1, 2]"], "stands for 2 runs"),
         (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "nothing to compare"),
-        (["tune.parameters.lrr=[0.1]"], "has no setting 'lrr'"),
+        (["tune.parameters.lrr=[0.1]"], "'ppo' has no such setting; did you mean 'lr'"),
         (["tune.parameters.lr={normal: [0, 1]}"], "nothing to search in"),
         (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "there is no traffic 'rush_hour'"),
     ],
