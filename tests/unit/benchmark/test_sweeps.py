@@ -71,7 +71,7 @@ def test_population_based_training_stays_within_bounds():
         (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "nothing to compare"),
         (["tune.parameters.lrr=[0.1]"], "'ppo' has no such setting; did you mean 'lr'"),
         (["tune.parameters.lr={normal: [0, 1]}"], "nothing to search in"),
-        (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "there is no traffic 'rush_hour'"),
+        (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "loop has no traffic 'rush_hour'"),
     ],
 )
 def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, message):
