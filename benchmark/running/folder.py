@@ -3,6 +3,7 @@
 config.yaml      what the run depends on
 run.json         status, versions, machine, times
 progress.csv     a line for each iteration
+tensorboard/     the same for TensorBoard
 checkpoint/      the last one, with how far training was
 best/            the one that did best in validation
 episodes.parquet what the test measured: a row for each agent-episode
@@ -62,6 +63,7 @@ class RunFolder:
         self.config = path / "config.yaml"
         self.run = path / "run.json"
         self.progress = path / "progress.csv"
+        self.tensorboard = path / "tensorboard"
         self.checkpoint = path / "checkpoint"
         self.best = path / "best"
         self.table = path / "episodes.parquet"

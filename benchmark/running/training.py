@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from benchmark.running.files import ResultsError
 from benchmark.running.folder import ENDED_BY, FINISHED, TESTING, TRAINING, RunFolder
 from benchmark.running.machine import machine
 from benchmark.running.progress import Progress
+from benchmark.running.scalars import Scalars
 from benchmark.running.testing import EVALUATION_SEED, test
 
 VALIDATION_WORLDS = 1_000_000
@@ -88,6 +89,8 @@ def algorithm_of(run: Run) -> Iterator[Any]:
     config = apply(config, settings)
     config.environment(NAME, env_config={"cell": run.cell, "discount": config.gamma})
     algo = config.build_algo()
+    with suppress(OSError):
+        Path(algo.logdir).rmdir()  # among ~/ray_results, where nothing is ever written to it
     try:
         yield algo
     finally:
@@ -137,6 +140,7 @@ class Training:
             restore(algo, folder.checkpoint)
             self._state = State(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})
         folder.begin_progress(self._state.iteration)
+        self._scalars = Scalars(folder.tensorboard, folder.read_progress())
 
     @property
     def validations(self) -> int:
@@ -152,12 +156,17 @@ class Training:
 
     def go(self) -> Iterator[Progress]:
         """Train until the budget is used up; yields after each iteration."""
+        with closing(self._scalars):
+            yield from self._go()
+
+    def _go(self) -> Iterator[Progress]:
         saved = time.monotonic()
         while self._share() < 1:
             progress, line = self._iterate()
             validation = self._validate() if self._is_validation_due() else None
-            shown = {f"validation_{name}": value for name, value in (validation or {}).items()}
-            self._folder.add_progress({**line, **shown})
+            line |= {f"validation_{name}": value for name, value in (validation or {}).items()}
+            self._folder.add_progress(line)
+            self._scalars.add(line)
             if validation or time.monotonic() - saved > CHECKPOINT_SECONDS or self._share() >= 1:
                 self._folder.save(self._folder.checkpoint, self._algo, asdict(self._state))
                 saved = time.monotonic()

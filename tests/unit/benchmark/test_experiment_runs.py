@@ -15,6 +15,7 @@ from benchmark.experiment.runs import cells_of
 from benchmark.metrics import compute, read_table
 from benchmark.running.held_out import held_out_of
 from tests.commands import begin, finish, wait_for
+from tests.scalar_files import read_scalars
 
 pytestmark = pytest.mark.slow
 
@@ -74,6 +75,13 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     assert all(np.diff(seconds) >= 0)
     assert steps[-1] >= 4000 > steps[-2]
     assert sum(line["validation_completion"] != "" for line in lines) == 2
+    scalars = read_scalars(run / "tensorboard")
+    assert scalars["completion"] == {
+        int(line["agent_steps"]): pytest.approx(float(line["completion"]), nan_ok=True)
+        for line in lines
+        if line["completion"] != "nan"
+    }
+    assert len(scalars["validation_return"]) == 2
     facts = json.loads((run / "run.json").read_text())
     assert (facts["status"], facts["ended_by"]) == ("finished", "agent_steps")
     assert "command" not in facts  # a worker's is Ray's; the user's is beside experiment.json
