@@ -13,7 +13,6 @@ from typing import Any
 from algorithms.settings import settings
 from algorithms.settings import values as setting_values
 from smarts.config import Fault
-from smarts.env.adapters import ADAPTERS
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 
 Values = Mapping[str, Any]
@@ -60,6 +59,8 @@ def _adapter(environment: Values) -> Iterator[Fault]:
     name, options = environment.get("adapter", "benchmark"), _section(environment, "options")
     if not isinstance(name, str):
         return
+    from smarts.env.adapters import ADAPTERS  # here: reports need no environments
+
     if name not in ADAPTERS:
         yield Fault(
             ("environment", "adapter"), f"there is no adapter {name!r}", nearest_names(name, ADAPTERS)

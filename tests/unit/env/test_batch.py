@@ -136,7 +136,7 @@ def test_final_observations_of_those_who_were_reset(new_env):
             break
     assert now.final is not None
     np.testing.assert_array_equal(now.final.rows, np.flatnonzero(now.reset))
-    assert now.final.observations[0][""].shape == (now.reset.sum(), 4, 200)
+    assert now.final.observations[0][""].shape == (now.reset.sum(), 4, 203)
     assert set(now.metrics) == set(now.final.rows.tolist())
     shares = now.metrics[int(now.final.rows[0])]
     assert sum(shares[outcome.name.lower()] for outcome in Outcome if outcome) == pytest.approx(1.0)
