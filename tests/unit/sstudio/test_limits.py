@@ -45,7 +45,12 @@ def test_what_scenario_files_leave_running_holds_nobody_up(scenario_folder):
 
 def test_interrupted_builds_say_nothing_of_the_runner(scenario_folder):
     folder = scenario_folder("import time\nprint('begun', flush=True)\ntime.sleep(60)")
-    code = "import sys; from smarts.sstudio import build_scenario; build_scenario(sys.argv[1])"
+    code = (
+        "import signal, sys\n"
+        # Who was started in the background ignores it.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "from smarts.sstudio import build_scenario; build_scenario(sys.argv[1])"
+    )
     build = subprocess.Popen(
         [sys.executable, "-c", code, str(folder)],
         stdout=subprocess.PIPE,
