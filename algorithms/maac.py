@@ -16,8 +16,8 @@ of the width `hidden[-1]`; agents of a group share networks and are told apart b
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Iterable, Mapping
+from typing import ClassVar, cast
 
 import torch
 from torch import Tensor, nn
@@ -97,13 +97,14 @@ class AttentionQ(nn.Module):
             view: What everybody sees.
             actions: Everybody's actions by group id, one-hot (M, n, A).
         """
+        embeddings = cast(Iterable[AgentEmbedding], self.embeddings)
         parts, absent = [view.view(group) for group in self._groups], view.absent()
         embedded = [
             [
                 without_gradient_if(group.id in absent, x)
-                for x in net.embed(part.observations, actions[group.id])  # type: ignore[operator]
+                for x in net.embed(part.observations, actions[group.id])
             ]
-            for net, part, group in zip(self.embeddings, parts, self._groups, strict=True)
+            for net, part, group in zip(embeddings, parts, self._groups, strict=True)
         ]
         own, pairs = (torch.cat(column, -2) for column in zip(*embedded, strict=True))
         alive = torch.cat([part.alive for part in parts], -1)
@@ -113,8 +114,8 @@ class AttentionQ(nn.Module):
         both = torch.cat([own, attend(asked, found, given, alive).flatten(-2)], -1)
         shares = both.split([group.size for group in self._groups], -2)
         return {
-            group.id: without_gradient_if(group.id in absent, net.judge(share))  # type: ignore[operator]
-            for net, share, group in zip(self.embeddings, shares, self._groups, strict=True)
+            group.id: without_gradient_if(group.id in absent, net.judge(share))
+            for net, share, group in zip(embeddings, shares, self._groups, strict=True)
         }
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_right
 from collections.abc import Sequence
-
-import numpy as np
 
 Schedule = float | Sequence[Sequence[float]]
 """A number, or points (step, value), as RLlib writes schedules: the first at step 0, straight lines between
@@ -16,8 +15,11 @@ def value_at(schedule: Schedule, step: int) -> float:
     """Return a schedule's value at an environment step."""
     if isinstance(schedule, int | float):
         return float(schedule)
-    steps, values = zip(*schedule, strict=True)
-    return float(np.interp(step, steps, values))
+    after = bisect_right(schedule, step, key=lambda point: point[0])
+    if after == len(schedule):
+        return float(schedule[-1][1])
+    (begin, first), (end, last) = schedule[after - 1], schedule[after]
+    return float(first + (last - first) * (step - begin) / (end - begin))
 
 
 def is_schedule(value: object) -> bool:

@@ -6,7 +6,6 @@ The checks look at values as files give them. What does not fit the models is le
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from inspect import signature
 from typing import Any
 
@@ -82,10 +81,12 @@ def _adapter(environment: Values) -> Iterator[Fault]:
 
 
 def _scenarios(values: Values) -> Iterator[Fault]:
+    from smarts.sstudio.build import traffic_of  # here: reports need no builder
+
     traffic = values.get("traffic")
     for key, name in _places(values.get("tasks")):
         try:
-            known = _traffic_of(name)
+            known = traffic_of(name)
         except UnknownNameError:
             continue  # the model says so
         except SmartsError as error:
@@ -95,18 +96,6 @@ def _scenarios(values: Values) -> Iterator[Fault]:
             if each not in known:
                 text = f"{name} has no traffic {each!r}"
                 yield Fault(("traffic", number), text, nearest_names(each, known))
-
-
-@cache
-def _traffic_of(name: str) -> frozenset[str]:
-    """Return the names of a scenario's traffic, as its file gives them.
-
-    Raises:
-        SmartsError: There is no such scenario or variation, or its file is wrong.
-    """
-    from smarts.sstudio.build import describe_scenario
-
-    return frozenset(describe_scenario(name).traffic or ())
 
 
 def _places(tasks: Any) -> Iterator[tuple[tuple[str | int, ...], str]]:

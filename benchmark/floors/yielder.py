@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from smarts.env.adapters.benchmark import FRAMES
 from smarts.env.adapters.features import (
-    ARRIVAL,
     FEATURES,
     GOAL,
     GOAL_SCALE,
@@ -15,12 +14,12 @@ from smarts.env.adapters.features import (
     NEIGHBOUR_VALUES,
     NEIGHBOURHOOD,
     RADIUS,
-    SITUATION,
     SPEED,
     SPEED_SCALE,
     WAYPOINTS,
     expanded,
 )
+from smarts.env.adapters.situation import ARRIVAL, SITUATION
 from smarts.types.actions import LaneAction
 from smarts.types.episode import EpisodeStart
 

@@ -41,19 +41,29 @@ class Parts(Protocol):
     """What `smarts.sim.assembly.Assembly` holds."""
 
     @property
-    def simulation(self) -> Simulation: ...  # noqa: D102
+    def simulation(self) -> Simulation:
+        """The step."""
+        ...
 
     @property
-    def schedule(self) -> Schedule: ...  # noqa: D102
+    def schedule(self) -> Schedule:
+        """Which episode comes when."""
+        ...
 
     @property
-    def scene(self) -> Scene: ...  # noqa: D102
+    def scene(self) -> Scene:
+        """What the stages work in."""
+        ...
 
     @property
-    def actions(self) -> Actions: ...  # noqa: D102
+    def actions(self) -> Actions:
+        """What agents have asked for, written in place."""
+        ...
 
     @property
-    def recorder(self) -> Notes | None: ...  # noqa: D102
+    def recorder(self) -> Notes | None:
+        """Where to note what is said about decisions, if episodes are recorded."""
+        ...
 
 
 class Watcher(Protocol):

@@ -60,18 +60,20 @@ def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenari
         _check_seed(seed, "seed")
         location = locate(path)
         inputs = _fingerprint_inputs(location, seed)
-        for root in location.builds:
-            built = _up_to_date(BuildCache(root), location, inputs)
-            if built is not None:
-                return built
-        return _build(location, inputs, _describe(location, seed))
+        return _find_built(location, inputs) or _build(location, inputs, _describe(location, seed))
 
 
-def describe_scenario(path: str | Path) -> Scenario:
-    """Return what a scenario's file says, without building it; see `build_scenario`."""
+def traffic_of(path: str | Path) -> frozenset[str]:
+    """Return the names of a scenario's traffic; its file runs only if there is no build of it.
+
+    Raises:
+        SmartsError: As `build_scenario` does for what is found without building.
+    """
     location = locate(path)
     with named_failures("describing the scenario", _place(location)):
-        return _describe(location, None).scenario
+        built = _find_built(location, _fingerprint_inputs(location, None))
+        scenario = _describe(location, None).scenario if built is None else built.scenario
+        return frozenset(scenario.traffic or ())
 
 
 def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:
@@ -90,6 +92,14 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
 def _check_seed(seed: Any, place: str) -> None:
     if seed is not None and not is_seed(seed):
         raise ScenarioError(f"{seed!r} is not a seed", place=place, remedy="use 0, 1, 2, ..., below 2**63")
+
+
+def _find_built(location: Location, inputs: str) -> BuiltScenario | None:
+    for root in location.builds:
+        built = _up_to_date(BuildCache(root), location, inputs)
+        if built is not None:
+            return built
+    return None
 
 
 def _up_to_date(cache: BuildCache, location: Location, inputs: str) -> BuiltScenario | None:

@@ -14,20 +14,22 @@ from smarts.agents.interface import AgentInterface
 from smarts.env.adapters.actions import encode_array
 from smarts.env.adapters.features import (
     FEATURES,
-    SITUATION,
     Driving,
     Missions,
     Seated,
-    write_arrival_order,
     write_features,
-    write_identity,
-    write_mask,
-    write_situation,
     write_stack,
 )
 from smarts.env.adapters.picture import Pictures
 from smarts.env.adapters.protocol import MASK, Served
 from smarts.env.adapters.reward import Rewards, Weights
+from smarts.env.adapters.situation import (
+    SITUATION,
+    write_arrival_order,
+    write_identity,
+    write_mask,
+    write_situation,
+)
 from smarts.errors import SmartsError
 from smarts.geometry.binding import bind
 from smarts.sim.columns import columns_of

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, find_row, lane_length
-from smarts.types.seats import SeatState
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -33,10 +32,6 @@ NEIGHBOURHOOD = HEADINGS + WAYPOINTS
 FEATURES = NEIGHBOURHOOD + NEIGHBOURS * NEIGHBOUR_VALUES
 """F, the numbers of one instant; the constants above say where each kind of them begins."""
 
-ARRIVAL, LANE_CHANGES, RESTED, LIGHT = -1, -2, -3, -4
-"""Places from the end of the vector of numbers that are there once, not for each instant."""
-SITUATION = 4
-"""How many they are."""
 
 GOAL_SCALE = 200.0
 """The largest distance to the goal ahead and aside [m]."""
@@ -48,16 +43,11 @@ RADIUS = 50.0
 """Within which neighbours are seen [m]."""
 SPACING = 1.0
 """Between waypoints [m]."""
-MOST_LANE_CHANGES = 3
-"""More count as so many."""
-LIGHTS = np.array([0.0, -1.0, -0.5, 1.0])
-"""What stands for each `Signal`."""
-
-_ACTIVE = int(SeatState.ACTIVE)
 
 
 @kernel
-def _clipped(value: float) -> float:
+def clipped(value: float) -> float:
+    """Return a number cut at -1 and 1."""
     return min(1.0, max(-1.0, value))
 
 
@@ -224,7 +214,7 @@ def _write_lane(
     lane = driving.lane[b, own]
     if lane < 0:
         return
-    features[LANE_OFFSET] = _clipped(driving.lane_offset[b, own] / roads.lane_width[base + lane])
+    features[LANE_OFFSET] = clipped(driving.lane_offset[b, own] / roads.lane_width[base + lane])
     s, done = driving.lane_position[b, own], seated.route_done[b, seat]
     row = _path_ahead(roads, table, base, map_number, route, lane, done)
     target = seated.target_lane[b, seat]
@@ -273,8 +263,8 @@ def write_features(
             seat, features = seats[g], out[b, g]
             own = seated.slot[b, seat]
             _write_goal(missions, driving, b, seat, own, features)
-            features[SPEED] = _clipped(driving.speed[b, own] / SPEED_SCALE)
-            features[STEERING] = _clipped(seated.steering[b, seat] / STEERING_SCALE)
+            features[SPEED] = clipped(driving.speed[b, own] / SPEED_SCALE)
+            features[STEERING] = clipped(seated.steering[b, seat] / STEERING_SCALE)
             _write_lane(roads, table, maps[b], routes[b, seat], seated, driving, b, seat, features)
             _neighbours(
                 driving.alive[b],
@@ -313,92 +303,3 @@ def write_stack(features: Singles, is_new: Bools, frames: int, vectors: Singles,
                     vector[begin + i] = kept
             vector[(frames - 1) * size : frames * size] = features[b, g]
             is_new[b, g] = False
-
-
-@kernel
-def write_arrival_order(
-    seats: Ints, state: Bytes, ticket: Ints, junction: Ints, vectors: Singles, chosen: Bools
-) -> None:
-    """Write, as the last number of each vector, how many agents came to the agent's next junction before it.
-
-    It is the share of the other agents; -1 for who has not come to a junction.
-
-    Args:
-        seats: The adapter's agents, shape (G,).
-        state: Of all seats, shape (B, A), as the columns of `Seats` that follow.
-        ticket: Place in the order of arrival, -1 without one.
-        junction: That the ticket is for.
-        vectors: Written, shape (B, G, at least 1).
-        chosen: Whom to write, shape (B, G).
-    """
-    others = max(len(seats) - 1, 1)
-    last = vectors.shape[2] - 1
-    for b in range(chosen.shape[0]):
-        for g in range(len(seats)):
-            if not chosen[b, g]:
-                continue
-            own = seats[g]
-            if ticket[b, own] < 0:
-                vectors[b, g, last] = -1.0
-                continue
-            earlier = 0
-            for other in seats:
-                is_here = state[b, other] == _ACTIVE and ticket[b, other] >= 0
-                if is_here and junction[b, other] == junction[b, own]:
-                    earlier += ticket[b, other] < ticket[b, own]
-            vectors[b, g, last] = earlier / others
-
-
-@kernel
-def write_situation(
-    seats: Ints,
-    seated: Seated,
-    driving: Driving,
-    signals: Bytes,
-    step: Ints,
-    patience: float,
-    vectors: Singles,
-    chosen: Bools,
-) -> None:
-    """Write what the end of an agent's episode depends on beside what it sees around it.
-
-    That is the light that its lane shows (`LIGHTS`), the share of the time that it may stand which it has
-    stood, and the lane changes that its route demands, in thirds, positive where the first is to the left.
-
-    Args:
-        seats: The adapter's agents, shape (G,).
-        seated: Of all seats.
-        driving: All vehicles.
-        signals: Of all lanes, shape (B, L).
-        step: Of each episode, shape (B,).
-        patience: How long an agent may stand [steps]; infinite if for ever.
-        vectors: Written, near their ends, shape (B, G, at least `SITUATION`).
-        chosen: Whom to write, shape (B, G).
-    """
-    for b in range(chosen.shape[0]):
-        for g in range(len(seats)):
-            if not chosen[b, g]:
-                continue
-            seat, vector = seats[g], vectors[b, g]
-            lane = driving.lane[b, seated.slot[b, seat]]
-            vector[LIGHT] = LIGHTS[signals[b, lane]] if lane >= 0 else 0.0
-            vector[RESTED] = min(1.0, (step[b] - seated.rest_step[b, seat]) / patience)
-            vector[LANE_CHANGES] = _clipped(seated.lane_changes[b, seat] / MOST_LANE_CHANGES)
-
-
-@kernel
-def write_identity(first: int, vectors: Singles, chosen: Bools) -> None:
-    """Mark in the chosen agents' vectors, shape (B, G, ...), from `first` on, which of the G one is."""
-    for b in range(chosen.shape[0]):
-        for g in range(chosen.shape[1]):
-            if chosen[b, g]:
-                vectors[b, g, first + g] = 1.0
-
-
-@kernel
-def write_mask(seats: Ints, legal: Bools, mask: Bytes, chosen: Bools) -> None:
-    """Copy which actions are legal, of all seats, shape (B, A, L), to the mask of the chosen ones."""
-    for b in range(chosen.shape[0]):
-        for g in range(len(seats)):
-            if chosen[b, g]:
-                mask[b, g] = legal[b, seats[g]]

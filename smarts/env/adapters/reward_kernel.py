@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.env.adapters.features import MOST_LANE_CHANGES, NEIGHBOURS, RADIUS
+from smarts.env.adapters.features import NEIGHBOURS, RADIUS
+from smarts.env.adapters.situation import MOST_LANE_CHANGES
 from smarts.geometry.compiling import kernel
 from smarts.types.seats import SeatState
 

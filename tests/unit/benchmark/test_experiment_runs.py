@@ -26,7 +26,7 @@ traffic: [no_social_vehicles]
 seeds: [3]
 training: {sharing: all, rollout_fragment_length: 16}
 environment: {agents: 2}
-budget: {agent_steps: 4000}
+budget: {agent_steps: 12000}
 evaluation: {episodes: 3, modes: [greedy, sampled], validations: 2, validation_episodes: 2}
 reference: [parked]
 resources: {copies: 2, parallel: 1}
@@ -54,14 +54,20 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     run = root / "ppo/loop/no_social_vehicles/seed_3"
     first = start(experiment)
     wait_for(lambda: (run / "checkpoint" / "training.json").exists(), first)
-    assert "is writing here" in (second := finish(start(experiment)))[2]
-    assert second[0] == 2
-    first.send_signal(signal.SIGKILL)
+    first.send_signal(signal.SIGKILL)  # at once, while half of the training is still to come
     first.communicate()
     kept = json.loads((run / "checkpoint" / "training.json").read_text())
     assert kept["iteration"] > 0
 
-    code, out, _ = finish(start(experiment))
+    (root / "command.json").unlink()
+    goes_on = start(experiment)
+    wait_for(lambda: (root / "command.json").exists(), goes_on)
+    goes_on.send_signal(signal.SIGSTOP)  # it holds the folder for as long as the third needs to see it
+    code, _, err = finish(start(experiment))
+    goes_on.send_signal(signal.SIGCONT)
+    assert code == 2
+    assert "is writing here" in err
+    code, out, _ = finish(goes_on)
     assert code == 0
     assert "training ended by: agent_steps in 1 runs" in out
     lines = progress(run)
@@ -73,7 +79,7 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     seconds = [float(line["seconds"]) for line in lines]
     assert seconds[kept["iteration"] - 1] == pytest.approx(kept["seconds"], abs=0.01)
     assert all(np.diff(seconds) >= 0)
-    assert steps[-1] >= 4000 > steps[-2]
+    assert steps[-1] >= 12000 > steps[-2]
     assert sum(line["validation_completion"] != "" for line in lines) == 2
     scalars = read_scalars(run / "tensorboard")
     assert scalars["completion"] == {

@@ -10,11 +10,8 @@ from smarts.env.adapters.features import (
     FEATURES,
     GOAL,
     HEADINGS,
-    LANE_CHANGES,
     LANE_OFFSET,
-    LIGHT,
     NEIGHBOURHOOD,
-    RESTED,
     SPEED,
     STEERING,
     WAYPOINTS,
@@ -22,6 +19,7 @@ from smarts.env.adapters.features import (
     expanded,
 )
 from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.situation import LANE_CHANGES, LIGHT, RESTED
 from smarts.errors import SmartsError
 from smarts.roads.scene import Scene
 from smarts.types.actions import ActionSpaceType

@@ -15,7 +15,7 @@ import pytest
 from smarts.errors import ScenarioError
 from smarts.sstudio import gen_bubbles, gen_missions, gen_scenario, gen_traffic
 from smarts.sstudio import types as t
-from smarts.sstudio.build import build_scenario, suite
+from smarts.sstudio.build import build_scenario, suite, traffic_of
 from smarts.sstudio.locating import SUITE
 
 from . import sources
@@ -56,6 +56,16 @@ class TestArtefacts:
         assert (files.additional, files.warm_up) == ((), 0)
         assert built.roads().edge_number("from_west") >= 0
         assert built.roads() is build_scenario(folder).roads()
+
+    def test_names_of_traffic_come_from_the_build_if_there_is_one(self, scenario_folder, capfd):
+        folder = scenario_folder("print('the file runs')\n" + sources.SCRIPT)
+        assert traffic_of(folder) == {"through"}
+        assert not (folder / "build").exists()
+        assert "the file runs" in capfd.readouterr().out
+        build_scenario(folder)
+        capfd.readouterr()
+        assert traffic_of(folder) == {"through"}
+        assert capfd.readouterr().out == ""
 
     def test_the_scenario_is_read_from_the_artefacts(self, built_folder):
         folder = built_folder

@@ -12,7 +12,7 @@ import algorithms
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.env import MEMORY, Block, Final, JointSpaces, JointStep
-from algorithms.joint.ranges import Range, Ranges, declared
+from algorithms.joint.ranges import Range, Ranges, declared, faults
 from algorithms.parts.distributions import Exploration
 from algorithms.ppo import PPOConfig
 from algorithms.registry import ALGORITHMS
@@ -216,7 +216,9 @@ def test_every_algorithm_hands_annotations_on(name):
 
 @pytest.mark.parametrize("name", [name for name, entry in ALGORITHMS.items() if entry.recurrent])
 def test_a_memory_needs_no_other_setting(name):
-    algorithms.config(name).training(gru=8).validate()
+    config = algorithms.config(name).training(gru=8)
+    config.validate()
+    assert config.gru == 8
 
 
 @pytest.mark.parametrize("name", ["vdn", "qmix"])
@@ -310,4 +312,7 @@ def test_every_number_among_the_settings_has_a_range(name):
 
 @pytest.mark.parametrize("name", list(ALGORITHMS))
 def test_defaults_are_in_range(name):
-    algorithms.config(name).validate()
+    config = algorithms.config(name)
+    values = {setting: getattr(config, setting) for setting in config.setting_names}
+    assert not [*faults(type(config), values)]
+    config.validate()  # the checks between settings, too
