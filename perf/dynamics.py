@@ -94,7 +94,7 @@ def main() -> None:
     print(f"{CARS} cars, {SUBSTEPS} sub-steps            ms   of the bare calls")
     print(f"bare Bullet calls             {bare * 1e3:6.3f}   1.00")
     print(f"ours, 1 simulation            {ours * 1e3:6.3f}   {ours / bare:.2f}")
-    print(f"ours, with 4 boxes near       {ours_boxed * 1e3:6.3f}   {ours_boxed / bare:.2f}")
+    print(f"ours, in Bullet with 4 boxes  {ours_boxed * 1e3:6.3f}   {ours_boxed / bare:.2f}")
     per_simulation = ours_batch / BATCH
     print(f"ours, one of {BATCH} simulations    {per_simulation * 1e3:6.3f}   {per_simulation / bare:.2f}")
 

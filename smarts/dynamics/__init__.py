@@ -4,7 +4,7 @@
     fleet.spawn(row, "passenger", (x, y), heading, speed)  # a car in Bullet; or model="dynamic", "kinematic"
     fleet.road.friction[row] = 0.4                         # kept until written again; also normal, offset
     fleet.set_fault(row, 0, FLAT_TYRE)                     # front left
-    fleet.place_boxes(b, {key: Box(...)})                  # road users near an ego that others drive
+    fleet.place_boxes(b, {key: Box(...)})                  # road users of others that an ego may touch now
     motion = fleet.step(controls)                          # (E, 3) -> poses of all sub-steps, velocities
     fleet.wheels.slip[row]                                 # also spin, slip angle, load, forces
 
@@ -14,6 +14,9 @@ Data flow of one step, for cars in Bullet ten times over:
       -> chassis.advance   one kernel call for all rows: suspension, steering, drive, brakes, tyres
       -> BulletWorld       one per simulation: takes velocities, integrates, resolves contacts, gives motion
       -> record_poses      footprints after the sub-step
+
+Where no body of a simulation can touch another within the step, Bullet is not asked: a kernel takes the same
+steps of integration (`free_motion`), and Bullet's world is brought up to date when somebody comes near.
 
 State is arrays with one row per vehicle; records of constants and of wheel state are packed for the kernels
 (`layout`). A row's result depends on nothing but its own simulation: alone or in a batch, its bits are equal.

@@ -4,8 +4,9 @@ Every simulation has a client (world) of its own. Measured against one shared cl
 step and simulation, and it is what makes a simulation's bits independent of its neighbours in the batch.
 
 The world has no ground and no gravity: `chassis.advance` turns all forces into velocities, and Bullet
-integrates the motion and resolves contacts. A velocity per body and sub-step is one call where force and
-torque are two. Reading a body back costs two calls of 1 us each and cannot be had for less.
+integrates the motion and resolves contacts; where nobody can touch anybody, it is not asked (`free_motion`).
+A velocity per body and sub-step is one call where force and torque are two. Reading a body back costs two
+calls of 1 us each and cannot be had for less.
 """
 
 from __future__ import annotations
@@ -104,6 +105,16 @@ class BulletWorld:
         """Take a vehicle out of the world."""
         pybullet.removeBody(self._egos.pop(row), self._client)
         self._egos_in_order = sorted(self._egos.items())
+
+    def put(self, bodies: NDArray[np.float64]) -> None:
+        """Put the vehicles where they have come to without Bullet.
+
+        Args:
+            bodies: Motion of all vehicles of all simulations, shape (E, 13).
+        """
+        for row, body in self._egos_in_order:
+            pose = bodies[row, :7].tolist()
+            pybullet.resetBasePositionAndOrientation(body, pose[:3], pose[3:], self._client)
 
     def place_boxes(self, boxes: Mapping[int, Box]) -> None:
         """Say which boxes there are from now on.

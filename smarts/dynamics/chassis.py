@@ -42,16 +42,15 @@ def advance(cars, states, bodies, controls, road, velocities, dt, lost, rows):
         rows: Vehicles to advance, shape (R,).
     """
     for row in rows:
-        velocity = velocities[row]
-        _advance_one(cars[row], states[row], bodies[row], controls[row], road[row], velocity, dt)
-        if not math.isfinite(_dot(velocity[0], velocity[0]) + _dot(velocity[1], velocity[1])):
-            velocity[:] = 0.0
+        if not advance_one(
+            cars[row], states[row], bodies[row], controls[row], road[row], velocities[row], dt
+        ):
             lost[row] = True
 
 
 @kernel
-def _advance_one(car, state, body, controls, road, velocity, dt):
-    """Advance one vehicle; see `advance`."""
+def advance_one(car, state, body, controls, road, velocity, dt):
+    """Advance one vehicle; see `advance`. Return whether its velocities are finite."""
     axes = rotation(body)
     left, right = steer(car, state, controls[2], dt)
     fx = fy = fz = tx = ty = tz = 0.0
@@ -71,6 +70,10 @@ def _advance_one(car, state, body, controls, road, velocity, dt):
     turn = _angular_acceleration(car, axes, tx + torque[0], ty + torque[1], tz + torque[2])
     for axis in range(3):
         velocity[1, axis] = body[10 + axis] + dt * turn[axis]
+    if math.isfinite(_dot(velocity[0], velocity[0]) + _dot(velocity[1], velocity[1])):
+        return True
+    velocity[:] = 0.0
+    return False
 
 
 @kernel

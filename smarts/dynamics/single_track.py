@@ -120,17 +120,23 @@ def planar_motion(body):
 
 
 @kernel
-def record_pose(car, body, pose):
-    """Write the centre of a body's footprint [m] and its heading in (-pi, pi] [rad], shape (3,).
+def footprint(car, body):
+    """Return the centre of a body's footprint [m] and its heading in (-pi, pi] [rad].
 
     The footprint lies where the body's centre line meets the road, so that a car which rolls in a bend stays
     put.
     """
     forward, _, up = rotation(body)
-    pose[0] = body[0] - car.centre_to_cog * forward[0] - car.cog_height * up[0]
-    pose[1] = body[1] - car.centre_to_cog * forward[1] - car.cog_height * up[1]
+    x = body[0] - car.centre_to_cog * forward[0] - car.cog_height * up[0]
+    y = body[1] - car.centre_to_cog * forward[1] - car.cog_height * up[1]
     # Adding a zero turns -0.0 into 0.0, for which atan2 gives pi and not -pi.
-    pose[2] = math.atan2(forward[1] + 0.0, forward[0])
+    return x, y, math.atan2(forward[1] + 0.0, forward[0])
+
+
+@kernel
+def record_pose(car, body, pose):
+    """Write a body's `footprint` into `pose`, shape (3,)."""
+    pose[0], pose[1], pose[2] = footprint(car, body)
 
 
 @kernel

@@ -18,7 +18,7 @@ from smarts.providers.vehicle_kernels import (
     NOWHERE,
     SeatGroups,
     find_changes,
-    find_near,
+    find_touchable,
     part_seats,
     place_vehicles,
     show_vehicles,
@@ -157,8 +157,17 @@ class FleetVehicles:
         self._part_seats = bind(part_seats, seats.state, is_bullet, self._groups)
         held = self._slot, self._generation, self._wanted
         self._find_changes = bind(find_changes, seats.slot, seats.generation, *held)
-        footprints = vehicles.position, vehicles.speed, vehicles.length, vehicles.width
-        self._find_near = bind(find_near, seats.slot, vehicles.alive, *footprints, self._boxed)
+        moving = (
+            vehicles.position,
+            vehicles.heading,
+            vehicles.speed,
+            vehicles.lateral_speed,
+            vehicles.yaw_rate,
+        )
+        footprints = *moving, vehicles.length, vehicles.width
+        self._find_touchable = bind(
+            find_touchable, seats.slot, vehicles.alive, *footprints, self._world.dt, self._boxed
+        )
 
     def _bind_commands(self, commands: Commands) -> _Commanded:
         """Hand the kernels commands, which a set of controllers writes into the same arrays in every step."""
@@ -231,8 +240,8 @@ class FleetVehicles:
         self.fleet.road.friction[number] = DRY
 
     def _place_boxes(self, rows: Bools) -> None:
-        """Put the road users near vehicles in Bullet there as boxes."""
-        if not self._find_near(self._groups.in_bullet, rows) and not self._with_boxes:
+        """Put the road users that vehicles in Bullet may touch there as boxes."""
+        if not self._find_touchable(self._groups.in_bullet, rows) and not self._with_boxes:
             return
         for row in np.flatnonzero(rows).tolist():
             slots = np.flatnonzero(self._boxed[row]).tolist()

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.dynamics.free_motion import SLACK
+from smarts.geometry.boxes import Mover, may_meet
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import inside_outline, wrapped
 from smarts.types.actions import CommandMode
@@ -19,11 +21,9 @@ Bools = NDArray[np.bool_]
 
 FASTEST = 100.0
 """What a vehicle that is commanded by poses drives at most [m/s]: farther poses are not jumped to."""
-BOX_MARGIN = 2.0
-BOX_TIME = 0.3
-"""A road user is put before an ego in Bullet when their circles come within 2 m, or will within 0.3 s."""
-BOX_SLACK = 4.0
-"""It is taken away again this much later [m]."""
+STAYS = 1.0
+"""Who could be touched remains in Bullet until it is this much farther away [m]: to come and go costs as
+much as a step."""
 
 _ACTIVE, _PLACE = int(SeatState.ACTIVE), int(CommandMode.PLACE)
 
@@ -226,56 +226,68 @@ def place_vehicles(
 
 
 @kernel
-def find_near(
+def find_touchable(
     slot: Ints,
     alive: Bools,
     position: Floats,
+    heading: Floats,
     speed: Floats,
+    lateral_speed: Floats,
+    yaw_rate: Floats,
     length: Floats,
     width: Floats,
+    dt: float,
     boxed: Bools,
     in_bullet: Bools,
     rows: Bools,
 ) -> bool:
-    """Write which road users stand near a vehicle in Bullet that is not itself in there; tell if any does.
+    """Write which road users that are not in Bullet a vehicle in there may touch in this step; tell if any.
 
     Args:
         slot: Shape (B, A).
         alive: Shape (B, V), as are the following.
         position: [m], shape (B, V, 2).
+        heading: [rad]
         speed: [m/s]
+        lateral_speed: [m/s]
+        yaw_rate: [rad/s]
         length: [m]
         width: [m]
-        boxed: Whether it was near in the step before; written.
+        dt: Length of the step [s].
+        boxed: Whether it could be touched in the step before; written.
         in_bullet: Seats whose vehicle is in Bullet, shape (B, A).
         rows: Shape (B,).
     """
-    any_near = False
+    any_found = False
     for b in range(rows.shape[0]):
         if not rows[b]:
             continue
         for v in range(alive.shape[1]):
-            slack = BOX_SLACK if boxed[b, v] else 0.0
-            is_near = False
-            own = False
+            slack = SLACK + (STAYS if boxed[b, v] else 0.0)
+            boxed[b, v] = False
+            is_other = alive[b, v]
             for a in range(slot.shape[1]):
                 if in_bullet[b, a] and slot[b, a] == v:
-                    own = True
-            if alive[b, v] and not own:
-                half = 0.5 * math.hypot(length[b, v], width[b, v])
-                for a in range(slot.shape[1]):
-                    if not in_bullet[b, a]:
-                        continue
-                    e = slot[b, a]
-                    reach = half + 0.5 * math.hypot(length[b, e], width[b, e]) + BOX_MARGIN + slack
-                    reach += BOX_TIME * (abs(speed[b, v]) + abs(speed[b, e]))
-                    dx, dy = position[b, v, 0] - position[b, e, 0], position[b, v, 1] - position[b, e, 1]
-                    if dx * dx + dy * dy < reach * reach:
-                        is_near = True
-                        break
-            boxed[b, v] = is_near
-            any_near = any_near or is_near
-    return any_near
+                    is_other = False
+            if not is_other:
+                continue
+            columns = position[b], heading[b], speed[b], lateral_speed[b], yaw_rate[b], length[b], width[b]
+            one = _mover(columns, v)
+            for a in range(slot.shape[1]):
+                if in_bullet[b, a] and may_meet(one, _mover(columns, slot[b, a]), dt, slack):
+                    boxed[b, v] = any_found = True
+                    break
+    return any_found
+
+
+@kernel
+def _mover(columns: tuple[Floats, ...], v: int) -> Mover:
+    """Return a vehicle's footprint under way."""
+    position, heading, speed, lateral_speed, yaw_rate, length, width = columns
+    cos, sin = math.cos(heading[v]), math.sin(heading[v])
+    velocity = speed[v] * cos - lateral_speed[v] * sin, speed[v] * sin + lateral_speed[v] * cos
+    pose = position[v, 0], position[v, 1], heading[v]
+    return pose, 0.5 * length[v], 0.5 * width[v], velocity[0], velocity[1], yaw_rate[v]
 
 
 @kernel
