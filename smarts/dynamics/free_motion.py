@@ -1,10 +1,11 @@
 """Bodies that touch nothing: what Bullet would do with them, without asking it.
 
 Mostly no body is within reach of another. All that Bullet then does is to integrate one motion after another,
-but by ten times three calls from Python for each vehicle and step, two thirds of what vehicles cost. So it is found out first who may touch something within the step (`find_company`); only
-simulations where somebody may are Bullet's. The others' bodies are moved here, by the steps that Bullet's
-integrator takes (btMultiBody without links): the gyroscopic term, the velocity, then with the new velocity
-position and orientation, the latter by the exponential map. `test_free_motion.py` compares both.
+but by ten times three calls from Python for each vehicle and step, two thirds of what vehicles cost. So it is
+found out first who may touch something within the step (`find_company`); only simulations where somebody may
+are Bullet's. The others' bodies are moved here, by the steps that Bullet's integrator takes (btMultiBody
+without links): the gyroscopic term, the velocity, then with the new velocity position and orientation, the
+latter by the exponential map. `test_free_motion.py` compares both.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ LEAST_UPRIGHT = 0.95
 
 @kernel
 def advance_free(cars, states, bodies, controls, road, velocities, dt, lost, poses, rows, substep):
-    """Advance the bodies of `rows`, which touch nothing, by one sub-step, and note their footprints in `poses`.
+    """Advance the bodies of `rows`, which touch nothing, by one sub-step, and note their footprints.
 
     `poses` has shape (E, S, 3) and is written at `substep`; for all else see `chassis.advance`.
     """
