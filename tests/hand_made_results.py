@@ -10,7 +10,7 @@ import pandas as pd
 import yaml
 
 from benchmark.metrics import METRICS, join_tables, write_table
-from benchmark.running.folder import PROGRESS_COLUMNS
+from benchmark.results.run_folder import PROGRESS_COLUMNS
 
 ALONE, SOCIAL = "no_social_vehicles", "random_social_vehicles"
 OUTCOME_COLUMN = {"collision": "collisions", "goal": "goals"}

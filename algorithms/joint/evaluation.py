@@ -10,12 +10,10 @@ import numpy as np
 from algorithms.joint.env import VectorJointEnv
 from algorithms.joint.runner import JointEnvRunner
 from algorithms.joint.sampler import Episode, EvaluatedStep
+from algorithms.joint.worlds import REPORTED_WORLDS
 
 if TYPE_CHECKING:
     from algorithms.joint.algorithm import JointAlgorithm
-
-REPORTED_WORLDS = 2_000_000
-"""First world of reported scores: other worlds than those by which RLlib's evaluation selects checkpoints."""
 
 
 def evaluate(

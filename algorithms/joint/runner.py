@@ -40,6 +40,7 @@ from algorithms.joint.rollout import JointRollout
 from algorithms.joint.sampler import Episode, EvaluatedStep, Listener, Sampler
 from algorithms.joint.spec import JointSpec, agent_spaces
 from algorithms.joint.threads import torch_threads
+from algorithms.joint.worlds import EVALUATION_WORLDS
 
 if TYPE_CHECKING:
     from algorithms.joint.config import JointConfig
@@ -51,9 +52,6 @@ SPEC = "__joint__"
 SAMPLERS = "samplers"
 """Key of states that belong to one process each; all others ignore them."""
 FAILED_COPIES = "num_failed_env_copies_lifetime"
-
-EVALUATION_WORLDS = 1_000_000
-"""First world of the fixed list that evaluations play; training worlds count from 0."""
 
 
 class Reply(NamedTuple):

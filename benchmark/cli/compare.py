@@ -29,7 +29,7 @@ def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv
     """
     from benchmark.report.comparing import compare_sides, differing_protocols, read_side
     from benchmark.report.ranking import RANKED_BY
-    from benchmark.running.files import write_whole
+    from benchmark.results.files import write_whole
 
     first, second = read_side(a), read_side(b)
     found = compare_sides(first, second, metric or RANKED_BY, mode)

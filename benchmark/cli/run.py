@@ -24,6 +24,11 @@ def run(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
     from benchmark.experiment.config import read_experiment
 
     experiment = read_experiment(config, set_ or ())
-    from benchmark.running.experiment import run_experiment
+    from benchmark.report.writing import write_report
+    from benchmark.running.experiment import INTERRUPTED, run_experiment
 
-    raise typer.Exit(run_experiment(experiment, out / experiment.name))
+    root = out / experiment.name
+    code = run_experiment(experiment, root)
+    if code != INTERRUPTED:
+        typer.echo(f"report: {write_report(root)}")
+    raise typer.Exit(code)

@@ -15,6 +15,10 @@ from benchmark.experiment.config import Budget, Environment, Evaluation, Experim
 
 REFERENCE = "reference"
 """Folder of the scripted policies' results, among those of the algorithms."""
+SCRIPTED = "scripted"
+"""Mode of policies that act in one way only; they stand beside every mode of the others."""
+SCRIPTED_SEED = -1
+"""Training seed in the tables of policies that were not trained."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from algorithms.joint.worlds import REPORTED_WORLDS
 from benchmark.floors import FLOORS, SUMO_DRIVER
 from benchmark.floors.protocol import Floor
 from benchmark.floors.sumo_driver import sumo_episodes
@@ -22,8 +23,6 @@ from smarts.sstudio.build import build_scenario
 from smarts.types.actions import LaneAction
 from smarts.types.episode import EpisodeStart
 
-REPORTED_WORLDS = 2_000_000
-"""First world of reported scores, those of learners included (`docs/algorithms.md`)."""
 AGENTS = 4
 
 
@@ -87,10 +86,10 @@ def _episodes(
     options = Options(record=record)
     env = VectorHiWayEnv(1, [scenario], AGENTS, seed=seed, simulation=options, traffic=[traffic])
     with closing(env):
-        yield from episodes_in(env, policy, seed, first_world)
+        yield from episodes_of(env, policy, seed, first_world)
 
 
-def episodes_in(env: VectorHiWayEnv, policy: str, seed: int, first_world: int) -> Generator[Ended]:
+def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_world: int) -> Generator[Ended]:
     """Yield one episode of each world after the other, with every agent driven by a policy.
 
     Args:

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmark.experiment.runs import REFERENCE
+from benchmark.experiment.runs import REFERENCE, SCRIPTED
 from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
-from benchmark.report.data import Results, RunResult, read_results
 from benchmark.report.protocol import described, protocol_of
 from benchmark.report.ranking import CELL
-from benchmark.report.values import SCRIPTED
-from benchmark.running.files import ResultsError
+from benchmark.results.files import ResultsError
+from benchmark.results.reading import Results, RunResult, read_results
 
 COLUMNS = (
     "first",

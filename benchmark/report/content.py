@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame
-from benchmark.report.data import Results
 from benchmark.report.paper import Printed, is_as_good, paper, printed
 from benchmark.report.ranking import Standing, differences, of_cell, ranks
 from benchmark.report.values import (
     GENERALIZATION,
     MODES,
-    SCRIPTED,
     Key,
     Value,
     by_key,
     measure_cells,
 )
+from benchmark.results.reading import Results
 
 
 @dataclass(frozen=True)
-class Cell:
+class TableCell:
     """A cell of the main table."""
 
     task: str
@@ -58,7 +58,7 @@ class Row:
 
     algorithm: str
     is_reference: bool
-    cells: tuple[Cell, ...]
+    cells: tuple[TableCell, ...]
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,33 @@ class Report:
         return [mode for mode in MODES if mode in there] or [MODES[0]]
 
     @cached_property
+    def algorithms(self) -> list[str]:
+        """Learning algorithms, those of the paper first and in its order."""
+        runs = self.results.runs
+        return _ordered((run.algorithm for run in runs if not run.is_reference), paper()["algorithms"])
+
+    @cached_property
+    def tasks(self) -> list[str]:
+        """In the paper's order, others behind."""
+        return _ordered((run.task for run in self.results.runs), paper()["tasks"])
+
+    @cached_property
+    def traffics(self) -> list[str]:
+        """In the paper's order, others behind."""
+        return _ordered((run.traffic for run in self.results.runs), paper()["traffic"])
+
+    @cached_property
+    def columns(self) -> list[tuple[str, str]]:
+        """Pairs of task and traffic of which there is a run, in the order of the paper's table."""
+        there = {(run.task, run.traffic) for run in self.results.runs}
+        every = [(task, traffic) for traffic in self.traffics for task in self.tasks]
+        return [column for column in every if column in there]
+
+    @cached_property
     def names(self) -> list[tuple[str, bool]]:
         """Rows of tables: name, and whether it is a reference."""
-        learning = [(name, False) for name in self.results.algorithms]
-        return learning + [(name, True) for name in self.results.references]
+        references = sorted({run.algorithm for run in self.results.runs if run.is_reference})
+        return [*((name, False) for name in self.algorithms), *((name, True) for name in references)]
 
     @cached_property
     def metrics(self) -> list[str]:
@@ -100,7 +123,7 @@ class Report:
 
     def main_table(self, mode: str) -> list[Row]:
         """Return the paper's table, references below."""
-        standings = {column: self._ranks(*column, mode) for column in self.results.columns}
+        standings = {column: self._ranks(*column, mode) for column in self.columns}
         rows = []
         for name, is_reference in self.names:
             cells = [self._cell(name, *column, mode, standings[column]) for column in standings]
@@ -110,17 +133,19 @@ class Report:
     def _ranks(self, task: str, traffic: str, mode: str) -> dict[Any, Standing]:
         entries = [
             name
-            for name in self.results.algorithms
+            for name in self.algorithms
             if self.value(name, task, traffic, mode, "completion_rate") is not None
         ]
         return ranks(of_cell(self.differences[mode], task, traffic), entries) if len(entries) > 1 else {}
 
-    def _cell(self, name: str, task: str, traffic: str, mode: str, standings: dict[Any, Standing]) -> Cell:
+    def _cell(
+        self, name: str, task: str, traffic: str, mode: str, standings: dict[Any, Standing]
+    ) -> TableCell:
         collision = self.value(name, task, traffic, mode, "collision_rate")
         completion = self.value(name, task, traffic, mode, "completion_rate")
         theirs = printed(name, task, traffic)
         standing = standings.get(name)
-        return Cell(
+        return TableCell(
             task,
             traffic,
             collision,
@@ -134,10 +159,16 @@ class Report:
     def generalization(self) -> Iterator[tuple[str, str, str, Value]]:
         """Yield algorithm, task, traffic and generalization where held-out variations were played."""
         for name, _ in self.names:
-            for task, traffic in self.results.columns:
+            for task, traffic in self.columns:
                 found = self.value(name, task, traffic, self.modes[0], GENERALIZATION)
                 if found and found.terms["held_out_completion"] == found.terms["held_out_completion"]:
                     yield name, task, traffic, found
+
+
+def _ordered(names: Iterable[str], known: Iterable[str]) -> list[str]:
+    there = set(names)
+    first = [name for name in known if name in there]
+    return [*first, *sorted(there - set(first))]
 
 
 def _is_short(found: Value) -> bool:

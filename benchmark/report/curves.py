@@ -58,7 +58,7 @@ def draw_curves(panels: Sequence[Any], report: Report, task: str, traffic: str) 
         task: Of the cell.
         traffic: Of the cell.
     """
-    for algorithm in report.results.algorithms:
+    for algorithm in report.algorithms:
         runs = [
             run.progress
             for run in report.results.runs

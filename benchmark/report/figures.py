@@ -99,15 +99,18 @@ def draw_cells(kind: Kind, report: Report) -> list[Plot]:
 
     plots = []
     with mpl.rc_context(TEXT):
-        for task, traffic in report.results.columns:
-            width, height = kind.size
-            if kind.name == "outcomes":
-                height = 0.7 + 0.27 * len(report.names)
-            figure = new_figure(width, height)
+        for task, traffic in report.columns:
+            figure = new_figure(*_size(kind, report))
             panels = _panels(figure, kind, [(task, traffic)])
             kind.draw(_one_or_all(panels[0]), report, task, traffic)
             plots.append(Plot(cell_title(task, traffic), _source(kind, figure)))
     return plots
+
+
+def _size(kind: Kind, report: Report) -> tuple[float, float]:
+    """Return width and height of a cell's plot [inch]; bars need some for each row."""
+    width, height = kind.size
+    return width, 0.7 + 0.27 * len(report.names) if kind.name == "outcomes" else height
 
 
 def _source(kind: Kind, figure: Any) -> str:
@@ -118,12 +121,10 @@ def draw_all(kind: Kind, report: Report) -> bytes:
     """Return one picture of all cells with its legend, a PNG file."""
     import matplotlib as mpl
 
-    columns = report.results.columns
-    across = len(columns) if kind.panels > 1 else max(1, len(report.results.tasks))
+    columns = report.columns
+    across = len(columns) if kind.panels > 1 else max(1, len(report.tasks))
     down = -(-len(columns) // across)
-    width, height = kind.size
-    if kind.name == "outcomes":
-        height = 0.7 + 0.27 * len(report.names)
+    width, height = _size(kind, report)
     with mpl.rc_context(TEXT):
         figure = new_figure(width * across * (0.8 if kind.panels > 1 else 1.0), height * down + 0.5)
         for panels, (task, traffic) in zip(_panels(figure, kind, columns, across), columns, strict=True):
@@ -141,7 +142,7 @@ def legend(kind: Kind, report: Report) -> list[tuple[str, str, str]]:
     if kind.name == "outcomes":
         shown = outcomes.shown_outcomes(report)
         return [(OUTCOME_COLOURS[name], "", outcomes.outcome_label(name)) for name in shown]
-    return [(colour(name), dash(name), label(name)) for name in report.results.algorithms]
+    return [(colour(name), dash(name), label(name)) for name in report.algorithms]
 
 
 def _handles(kind: Kind, report: Report) -> list[Any]:
@@ -150,7 +151,7 @@ def _handles(kind: Kind, report: Report) -> list[Any]:
 
     if kind.name == "outcomes":
         return [Patch(color=shade, label=name) for shade, _, name in legend(kind, report)]
-    return [Line2D([], [], label=label(name), **line(name)) for name in report.results.algorithms]
+    return [Line2D([], [], label=label(name), **line(name)) for name in report.algorithms]
 
 
 def _panels(figure: Any, kind: Kind, columns: Sequence[tuple[str, str]], across: int = 1) -> list[list[Any]]:

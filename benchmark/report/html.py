@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmark.metrics import METRICS
 from benchmark.report import provenance, tables, wording
-from benchmark.report.content import Cell, Report, Row
+from benchmark.report.content import Report, Row, TableCell
 from benchmark.report.figures import KINDS, draw_cells, legend
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 
@@ -50,8 +50,8 @@ def report_page(report: Report) -> str:
             "rows": rows,
             "notes": notes,
             "columns": [_column(name) for name in report.metrics],
-            "tasks": [(name, task_label(name)) for name in results.tasks],
-            "traffics": [(name, traffic_label(name)) for name in results.traffics],
+            "tasks": [(name, task_label(name)) for name in report.tasks],
+            "traffics": [(name, traffic_label(name)) for name in report.traffics],
             "modes": tables.mode_choices(report),
             "chosen": report.modes[0],
         },
@@ -87,7 +87,7 @@ def _column(name: str) -> dict[str, Any]:
 
 
 def _main_table(report: Report, mode: str) -> dict[str, Any]:
-    columns = report.results.columns
+    columns = report.columns
     return {
         "mode": mode,
         "title": f"{wording.MODE_TITLES[mode]} episodes",
@@ -110,7 +110,7 @@ def _row(row: Row) -> dict[str, Any]:
     }
 
 
-def _cell(cell: Cell) -> dict[str, Any]:
+def _cell(cell: TableCell) -> dict[str, Any]:
     known = cell.completion is not None and cell.completion.is_known
     return {
         "figures": wording.figures(cell),

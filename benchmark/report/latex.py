@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import groupby
 
 from benchmark.report import wording
-from benchmark.report.content import Cell, Report
+from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 
 SPECIAL = {
@@ -23,7 +23,7 @@ def escaped(text: str) -> str:
 
 def main_table(report: Report, mode: str) -> str:
     """Return the main table: collision / completion rate, below them intervals and the paper's figures."""
-    columns = report.results.columns
+    columns = report.columns
     groups = [(traffic, len([*group])) for traffic, group in groupby(columns, key=lambda column: column[1])]
     titles = [rf"\multicolumn{{{width}}}{{c}}{{{escaped(traffic_label(name))}}}" for name, width in groups]
     rules, first = [], 2
@@ -56,19 +56,19 @@ def main_table(report: Report, mode: str) -> str:
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
 
-def _figures(cell: Cell) -> str:
+def _figures(cell: TableCell) -> str:
     text = wording.figures(cell) or "--"
     return rf"\textbf{{{text}}}" if cell.is_best else text
 
 
-def _intervals(cell: Cell) -> str:
+def _intervals(cell: TableCell) -> str:
     # In braces, since a bracket after a row's end is an argument of it.
     if not wording.figures(cell):
         return ""
     return rf"{{\scriptsize {wording.intervals(cell)}}} {{\tiny ({wording.count(cell)})}}"
 
 
-def _printed(cell: Cell) -> str:
+def _printed(cell: TableCell) -> str:
     if not cell.printed:
         return ""
     mark = r"$^{\ast}$" if cell.is_as_good else ""

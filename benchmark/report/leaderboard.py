@@ -10,16 +10,17 @@ from pathlib import Path
 import pandas as pd
 
 from algorithms.registry import ALGORITHMS
+from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics.results import Frame
-from benchmark.report.data import Results, read_results
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.protocol import described, protocol_of
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
-from benchmark.report.values import MODES, SCRIPTED, Value, by_key, measure_cells
-from benchmark.running.files import ResultsError
+from benchmark.report.values import MODES, Value, by_key, measure_cells
+from benchmark.results.files import ResultsError
+from benchmark.results.reading import Results, read_results
 from benchmark.statistics import interquartile_mean
 
-REFERENCE, OTHER = "reference policy", "other"
+SCRIPTED_PARADIGM, OTHER_PARADIGM = "reference policy", "other"
 """Paradigms of scripted policies and of algorithms that the registry does not know."""
 
 
@@ -116,8 +117,8 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
 def paradigm_of(algorithm: str, is_reference: bool) -> str:
     """Return who knows what, when, by the registry of algorithms."""
     if is_reference:
-        return REFERENCE
-    return str(ALGORITHMS[algorithm].paradigm) if algorithm in ALGORITHMS else OTHER
+        return SCRIPTED_PARADIGM
+    return str(ALGORITHMS[algorithm].paradigm) if algorithm in ALGORITHMS else OTHER_PARADIGM
 
 
 def _check_distinct(roots: Sequence[Path]) -> None:

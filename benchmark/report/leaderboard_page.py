@@ -11,7 +11,7 @@ from benchmark.report.leaderboard import Leaderboard, make_leaderboard
 from benchmark.report.paper import task_label, traffic_label
 from benchmark.report.ranking import RANKED_BY
 from benchmark.report.wording import COMPARED
-from benchmark.running.files import write_whole
+from benchmark.results.files import write_whole
 
 Column = tuple[str, str, bool]
 """Title, meaning, whether its cells begin at the left."""

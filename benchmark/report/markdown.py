@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from benchmark.metrics import METRICS
 from benchmark.report import provenance, tables, wording
-from benchmark.report.content import Cell, Report
+from benchmark.report.content import Report, TableCell
 from benchmark.report.figures import KINDS
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 
@@ -53,7 +53,7 @@ def _escaped(text: str) -> str:
 
 
 def _main_table(report: Report, mode: str) -> str:
-    columns = report.results.columns
+    columns = report.columns
     titles = ["Algorithm", *(f"{task_label(task)}, {traffic_label(traffic)}" for task, traffic in columns)]
     rows = []
     for row in report.main_table(mode):
@@ -62,7 +62,7 @@ def _main_table(report: Report, mode: str) -> str:
     return table(titles, rows)
 
 
-def _cell(cell: Cell) -> str:
+def _cell(cell: TableCell) -> str:
     paper = wording.printed_text(cell.printed)
     beside = f"paper {paper}{' ' if wording.mark(cell) else ''}{wording.mark(cell)}" if paper else ""
     if not wording.figures(cell):
@@ -76,7 +76,7 @@ def _metrics(report: Report) -> list[str]:
     """Return a table for each cell: a row for each metric, since pages are narrow."""
     rows, notes = tables.metrics_table(report)
     parts = []
-    for task, traffic in report.results.columns:
+    for task, traffic in report.columns:
         mode = report.modes[0]
         own = [row for row in rows if (row.task, row.traffic, row.mode) == (task, traffic, mode)]
         if not own:

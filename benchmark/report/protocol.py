@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchmark.report.data import Results, RunResult
+from benchmark.results.reading import Results, RunResult
 
 COMPARED = ("environment", "budget")
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action and reward; the

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from benchmark.report.data import NOT_BEGUN, Results, RunResult
-from benchmark.running.folder import CONTINUED
+from benchmark.results.reading import NOT_BEGUN, Results, RunResult
+from benchmark.results.run_folder import CONTINUED
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def draw_radar(axes: Any, report: Report, task: str, traffic: str) -> None:
     axes.tick_params(axis="x", pad=9)
     axes.grid(color="#d5d5d5", linewidth=0.6)
     axes.spines["polar"].set_color("#aaaaaa")
-    for algorithm in report.results.algorithms:
+    for algorithm in report.algorithms:
         found = [report.value(algorithm, task, traffic, report.modes[0], name) for name in names]
         radii = [value.value if value else np.nan for value in found]
         _draw_line(axes, angles, radii, line(algorithm), label(algorithm))

@@ -9,10 +9,9 @@ from typing import Any
 
 import pandas as pd
 
+from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import compare
 from benchmark.metrics.results import Frame
-from benchmark.report.data import SCRIPTED_SEED
-from benchmark.report.values import SCRIPTED
 
 RANKED_BY = ("completion_rate", "collision_rate")
 """The second one decides where the first is a tie."""

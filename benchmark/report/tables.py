@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
 from benchmark.report.content import Report
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.values import MODES, SCRIPTED
+from benchmark.report.values import MODES
 
 GENERALIZATION_COLUMNS = {
     "algorithm": "Or scripted policy",
@@ -84,7 +85,7 @@ def metrics_table(report: Report) -> tuple[list[MetricsRow], list[str]]:
     notes: dict[str, int] = {}
     rows = []
     for mode in report.modes:
-        for task, traffic in report.results.columns:
+        for task, traffic in report.columns:
             for name, is_reference in report.names:
                 cells = [_entry(report, (name, task, traffic, mode), each, notes) for each in report.metrics]
                 first = report.value(name, task, traffic, mode, "completion_rate")

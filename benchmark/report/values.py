@@ -9,12 +9,10 @@ from typing import Any
 
 import pandas as pd
 
+from benchmark.experiment.runs import SCRIPTED_SEED
 from benchmark.metrics import METRICS, compute
 from benchmark.metrics.results import Frame
-from benchmark.report.data import SCRIPTED_SEED
 
-SCRIPTED = "scripted"
-"""Mode of policies that act in one way only; they stand beside every mode of the others."""
 MODES = ("greedy", "sampled")
 """In the order in which they are shown."""
 GENERALIZATION = "generalization"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from benchmark.metrics.results import THIS_CHECKPOINT
-from benchmark.report.content import Cell, Report
+from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import Printed, paper
 
 MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", "scripted": "Scripted"}
@@ -34,14 +34,14 @@ BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
 NO_RUN = "no finished run"
 
 
-def figures(cell: Cell) -> str:
+def figures(cell: TableCell) -> str:
     """Return collision / completion rate; empty without a finished run."""
     if cell.collision is None or cell.completion is None:
         return ""
     return f"{cell.collision.text} / {cell.completion.text}"
 
 
-def intervals(cell: Cell) -> str:
+def intervals(cell: TableCell) -> str:
     """Return the intervals of the two; "no interval" where starts repeat."""
     if cell.collision is None or cell.completion is None:
         return ""
@@ -49,7 +49,7 @@ def intervals(cell: Cell) -> str:
     return " / ".join(found) if all(found) else "no interval"
 
 
-def interval_meaning(cell: Cell) -> str:
+def interval_meaning(cell: TableCell) -> str:
     """Return what the intervals are of."""
     if cell.completion is None:
         return ""
@@ -63,14 +63,14 @@ def printed_text(cells: tuple[Printed, ...]) -> str:
     return f"{texts[0]} (main text {', '.join(texts[1:])})" if len(texts) > 1 else "".join(texts)
 
 
-def mark(cell: Cell) -> str:
+def mark(cell: TableCell) -> str:
     """Return how a cell compares to the paper's; empty where one is missing or episodes are too few."""
     if cell.is_as_good is None:
         return ""
     return AS_GOOD if cell.is_as_good else WORSE
 
 
-def mark_meaning(cell: Cell) -> str:
+def mark_meaning(cell: TableCell) -> str:
     """Return what the mark rests on."""
     if not cell.printed:
         return ""
@@ -81,7 +81,7 @@ def mark_meaning(cell: Cell) -> str:
     return f"As good: collision up to {highest:.3f} and completion from {lowest:.3f}"
 
 
-def count(cell: Cell) -> str:
+def count(cell: TableCell) -> str:
     """Return seeds, episodes and whether intervals are of one checkpoint; empty without a finished run."""
     found = cell.completion
     if found is None:
@@ -90,7 +90,7 @@ def count(cell: Cell) -> str:
     return f"{found.seeds} {'seed' if found.seeds == 1 else 'seeds'}, {found.episodes} episodes{label}"
 
 
-def rank_text(cell: Cell) -> str:
+def rank_text(cell: TableCell) -> str:
     """Return the rank, with what it shares; empty without one."""
     if cell.rank is None:
         return ""

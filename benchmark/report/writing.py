@@ -9,12 +9,12 @@ import pandas as pd
 
 from benchmark.metrics.results import Frame
 from benchmark.report.content import Report, make_report
-from benchmark.report.data import read_results
 from benchmark.report.figures import KINDS, draw_all
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text
-from benchmark.running.files import ResultsError, replace_folder
+from benchmark.results.files import ResultsError, replace_folder
+from benchmark.results.reading import read_results
 
 FOLDER = "report"
 """In an experiment's results."""
@@ -48,7 +48,7 @@ def write_report(root: Path, out: Path | None = None) -> Path:
 
 def report_files(report: Report) -> dict[str, bytes]:
     """Return name and content of the files of a report."""
-    pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.results.columns else {}
+    pictures = {kind.name: draw_all(kind, report) for kind in KINDS} if report.columns else {}
     texts = {
         PAGE: report_page(report),
         TEXT: report_text(report, pictures),

@@ -13,10 +13,10 @@ import pandas as pd
 from benchmark.experiment.config import Evaluation, Task, name_of
 from benchmark.experiment.runs import Run, run_from
 from benchmark.metrics import read_table
+from benchmark.results.files import ResultsError
+from benchmark.results.run_folder import RunFolder
 from benchmark.running.driver import start_ray
-from benchmark.running.files import ResultsError
-from benchmark.running.folder import RunFolder
-from benchmark.running.testing import test
+from benchmark.running.testing import play_test
 from benchmark.running.training import algorithm_of, restore
 from smarts.sstudio.build import build_scenario
 
@@ -66,7 +66,7 @@ def evaluate_again(
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary, algorithm_of(run) as algo:
         restore(algo, kept)
         answer = RunFolder(out or Path(temporary))
-        for _ in test(run, answer, algo):
+        for _ in play_test(run, answer, algo):
             pass
         return read_table(answer.table)
 

@@ -15,8 +15,8 @@ from ray.exceptions import RayError, RayTaskError
 
 from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import ReferenceRun, Run, references_of, runs_of
-from benchmark.running.files import ResultsError
-from benchmark.running.folder import FINISHED, TESTING, RunFolder
+from benchmark.results.files import ResultsError
+from benchmark.results.run_folder import FINISHED, TESTING, RunFolder
 from benchmark.running.progress import Progress
 from smarts.errors import SmartsError, shortened
 
@@ -162,12 +162,12 @@ def _words(error: BaseException) -> str:
 def _carry_out(job: Job, root: str) -> Iterator[Progress]:
     """Do a job in a process of its own; yields its progress."""
     # Here, so that the driver's own process loads neither torch nor the simulation.
-    from benchmark.running.testing import test_reference
+    from benchmark.running.testing import play_reference
     from benchmark.running.training import carry_out
 
     folder = RunFolder(Path(root) / job.folder)
     if isinstance(job, Run):
         yield from carry_out(job, folder)
     else:
-        for share in test_reference(job, folder):
+        for share in play_reference(job, folder):
             yield Progress(TESTING, share)

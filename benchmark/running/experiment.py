@@ -1,4 +1,4 @@
-"""A whole experiment: check, train, test, report."""
+"""A whole experiment: check, train, test."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ import ray
 
 from benchmark.experiment.config import Experiment
 from benchmark.experiment.runs import Run, cells_of
-from benchmark.report.writing import write_report
+from benchmark.results.commands import keep_command
+from benchmark.results.files import locked, read_json
+from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
 from benchmark.running.driver import Driver, JobState, jobs_of, start_ray
-from benchmark.running.files import locked, read_json, write_json
-from benchmark.running.folder import COMMAND, ENDED_BY, FINISHED, PARTS, RunFolder
 from benchmark.running.held_out import held_out_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
@@ -30,7 +30,7 @@ FAILED = 1
 
 
 def run_experiment(experiment: Experiment, root: Path) -> int:
-    """Do all that is left of an experiment and write its report; return the exit code.
+    """Do all that is left of an experiment; return the exit code.
 
     Raises:
         SmartsError: A scenario is wrong, or the folder cannot be used.
@@ -51,19 +51,6 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         finally:
             ray.shutdown()
         return _tell(states, root)
-
-
-def keep_command(root: Path, experiment: Experiment, line: str) -> None:
-    """Write what is asked for, beside what was asked for before: a folder may be filled by parts."""
-    file, kept = root / "experiment.json", root / COMMAND
-    content = experiment.model_dump(mode="json", exclude_unset=True)
-    before = read_json(kept) if kept.exists() else {PARTS: []}
-    if PARTS not in before:  # of an earlier version
-        before = {PARTS: [{**before, "experiment": read_json(file)}] if file.exists() else []}
-    part = {"command": line, "experiment": content}
-    parts = [*(each for each in before[PARTS] if each != part), part]
-    write_json(file, content)
-    write_json(kept, {"command": line, PARTS: parts})
 
 
 def check_cells(experiment: Experiment) -> None:
@@ -99,7 +86,6 @@ def _tell(states: Sequence[JobState], root: Path) -> int:
             f"training ended by: {', '.join(f'{name} in {count} runs' for name, count in ended_by.items())}"
         )
     print(f"results: {root}")
-    print(f"report: {write_report(root)}")
     return FAILED if failed else 0
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from benchmark.running.folder import FINISHED, TESTING, TRAINING
+from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
 
 if TYPE_CHECKING:
     from benchmark.running.driver import JobState

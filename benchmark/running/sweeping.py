@@ -25,10 +25,10 @@ from ray.tune.search.basic_variant import BasicVariantGenerator
 from algorithms.settings import settings
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, runs_of
+from benchmark.results.files import ResultsError, locked, read_json, write_json, write_whole
+from benchmark.results.run_folder import RunFolder
 from benchmark.running.driver import start_ray
 from benchmark.running.experiment import FAILED, check_cells, tell_interruption
-from benchmark.running.files import ResultsError, locked, read_json, write_json, write_whole
-from benchmark.running.folder import RunFolder
 from benchmark.running.training import Training, algorithm_of
 from smarts.errors import SmartsError, nearest_names, shortened
 

@@ -12,14 +12,15 @@ from typing import Any
 
 import pandas as pd
 
-from algorithms.joint.evaluation import REPORTED_WORLDS, evaluate
-from benchmark.experiment.runs import Cell, ReferenceRun, Run
-from benchmark.floors.run import episodes_in
+from algorithms.joint.evaluation import evaluate
+from algorithms.joint.worlds import REPORTED_WORLDS
+from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Cell, ReferenceRun, Run
+from benchmark.floors.run import episodes_of
 from benchmark.metrics import join_tables, measure_episodes, write_table
 from benchmark.metrics.table import COUNTS
+from benchmark.results.files import ResultsError
+from benchmark.results.run_folder import FINISHED, TESTING, RunFolder
 from benchmark.running.environments import environment
-from benchmark.running.files import ResultsError
-from benchmark.running.folder import FINISHED, TESTING, RunFolder
 from benchmark.running.held_out import held_out_of
 from benchmark.running.machine import machine
 
@@ -29,16 +30,13 @@ EVALUATION_SEED = 42
 ROUNDS = 5
 """How often at most a part of a test is played: all of it, then what is lacking."""
 
-SCRIPTED = "scripted"
-"""Mode of policies that act in one way only."""
-
 
 @dataclass(frozen=True)
 class Part:
     """A part of a test."""
 
     mode: str
-    """How the policy acts: "greedy" or "sampled"; "scripted" if it always acts in the same way."""
+    """How the policy acts: "greedy" or "sampled"; `SCRIPTED` if it always acts in the same way."""
     scenarios: tuple[str, ...]
     episodes: int
     split: str = "train"
@@ -59,7 +57,7 @@ def parts_of(cell: Cell, modes: tuple[str, ...]) -> Iterator[Part]:
         yield Part(modes[0], (scenario,), evaluation.held_out_episodes, split="held_out")
 
 
-def test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
+def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
     """Play the test of a trained policy and write its table; yields the share that is done."""
 
     def play_part(part: Part, worlds: range, record: Path) -> None:
@@ -77,10 +75,10 @@ def test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
             )
 
     labels = {"algorithm": run.algorithm, "training_seed": run.seed}
-    yield from _test(run.cell, folder, run.cell.evaluation.modes, labels, play_part)
+    yield from _play(run.cell, folder, run.cell.evaluation.modes, labels, play_part)
 
 
-def test_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
+def play_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
     """Play the test of a scripted policy, unless it is done; yields the share that is done."""
     tested = run.cell.test_content()
     if folder.is_finished(tested):
@@ -90,16 +88,16 @@ def test_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
 
     def play_part(part: Part, worlds: range, record: Path) -> None:
         with closing(environment(run.cell, copies=1, scenarios=part.scenarios, record=record)) as env:
-            played = episodes_in(env, run.policy, EVALUATION_SEED, worlds.start)
+            played = episodes_of(env, run.policy, EVALUATION_SEED, worlds.start)
             for _ in islice(played, len(worlds)):
                 pass
 
-    labels = {"algorithm": run.policy, "training_seed": -1}
-    yield from _test(run.cell, folder, (SCRIPTED,), labels, play_part)
+    labels = {"algorithm": run.policy, "training_seed": SCRIPTED_SEED}
+    yield from _play(run.cell, folder, (SCRIPTED,), labels, play_part)
     folder.note(status=FINISHED, tested=tested)
 
 
-def _test(
+def _play(
     cell: Cell,
     folder: RunFolder,
     modes: tuple[str, ...],

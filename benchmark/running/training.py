@@ -16,18 +16,17 @@ from ray.tune.registry import register_env
 import algorithms
 from algorithms.errors import AlgorithmError
 from algorithms.joint.evaluation import evaluate
+from algorithms.joint.worlds import EVALUATION_WORLDS
 from algorithms.settings import apply
 from benchmark.experiment.runs import Run
+from benchmark.results.files import ResultsError
+from benchmark.results.run_folder import ENDED_BY, FINISHED, TESTING, TRAINING, RunFolder
 from benchmark.running.environments import NAME, create, environment
-from benchmark.running.files import ResultsError
-from benchmark.running.folder import ENDED_BY, FINISHED, TESTING, TRAINING, RunFolder
 from benchmark.running.machine import machine
 from benchmark.running.progress import Progress
 from benchmark.running.scalars import Scalars
-from benchmark.running.testing import EVALUATION_SEED, test
+from benchmark.running.testing import EVALUATION_SEED, play_test
 
-VALIDATION_WORLDS = 1_000_000
-"""First world of validation: training counts from 0, tests from 2,000,000."""
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints, which is what a kill can cost."""
 
@@ -68,7 +67,7 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
         yield from training.go()
         folder.note(status=TESTING, **{ENDED_BY: training.ended_by})
         began = time.monotonic()
-        for share in test(run, folder, algo):
+        for share in play_test(run, folder, algo):
             yield Progress(TESTING, share)
     folder.note(status=FINISHED, tested=tested, ended=_now(), test_seconds=round(time.monotonic() - began, 1))
 
@@ -224,7 +223,7 @@ class Training:
             episodes = evaluate(
                 self._algo,
                 self._run.cell.evaluation.validation_episodes,
-                first_world=VALIDATION_WORLDS,
+                first_world=EVALUATION_WORLDS,
                 env=env,
                 seed=EVALUATION_SEED,
             )

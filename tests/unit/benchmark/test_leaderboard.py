@@ -9,7 +9,7 @@ from benchmark.cli import app
 from benchmark.report.comparing import compare_sides, read_side
 from benchmark.report.leaderboard import make_leaderboard
 from benchmark.report.leaderboard_page import write_leaderboard
-from benchmark.running.files import ResultsError
+from benchmark.results.files import ResultsError
 from smarts.errors import UnknownNameError
 from tests.hand_made_results import ALONE, BUDGET, SOCIAL, agent_episodes, write_experiment, write_run
 

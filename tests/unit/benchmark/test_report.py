@@ -16,14 +16,14 @@ from algorithms.registry import ALGORITHMS
 from benchmark.metrics import METRICS
 from benchmark.report.content import make_report
 from benchmark.report.curves import seeds_curve
-from benchmark.report.data import read_results
 from benchmark.report.latex import escaped
 from benchmark.report.paper import is_as_good, printed
 from benchmark.report.radar import axes_of_radar, draw_radar
 from benchmark.report.style import colour, line, new_figure, png
 from benchmark.report.wording import count, figures, intervals, mark, mark_meaning, printed_text
 from benchmark.report.writing import write_report
-from benchmark.running.files import ResultsError
+from benchmark.results.files import ResultsError
+from benchmark.results.reading import read_results
 from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run
 
 MIXED = [["goal", "goal"], ["goal", "collision"], ["goal", "goal"], ["collision", "goal"]]
@@ -65,7 +65,26 @@ def folder(tmp_path_factory):
 
 def cells_of(report, algorithm, mode="greedy"):
     rows = {row.algorithm: row.cells for row in report.main_table(mode)}
-    return dict(zip(report.results.columns, rows[algorithm], strict=True))
+    return dict(zip(report.columns, rows[algorithm], strict=True))
+
+
+def test_order_is_the_papers(tmp_path):
+    write_experiment(
+        tmp_path,
+        algorithms=["a2c", "maddpg", "dqn"],
+        tasks=["intersection", "two_way"],
+        traffic=[SOCIAL, ALONE],
+        reference=["yielder", "parked"],
+    )
+    report = make_report(read_results(tmp_path))
+    assert report.algorithms == ["dqn", "maddpg", "a2c"]
+    assert [name for name, is_reference in report.names if is_reference] == ["parked", "yielder"]
+    assert report.columns == [
+        ("two_way", ALONE),
+        ("intersection", ALONE),
+        ("two_way", SOCIAL),
+        ("intersection", SOCIAL),
+    ]
 
 
 def test_a_cells_numbers(folder):

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from benchmark.report.data import NOT_BEGUN, UNREADABLE, read_results
-from benchmark.running.files import ResultsError
-from tests.hand_made_results import ALONE, SOCIAL, agent_episodes, write_experiment, write_run
+from benchmark.results.files import ResultsError
+from benchmark.results.reading import NOT_BEGUN, UNREADABLE, read_results
+from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
 
 TWO = [["goal", "goal"], ["collision", "goal"]]
 
@@ -30,23 +30,6 @@ def test_runs_that_are_there_under_way_and_missing(tmp_path):
     assert results.runs[1].progress.loc[0, "completion"] == 0.25
     assert len(results.table) == 4
     assert not results.problems
-
-
-def test_order_is_the_papers(tmp_path):
-    write_experiment(
-        tmp_path,
-        algorithms=["a2c", "maddpg", "dqn"],
-        tasks=["intersection", "two_way"],
-        traffic=[SOCIAL, ALONE],
-    )
-    results = read_results(tmp_path)
-    assert results.algorithms == ["dqn", "maddpg", "a2c"]
-    assert results.columns == [
-        ("two_way", ALONE),
-        ("intersection", ALONE),
-        ("two_way", SOCIAL),
-        ("intersection", SOCIAL),
-    ]
 
 
 def test_damaged_and_foreign_files_are_named_and_left_out(tmp_path):

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 from matplotlib.colors import to_rgba
 
-from benchmark.report.content import Cell, Report, make_report
+from benchmark.report.content import Report, TableCell, make_report
 from benchmark.report.curves import SHOWN, draw_curves
-from benchmark.report.data import read_results
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
 from benchmark.report.leaderboard import make_leaderboard
@@ -18,7 +17,8 @@ from benchmark.report.protocol import protocol_of
 from benchmark.report.provenance import run_lines
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.wording import AS_GOOD, WORSE, intervals, mark
-from benchmark.running.folder import FINISHED, RunFolder
+from benchmark.results.reading import read_results
+from benchmark.results.run_folder import FINISHED, RunFolder
 from tests.hand_made_results import ALONE, ENVIRONMENT, agent_episodes, write_experiment, write_run
 
 EPISODES = 200
@@ -45,7 +45,7 @@ def report(tmp_path_factory) -> Report:
     return make_report(read_results(root))
 
 
-def cell_of(report: Report, algorithm: str, mode: str = "greedy") -> Cell:
+def cell_of(report: Report, algorithm: str, mode: str = "greedy") -> TableCell:
     return next(row.cells[0] for row in report.main_table(mode) if row.algorithm == algorithm)
 
 

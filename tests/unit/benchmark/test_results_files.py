@@ -9,11 +9,9 @@ import pytest
 
 from benchmark.experiment.config import Experiment
 from benchmark.experiment.runs import digest_of
-from benchmark.report.data import read_results
 from benchmark.report.provenance import circumstances
-from benchmark.running.again import evaluate_again
-from benchmark.running.experiment import keep_command
-from benchmark.running.files import (
+from benchmark.results.commands import keep_command
+from benchmark.results.files import (
     PARTIAL,
     ResultsError,
     locked,
@@ -23,7 +21,9 @@ from benchmark.running.files import (
     replace_folder,
     write_json,
 )
-from benchmark.running.folder import PROGRESS_COLUMNS, RunFolder
+from benchmark.results.reading import read_results
+from benchmark.results.run_folder import PROGRESS_COLUMNS, RunFolder
+from benchmark.running.again import evaluate_again
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
 
 
@@ -50,7 +50,7 @@ def test_a_full_disk_is_named_and_leaves_the_old_file(tmp_path):
     # A limit on the size of files makes the write fail as a full disk does.
     code = (
         "import resource, signal, sys; from pathlib import Path\n"
-        "from benchmark.running.files import write_json, ResultsError\n"
+        "from benchmark.results.files import write_json, ResultsError\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "write_json(Path(sys.argv[1]), 1)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
@@ -110,7 +110,7 @@ def test_two_may_put_a_folder_into_its_place_at_a_time(tmp_path):
 
 def test_a_second_writer_is_refused_and_a_dead_one_is_not_in_the_way(tmp_path):
     code = (
-        "import sys, time; from pathlib import Path; from benchmark.running.files import locked\n"
+        "import sys, time; from pathlib import Path; from benchmark.results.files import locked\n"
         "with locked(Path(sys.argv[1])): print('locked', flush=True); time.sleep(60)\n"
     )
     holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)

@@ -1,6 +1,6 @@
 """Progress for TensorBoard: what progress.csv says, over agent-steps."""
 
-from benchmark.running.folder import PROGRESS_COLUMNS, RunFolder
+from benchmark.results.run_folder import PROGRESS_COLUMNS, RunFolder
 from benchmark.running.scalars import Scalars
 from tests.scalar_files import read_scalars
 

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmark.metrics import join_tables
-from benchmark.running.files import ResultsError
+from benchmark.results.files import ResultsError
 from benchmark.running.testing import Part, _measured
 from smarts.types.events import Outcome
 from tests.recordings import Drive, at_speed, record, straight

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import csv
-import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from pydantic import ValidationError
 
 from benchmark.experiment.config import Experiment
-from benchmark.experiment.runs import REFERENCE, references_of, runs_of
+from benchmark.experiment.runs import REFERENCE, SCRIPTED_SEED, references_of, runs_of
 from benchmark.metrics import join_tables, read_table
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS, EPISODE_KEYS
-from benchmark.report.paper import paper
-from benchmark.running.files import ResultsError, read_json
-from benchmark.running.folder import COMMAND, FINISHED, PARTS, PROGRESS_COLUMNS, RunFolder
+from benchmark.results.commands import earlier_commands, last_experiment
+from benchmark.results.files import ResultsError, first_line, read_mapping
+from benchmark.results.run_folder import FINISHED, PROGRESS_COLUMNS, RunFolder
 from smarts.errors import SmartsError
 
-SCRIPTED_SEED = -1
-"""Training seed in the tables of policies that were not trained."""
 NOT_BEGUN, UNREADABLE = "not begun", "unreadable"
 """States of runs beside those in run.json."""
 LABELS = {
@@ -99,33 +95,6 @@ class Results:
         """How many episodes were measured, void, incomplete, and which are corrupted."""
         return dict(self.table.attrs[COUNTS])
 
-    @cached_property
-    def algorithms(self) -> list[str]:
-        """Learning algorithms, those of the paper first and in its order."""
-        return _ordered((run.algorithm for run in self.runs if not run.is_reference), paper()["algorithms"])
-
-    @cached_property
-    def references(self) -> list[str]:
-        """Scripted policies."""
-        return _ordered((run.algorithm for run in self.runs if run.is_reference), ())
-
-    @cached_property
-    def tasks(self) -> list[str]:
-        """In the paper's order, others behind."""
-        return _ordered((run.task for run in self.runs), paper()["tasks"])
-
-    @cached_property
-    def traffics(self) -> list[str]:
-        """In the paper's order, others behind."""
-        return _ordered((run.traffic for run in self.runs), paper()["traffic"])
-
-    @cached_property
-    def columns(self) -> list[tuple[str, str]]:
-        """Pairs of task and traffic of which there is a run, in the order of the paper's table."""
-        there = {(run.task, run.traffic) for run in self.runs}
-        every = [(task, traffic) for traffic in self.traffics for task in self.tasks]
-        return [column for column in every if column in there]
-
 
 def read_results(root: Path) -> Results:
     """Return what is on disk of an experiment.
@@ -138,8 +107,8 @@ def read_results(root: Path) -> Results:
             "there is no such folder of results", place=str(root), remedy="give an experiment's, results/NAME"
         )
     problems: dict[str, str] = {}
-    experiment = _read_experiment(root / "experiment.json", problems)
-    commands, parts = _read_parts(root / COMMAND, problems)
+    experiment = last_experiment(root, problems)
+    commands, parts = earlier_commands(root, problems)
     every = [*parts, experiment] if experiment else parts
     expected = {run.place: run for each in every for run in _expected(each)}
     found = {run.place: run for run in _found(root, problems)}
@@ -162,31 +131,6 @@ def read_results(root: Path) -> Results:
 
 def _reasons(problems: Mapping[str, str]) -> str:
     return "".join(f"; {name}: {reason}" for name, reason in problems.items())
-
-
-def _read_experiment(file: Path, problems: dict[str, str]) -> Experiment | None:
-    if not file.exists():
-        problems[file.name] = "missing, so that runs which have not begun are not known"
-        return None
-    try:
-        return Experiment.model_validate_json(file.read_bytes())
-    except (OSError, ValidationError, SmartsError) as error:
-        problems[file.name] = f"not an experiment of this version: {_first_line(error)}"
-        return None
-
-
-def _read_parts(file: Path, problems: dict[str, str]) -> tuple[tuple[str, ...], list[Experiment]]:
-    """Return the commands that filled the folder, and the experiments that were asked for."""
-    if not file.exists():
-        return (), []
-    try:
-        content = _mapping(read_json(file), file)
-        parts = content.get(PARTS, [content])
-        experiments = [Experiment.model_validate_json(json.dumps(each["experiment"])) for each in parts[:-1]]
-        return tuple(dict.fromkeys(str(each["command"]) for each in parts)), experiments
-    except (ResultsError, KeyError, TypeError, ValidationError) as error:
-        problems[file.name] = error.problem if isinstance(error, ResultsError) else _first_line(error)
-        return (), []
 
 
 def _expected(experiment: Experiment) -> Iterator[RunResult]:
@@ -227,7 +171,7 @@ def _read_run(
         problems[place] = "not a run: it has no run.json"
         return None
     try:
-        facts = _mapping(read_json(folder.run), folder.run)
+        facts = read_mapping(folder.run)
         config = folder.read_config()
         progress = _read_progress(folder)
     except ResultsError as error:
@@ -246,17 +190,11 @@ def _read_run(
     return RunResult(*names, place, status, facts, config, progress, table)
 
 
-def _mapping(content: Any, file: Path) -> Mapping[str, Any]:
-    if not isinstance(content, dict):
-        raise ResultsError("holds no keys and values", place=str(file))
-    return content
-
-
 def _read_progress(folder: RunFolder) -> Frame | None:
     try:
         lines = folder.read_progress()
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ResultsError(f"cannot be read: {_first_line(error)}", place=str(folder.progress)) from error
+        raise ResultsError(f"cannot be read: {first_line(error)}", place=str(folder.progress)) from error
     if not lines:
         return None
     frame = pd.DataFrame(lines)
@@ -309,13 +247,3 @@ def _no_rows() -> Frame:
     table = pd.DataFrame({name: [] for name in sorted(LABELS)})
     table.attrs[COUNTS] = {"measured": 0, "void": 0, "incomplete": 0, "corrupted": {}}
     return table
-
-
-def _ordered(names: Iterable[str], known: Iterable[str]) -> list[str]:
-    there = set(names)
-    first = [name for name in known if name in there]
-    return [*first, *sorted(there - set(first))]
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -62,6 +62,18 @@ def read_json(file: Path, remedy: str = "remove it, and what was lost is made ag
         raise ResultsError(f"cannot be read: {error}", place=str(file), remedy=remedy) from error
 
 
+def read_mapping(file: Path) -> dict[str, Any]:
+    """Return the content of a JSON file that holds keys and values.
+
+    Raises:
+        ResultsError: It does not, cannot be read, or is damaged.
+    """
+    content = read_json(file)
+    if not isinstance(content, dict):
+        raise ResultsError("holds no keys and values", place=str(file))
+    return content
+
+
 def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -> None:
     """Let `fill` write a folder under another name, then put it in the place of the one that was there.
 
@@ -156,6 +168,11 @@ def named_failures(place: Path) -> Iterator[None]:
             if full
             else "give a folder that can be written to: --out",
         ) from error
+
+
+def first_line(error: BaseException) -> str:
+    """Return an error in one line."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _to_disk(path: Path) -> None:

@@ -20,8 +20,9 @@ from typing import Any
 import yaml
 
 from benchmark.experiment.runs import digest_of
-from benchmark.running.files import (
+from benchmark.results.files import (
     ResultsError,
+    first_line,
     named_failures,
     read_json,
     recover_folder,
@@ -30,11 +31,6 @@ from benchmark.running.files import (
     write_whole,
 )
 
-COMMAND = "command.json"
-"""Beside experiment.json: the last command that made or went on with an experiment, and as `PARTS` each
-distinct one with its experiment."""
-PARTS = "parts"
-"""In command.json; files of earlier versions have none."""
 ENDED_BY = "ended_by"
 """In run.json: the budget that was used up first, "agent_steps" or "minutes"."""
 CONTINUED = "continued"
@@ -112,8 +108,7 @@ class RunFolder:
         try:
             content: Any = yaml.safe_load(self.config.read_text(encoding="utf-8"))
         except (OSError, ValueError, yaml.YAMLError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
-            raise ResultsError(f"cannot be read: {reason}", place=str(self.config)) from error
+            raise ResultsError(f"cannot be read: {first_line(error)}", place=str(self.config)) from error
         if not isinstance(content, dict):
             raise ResultsError("holds no keys and values", place=str(self.config))
         return content

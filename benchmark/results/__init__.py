@@ -1,0 +1,1 @@
+"""Results on disk: a folder for each experiment, in it one for each run. `running` writes, `report` reads."""
