@@ -43,7 +43,7 @@ class Drive:
     desired_speed: float = 10.0
     acceleration: ArrayLike | None = None
     """By default, the change of speed."""
-    lateral_acceleration: float = 0.0
+    lateral_acceleration: ArrayLike = 0.0
     actions: Sequence[tuple[int, int]] = ()
     """Step and lane action of each decision."""
     extras: Sequence[tuple[int, str, Sequence[float]]] = ()
@@ -125,17 +125,16 @@ def _motion(graph: LaneGraph, drive: Drive) -> list[dict[str, Any]]:
     changes = np.diff(speeds, prepend=speeds[0]) / DT
     if drive.acceleration is not None:
         changes = np.broadcast_to(np.asarray(drive.acceleration, float), stations.shape)
+    sideways = np.broadcast_to(np.asarray(drive.lateral_acceleration, float), stations.shape)
     rows = []
-    for s, t, speed, change in zip(stations, offsets, speeds, changes, strict=True):
+    for s, t, speed, change, aside in zip(stations, offsets, speeds, changes, sideways, strict=True):
         place = min(int(np.searchsorted(ends, s, side="right")), len(lanes) - 1)
         on, along = lanes[place], float(s - (ends[place] - graph.length[lanes[place]]))
         on, across = _beside(graph, on, float(t))
         x, y, heading = graph.pose_at(on, along, across)
         heading += math.pi if drive.is_oncoming else 0.0
         row = dict(x=x, y=y, heading=heading, speed=speed, acceleration=change, lane=on, s=along, t=across)
-        rows.append(
-            row | dict(desired_speed=drive.desired_speed, lateral_acceleration=drive.lateral_acceleration)
-        )
+        rows.append(row | dict(desired_speed=drive.desired_speed, lateral_acceleration=aside))
     return rows
 
 

@@ -100,6 +100,72 @@ class TestStability:
         assert sums("stability", episode)["stable_agents"] == is_measured
 
 
+class TestStabilityOfStopAndGo:
+    """An agent that stands, or drives too slowly to count, between stretches at 5 m/s."""
+
+    def sums(self, folder, speeds, acceleration, **drive):
+        """Return the sums of Stability's columns; all arguments have a number for each step."""
+        own = {"s": at_speeds(speeds), "acceleration": self.instants(acceleration)}
+        own |= {name: self.instants(numbers) for name, numbers in drive.items()}
+        driven = Drive(["road_0"], agent="a", route=["road"], **own)
+        return sums("stability", episode_of(folder, ROAD, driven))
+
+    def instants(self, numbers):
+        # As speeds are: the number of an instant is that of the step which led to it.
+        return np.concatenate((numbers[:1], numbers))
+
+    @pytest.mark.parametrize(("go", "is_measured"), [(5, False), (6, True)], ids=["0.5 s", "0.6 s"])
+    def test_a_stretch_has_a_jerk_if_it_is_longer_than_the_average(self, tmp_path, go, is_measured):
+        # Stands for 0.3 s, drives with an acceleration that rises by 0.2 m/s^2 each step, ten times over:
+        # 5 s and more on the move, with a jerk of 2 m/s^3 where there are two averages to compare.
+        speeds = ([0.0] * 3 + [5.0] * go) * 10
+        rising = ([-8.0] * 3 + [0.2 * step for step in range(go)]) * 10
+        found = self.sums(tmp_path, speeds, rising)
+        assert found["stable_agents"] == is_measured
+        assert found["mean_jerk"] == pytest.approx(2.0 * is_measured)
+        assert found["stability"] == pytest.approx(0.5 * is_measured)
+
+    def test_one_stretch_that_is_long_enough_speaks_for_all(self, tmp_path):
+        short, long = [0.0, 3.0, -3.0, 3.0, 0.0], [0.2 * step for step in range(30)]
+        speeds = [0.0] * 3 + [5.0] * 5 + [0.0] * 3 + [5.0] * 30
+        found = self.sums(tmp_path, speeds, [0.0] * 3 + short + [0.0] * 3 + long)
+        assert found["mean_jerk"] == pytest.approx(2.0)
+
+    @pytest.mark.parametrize(("slowest", "jumps"), [(0.9, 0), (1.1, 10)], ids=["0.9 m/s", "1.1 m/s"])
+    def test_what_is_between_stretches_is_no_jerk(self, tmp_path, slowest, jumps):
+        # From +1 to -1 m/s^2 and back: each of the two jumps moves five averages by 0.4 m/s^2 in 0.1 s. With
+        # 90 steps there are 91 instants, so 87 averages and 86 differences, if it counts as one stretch.
+        speeds = [5.0] * 30 + [slowest] * 30 + [5.0] * 30
+        found = self.sums(tmp_path, speeds, [1.0] * 30 + [-1.0] * 30 + [1.0] * 30)
+        jerk = 4.0 * jumps / 86
+        assert found["mean_jerk"] == pytest.approx(jerk)
+        assert found["stability"] == pytest.approx(1 / (1 + jerk / 2.0))
+
+    @pytest.mark.parametrize(("go", "is_measured"), [(9, False), (11, True)], ids=["1.8 s", "2.2 s"])
+    def test_the_two_seconds_are_those_of_all_stretches(self, tmp_path, go, is_measured):
+        speeds = [0.0] * 5 + [5.0] * go + [0.0] * 5 + [5.0] * go
+        found = self.sums(tmp_path, speeds, [0.0] * len(speeds))
+        assert (found["stable_agents"], found["stability"]) == (is_measured, is_measured)
+
+    def test_standing_says_nothing_of_sideways_forces_and_the_place_in_the_lane(self, tmp_path):
+        is_driving = np.array(([False] * 20 + [True] * 20) * 3)
+        sways = np.where(np.arange(120) % 2, 0.5, -0.5)
+        found = self.sums(
+            tmp_path,
+            np.where(is_driving, 5.0, 0.0),
+            np.zeros(120),
+            t=np.where(is_driving, 0.0, sways),
+            lateral_acceleration=np.where(is_driving, 1.5, 6.0),
+        )
+        assert found["offset_deviation"] == pytest.approx(0.0)
+        assert found["mean_lateral_acceleration"] == pytest.approx(1.5)
+        assert found["stability"] == pytest.approx(0.5)
+        found = self.sums(
+            tmp_path, np.where(is_driving, 5.0, 0.0), np.zeros(120), t=np.where(is_driving, sways, 0.0)
+        )
+        assert found["offset_deviation"] == pytest.approx(0.5)
+
+
 class TestDecisions:
     def drive(self, folder, actions=(), extras=(), legal=15):
         return episode_of(
