@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 
 import typer
@@ -17,7 +17,7 @@ SMALL_DISK = 2e9
 
 
 def doctor() -> None:
-    """Check versions, cores, GPU, SUMO, write access and the kernel cache; exit with 1 if one fails."""
+    """Check versions, cores, memory, GPU, SUMO, write access, kernel cache; exit with 1 if one fails."""
     checks: dict[str, Callable[[], str]] = {
         "python": _python,
         "packages": _packages,
@@ -34,9 +34,10 @@ def doctor() -> None:
     for name, check in checks.items():
         try:
             typer.echo(f"ok      {name:<13}{check()}")
-        except (SmartsError, OSError, ImportError, PackageNotFoundError) as error:
+        except Exception as error:  # whatever a broken installation ends in
             failed += 1
-            typer.echo(f"FAILED  {name:<13}{error}")
+            kind = "" if isinstance(error, SmartsError) else f"{type(error).__name__}: "
+            typer.echo(f"FAILED  {name:<13}{kind}{error}")
     if failed:
         raise typer.Exit(1)
 
@@ -53,14 +54,16 @@ def _packages() -> str:
 
 
 def _processor() -> str:
+    from benchmark.running.limits import allowed_cores, cores_text, quota
     from benchmark.running.machine import processor
 
-    return f"{processor()}, {len(os.sched_getaffinity(0))} cores"
+    return f"{processor()}, {cores_text(os.cpu_count() or 1, allowed_cores(), quota())}"
 
 
 def _memory() -> str:
-    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return f"{total / 2**30:.0f} GiB"
+    from benchmark.running.limits import memory, memory_text
+
+    return memory_text(memory())
 
 
 def _gpu() -> str:
@@ -96,11 +99,15 @@ def _scenarios() -> str:
 
 
 def _kernel_cache() -> str:
-    import smarts.geometry
+    import smarts.env.vector  # noqa: F401 - and with it all kernels of a simulation
+    from benchmark.running.kernel_cache import kernel_cache
 
-    folder = Path(smarts.geometry.__file__).parent / "__pycache__"
-    place = folder if os.access(folder.parent, os.W_OK) else Path("~/.cache/numba").expanduser()
-    return f"in {place}; compiling anew takes about a minute"
+    found = kernel_cache("smarts")
+    inside = Path(os.path.commonpath(found.folders))
+    return (
+        f"in {inside}, can be written; {found.compiled} of {found.kernels} kernels are compiled"
+        " for these versions and this processor, others will be when they are first called"
+    )
 
 
 def _results() -> str:

@@ -1,0 +1,96 @@
+"""Whether kernels count as compiled, with real kernels in a package of their own."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+KERNELS = """
+from smarts.geometry.compiling import kernel
+
+@kernel
+def twice(x):
+    return {factor} * x
+
+@kernel
+def thrice(x):
+    return 3 * x
+"""
+TELL = """
+import sys
+import fresh.kernels
+from benchmark.running.kernel_cache import kernel_cache
+from smarts.errors import SmartsError
+for call in sys.argv[1:]:
+    getattr(fresh.kernels, call)(1)
+try:
+    found = kernel_cache("fresh")
+    print(found.compiled, found.kernels, *found.folders)
+except SmartsError as error:
+    print(error)
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    folder = tmp_path / "fresh"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "kernels.py").write_text(KERNELS.format(factor=2))
+    return folder
+
+
+def told(package, *calls, **environment):
+    """Return what the cache is said to hold in a new process that has called some kernels."""
+    run = subprocess.run(
+        [sys.executable, "-c", TELL, *calls],
+        cwd=package.parent,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return run.stdout.strip()
+
+
+@pytest.mark.slow
+def test_kernels_are_compiled_once_they_were_called_and_not_for_other_sources(package):
+    folder = package / "__pycache__"
+    assert told(package) == f"0 2 {folder}"
+    assert told(package, "twice") == f"1 2 {folder}"
+    assert told(package) == f"1 2 {folder}"
+    # Machine code of another processor is of no use here.
+    assert told(package, NUMBA_CPU_NAME="generic") == f"0 2 {folder}"
+    (package / "kernels.py").write_text(KERNELS.format(factor=4))
+    assert told(package) == f"0 2 {folder}"
+
+
+@pytest.mark.slow
+def test_machine_code_of_another_numba_is_none(package):
+    told(package, "twice", "thrice")
+    folder = package / "__pycache__"
+    index, *_ = folder.glob("kernels.twice*.nbi")
+    import numba
+
+    version = numba.__version__.encode()
+    content = index.read_bytes()
+    assert content.count(version) == 1
+    index.write_bytes(content.replace(version, b"9" * len(version)))
+    assert told(package) == f"1 2 {folder}"
+
+
+def test_a_cache_that_cannot_be_written_to_is_named(package, tmp_path):
+    # Numba looks for a folder when the kernel is made; then the disk is taken away.
+    code = TELL.replace("try:\n", "import shutil; shutil.rmtree('cache'); open('cache', 'w')\ntry:\n")
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.startswith(f"{tmp_path / 'cache'}/fresh_")
+    assert "cannot be written: Not a directory" in run.stdout
+    assert "NUMBA_CACHE_DIR" in run.stdout
