@@ -56,8 +56,8 @@ def _searched(values: Values) -> Iterator[Fault]:
 
 def _adapter(environment: Values) -> Iterator[Fault]:
     name, options = environment.get("adapter", "benchmark"), _section(environment, "options")
-    if not isinstance(name, str):
-        return
+    if not isinstance(name, str) or not environment.keys() & {"adapter", "options"}:
+        return  # loading Gymnasium for the names of adapters takes a quarter of the time of all checks
     from smarts.env.adapters import ADAPTERS  # here: reports need no environments
 
     if name not in ADAPTERS:
