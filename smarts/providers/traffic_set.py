@@ -12,7 +12,7 @@ from smarts.errors import TrafficError
 from smarts.providers.traffic_provider import Roster, TrafficProvider
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
-from smarts.types.vehicles import Owner
+from smarts.types.vehicles import Owner, VehicleStates
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
@@ -51,6 +51,7 @@ class TrafficSet:
         self._broken: set[int] = set()
         self._introduced: list[dict[int, int]] = [{} for _ in engines]
         self._seats = [b""] * len(self._engines)
+        self._states: dict[int, VehicleStates] = {}
 
     def reset(
         self, world: World, row: int, start: EpisodeStart, roster: Roster, routes: RouteNumbers
@@ -64,7 +65,8 @@ class TrafficSet:
             _end(self._engines[row])
             self._engines[row] = self._build()
         self._broken.add(row)
-        states = world.vehicles[row]
+        # Once for the episode: to make some twenty views takes as long as to write the vehicles into them.
+        self._states[row] = states = world.vehicles[row]
         self._introduced[row] = {}
         bound_for = self._strangers(world, row, routes)
         self._seats[row] = _who_sits_where(world, row)
@@ -110,7 +112,7 @@ class TrafficSet:
             for slot, edges in self._strangers(world, row, routes).items():
                 if edges:
                     engine.set_route(slot, edges)
-        engine.step(world.vehicles[row])
+        engine.step(self._states[row])
         self._finish(world, row, routes)
 
     def _strangers(self, world: World, row: int, routes: RouteNumbers) -> dict[int, tuple[str, ...]]:
