@@ -192,12 +192,20 @@ class JointTorchLearner(TorchLearner):
             "generator": self.generator.get_state().numpy(),
             "rng": self.rng.bit_generator.state,
             "updates": self.updates,
+            "env_steps": self.env_steps,
+            "lr": self.config.lr,
         }
 
     def _set_own_state(self, state: dict[str, Any]) -> None:
         self.generator.set_state(torch.tensor(state["generator"]))
         self.rng.bit_generator.state = state["rng"]
         self.updates = state["updates"]
+        # Checkpoints of earlier versions tell neither the steps nor the learning rate.
+        self.env_steps = state.get("env_steps", 0)
+        if state.get("lr", self.config.lr) != self.config.lr:
+            # Optimisers came with the rate they were stored with, which RLlib changes after an update only.
+            for optimizer, rate in self._optimizer_lr_schedules.items():
+                self._set_optimizer_lr(optimizer, rate.update(self.env_steps))
 
 
 class OnPolicyLearner(JointTorchLearner):

@@ -135,6 +135,24 @@ def test_a_schedule_of_the_learning_rate_goes_by_environment_steps(build):
     assert falling[-2:] == pytest.approx([1e-4, 1e-4])
 
 
+@pytest.mark.parametrize("name", ["ppo", "dqn"])
+def test_the_first_update_after_a_restore_goes_by_the_new_learning_rate(build, tmp_path, name):
+    """As population-based training restores: two iterations of 32 steps at one rate, the third at another."""
+    old, new = 2.0**-10, 2.0**-6
+    steps_down = [[0, old], [32, old], [64, new]]
+    source, whole = build(small(name, lr=old)), build(small(name, lr=steps_down))
+    train(source, 2)
+    source.save_to_path(str(tmp_path / "checkpoint"))
+    train(whole, 3)
+    for lr in (new, steps_down):
+        algo = build(small(name, lr=lr))
+        algo.restore_from_path(str(tmp_path / "checkpoint"))
+        train(algo, 1)
+        assert_same(weights(algo), weights(whole))
+    train(source, 1)
+    assert differ(weights(source), weights(whole))
+
+
 def test_evaluation_plays_exactly_the_episodes_asked_for_and_leaves_training_alone(build):
     config = small().evaluation(evaluation_duration=5).training(evaluate_sampled=True)
     algo, control = build(config), build(small())
