@@ -26,11 +26,15 @@ def fill(template: str, **content: Any) -> str:
     from markupsafe import Markup
 
     # The one place where text goes into a page unescaped: files of this package.
-    own = {name: Markup(_templates().loader.get_source(_templates(), file)[0]) for name, file in _OWN.items()}
+    own = {name: Markup("".join(map(_source, files))) for name, files in _OWN.items()}
     return _templates().get_template(template).render(**own, **content) + "\n"
 
 
-_OWN = {"style": "page.css", "script": "page.js"}
+_OWN = {"style": ("page.css",), "script": ("rows.js", "page.js")}
+
+
+def _source(file: str) -> str:
+    return _templates().loader.get_source(_templates(), file)[0]
 
 
 def report_page(report: Report) -> str:

@@ -1,15 +1,4 @@
-"use strict";
-// Sorts the rows of each body of a table by the column whose title was pressed; cells without a number go last.
-function key(row, column) {
-  const cell = row.cells[column];
-  const text = cell.dataset.value ?? cell.textContent.trim();
-  const number = Number(text);
-  return text === "" ? null : Number.isNaN(number) ? text : number;
-}
-function compare(a, b) {
-  if (typeof a === "number" && typeof b === "number") return a - b;
-  return String(a).localeCompare(String(b), "en", { numeric: true });
-}
+// Sorts the rows of each body of a table by the column whose title was pressed, and hides what filters leave out.
 function sortBy(button) {
   const head = button.closest("th");
   const table = head.closest("table");
@@ -18,18 +7,15 @@ function sortBy(button) {
   table.querySelectorAll("th[aria-sort]").forEach((other) => other.removeAttribute("aria-sort"));
   head.setAttribute("aria-sort", rising ? "ascending" : "descending");
   for (const body of table.tBodies) {
-    const rows = [...body.rows].map((row, place) => ({ row, place, key: key(row, column) }));
-    rows.sort((a, b) => {
-      if (a.key === null || b.key === null) return (a.key === null) - (b.key === null) || a.place - b.place;
-      return (rising ? 1 : -1) * compare(a.key, b.key) || a.place - b.place;
-    });
-    rows.forEach(({ row }) => body.append(row));
+    const rows = [...body.rows];
+    const keys = rows.map(({ cells }) => sortKey(cells[column].dataset.value ?? cells[column].textContent.trim()));
+    sortedRows(keys, rising).forEach((number) => body.append(rows[number]));
   }
 }
 function filter(box) {
-  const wanted = [...box.querySelectorAll("select")].filter((select) => select.value !== "");
+  const chosen = Object.fromEntries([...box.querySelectorAll("select")].map((select) => [select.name, select.value]));
   document.querySelectorAll(box.dataset.of).forEach((row) => {
-    row.hidden = !wanted.every((select) => (row.dataset[select.name] ?? select.value) === select.value);
+    row.hidden = !isShown(row.dataset, chosen);
   });
 }
 document.querySelectorAll("button.sort").forEach((button) => button.addEventListener("click", () => sortBy(button)));
