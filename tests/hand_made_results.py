@@ -87,6 +87,7 @@ def write_run(
     environment=ENVIRONMENT,
     budget=BUDGET,
     settings=None,
+    scenarios=None,
 ) -> Path:
     """Write a run's folder and return it; without tables, of a run that still trains.
 
@@ -101,6 +102,7 @@ def write_run(
         environment: For config.yaml.
         budget: For config.yaml.
         settings: For config.yaml.
+        scenarios: Name -> digest of each, for run.json.
     """
     cell = Path(task, traffic)
     folder = root / ("reference" / Path(algorithm) / cell if seed < 0 else algorithm / cell / f"seed_{seed}")
@@ -111,6 +113,8 @@ def write_run(
         **{"processor": "abacus", "begun": "2026-01-01T00:00:00+0000", "ended": "2026-01-01T01:00:00+0000"},
         **{"test_seconds": 61.0},
     }
+    if scenarios is not None:
+        facts["scenarios"] = scenarios
     (folder / "run.json").write_text(json.dumps(facts))
     config = {
         "algorithm": algorithm,

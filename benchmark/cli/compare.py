@@ -27,7 +27,7 @@ def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv
     Of two experiments, the algorithms that both have; of two algorithms, these two. The unit is a start, over
     all training seeds a side has: the answer is about these checkpoints, not about others of the algorithm.
     """
-    from benchmark.report.comparing import compare_sides, differing_protocols, read_side
+    from benchmark.report.comparing import compare_sides, differing_protocols, read_side, scenarios_apart
     from benchmark.report.ranking import RANKED_BY
     from benchmark.results.files import write_whole
 
@@ -38,6 +38,8 @@ def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv
         typer.echo("note: these were not made under the same protocol:", err=True)
         for line in differing:
             typer.echo(f"  {line}", err=True)
+    for line in scenarios_apart(first, second):
+        typer.echo(f"note: {line}", err=True)
     if csv is not None:
         text = found.to_csv(index=False, float_format="%.6g", lineterminator="\n")
         write_whole(csv, lambda file: file.write_text(text, encoding="utf-8"))

@@ -11,7 +11,7 @@ import pandas as pd
 from benchmark.experiment.runs import REFERENCE, SCRIPTED
 from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
-from benchmark.report.protocol import described, protocol_of
+from benchmark.report.protocol import described, differing_scenarios, protocol_of
 from benchmark.report.ranking import CELL
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
@@ -122,6 +122,12 @@ def differing_protocols(first: Side, second: Side) -> list[str]:
     """Return wherein the two sides' protocols differ, a line for each protocol; none if there is one."""
     found = dict.fromkeys(protocol_of(run, side.results) for side in (first, second) for run in side.runs)
     return described([*found]) if len(found) > 1 else []
+
+
+def scenarios_apart(first: Side, second: Side) -> list[str]:
+    """Return a sentence for each scenario that the two sides did not have alike."""
+    sides = (first, second)
+    return differing_scenarios((run, f"{side.results.name}: {run}") for side in sides for run in side.runs)
 
 
 def _pairs(first: Side, second: Side) -> list[tuple[str, str]]:

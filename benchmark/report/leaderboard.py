@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,11 +13,11 @@ from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics.results import Frame
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
-from benchmark.report.protocol import described, protocol_of
+from benchmark.report.protocol import described, differing_scenarios, protocol_of
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
 from benchmark.report.values import MODES, Value, by_key, measure_cells
 from benchmark.results.files import ResultsError
-from benchmark.results.reading import Results, read_results
+from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.statistics import interquartile_mean
 
 SCRIPTED_PARADIGM, OTHER_PARADIGM = "reference policy", "other"
@@ -110,7 +110,7 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
         protocols=dict(zip(letters.values(), described([*letters]), strict=True)),
         places=tuple(places),
         summaries=tuple(summary for letter in letters.values() for summary in _summaries(places, letter)),
-        problems=tuple(_problems(experiments)),
+        problems=(*_problems(experiments), *differing_scenarios(_named(experiments))),
     )
 
 
@@ -214,6 +214,12 @@ def _summaries(places: Sequence[Place], letter: str) -> list[Summary]:
         ]
         found.append(Summary(letter, experiment, algorithm, paradigm, means[0], means[1], len(cells), most))
     return sorted(found, key=lambda each: (-each.completion, each.collision))
+
+
+def _named(experiments: dict[str, Results]) -> Iterator[tuple[RunResult, str]]:
+    for name, results in experiments.items():
+        for run in results.runs:
+            yield run, f"{name}: {run}"
 
 
 def _problems(experiments: dict[str, Results]) -> list[str]:

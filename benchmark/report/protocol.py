@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from benchmark.results.reading import Results, RunResult
@@ -27,6 +27,27 @@ def protocol_of(run: RunResult, results: Results) -> str:
     sharing = (config.get("settings") or {}).get("sharing", OWN_SHARING)
     content = {**{name: config.get(name) for name in COMPARED}, "sharing": sharing}
     return json.dumps(content, sort_keys=True)
+
+
+def differing_scenarios(runs: Iterable[tuple[RunResult, str]]) -> list[str]:
+    """Return a sentence for each scenario that was not the same in all finished runs of a cell.
+
+    Runs that have not recorded what theirs were are left out.
+
+    Args:
+        runs: Each with its name.
+    """
+    found: dict[tuple[str, str, str], dict[str, list[str]]] = {}
+    for run, called in runs:
+        for name, digest in run.scenarios.items() if run.table is not None else ():
+            found.setdefault((name, *_cell(run)), {}).setdefault(digest, []).append(called)
+    return [
+        f"The scenario {name} was not the same in all runs of {task}, {traffic}, which must not be compared: "
+        + "; ".join(f"{digest} in {', '.join(names)}" for digest, names in versions.items())
+        + "."
+        for (name, task, traffic), versions in sorted(found.items())
+        if len(versions) > 1
+    ]
 
 
 def _cell(run: RunResult) -> tuple[str, str]:

@@ -7,6 +7,7 @@ import math
 from benchmark.metrics.results import THIS_CHECKPOINT
 from benchmark.report.content import Report, TableCell
 from benchmark.report.paper import Printed, paper
+from benchmark.report.protocol import differing_scenarios
 
 MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", "scripted": "Scripted"}
 MODE_NOTES = {
@@ -98,8 +99,8 @@ def rank_text(cell: TableCell) -> str:
 
 
 def standing(report: Report) -> list[str]:
-    """Return sentences on how the results compare to the paper's."""
-    sentences = []
+    """Return sentences on how the results compare to the paper's, and which must not be compared."""
+    sentences = differing_scenarios((run, str(run)) for run in report.results.runs)
     for mode in report.modes:
         cells = [cell for row in report.main_table(mode) for cell in row.cells if cell.is_as_good is not None]
         if cells:

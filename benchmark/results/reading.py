@@ -18,7 +18,7 @@ from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS, EPISODE_KEYS
 from benchmark.results.commands import earlier_commands, last_experiment
 from benchmark.results.files import ResultsError, first_line, read_mapping
-from benchmark.results.run_folder import FINISHED, PROGRESS_COLUMNS, RunFolder
+from benchmark.results.run_folder import FINISHED, PROGRESS_COLUMNS, SCENARIOS, RunFolder
 from smarts.errors import SmartsError
 
 NOT_BEGUN, UNREADABLE = "not begun", "unreadable"
@@ -56,6 +56,12 @@ class RunResult:
     def is_reference(self) -> bool:
         """Whether the policy is scripted."""
         return self.seed == SCRIPTED_SEED
+
+    @property
+    def scenarios(self) -> Mapping[str, str]:
+        """Name -> digest of each scenario that it is of; empty where that is not recorded."""
+        found = self.facts.get(SCENARIOS)
+        return found if isinstance(found, dict) else {}
 
     def __str__(self) -> str:
         seed = "" if self.is_reference else f", seed {self.seed}"

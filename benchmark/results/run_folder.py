@@ -35,6 +35,8 @@ ENDED_BY = "ended_by"
 """In run.json: the budget that was used up first, "agent_steps" or "minutes"."""
 CONTINUED = "continued"
 """In run.json: what each continuation was made with, as the file itself says it of the beginning."""
+SCENARIOS = "scenarios"
+"""In run.json: name -> digest of each scenario that the run is of, as built; earlier versions have none."""
 FINISHED, TRAINING, TESTING = "finished", "training", "testing"
 PROGRESS_COLUMNS: tuple[str, ...] = (
     "iteration",
@@ -89,6 +91,15 @@ class RunFolder:
                 place=str(self.config),
                 remedy="give the experiment another name or --out, or remove the folder to begin anew",
             )
+
+    def changed_scenarios(self, digests: Mapping[str, str]) -> list[str]:
+        """Return the scenarios that were something else to this run; what it has not recorded is left out.
+
+        Args:
+            digests: Name -> digest of each, as they are now.
+        """
+        known = read_json(self.run).get(SCENARIOS, {}) if self.run.exists() else {}
+        return [name for name, digest in digests.items() if known.get(name, digest) != digest]
 
     def _digest(self) -> str | None:
         """Return the digest of the config that what is here was made with; None if here is nothing."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,6 +17,7 @@ from benchmark.metrics import read_table
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.driver import start_ray
+from benchmark.running.played import scenario_digests
 from benchmark.running.testing import play_test
 from benchmark.running.training import algorithm_of, restore
 from smarts.sstudio.build import build_scenario
@@ -54,9 +56,13 @@ def evaluate_again(
             place=str(out),
             remedy="give another --out",
         )
-    run = _changed(read_run(folder), scenarios, traffic, episodes, modes, keep=out is not None)
+    trained = read_run(folder)
+    run = _changed(trained, scenarios, traffic, episodes, modes, keep=out is not None)
     for scenario in run.cell.task.scenarios:
         build_scenario(scenario).with_traffic([run.cell.traffic]).episodes(run.cell.environment.agents)
+    if run.cell.traffic == trained.cell.traffic:
+        for name in folder.changed_scenarios(scenario_digests(run.cell)):
+            print(f"note: {path}: the scenario {name!r} has changed since this run", file=sys.stderr)
     kept = folder.checkpoint if checkpoint == "last" else folder.best
     if not kept.exists():
         raise ResultsError(

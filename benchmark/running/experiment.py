@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -15,12 +15,12 @@ import ray
 from benchmark.experiment.config import Experiment
 from benchmark.experiment.runs import Run, cells_of
 from benchmark.results.commands import keep_command
-from benchmark.results.files import locked, read_json
+from benchmark.results.files import ResultsError, locked, read_json
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
 from benchmark.running.driver import Driver, JobState, jobs_of, start_ray
-from benchmark.running.held_out import held_out_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
+from benchmark.running.played import held_out_of, scenario_digests
 from smarts.sstudio.build import build_scenario
 
 INTERRUPTED = 130
@@ -36,9 +36,11 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         SmartsError: A scenario is wrong, or the folder cannot be used.
     """
     check_cells(experiment)
+    scenarios = {str(cell): scenario_digests(cell) for cell in cells_of(experiment)}
     with locked(root):
         live = LiveProgress()
         driver = Driver(jobs_of(experiment), root, experiment.resources, live.show)
+        check_scenarios(driver, root, scenarios)
         keep_command(root, experiment, command())
         if driver.is_done:
             return _tell(driver.states, root)
@@ -64,6 +66,30 @@ def check_cells(experiment: Experiment) -> None:
             build_scenario(scenario).with_traffic([cell.traffic]).episodes(cell.environment.agents)
         for _ in held_out_of(cell):
             pass  # built and read, rather than after hours of training
+
+
+def check_scenarios(driver: Driver, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
+    """See that what is there and what is still to be done are of the same scenarios; if all is done, tell.
+
+    Args:
+        driver: Of the experiment.
+        root: Of its results.
+        scenarios: Cell -> name -> digest, as the scenarios are now.
+
+    Raises:
+        ResultsError: Results of two versions of a scenario would stand side by side.
+    """
+    for state in driver.states:
+        folder = RunFolder(root / state.job.folder)
+        for name in folder.changed_scenarios(scenarios[str(state.job.cell)]):
+            problem = f"the scenario {name!r} has changed since this run"
+            if not driver.is_done:
+                raise ResultsError(
+                    problem,
+                    place=str(folder.path),
+                    remedy="bring it back as it was, or give the experiment another name or --out",
+                )
+            print(f"note: {folder.path}: {problem}", file=sys.stderr)
 
 
 def tell_interruption(root: Path) -> int:

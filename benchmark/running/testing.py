@@ -19,10 +19,10 @@ from benchmark.floors.run import episodes_of
 from benchmark.metrics import join_tables, measure_episodes, write_table
 from benchmark.metrics.table import COUNTS
 from benchmark.results.files import ResultsError
-from benchmark.results.run_folder import FINISHED, TESTING, RunFolder
+from benchmark.results.run_folder import FINISHED, SCENARIOS, TESTING, RunFolder
 from benchmark.running.environments import environment
-from benchmark.running.held_out import held_out_of
 from benchmark.running.machine import machine
+from benchmark.running.played import held_out_of, scenario_digests
 
 EVALUATION_SEED = 42
 """Root seed of validation and test, the same for all runs: their episodes begin alike."""
@@ -84,7 +84,8 @@ def play_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
     if folder.is_finished(tested):
         return
     folder.open(run.content(), run.digest())
-    folder.note(status=TESTING, digest=run.digest(), run=str(run), **machine())
+    scenarios = {SCENARIOS: scenario_digests(run.cell)}
+    folder.note(status=TESTING, digest=run.digest(), run=str(run), **scenarios, **machine())
 
     def play_part(part: Part, worlds: range, record: Path) -> None:
         with closing(environment(run.cell, copies=1, scenarios=part.scenarios, record=record)) as env:

@@ -20,9 +20,10 @@ from algorithms.joint.worlds import EVALUATION_WORLDS
 from algorithms.settings import apply
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
-from benchmark.results.run_folder import ENDED_BY, FINISHED, TESTING, TRAINING, RunFolder
+from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TESTING, TRAINING, RunFolder
 from benchmark.running.environments import NAME, create, environment
 from benchmark.running.machine import machine
+from benchmark.running.played import scenario_digests
 from benchmark.running.progress import Progress
 from benchmark.running.scalars import Scalars
 from benchmark.running.testing import EVALUATION_SEED, play_test
@@ -58,8 +59,9 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
         return
     folder.open(run.content(), run.digest())
     circumstances = {"begun": _now(), **machine()}
+    scenarios = {SCENARIOS: scenario_digests(run.cell)}
     if folder.status is None:
-        folder.note(status=TRAINING, digest=run.digest(), run=str(run), **circumstances)
+        folder.note(status=TRAINING, digest=run.digest(), run=str(run), **scenarios, **circumstances)
     else:
         folder.note_continuation(circumstances)
     with algorithm_of(run) as algo:
@@ -69,7 +71,8 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
         began = time.monotonic()
         for share in play_test(run, folder, algo):
             yield Progress(TESTING, share)
-    folder.note(status=FINISHED, tested=tested, ended=_now(), test_seconds=round(time.monotonic() - began, 1))
+    took = round(time.monotonic() - began, 1)
+    folder.note(status=FINISHED, tested=tested, ended=_now(), test_seconds=took, **scenarios)
 
 
 @contextmanager

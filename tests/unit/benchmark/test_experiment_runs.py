@@ -13,7 +13,7 @@ import pytest
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import cells_of
 from benchmark.metrics import compute, read_table
-from benchmark.running.held_out import held_out_of
+from benchmark.running.played import held_out_of
 from tests.commands import begin, finish, wait_for
 from tests.scalar_files import read_scalars
 
