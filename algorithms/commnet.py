@@ -113,7 +113,7 @@ class CommNetLearner(A2CLearner):
             self.net(group.id).moments.observe(own.targets, own.alive)
 
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
-        """Take one step on the sum over groups of policy, baseline and entropy losses (section 3.3)."""
+        """Take one step on the sum over groups of policy, baseline and entropy losses."""
         nets, groups = self.nets(), [own for _, own in batch.groups()]
         total = torch.zeros((), device=batch.alive.device)
         for net, own, hidden in zip(nets, groups, CommNetModule.converse(nets, groups), strict=True):

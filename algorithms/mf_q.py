@@ -12,8 +12,6 @@ The update's m_i is of the same step as a_i. When agents act, the present one is
 of the step before, which is the m_i of the update's value too. An agent's own action, the dead, and agents
 that are not its neighbours are not in it; it is zero for an agent alone, and where a life begins.
 
-The equations were checked against retellings of the paper, whose numbering differs; hence sections and names.
-
 Deviations: agents see their own observations, not a global state; v_i takes one sample of m_i, the actual
 one, for its expectation; the temperature is constant; target networks follow by polyak averaging; agents that
 share a network are told apart by their place.

@@ -1,9 +1,10 @@
 """Networked fitted Q-iteration ("Net-Q"): agents that fit the team's value by talking to neighbours.
 
-Zhang, Yang, Liu, Zhang & Başar 2021, "Finite-Sample Analysis for Decentralized Batch Multi-Agent
-Reinforcement Learning with Networked Agents", the collaborative setting (section 3, algorithm 1). Every agent
-sees the state and the joint action, but only its own reward; the team wants the mean of all rewards. Each
-agent i keeps a Q_i(s, a) of the *joint* action. In iteration k it sets its own targets
+Zhang, Yang, Liu, Zhang & Başar 2018, "Finite-Sample Analysis for Decentralized Batch Multi-Agent
+Reinforcement Learning with Networked Agents" (arXiv:1812.02783; the version in IEEE TAC 2021 has two
+competing teams), the collaborative setting. Every agent sees the state and the joint action, but only its own
+reward; the team wants the mean of all rewards. Each agent i keeps a Q_i(s, a) of the *joint* action. In
+iteration k it sets its own targets
 
     Y_i = r_i + gamma * max_a Q_i,k(s', a)
 
@@ -11,8 +12,8 @@ and all agents together solve, over a graph that may vary with time,
 
     minimise over f   (1 / N) * sum over i and samples of (Y_i - f(s, a))^2
 
-which no agent can evaluate, by distributed optimisation with consensus: gradient tracking (the appendix'
-algorithm 2 is DIGing of Nedić, Olshevsky & Shi 2017), with the doubly stochastic Metropolis weights C:
+which no agent can evaluate, by distributed optimisation with consensus: gradient tracking (DIGing of Nedić,
+Olshevsky & Shi 2017), with the doubly stochastic Metropolis weights C:
 
     g_i <- sum_j C_ij (g_j + grad_i,l - grad_i,l-1)       what agents know of the mean gradient
     w_i <- sum_j C_ij (w_j - step along g_j)              their parameters
@@ -24,8 +25,7 @@ Deviations: adapt-then-combine order, in which both exchanges happen after the l
 then exactly the centralised fit); steps by Adam on the tracked gradient; every step on a fresh minibatch from
 replay that all agents share, instead of one fixed batch; the state is everybody's observations side by side
 with who is there, zeros for absent agents, whose only action is number 0; a group of agents that share
-a network is one node, whose weight is its size. Sections and algorithms are cited from memory; equation
-numbers could not be checked.
+a network is one node, whose weight is its size.
 """
 
 from __future__ import annotations

@@ -13,7 +13,9 @@ import importlib
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,45 +24,28 @@ ROOT = Path(__file__).resolve().parents[1]
 TESTS = ROOT / "tests" / "unit" / "algorithms"
 
 
-def games() -> dict[str, Callable[[int], float]]:
-    """Return by name what plays a game with a seed and returns its agents' mean score, of mf_ac the worst."""
+def games() -> dict[str, Callable[[int], Any]]:
+    """Return by name what plays a game with a seed and returns its agents' scores, of mf_ac the worst."""
     sys.path[:0] = [str(ROOT), str(TESTS), str(TESTS / "joint")]
     names = ("games", "pg", "maac", "mean_field", "networked_q", "commnet", "recurrence", "replay_kinds")
     games, pg, maac, field, networked, commnet, recurrence, kinds = (
         importlib.import_module(f"test_{name}") for name in names
     )
-    rules = importlib.import_module("tests.games.games")
 
-    def of_steps(name: str, game: str, steps: int, **settings) -> Callable[[int], float]:
-        return lambda seed: games.score(name, getattr(rules, game), steps, seed, **settings).mean()
-
-    explore = {"epsilon": (1.0, 1.0), "gamma": 0.99, "lr": 2e-3}
-    unfolded = {"gru": 16, "sequence_length": 16}
-    cues = {"ppo": 6_000, "a2c": 12_000, "dqn": 4_000, "centralised_v": 6_000}
     return {
-        "pg promise": lambda seed: pg.promise_score(seed, cut=False),
-        **{f"{name} cues": of_steps(name, "Cues", steps, gamma=0.5) for name, steps in cues.items()},
+        "pg promise": partial(pg.promise_score, cut=False),
+        **{f"{name} cues": partial(games.cues_score, name) for name in games.CUES},
         "mf_ac cues": field.cues_score,
-        "mf_ac cues, entropy_coeff=0.01": lambda seed: field.cues_score(seed, entropy_coeff=0.01),
-        "maddpg product": of_steps("maddpg", "Product", 4_000, gamma=0.5),
-        "maac product": lambda seed: maac.score(rules.Product, 4_000, seed).mean(),
-        "mf_q follow": lambda seed: field.follow_score(seed, "auto"),
+        "mf_ac cues, entropy_coeff=0.01": partial(field.cues_score, entropy_coeff=0.01),
+        "maddpg product": games.product_score,
+        "maac product": maac.product_score,
+        "mf_q follow": partial(field.follow_score, graph="auto"),
         "networked_q gifts": networked.gifts_score,
-        "qmix two steps": lambda seed: 4 * of_steps("qmix", "TwoStep", 3_000, **explore)(seed),
-        "vdn two steps": lambda seed: 4 * of_steps("vdn", "TwoStep", 3_000, **explore)(seed),
-        "ppo target": of_steps("ppo", "Target", 16_000, gamma=0.5),
-        "maddpg target": of_steps("maddpg", "Target", 4_000, gamma=0.5),
-        **{
-            f"{name} recall": lambda seed, name=name: recurrence.recalled(name, seed, 50, **unfolded)
-            for name in ("ppo", "centralised_v")
-        },
-        **{
-            f"{name} recall": lambda seed, name=name: kinds.recalled(
-                name, seed, 6_000, gru=16, sequence_length=8
-            )
-            for name in ("dqn", "vdn", "qmix")
-        },
-        "commnet levers": lambda seed: commnet.levers_score(seed, 500),
+        **{f"{name} two steps": partial(games.two_step_score, name) for name in ("qmix", "vdn")},
+        **{f"{name} target": partial(games.target_score, name) for name in games.TARGET},
+        **{f"{name} recall": partial(recurrence.recalled, name) for name in ("ppo", "centralised_v")},
+        **{f"{name} recall": partial(kinds.recalled, name) for name in ("dqn", "vdn", "qmix")},
+        "commnet levers": commnet.levers_score,
     }
 
 
@@ -79,7 +64,7 @@ def main() -> None:
         if not name.startswith(tuple(arguments.games)):
             continue
         start = time.process_time()
-        scores = [float(play(seed)) for seed in arguments.seeds]
+        scores = [float(np.mean(play(seed))) for seed in arguments.seeds]
         each = " ".join(f"{score:7.3f}" for score in scores)
         seconds = (time.process_time() - start) / len(scores)
         print(f"{name:32s} {each}  mean {np.mean(scores):7.3f}  {seconds:4.0f} s CPU each", flush=True)

@@ -1,11 +1,15 @@
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import algorithms
 from algorithms.errors import UnknownAlgorithmError
 from algorithms.registry import Actions
+
+PAGE, TESTS = Path("docs/algorithms.md"), Path("tests/unit/algorithms")
 
 
 def test_listing_names_imports_neither_torch_nor_ray():
@@ -33,3 +37,14 @@ def test_tags_can_be_queried():
     fitting = [name for name in algorithms.names() if algorithms.entry(name).acts_in(Actions.CONTINUOUS)]
     assert "ppo" in fitting
     assert "dqn" not in fitting
+
+
+@pytest.mark.parametrize("name", algorithms.names())
+def test_the_page_tells_all_about_each_algorithm_and_names_tests_that_exist(name):
+    (block,) = re.findall(rf"^### `{name}`\n(.*?)(?=^##)", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    told = re.findall(r"^- \*\*(\w+)\*\*: ", block, re.MULTILINE)
+    assert told == ["Paper", "Equations", "Deviations", "Matters", "Oracle", "Score", "Command"]
+    named = re.findall(r"`([\w/]+\.py)::(\w+)`", block)
+    assert named
+    for file, test in named:
+        assert f"def {test}(" in (TESTS / file).read_text()

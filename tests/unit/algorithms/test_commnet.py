@@ -168,7 +168,7 @@ def test_a_blind_agent_is_told_by_one_that_is_not_paid(seed):
     assert scores[True] > 0.75 > scores[False]
 
 
-def levers_score(seed, updates, **settings):
+def levers_score(seed, updates=500, **settings):
     """Return the share of levers that greedy agents pull after training."""
     rig = Rig("commnet", Levers(128), seed=seed, gamma=0.0, **LEVERS, **settings)
     for _ in range(updates):
@@ -180,7 +180,7 @@ def levers_score(seed, updates, **settings):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_agents_that_talk_pull_all_levers(seed):
     """1.0; without a channel 0.718 at most, without learning 0.672."""
-    assert levers_score(seed, 500) > (1 + 0.718) / 2
+    assert levers_score(seed) > (1 + 0.718) / 2
 
 
 @pytest.mark.slow

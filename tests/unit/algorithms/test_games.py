@@ -29,6 +29,9 @@ RECIPES = {
     "qmix": {"lr": 1e-3, **OFF},
     "maddpg": {"lr": 3e-3, "learning_starts": 200, "updates_per_step": 0.5, "batch_size": 128},
 }
+CUES = {"a2c": 12_000, "ppo": 6_000, "dqn": 4_000, "centralised_v": 6_000}
+TARGET = {"ppo": 16_000, "maddpg": 4_000}
+"""Environment steps by algorithm."""
 
 
 def score(name, game, steps, seed, **settings):
@@ -45,31 +48,49 @@ def score(name, game, steps, seed, **settings):
     return np.sum([e.returns for e in episodes], 0) / sum(e.length for e in episodes)
 
 
+def cues_score(name, seed):
+    """Return what each agent earns a step, (N,)."""
+    return score(name, Cues, CUES[name], seed, gamma=0.5)
+
+
+def target_score(name, seed):
+    """Return minus each agent's mean square distance to its cue, (N,)."""
+    return score(name, Target, TARGET[name], seed, gamma=0.5)
+
+
+def product_score(seed):
+    """Return how often both of MADDPG's agents hit, (N,)."""
+    return score("maddpg", Product, 4_000, seed, gamma=0.5)
+
+
+def two_step_score(name, seed):
+    """Return the team's return in an episode of QMIX's game."""
+    explore = {"epsilon": (1.0, 1.0), "gamma": 0.99, "lr": 2e-3}
+    return 4 * score(name, TwoStep, 3_000, seed, **explore).mean()  # half of it per agent, over two steps
+
+
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize(
-    ("name", "steps"), [("a2c", 12_000), ("ppo", 6_000), ("dqn", 4_000), ("centralised_v", 6_000)]
-)
-def test_cues_are_hit_for_the_own_reward(name, steps, seed):
+@pytest.mark.parametrize("name", CUES)
+def test_cues_are_hit_for_the_own_reward(name, seed):
     """Hits 1.0 give -1 a step; a team-sum or swapped reward makes hits 0, and 0 a step."""
-    assert (score(name, Cues, steps, seed, gamma=0.5) < -0.5).all()
+    assert (cues_score(name, seed) < -0.5).all()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_maddpg_solves_the_product_of_hits(seed):
     """1.0; misaligned agents 0.33, wrong action slot 0.22, no straight-through gradient 0.11."""
-    assert (score("maddpg", Product, 4_000, seed, gamma=0.5) > (1 + 0.33) / 2).all()
+    assert (product_score(seed) > (1 + 0.33) / 2).all()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize(("name", "steps"), [("ppo", 16_000), ("maddpg", 4_000)])
-def test_continuous_actions_follow_their_cue(name, steps, seed):
+@pytest.mark.parametrize("name", TARGET)
+def test_continuous_actions_follow_their_cue(name, seed):
     """0 at best; -1/3 for always playing the middle."""
-    assert (score(name, Target, steps, seed, gamma=0.5) > -1 / 6).all()
+    assert (target_score(name, seed) > -1 / 6).all()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_qmix_represents_the_two_step_game_and_vdn_does_not(seed):
-    """QMIX 8, VDN 7: half of it per agent, over two steps."""
-    explore = {"epsilon": (1.0, 1.0), "gamma": 0.99, "lr": 2e-3}
-    assert 4 * score("qmix", TwoStep, 3_000, seed, **explore).mean() == pytest.approx(8, abs=0.1)
-    assert 4 * score("vdn", TwoStep, 3_000, seed, **explore).mean() == pytest.approx(7, abs=0.1)
+    """QMIX 8, VDN 7."""
+    assert two_step_score("qmix", seed) == pytest.approx(8, abs=0.1)
+    assert two_step_score("vdn", seed) == pytest.approx(7, abs=0.1)

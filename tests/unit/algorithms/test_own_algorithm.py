@@ -1,4 +1,4 @@
-"""The algorithm of `examples/own_algorithm.py`, which docs/algorithms.md shows, is what it says."""
+"""The algorithm of `examples/own_algorithm.py`, which docs/algorithms_inside.md shows, is what it says."""
 
 import importlib
 from pathlib import Path
@@ -22,7 +22,7 @@ def example(monkeypatch):
 
 
 def test_the_page_shows_the_example():
-    assert f"```python\n{EXAMPLE.read_text()}```" in Path("docs/algorithms.md").read_text()
+    assert f"```python\n{EXAMPLE.read_text()}```" in Path("docs/algorithms_inside.md").read_text()
 
 
 def test_it_values_what_comes_after_a_time_limit(example):

@@ -130,11 +130,11 @@ def test_priorities_of_sequences_and_of_teams_are_refused():
             algorithms.config(name).training(prioritised=True, **settings).validate()
 
 
-def recalled(name, seed, steps, **settings):
+def recalled(name, seed, steps=6_000, gru=16):
     """Return the share of cues that greedy agents remember after training."""
     explore = {"epsilon": (1.0, 0.1), "epsilon_steps": 2000, "learning_starts": 200, "updates_per_step": 0.1}
     common = {"lr": 3e-3, "gamma": 0.9, "batch_size": 256, "tau": 0.02, "sharing": "all", **explore}
-    rig = Rig(name, Recall, seed=seed, **common, **settings)
+    rig = Rig(name, Recall, seed=seed, gru=gru, sequence_length=8, **common)
     done = 0
     while done < steps:
         rollout = rig.rollout(16, **rig.config.exploration(done)._asdict())
@@ -150,11 +150,11 @@ def recalled(name, seed, steps, **settings):
 @pytest.mark.parametrize("name", ["dqn", "vdn", "qmix"])
 def test_a_cue_is_remembered_by_values(name, seed):
     """1.0; 0.5 without memory."""
-    assert recalled(name, seed, 6_000, gru=16, sequence_length=8) > 0.75
+    assert recalled(name, seed) > 0.75
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_values_without_memory_forget_the_cue(seed):
     """The ablation that must fail: 0.5, plus three standard errors of 100 answers."""
-    assert recalled("dqn", seed, 2_000) < 0.5 + 3 * 0.5 / 100**0.5
+    assert recalled("dqn", seed, 2_000, gru=0) < 0.5 + 3 * 0.5 / 100**0.5
