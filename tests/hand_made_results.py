@@ -98,7 +98,7 @@ def write_run(
         task: Its name.
         traffic: Its name.
         seed: Of training.
-        progress: Lines of progress.csv.
+        progress: Lines of progress.csv, by default of a finished run its last one.
         environment: For config.yaml.
         budget: For config.yaml.
         settings: For config.yaml.
@@ -125,6 +125,8 @@ def write_run(
     if seed < 0:
         config = {"policy": algorithm}
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    if tables is not None and seed > 0 and not progress:
+        progress = [[1, budget["agent_steps"], 10.0, 100, *[""] * 6]]
     if progress:
         lines = [PROGRESS_COLUMNS, *progress]
         text = "".join(",".join(map(str, line)) + "\n" for line in lines)

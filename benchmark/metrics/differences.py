@@ -13,7 +13,7 @@ import pandas as pd
 from benchmark.metrics.measure import Measure
 from benchmark.metrics.registry import METRICS
 from benchmark.metrics.results import Floats, Frame
-from benchmark.metrics.table import EPISODE_KEYS, START
+from benchmark.metrics.table import EPISODE_KEYS, START, sums_of
 from benchmark.statistics import holm, paired_difference
 
 SIGNIFICANCE = 0.05
@@ -88,9 +88,8 @@ def _with_starts(table: Frame, column: str) -> Frame:
 def _values_by_start(part: Frame, measure: Measure, column: str) -> dict[Any, Frame]:
     """Return a metric's values by algorithm; the index is episode and starts, values are of all seeds."""
     keys = [column, *EPISODE_KEYS, _STARTS]
-    names = [*dict.fromkeys(["agents", *measure.columns, *measure.count])]
-    sums: Frame = part.groupby(keys, sort=True)[names].sum()
-    value = measure.value({name: sums[name].to_numpy(float) for name in sums})
+    sums: Frame = sums_of(part, measure.needs, [part[key] for key in keys])
+    value = measure.of_whole({name: sums[name].to_numpy(float) for name in sums})
     values: Frame = pd.Series(value, index=sums.index)
     return {name: values.xs(name, level=column) for name in values.index.unique(column)}
 

@@ -61,7 +61,17 @@ class Measure:
 
     def known(self, totals: Totals) -> Floats:
         """Return the metric, NaN also where there was less than `least` to measure."""
-        return np.where(self.denominator(totals) >= self.least, self.value(totals), np.nan)
+        return np.where(self.denominator(totals) >= self.least, self.of_whole(totals), np.nan)
+
+    def of_whole(self, totals: Totals) -> Floats:
+        """Return the metric, NaN where a column's sum is NaN: also of an index that does without a term."""
+        sums = [totals[name] for name in self.needs]
+        return np.where(np.isfinite(sums).all(axis=0), self.value(totals), np.nan)
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Columns without which there is no value."""
+        return tuple(dict.fromkeys(("agents", *self.columns, *self.count)))
 
     def denominator(self, totals: Totals) -> Floats:
         """Return how much there was to measure."""

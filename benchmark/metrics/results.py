@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmark.metrics.measure import Measure
 from benchmark.metrics.registry import METRICS
-from benchmark.metrics.table import EPISODE_KEYS, START
+from benchmark.metrics.table import EPISODE_KEYS, START, sums_of
 from benchmark.statistics import (
     arcsine_interval,
     checkpoint_interval,
@@ -99,9 +99,7 @@ def compute(table: pd.DataFrame, by: Sequence[str] = (), metrics: Sequence[str] 
     rows: list[dict[str, Any]] = []
     groups = kept.groupby([*by], sort=True, dropna=False) if by else [((), kept)]
     for key, part in groups:
-        group = _group_of(
-            part, sorted({name for measure in wanted for name in (*measure.columns, *measure.count)})
-        )
+        group = _group_of(part, sorted({name for measure in wanted for name in measure.needs}))
         names = dict(zip(by, key, strict=True))
         rows += [{**names, **_row(measure, group)} for measure in wanted] if len(part) else []
     columns = [*by, "metric", "value", "low", "high", "n", "count", "counted"]
@@ -113,7 +111,7 @@ def _group_of(part: Frame, columns: Sequence[str]) -> _Group:
     seed = part[SEED] if SEED in part else pd.Series(0, index=part.index)
     episode = [seed.rename("_seed"), *(part[name] for name in ("split", *EPISODE_KEYS))]
     names = [*dict.fromkeys(["agents", *columns])]
-    sums: Frame = part[names].groupby(episode, dropna=False, sort=True).sum()
+    sums: Frame = sums_of(part, names, episode)
     starts = pd.Series(map(tuple, part[[*START]].round(6).to_numpy()), index=part.index)
     start: Frame = starts.groupby(episode, dropna=False, sort=True).agg(tuple)
     place = ["_seed", "split", "scenario", "variation", "traffic"]
@@ -132,7 +130,11 @@ def _row(measure: Measure, group: _Group) -> dict[str, Any]:
     count = float(measure.denominator(totals))
     terms = {name: float(term) for name, term in (measure.terms(totals) if measure.terms else {}).items()}
     (low, high), label, note = _NO_BOUNDS, "", ""
-    if not np.isfinite(value):
+    unknown = [name for name in measure.needs if not np.isfinite(totals[name])]
+    if unknown:
+        count = float("nan")
+        note = f"n/a: a table of these results has no column '{unknown[0]}'"
+    elif not np.isfinite(value):
         note = f"n/a: {measure.missing}"
     else:
         missing = [name for name, term in terms.items() if not np.isfinite(term)]

@@ -169,8 +169,38 @@ def read_table(path: Path) -> pd.DataFrame:
             remedy="measure the episodes anew",
         )
     table = arrow.to_pandas()
-    table.attrs[COUNTS] = json.loads(metadata.get(_COUNTS, b"{}"))
+    table.attrs[COUNTS] = _counts_of(metadata.get(_COUNTS, b""), path)
     return table
+
+
+def _counts_of(text: bytes, path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(text)
+        numbers = {name: int(found[name]) for name in ("measured", "void", "incomplete")}
+        return {**numbers, "corrupted": dict(found["corrupted"])}
+    except (ValueError, KeyError, TypeError) as error:
+        raise RecordError(
+            "does not say how many episodes were measured",
+            place=str(path),
+            remedy="measure the episodes anew",
+        ) from error
+
+
+def sums_of(rows: Any, columns: Sequence[str], by: Sequence[pd.Series]) -> Any:
+    """Return the sums of columns over groups of agent-episodes.
+
+    Args:
+        rows: Of a table of results.
+        columns: Names.
+        by: The groups' keys.
+
+    Returns:
+        A row for each group. NaN, not 0, where an agent that took part has no number: a table of another
+        version may lack a column.
+    """
+    values = rows.reindex(columns=[*columns]).where(rows["agents"] > 0, 0.0)
+    grouped = values.groupby([*by], dropna=False, sort=True)
+    return grouped.sum().where(grouped.count().eq(grouped.size(), axis=0))
 
 
 def join_tables(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:

@@ -54,7 +54,7 @@ def run_lines(results: Results) -> list[RunLine]:
 
 def _line(run: RunResult) -> RunLine:
     steps, training, speed = "", "", ""
-    if run.progress is not None and len(run.progress):
+    if run.progress is not None and run.is_progress_whole:
         last = run.progress.iloc[-1]
         count, seconds = float(last["agent_steps"]), float(last["seconds"])
         steps, training = f"{count:,.0f}", duration(seconds)
@@ -65,7 +65,7 @@ def _line(run: RunResult) -> RunLine:
         steps,
         training,
         speed,
-        duration(float(test)) if isinstance(test, int | float) else "",
+        "" if test is None else duration(float(test)),
         str(run.facts.get("begun", "")),
         str(run.facts.get("ended", "")),
     )

@@ -41,7 +41,7 @@ class Value:
     n: int
     """Agent-episodes."""
     count: float
-    """How much there was to measure: the denominator."""
+    """How much there was to measure: the denominator; NaN if a table lacks a column."""
     counted: str
     """What that is."""
     episodes: int
@@ -65,7 +65,8 @@ class Value:
     @property
     def count_text(self) -> str:
         """What it was measured on, empty if that is all agent-episodes."""
-        return "" if self.counted == "agent-episodes" else f"{self.count:,.0f} {self.counted}"
+        known = self.counted != "agent-episodes" and math.isfinite(self.count)
+        return f"{self.count:,.0f} {self.counted}" if known else ""
 
     @property
     def digits(self) -> int:

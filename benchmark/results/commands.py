@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from benchmark.experiment.config import Experiment
-from benchmark.results.files import ResultsError, first_line, read_json, read_mapping, write_json
+from benchmark.results.files import LOST, ResultsError, first_line, read_mapping, write_json
 from smarts.errors import SmartsError
 
 EXPERIMENT = "experiment.json"
@@ -24,9 +24,11 @@ def keep_command(root: Path, experiment: Experiment, line: str) -> None:
     """Write what is asked for, beside what was asked for before: a folder may be filled by parts."""
     file, kept = root / EXPERIMENT, root / COMMAND
     content = experiment.model_dump(mode="json", exclude_unset=True)
-    before = read_json(kept) if kept.exists() else {PARTS: []}
+    before = read_mapping(kept) if kept.exists() else {PARTS: []}
     if PARTS not in before:  # of an earlier version
-        before = {PARTS: [{**before, "experiment": read_json(file)}] if file.exists() else []}
+        before = {PARTS: [{**before, "experiment": read_mapping(file)}] if file.exists() else []}
+    if not isinstance(before[PARTS], list):
+        raise ResultsError(f"damaged: its {PARTS} are no list", place=str(kept), remedy=LOST)
     part = {"command": line, "experiment": content}
     parts = [*(each for each in before[PARTS] if each != part), part]
     write_json(file, content)

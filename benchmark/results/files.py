@@ -15,6 +15,8 @@ from typing import Any
 from smarts.errors import SmartsError
 
 PARTIAL = ".partial"
+LOST = "remove it, and what was lost is made again"
+"""What to do about a damaged file."""
 
 
 class ResultsError(SmartsError):
@@ -46,7 +48,7 @@ def write_json(file: Path, content: Any) -> None:
     write_whole(file, lambda partial: partial.write_text(text, encoding="utf-8"))
 
 
-def read_json(file: Path, remedy: str = "remove it, and what was lost is made again") -> Any:
+def read_json(file: Path, remedy: str = LOST) -> Any:
     """Return the content of a JSON file.
 
     Args:
@@ -70,7 +72,7 @@ def read_mapping(file: Path) -> dict[str, Any]:
     """
     content = read_json(file)
     if not isinstance(content, dict):
-        raise ResultsError("holds no keys and values", place=str(file))
+        raise ResultsError("holds no keys and values", place=str(file), remedy=LOST)
     return content
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,23 +11,21 @@ from typing import Any
 import pandas as pd
 
 from benchmark.experiment.config import Experiment
-from benchmark.experiment.runs import REFERENCE, SCRIPTED_SEED, references_of, runs_of
-from benchmark.metrics import join_tables, read_table
+from benchmark.experiment.runs import SCRIPTED_SEED, references_of, runs_of
+from benchmark.metrics import join_tables
 from benchmark.metrics.results import Frame
-from benchmark.metrics.table import COUNTS, EPISODE_KEYS
+from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import earlier_commands, last_experiment
-from benchmark.results.files import ResultsError, first_line, read_mapping
-from benchmark.results.run_folder import FINISHED, PROGRESS_COLUMNS, SCENARIOS, RunFolder
+from benchmark.results.files import ResultsError, read_mapping
+from benchmark.results.known import known_facts, known_progress
+from benchmark.results.run_folder import FINISHED, SCENARIOS, RunFolder
+from benchmark.results.run_tables import LABELS, Names, names_of, read_run_table
 from smarts.errors import SmartsError
 
 NOT_BEGUN, UNREADABLE = "not begun", "unreadable"
 """States of runs beside those in run.json."""
-LABELS = {
-    *("algorithm", "training_seed", "task", "task_traffic", "mode", "split", "is_void", "agents"),
-    *EPISODE_KEYS,
-    *("start_x", "start_y", "start_heading", "start_speed"),
-}
-"""Columns without which a table is of something else."""
+TESTED_ANEW = "the command that made it tests the run anew if its checkpoint is there"
+"""What to do about a damaged table."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +46,8 @@ class RunResult:
     """Of run.json."""
     config: Mapping[str, Any] = field(default_factory=dict)
     progress: Frame | None = None
+    is_progress_whole: bool = True
+    """Whether its last line is where the training ended, or is so far."""
     table: Frame | None = None
     """Agent-episodes of the test; None unless it is finished."""
 
@@ -155,98 +154,50 @@ def _found(root: Path, problems: dict[str, str]) -> Iterator[RunResult]:
     """Yield the runs whose folders are there."""
     for path in sorted(root.glob("*/*/*/*")):
         place = path.relative_to(root)
-        kind, second, third, last = place.parts
-        if kind.startswith(".") or not path.is_dir():
-            continue
-        if kind == REFERENCE:
-            names = second, third, last, SCRIPTED_SEED
-        elif last.startswith("seed_") and last[5:].isdecimal():
-            names = kind, second, third, int(last[5:])
-        else:
+        names = names_of(place)
+        if names is None or place.parts[0].startswith(".") or not path.is_dir():
             continue
         run = _read_run(path, place.as_posix(), names, problems)
         if run is not None:
             yield run
 
 
-def _read_run(
-    path: Path, place: str, names: tuple[str, str, str, int], problems: dict[str, str]
-) -> RunResult | None:
+def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) -> RunResult | None:
     folder = RunFolder(path)
     if not folder.run.exists():
         problems[place] = "not a run: it has no run.json"
         return None
     try:
-        facts = read_mapping(folder.run)
-        config = folder.read_config()
-        progress = _read_progress(folder)
+        found = read_mapping(folder.run)
+        config = _read_config(folder)
+        lines = folder.read_progress()
     except ResultsError as error:
-        problems[place] = str(Path(error.place).name) + f": {error.problem}"
+        problems[place] = f"{Path(error.place).name}: {error.problem}"
         return RunResult(*names, place, UNREADABLE)
+    facts, bad = known_facts(found)
     status = str(facts.get("status", UNREADABLE))
-    run = RunResult(*names, place, status, facts, config, progress)
+    ending = {} if names[-1] == SCRIPTED_SEED or status != FINISHED else {**facts, **config}
+    progress, said = known_progress(lines, ending)
+    problems |= {
+        f"{place}/{file.name}": text for file, text in ((folder.run, bad), (folder.progress, said)) if text
+    }
+    run = RunResult(*names, place, status, facts, config, progress, not said)
     if status != FINISHED:
         return run
     try:
-        table = _checked(read_table(folder.table), names)
-        _check_extent(table, facts.get("tested"))
+        table = read_run_table(folder.table, names, facts.get("tested"))
     except SmartsError as error:
-        problems[f"{place}/{folder.table.name}"] = error.problem
-        return RunResult(*names, place, UNREADABLE, facts, config, progress)
-    return RunResult(*names, place, status, facts, config, progress, table)
+        problems[f"{place}/{folder.table.name}"] = f"{error.problem}; {TESTED_ANEW}"
+        return replace(run, status=UNREADABLE)
+    return replace(run, table=table)
 
 
-def _read_progress(folder: RunFolder) -> Frame | None:
-    try:
-        lines = folder.read_progress()
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ResultsError(f"cannot be read: {first_line(error)}", place=str(folder.progress)) from error
-    if not lines:
-        return None
-    frame = pd.DataFrame(lines)
-    if set(PROGRESS_COLUMNS) - set(frame.columns):
-        raise ResultsError("not a table of progress", place=str(folder.progress))
-    return frame[list(PROGRESS_COLUMNS)].apply(pd.to_numeric, errors="coerce")
-
-
-def _checked(table: Frame, names: tuple[str, str, str, int]) -> Frame:
-    """Return a table if it is of the run in whose folder it lies.
-
-    Raises:
-        ResultsError: It is not.
-    """
-    absent = sorted(LABELS - set(table.columns))
-    if absent:
-        raise ResultsError(f"not a run's table: it has no column '{absent[0]}'")
-    algorithm, task, traffic, seed = names
-    wanted = {"algorithm": algorithm, "task": task, "task_traffic": traffic, "training_seed": seed}
-    for column, value in wanted.items():
-        others = [each for each in table[column].unique().tolist() if each != value]
-        if others:
-            raise ResultsError(f"of another run: its {column} is {others[0]!r}, not {value!r}")
-    return table
-
-
-def _check_extent(table: Frame, tested: Any) -> None:
-    """See that a table is of the test that its run says was made; of what is not said nothing is known.
-
-    Raises:
-        ResultsError: It holds other ways of acting, or not that many episodes.
-    """
-    if not isinstance(tested, dict) or not isinstance(wanted := tested.get("episodes"), int):
-        return
-    counts = table.attrs[COUNTS]
-    lost = counts["incomplete"] + len(counts["corrupted"])
-    plain = table[table["split"] == "train"]
-    learned = (table["training_seed"] != SCRIPTED_SEED).any()
-    for mode in sorted({*plain["mode"], *(tested.get("modes", []) if learned else [])}):
-        rows = plain[plain["mode"] == mode]
-        found = rows["world"].nunique()
-        void = rows.loc[rows["is_void"], "world"].nunique()
-        if not found - void <= wanted <= found + lost:
-            raise ResultsError(
-                f"of another test: it holds {found} {mode} episodes, the run was tested on {wanted}"
-            )
+def _read_config(folder: RunFolder) -> dict[str, Any]:
+    config = folder.read_config()
+    for name in ("environment", "budget", "settings"):
+        if not isinstance(config.get(name, {}), dict):
+            raise ResultsError(f"not a run's: its {name} is {config[name]!r}", place=str(folder.config))
+    return config
 
 
 def _no_rows() -> Frame:

@@ -13,6 +13,7 @@ episodes/        the recorded test episodes, if they are kept
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,11 +26,13 @@ from benchmark.results.files import (
     first_line,
     named_failures,
     read_json,
+    read_mapping,
     recover_folder,
     replace_folder,
     write_json,
     write_whole,
 )
+from smarts.errors import SmartsError
 
 ENDED_BY = "ended_by"
 """In run.json: the budget that was used up first, "agent_steps" or "minutes"."""
@@ -52,6 +55,10 @@ PROGRESS_COLUMNS: tuple[str, ...] = (
 )
 """Of progress.csv: means over the last episodes of training, and of the validation if there was one."""
 
+PROGRESS_COUNTS = PROGRESS_COLUMNS[:3]
+"""Those that are never empty: only finite numbers."""
+_NEW_PROGRESS = "remove it: the run goes on from its checkpoint, and its curve begins there"
+
 
 class RunFolder:
     """The results of one run on disk."""
@@ -70,13 +77,37 @@ class RunFolder:
     @property
     def status(self) -> str | None:
         """How far the run is; None if it has not begun."""
-        return read_json(self.run).get("status") if self.run.exists() else None
+        return read_mapping(self.run).get("status") if self.run.exists() else None
 
     def is_finished(self, tested: Mapping[str, Any]) -> bool:
-        """Whether there is nothing left to do: it is trained, and tested in this way."""
-        if self.status != FINISHED or not self.table.exists():
+        """Whether there is nothing left to do: it is trained, tested in this way, and the test's table whole.
+
+        Raises:
+            ResultsError: The table is lost or damaged, and so is the checkpoint that could be tested again.
+        """
+        if self.status != FINISHED or read_mapping(self.run).get("tested") != dict(tested):
             return False
-        return read_json(self.run).get("tested") == dict(tested)
+        problem = self._table_problem(tested)
+        if problem and self.progress.exists() and not self.checkpoint.exists():
+            raise ResultsError(
+                f"{problem}; there is no checkpoint either that could be tested again",
+                place=str(self.table),
+                remedy=f"put it back, or remove the folder {self.path} to train anew",
+            )
+        return not problem
+
+    def _table_problem(self, tested: Mapping[str, Any]) -> str:
+        """Return why the test's table cannot be used, empty if it can."""
+        # Here, so that a run that is not finished loads no metrics into the driver's process.
+        from benchmark.results.run_tables import names_of, read_run_table
+
+        if not self.table.exists():
+            return "the test's table is missing"
+        try:
+            read_run_table(self.table, names_of(self.path.absolute()), tested)
+        except SmartsError as error:
+            return error.problem
+        return ""
 
     def check(self, digest: str) -> None:
         """See that here is nothing, or a part of this run.
@@ -98,13 +129,13 @@ class RunFolder:
         Args:
             digests: Name -> digest of each, as they are now.
         """
-        known = read_json(self.run).get(SCENARIOS, {}) if self.run.exists() else {}
+        known = read_mapping(self.run).get(SCENARIOS, {}) if self.run.exists() else {}
         return [name for name, digest in digests.items() if known.get(name, digest) != digest]
 
     def _digest(self) -> str | None:
         """Return the digest of the config that what is here was made with; None if here is nothing."""
         if self.run.exists():
-            return read_json(self.run).get("digest")
+            return read_mapping(self.run).get("digest")
         if not (self.checkpoint.exists() and self.config.exists()):
             return None
         # Somebody has removed a damaged run.json.
@@ -138,12 +169,13 @@ class RunFolder:
 
     def note(self, **changes: Any) -> None:
         """Write into run.json."""
-        before = read_json(self.run) if self.run.exists() else {}
+        before = read_mapping(self.run) if self.run.exists() else {}
         write_json(self.run, {**before, **changes})
 
     def note_continuation(self, circumstances: Mapping[str, Any]) -> None:
         """Write into run.json with what the run goes on after an interruption, or is tested anew."""
-        self.note(**{CONTINUED: [*read_json(self.run).get(CONTINUED, []), dict(circumstances)]})
+        before = read_mapping(self.run).get(CONTINUED, [])
+        self.note(**{CONTINUED: [*(before if isinstance(before, list) else []), dict(circumstances)]})
 
     def save(self, folder: Path, algo: Any, state: Mapping[str, Any]) -> None:
         """Put a checkpoint into one of the two folders, with how far training is."""
@@ -168,7 +200,7 @@ class RunFolder:
 
     def begin_progress(self, iteration: int) -> None:
         """Keep the lines of progress.csv up to an iteration, since those after it will be made again."""
-        lines = [line for line in self.read_progress() if int(line["iteration"]) <= iteration]
+        lines = [line for line in self.read_progress() if _iteration(line, self.progress) <= iteration]
         write_whole(self.progress, lambda file: _write_lines(file, lines))
 
     def add_progress(self, line: Mapping[str, Any]) -> None:
@@ -177,11 +209,46 @@ class RunFolder:
             csv.DictWriter(file, PROGRESS_COLUMNS).writerow(line)
 
     def read_progress(self) -> list[dict[str, str]]:
-        """Return the lines of progress.csv; one that a kill cut short is left out."""
+        """Return the lines of progress.csv; one that a kill cut short is left out.
+
+        Raises:
+            ResultsError: It cannot be read, or is no table of progress.
+        """
         if not self.progress.exists():
             return []
-        with self.progress.open(newline="", encoding="utf-8") as file:
-            return [line for line in csv.DictReader(file) if None not in line and None not in line.values()]
+        try:
+            with self.progress.open(newline="", encoding="utf-8") as file:
+                reader = csv.DictReader(file)
+                lines = [line for line in reader if None not in line and None not in line.values()]
+                titles = set(reader.fieldnames or ())
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
+            raise ResultsError(
+                f"cannot be read: {first_line(error)}", place=str(self.progress), remedy=_NEW_PROGRESS
+            ) from error
+        if set(PROGRESS_COLUMNS) - titles:
+            raise ResultsError("not a table of progress", place=str(self.progress), remedy=_NEW_PROGRESS)
+        return lines
+
+
+def progress_problem(line: Mapping[str, str]) -> str:
+    """Return what is wrong with the numbers of a line of progress.csv, empty if nothing is."""
+    for name in PROGRESS_COLUMNS:
+        value = line[name]
+        try:
+            is_known = math.isfinite(float(value or "nan"))
+        except ValueError:
+            return f"{name} is {value!r}"
+        if name in PROGRESS_COUNTS and not is_known:
+            return f"{name} is {value!r}"
+    return ""
+
+
+def _iteration(line: Mapping[str, str], place: Path) -> int:
+    """Return the iteration of a line of progress.csv, all of whose numbers are looked at."""
+    problem = progress_problem(line)
+    if problem:
+        raise ResultsError(f"damaged: {problem}", place=str(place), remedy=_NEW_PROGRESS)
+    return int(float(line["iteration"]))
 
 
 def _write_lines(file: Path, lines: Sequence[Mapping[str, Any]]) -> None:

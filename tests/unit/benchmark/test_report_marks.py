@@ -163,4 +163,5 @@ def test_a_run_without_its_table_is_not_finished(tmp_path):
     assert folder.is_finished(tested)
     assert not folder.is_finished({"episodes": 3})
     folder.table.unlink()
+    folder.checkpoint.mkdir()
     assert not folder.is_finished(tested)

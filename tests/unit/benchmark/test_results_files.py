@@ -209,7 +209,8 @@ def test_lines_after_the_checkpoint_are_made_again(tmp_path):
     folder = RunFolder(tmp_path)
     folder.begin_progress(0)
     for iteration in range(1, 6):
-        folder.add_progress({**dict.fromkeys(PROGRESS_COLUMNS, ""), "iteration": iteration})
+        counts = {"iteration": iteration, "agent_steps": 10 * iteration, "seconds": float(iteration)}
+        folder.add_progress({**dict.fromkeys(PROGRESS_COLUMNS, ""), **counts})
     with folder.progress.open("a") as file:
         file.write("6,12")  # cut short by a kill
     folder.begin_progress(3)

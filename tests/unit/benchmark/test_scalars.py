@@ -10,6 +10,7 @@ def line(iteration, **columns):
         **dict.fromkeys(PROGRESS_COLUMNS, ""),
         "iteration": iteration,
         "agent_steps": 100 * iteration,
+        "seconds": 2.0 * iteration,
         **columns,
     }
 

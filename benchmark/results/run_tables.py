@@ -1,0 +1,124 @@
+"""A run's table, read whole and of this run, or refused by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pandas.api.types import is_bool_dtype, is_numeric_dtype
+
+from benchmark.experiment.runs import REFERENCE, SCRIPTED_SEED
+from benchmark.metrics import METRICS, read_table
+from benchmark.metrics.results import Frame
+from benchmark.metrics.table import COUNTS, EPISODE_KEYS, START
+from benchmark.results.files import ResultsError
+
+LABELS = {
+    *("algorithm", "training_seed", "task", "task_traffic", "mode", "split", "agent", "is_void", "agents"),
+    *EPISODE_KEYS,
+    *START,
+}
+"""Columns without which a table is of something else."""
+RATES = ("completion_rate", "collision_rate")
+"""Metrics that every table has. Columns of others may be absent, as a whole, since a table is older than a
+metric that is added later: it is n/a then."""
+
+Names = tuple[str, str, str, int]
+"""Of a run: algorithm or policy, task, traffic, training seed."""
+
+
+def names_of(folder: Path) -> Names | None:
+    """Return the names of the run that a folder is of, by the end of its path; None if it is not a run's."""
+    kind, second, third, last = folder.parts[-4:] if len(folder.parts) >= 4 else [""] * 4
+    if kind == REFERENCE:
+        return second, third, last, SCRIPTED_SEED
+    if last.startswith("seed_") and last[5:].isdecimal():
+        return kind, second, third, int(last[5:])
+    return None
+
+
+def read_run_table(file: Path, names: Names | None, tested: Mapping[str, Any] | None) -> Frame:
+    """Return the table of a run's test.
+
+    Args:
+        file: Where.
+        names: Of the run; None: any.
+        tested: As in run.json; None: of which test it is, is not known.
+
+    Raises:
+        RecordError: It cannot be read.
+        ResultsError: It is of another run, test or version, or its numbers cannot be.
+    """
+    table = read_table(file)
+    _check_columns(table)
+    _check_rows(table)
+    if names is not None:
+        _check_names(table, names)
+    if tested is not None:
+        _check_extent(table, tested)
+    return table
+
+
+def _check_columns(table: Frame) -> None:
+    absent = sorted(LABELS - set(table.columns))
+    if absent:
+        raise ResultsError(f"not a run's table: it has no column '{absent[0]}'")
+    rates = {name for rate in RATES for name in METRICS[rate].columns}
+    absent = sorted(rates - set(table.columns))
+    if absent:
+        raise ResultsError(f"of another version: it has no column '{absent[0]}'")
+    if not is_bool_dtype(table["is_void"]):
+        raise ResultsError("damaged: its column 'is_void' is not of truth values")
+    for name in [*START, *_measured(table)]:
+        if not is_numeric_dtype(table[name]):
+            raise ResultsError(f"damaged: its column '{name}' is not of numbers")
+
+
+def _measured(table: Frame) -> list[str]:
+    """Return the columns of metrics that a table has."""
+    needed = dict.fromkeys(name for metric in METRICS for name in METRICS[metric].needs)
+    return [name for name in needed if name in table.columns]
+
+
+def _check_rows(table: Frame) -> None:
+    if not len(table):
+        raise ResultsError("it holds no episodes")
+    keys = ["mode", "split", *EPISODE_KEYS, "agent"]
+    repeated = int(table.duplicated(keys).sum())
+    if repeated:
+        raise ResultsError(f"damaged: {repeated} of its {len(table)} agent-episodes are there already")
+    if not table["agents"].isin([0.0, 1.0]).all():
+        raise ResultsError("damaged: its column 'agents' is not of 0 and 1")
+    took_part = table[~table["is_void"] & (table["agents"] > 0)]
+    for name in _measured(table):
+        bad = int((~np.isfinite(took_part[name].to_numpy(float))).sum())
+        if bad:
+            raise ResultsError(f"damaged: '{name}' is not a number in {bad} of its {len(table)} rows")
+
+
+def _check_names(table: Frame, names: Names) -> None:
+    wanted = dict(zip(("algorithm", "task", "task_traffic", "training_seed"), names, strict=True))
+    for column, value in wanted.items():
+        others = [each for each in table[column].unique().tolist() if each != value]
+        if others:
+            raise ResultsError(f"of another run: its {column} is {others[0]!r}, not {value!r}")
+
+
+def _check_extent(table: Frame, tested: Mapping[str, Any]) -> None:
+    """See that a table is of the test that was made: its ways of acting, and that many episodes."""
+    wanted: int = tested["episodes"]
+    modes: Sequence[str] = tested.get("modes", [])
+    counts = table.attrs[COUNTS]
+    lost = counts["incomplete"] + len(counts["corrupted"])
+    plain = table[table["split"] == "train"]
+    learned = (table["training_seed"] != SCRIPTED_SEED).any()
+    for mode in sorted({*plain["mode"], *(modes if learned else [])}):
+        rows = plain[plain["mode"] == mode]
+        found = rows["world"].nunique()
+        void = rows.loc[rows["is_void"], "world"].nunique()
+        if not found - void <= wanted <= found + lost:
+            raise ResultsError(
+                f"of another test: it holds {found} {mode} episodes, the run was tested on {wanted}"
+            )

@@ -1,0 +1,235 @@
+"""Results that something happened to: what is lost is named, and never counts as nought or as done."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmark.metrics import compare, compute, join_tables, write_table
+from benchmark.report.provenance import run_lines
+from benchmark.report.writing import write_report
+from benchmark.results.commands import keep_command, last_experiment
+from benchmark.results.files import ResultsError
+from benchmark.results.reading import read_results
+from benchmark.results.run_folder import FINISHED, PROGRESS_COLUMNS, RunFolder
+from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
+
+PLACE = f"ppo/intersection/{ALONE}/seed_1"
+CRASHES = [["collision", "goal"], ["collision", "collision"], ["goal", "goal"]]
+"""3 of 6 agents collide, 3 arrive."""
+TESTED = {"episodes": 3, "modes": ["greedy"], "held_out_episodes": 0}
+
+
+def table_of(outcomes=CRASHES, **labels):
+    return agent_episodes(outcomes, mode="greedy", **labels)
+
+
+def with_counts(changed, table):
+    changed.attrs = table.attrs
+    return changed
+
+
+def write_changed(root, change) -> RunFolder:
+    """Write a finished run whose table was changed, and return its folder."""
+    write_experiment(root)
+    folder = RunFolder(write_run(root, "ppo", [table_of()]))
+    folder.note(status=FINISHED, tested=TESTED)
+    table = pd.read_parquet(folder.table)
+    counts = table_of().attrs
+    changed = change(table)
+    changed.attrs = counts
+    write_table(changed, folder.table)
+    return folder
+
+
+def lacking(name, rows=slice(None)):
+    """Return a change that takes numbers of a column away."""
+
+    def change(table):
+        values = table[name].to_numpy(float).copy()
+        values[rows] = np.nan
+        return table.assign(**{name: values})
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda table: table.drop(columns="collisions"), "another version: it has no column 'collisions'"),
+        (lambda table: table.drop(columns="agents"), "it has no column 'agents'"),
+        (lacking("collisions"), "'collisions' is not a number in 6 of its 6 rows"),
+        (lacking("overtakes", 2), "'overtakes' is not a number in 1 of its 6 rows"),
+        (lambda table: table.assign(goals="many"), "'goals' is not of numbers"),
+        (lambda table: table.assign(is_void="no"), "'is_void' is not of truth values"),
+        (lambda table: table.assign(agents=2.0), "'agents' is not of 0 and 1"),
+        (lambda table: table.iloc[:0], "holds no episodes"),
+        (lambda table: pd.concat([table, table], ignore_index=True), "6 of its 12 agent-episodes are there"),
+    ],
+)
+def test_a_table_whose_numbers_cannot_be_is_neither_reported_nor_done(tmp_path, change, said):
+    folder = write_changed(tmp_path, change)
+    results = read_results(tmp_path)
+    assert not results.finished
+    assert said in results.problems[f"{PLACE}/episodes.parquet"]
+    folder.checkpoint.mkdir()
+    assert not folder.is_finished(TESTED)
+
+
+def test_agents_that_took_no_part_need_no_numbers(tmp_path):
+    def change(table):
+        return lacking("collisions", 0)(lacking("agents", 0)(table).fillna({"agents": 0.0}))
+
+    folder = write_changed(tmp_path, change)
+    assert len(read_results(tmp_path).finished) == 1
+    assert folder.is_finished(TESTED)
+
+
+def test_a_metric_that_a_table_is_too_old_for_is_not_available(tmp_path):
+    write_changed(tmp_path, lambda table: table.drop(columns="overtakes"))
+    results = read_results(tmp_path)
+    assert len(results.finished) == 1
+    row = compute(results.table, ["algorithm"], ["competitive"]).iloc[0]
+    assert np.isnan(row["value"])
+    assert row["note"] == "n/a: a table of these results has no column 'overtakes'"
+
+
+def test_what_one_of_several_tables_lacks_is_not_nought():
+    whole = table_of(algorithm="ppo", training_seed=1)
+    part = with_counts(
+        table_of(algorithm="maddpg", training_seed=1).drop(columns=["collisions", "safe_time"]), whole
+    )
+    table = join_tables([whole, part])
+    found = compute(table, ["algorithm"], ["collision_rate", "completion_rate", "safety"])
+    values = found.set_index(["algorithm", "metric"])["value"]
+    assert values["ppo", "collision_rate"] == 0.5
+    assert values["maddpg", "completion_rate"] == 0.5
+    assert np.isnan(values["maddpg", "collision_rate"])
+    # One of its terms is the collision rate.
+    assert np.isnan(values["maddpg", "safety"])
+    differing = compare(table, ["collision_rate", "completion_rate"]).set_index("metric")
+    assert differing.loc["collision_rate", "pairs"] == 0
+    assert differing.loc["completion_rate", "pairs"] == 3
+
+
+@pytest.mark.parametrize("left", [0, 2000])
+def test_a_table_that_is_cut_is_tested_again_from_the_checkpoint(tmp_path, left):
+    folder = write_changed(tmp_path, lambda table: table)
+    assert folder.is_finished(TESTED)
+    folder.table.write_bytes(folder.table.read_bytes()[:left])
+    with pytest.raises(ResultsError, match=r"episodes\.parquet.* no checkpoint either"):
+        folder.is_finished(TESTED)
+    folder.checkpoint.mkdir()
+    assert not folder.is_finished(TESTED)
+    assert "tests the run anew" in read_results(tmp_path).problems[f"{PLACE}/episodes.parquet"]
+
+
+def test_a_reference_needs_no_checkpoint_to_be_tested_again(tmp_path):
+    folder = RunFolder(write_run(tmp_path, "parked", [agent_episodes(CRASHES, mode="scripted")], seed=-1))
+    folder.note(status=FINISHED, tested=TESTED)
+    assert folder.is_finished(TESTED)
+    folder.table.write_bytes(b"")
+    assert not folder.is_finished(TESTED)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("test_seconds", float("nan")),
+        ("test_seconds", float("inf")),
+        ("test_seconds", "long"),
+        ("continued", 5),
+        ("continued", ["a"]),
+        ("tested", {"episodes": 3, "modes": 5}),
+    ],
+)
+def test_a_fact_that_cannot_be_is_named_and_the_run_counts(tmp_path, name, value):
+    write_experiment(tmp_path)
+    folder = RunFolder(write_run(tmp_path, "ppo", [table_of()]))
+    facts = json.loads(folder.run.read_text())
+    folder.run.write_text(json.dumps({**facts, name: value}))
+    page = write_report(tmp_path)
+    assert f"{name} is {value!r}" in read_results(tmp_path).problems[f"{PLACE}/run.json"]
+    assert "1 of 1 runs are finished." in page.read_text()
+
+
+@pytest.mark.parametrize("value", ["x", "", "inf"])
+def test_a_line_of_progress_that_cannot_be_is_named(tmp_path, value):
+    lines = [[1, 500, 2.5, 200, *[""] * 6], [2, 1000, value, 200, *[""] * 6]]
+    write_experiment(tmp_path)
+    folder = RunFolder(write_run(tmp_path, "ppo", [table_of()], progress=lines))
+    results = read_results(tmp_path)
+    assert results.problems == {f"{PLACE}/progress.csv": f"left out: line 3, seconds is {value!r}"}
+    assert len(results.finished) == 1
+    assert results.finished[0].progress["agent_steps"].tolist() == [500]
+    # Not those of half the training.
+    assert (run_lines(results)[0].agent_steps, run_lines(results)[0].training) == ("", "")
+    with pytest.raises(ResultsError, match=f"progress.csv: damaged: seconds is {value!r}"):
+        folder.begin_progress(2)
+
+
+@pytest.mark.parametrize(
+    ("lines", "budget", "ended_by", "said"),
+    [
+        ([(1000, 10.0)], {"agent_steps": 1000, "minutes": None}, None, ""),
+        ([(500, 60.0)], {"agent_steps": 1000, "minutes": 1.0}, "minutes", ""),
+        ([(500, 59.99)], {"agent_steps": 1000, "minutes": 1.0}, None, ""),
+        ([(500, 30.0)], {"agent_steps": 1000, "minutes": 1.0}, "minutes", "50% of the budget"),
+        ([(500, 60.0)], {"agent_steps": 1000, "minutes": 1.0}, "agent_steps", "50% of the budget"),
+        ([(250, 5.0)], {"agent_steps": 1000, "minutes": None}, None, "ends at 250 agent-steps, 25% of"),
+        ([], {"agent_steps": 1000, "minutes": None}, None, "missing or empty"),
+    ],
+)
+def test_progress_that_ends_before_the_training_is_named(tmp_path, lines, budget, ended_by, said):
+    write_experiment(tmp_path)
+    rows = [[number, *each, 100, *[""] * 6] for number, each in enumerate(lines, start=1)]
+    folder = RunFolder(write_run(tmp_path, "ppo", [table_of()], progress=rows, budget=budget))
+    if ended_by:
+        folder.note(ended_by=ended_by)
+    if not lines:
+        folder.progress.unlink()
+    results = read_results(tmp_path)
+    assert len(results.finished) == 1
+    problem = results.problems.get(f"{PLACE}/progress.csv", "")
+    assert (said in problem) if said else problem == ""
+    assert (run_lines(results)[0].agent_steps == "") is bool(said)
+
+
+@pytest.mark.parametrize("content", [b"1,2,3\n", b"\xff\xfe\n", ",".join(PROGRESS_COLUMNS).encode()[:20]])
+def test_a_run_does_not_go_on_with_what_is_no_progress(tmp_path, content):
+    folder = RunFolder(tmp_path)
+    folder.progress.write_bytes(content)
+    with pytest.raises(ResultsError, match=r"progress\.csv: ") as caught:
+        folder.begin_progress(3)
+    assert "remove it" in caught.value.remedy
+    assert folder.progress.read_bytes() == content
+
+
+def test_a_config_of_something_else_is_named(tmp_path):
+    write_experiment(tmp_path)
+    folder = RunFolder(write_run(tmp_path, "ppo", [table_of()]))
+    folder.config.write_text("{settings: 5, environment: [1]}")
+    results = read_results(tmp_path)
+    assert not results.finished
+    assert "config.yaml: not a run's: its environment is [1]" in results.problems[PLACE]
+
+
+@pytest.mark.parametrize("content", ["[]", "5"])
+def test_a_run_file_without_keys_is_named(tmp_path, content):
+    folder = RunFolder(tmp_path)
+    folder.run.write_text(content)
+    for look in (folder.check, lambda _: folder.status):
+        with pytest.raises(ResultsError, match=r"run\.json: holds no keys") as caught:
+            look("digest")
+        assert "remove it" in caught.value.remedy
+
+
+@pytest.mark.parametrize("content", ["[]", "5", '{"parts": 5}'])
+def test_commands_that_are_none_are_named(tmp_path, content):
+    write_experiment(tmp_path)
+    experiment = last_experiment(tmp_path, {})
+    (tmp_path / "command.json").write_text(content)
+    with pytest.raises(ResultsError, match=r"command\.json: ") as caught:
+        keep_command(tmp_path, experiment, "smarts-bench run hand.yaml")
+    assert "remove it" in caught.value.remedy
