@@ -19,6 +19,7 @@ from smarts.errors import nearest_names
 from smarts.sstudio.locating import suite
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
 EMPTY_ROADS = "no_social_vehicles"
 """The traffic variation that every scenario of the suite has, with nobody but the agents."""
 
@@ -47,12 +48,29 @@ def _floor(name: str) -> str:
 
 def _scenario(name: str) -> str:
     folder = name.partition("@")[0]
-    if folder not in suite() and not Path(folder).exists():
+    if not folder or (folder not in suite() and not Path(folder).exists()):
         raise UnfitError(
             f"there is no scenario {name!r}, neither in the suite nor as a folder here",
             nearest_names(folder, suite()),
         )
     return name
+
+
+def _address(text: str) -> str:
+    found = ADDRESS.fullmatch(text)
+    if text != "auto" and not (found and 0 < int(found[1]) < 2**16):
+        raise UnfitError(
+            f"{text!r} is not where a Ray cluster can be", "write auto, or HOST:PORT of its head"
+        )
+    return text
+
+
+def _gpus(count: float) -> float:
+    if count > 1 and count % 1:
+        raise UnfitError(
+            f"{count:g} is more than one GPU, but no whole number", "share one, or take whole ones"
+        )
+    return count
 
 
 def _distinct(values: Iterable[Any]) -> Any:
@@ -84,7 +102,8 @@ class Task(Section):
 
 def name_of(scenarios: Iterable[str]) -> str:
     """Return the name of a task that has none of its own."""
-    return "-".join(Path(each).name.replace("@", "-") for each in scenarios)
+    paths = [Path(each) for each in scenarios]
+    return "-".join((path.name or path.resolve().name).replace("@", "-") for path in paths)
 
 
 def _tasks(given: Any) -> Any:
@@ -129,7 +148,7 @@ class Budget(Section):
 
     agent_steps: Positive = 2_000_000
     """Simulation steps of 0.1 s, counted once for each agent that is on the road."""
-    minutes: Annotated[float, Field(gt=0, strict=False)] | None = None
+    minutes: Annotated[float, Field(gt=0)] | None = None
     """Wall-clock time of training, validations not counted. It makes results depend on the machine."""
 
 
@@ -160,11 +179,11 @@ class Resources(Section):
     """Processes that simulate for one run; 0: the run's own."""
     copies: Positive = 8
     """Simulations in each of these processes."""
-    learner_gpus: Annotated[float, Field(ge=0, strict=False)] = 0
+    learner_gpus: Annotated[float, Field(ge=0, allow_inf_nan=False), AfterValidator(_gpus)] = 0
     """GPUs for the learner of one run."""
-    address: str | None = None
-    """Of the Ray cluster to join ("auto" finds it); without it Ray is started on this machine. A cluster's
-    machines must see the results' folder at the same path."""
+    address: Annotated[str, AfterValidator(_address)] | None = None
+    """HOST:PORT of the Ray cluster to join ("auto" finds it); without it Ray is started on this machine.
+    A cluster's machines must see the results' folder at the same path."""
 
 
 class Tune(Section):

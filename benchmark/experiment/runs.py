@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from benchmark.experiment.config import Budget, Environment, Evaluation, Experiment, Resources, Task, name_of
+from smarts.config import ConfigError, fitted
 
 REFERENCE = "reference"
 """Folder of the scripted policies' results, among those of the algorithms."""
@@ -100,27 +99,22 @@ def run_from(content: Mapping[str, Any]) -> Run:
     """
     try:
         scenarios = tuple(content["scenarios"])
-        evaluation = Evaluation(
-            validations=content["validations"], validation_episodes=content["validation_episodes"]
-        )
+        evaluation = fitted({key: content[key] for key in ("validations", "validation_episodes")}, Evaluation)
         return Run(
             content["algorithm"],
             Cell(
-                Task(
-                    name=name_of(scenarios),
-                    scenarios=scenarios,
-                ),
+                fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, Task),
                 content["traffic"],
-                Environment(**content["environment"]),
+                fitted(content["environment"], Environment),
                 evaluation,
                 content["copies"],
             ),
             content["seed"],
             content["settings"],
-            Budget(**content["budget"]),
-            Resources(env_runners=content["env_runners"], copies=content["copies"]),
+            fitted(content["budget"], Budget),
+            fitted({key: content[key] for key in ("env_runners", "copies")}, Resources),
         )
-    except (KeyError, TypeError, ValidationError) as error:
+    except (KeyError, TypeError, ValueError, ConfigError) as error:
         raise ValueError(f"not the content of a run: {error}") from error
 
 

@@ -9,13 +9,15 @@ from pydantic import ValidationError
 
 from benchmark.experiment.config import Experiment
 from benchmark.results.files import LOST, ResultsError, first_line, read_mapping, write_json
-from smarts.errors import SmartsError
+from smarts.config import ConfigError, fitted
+from smarts.errors import shortened
 
 EXPERIMENT = "experiment.json"
 """What was asked for last."""
 COMMAND = "command.json"
 """The last command that made or went on with the experiment, and as `PARTS` each distinct one with its
 experiment."""
+REMEDY = "`run` writes it anew"
 PARTS = "parts"
 """In command.json; files of earlier versions have none."""
 
@@ -42,10 +44,13 @@ def last_experiment(root: Path, problems: dict[str, str]) -> Experiment | None:
         problems[file.name] = "missing, so that runs which have not begun are not known"
         return None
     try:
-        return Experiment.model_validate_json(file.read_bytes())
-    except (OSError, ValidationError, SmartsError) as error:
-        problems[file.name] = f"not an experiment of this version: {first_line(error)}"
-        return None
+        return fitted(read_mapping(file), Experiment)
+    except ConfigError as error:
+        reasons = "; ".join(str(problem) for problem in error.problems)
+        problems[file.name] = f"not an experiment of this version: {shortened(reasons)}; {REMEDY}"
+    except ResultsError as error:
+        problems[file.name] = f"{error.problem}; {REMEDY}"
+    return None
 
 
 def earlier_commands(root: Path, problems: dict[str, str]) -> tuple[tuple[str, ...], list[Experiment]]:

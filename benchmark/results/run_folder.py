@@ -13,6 +13,7 @@ episodes/        the recorded test episodes, if they are kept
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -25,6 +26,7 @@ from benchmark.results.files import (
     ResultsError,
     first_line,
     named_failures,
+    previous_of,
     read_json,
     read_mapping,
     recover_folder,
@@ -40,6 +42,9 @@ CONTINUED = "continued"
 """In run.json: what each continuation was made with, as the file itself says it of the beginning."""
 SCENARIOS = "scenarios"
 """In run.json: name -> digest of each scenario that the run is of, as built; earlier versions have none."""
+CONFIG_REMEDY = "bring it back from a copy, or remove it: while run.json is there, it is made again"
+UNSET = "default"
+"""What a value is shown as that is in one config only."""
 FINISHED, TRAINING, TESTING = "finished", "training", "testing"
 PROGRESS_COLUMNS: tuple[str, ...] = (
     "iteration",
@@ -109,19 +114,35 @@ class RunFolder:
             return error.problem
         return ""
 
-    def check(self, digest: str) -> None:
+    def check(self, content: Mapping[str, Any], digest: str) -> None:
         """See that here is nothing, or a part of this run.
 
+        Args:
+            content: All that the run's training depends on.
+            digest: Of the content.
+
         Raises:
-            ResultsError: Here are the results of another run, or they are damaged.
+            ResultsError: Here are the results of another run or of an unknown one, or they are damaged.
         """
         found = self._digest()
-        if found not in (None, digest):
-            raise ResultsError(
-                f"here are results of a run with another config ({found}, this one is {digest})",
-                place=str(self.config),
-                remedy="give the experiment another name or --out, or remove the folder to begin anew",
-            )
+        if found in (None, digest):
+            return
+        differences = self._differences(content) or f"{found}, this one is {digest}"
+        raise ResultsError(
+            f"here are results of a run with another config: {differences}",
+            place=str(self.config),
+            remedy="give the experiment another name or --out, or remove the folder to begin anew",
+        )
+
+    def _differences(self, content: Mapping[str, Any]) -> str:
+        """Return in words which values differ from those in config.yaml; nothing where it cannot be read."""
+        try:
+            there = _flat(self.read_config())
+        except ResultsError:
+            return ""
+        here = _flat(json.loads(json.dumps(content)))
+        names = [name for name in {**there, **here} if there.get(name, UNSET) != here.get(name, UNSET)]
+        return ", ".join(f"{name} ({there.get(name, UNSET)}, here {here.get(name, UNSET)})" for name in names)
 
     def changed_scenarios(self, digests: Mapping[str, str]) -> list[str]:
         """Return the scenarios that were something else to this run; what it has not recorded is left out.
@@ -136,9 +157,15 @@ class RunFolder:
         """Return the digest of the config that what is here was made with; None if here is nothing."""
         if self.run.exists():
             return read_mapping(self.run).get("digest")
-        if not (self.checkpoint.exists() and self.config.exists()):
+        if not self.checkpoint.exists() and not previous_of(self.checkpoint).exists():
             return None
         # Somebody has removed a damaged run.json.
+        if not self.config.exists():
+            raise ResultsError(
+                "here is a checkpoint, but neither run.json nor config.yaml that says of what run",
+                place=str(self.path),
+                remedy="bring one of the two back, or remove the folder to begin anew",
+            )
         return digest_of(self.read_config())
 
     def read_config(self) -> dict[str, Any]:
@@ -150,14 +177,15 @@ class RunFolder:
         try:
             content: Any = yaml.safe_load(self.config.read_text(encoding="utf-8"))
         except (OSError, ValueError, yaml.YAMLError) as error:
-            raise ResultsError(f"cannot be read: {first_line(error)}", place=str(self.config)) from error
+            problem = f"cannot be read: {first_line(error)}"
+            raise ResultsError(problem, place=str(self.config), remedy=CONFIG_REMEDY) from error
         if not isinstance(content, dict):
-            raise ResultsError("holds no keys and values", place=str(self.config))
+            raise ResultsError("holds no keys and values", place=str(self.config), remedy=CONFIG_REMEDY)
         return content
 
     def open(self, content: Mapping[str, Any], digest: str) -> None:
         """Begin the run, or make sure that what is here is a part of it; see `check`."""
-        self.check(digest)
+        self.check(content, digest)
         with named_failures(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
         # What is here without a run.json is of a run that was killed before it began, perhaps another one.
@@ -256,3 +284,11 @@ def _write_lines(file: Path, lines: Sequence[Mapping[str, Any]]) -> None:
         writer = csv.DictWriter(out, PROGRESS_COLUMNS)
         writer.writeheader()
         writer.writerows(lines)
+
+
+def _flat(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Return the values of sections under names like "budget.minutes"."""
+    found: dict[str, Any] = {}
+    for name, value in content.items():
+        found |= _flat(value, f"{above}{name}.") if isinstance(value, dict) else {f"{above}{name}": value}
+    return found

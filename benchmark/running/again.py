@@ -16,10 +16,11 @@ from benchmark.experiment.runs import Run, run_from
 from benchmark.metrics import read_table
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.driver import start_ray
+from benchmark.running.cluster import start_ray
 from benchmark.running.played import scenario_digests
 from benchmark.running.testing import play_test
 from benchmark.running.training import algorithm_of, restore
+from smarts.config import fitted
 from smarts.sstudio.build import build_scenario
 
 
@@ -46,7 +47,7 @@ def evaluate_again(
 
     Raises:
         ResultsError: There is no run, or it has no such checkpoint, or that is damaged; or `out` is a run's.
-        SmartsError: A scenario or its traffic does not exist.
+        SmartsError: A scenario or its traffic does not exist (a `ConfigError` where one has a wrong name).
         CheckpointError: The checkpoint does not fit the run's config.
     """
     folder = RunFolder(path)
@@ -106,7 +107,8 @@ def _changed(
     cell = run.cell
     task = cell.task
     if scenarios:
-        task = Task(name=name_of(scenarios), scenarios=tuple(scenarios))
+        values = {"name": name_of(scenarios), "scenarios": list(scenarios)}
+        task = fitted(values, Task, "--scenario")
     evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=keep)
     cell = replace(cell, task=task, traffic=traffic or cell.traffic, evaluation=evaluation)
     resources = run.resources.model_copy(update={"env_runners": 0})

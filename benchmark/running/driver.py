@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +13,6 @@ from ray.exceptions import RayError, RayTaskError
 
 from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import ReferenceRun, Run, references_of, runs_of
-from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import FINISHED, TESTING, RunFolder
 from benchmark.running.progress import Progress
 from smarts.errors import SmartsError, shortened
@@ -45,29 +42,6 @@ def jobs_of(experiment: Experiment) -> list[Job]:
     return [*references_of(experiment), *runs_of(experiment)]
 
 
-def start_ray(resources: Resources) -> None:
-    """Join the cluster, or start Ray on this machine.
-
-    Raises:
-        ResultsError: There is no cluster at the address.
-    """
-    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
-    try:
-        ray.init(
-            address=resources.address,
-            include_dashboard=None if resources.address else False,
-            log_to_driver=False,
-            logging_level=logging.ERROR,
-            ignore_reinit_error=True,
-        )
-    except ConnectionError as error:
-        raise ResultsError(
-            f"there is no Ray cluster at {resources.address!r}",
-            place="resources.address",
-            remedy="start one with `ray start --head`, or leave the address out",
-        ) from error
-
-
 class Driver:
     """Keeps as many jobs under way as resources allow.
 
@@ -93,7 +67,7 @@ class Driver:
         self._waiting: deque[JobState] = deque()
         for state in self.states:
             folder = RunFolder(self._root / state.job.folder)
-            folder.check(state.job.digest())
+            folder.check(state.job.content(), state.job.digest())
             if folder.is_finished(state.job.cell.test_content()):
                 state.status = FINISHED
             else:

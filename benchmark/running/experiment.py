@@ -17,7 +17,8 @@ from benchmark.experiment.runs import Run, cells_of
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked, read_json
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
-from benchmark.running.driver import Driver, JobState, jobs_of, start_ray
+from benchmark.running.cluster import start_ray
+from benchmark.running.driver import Driver, JobState, jobs_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests

@@ -27,7 +27,7 @@ from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, runs_of
 from benchmark.results.files import ResultsError, locked, read_json, write_json, write_whole
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.driver import start_ray
+from benchmark.running.cluster import start_ray
 from benchmark.running.experiment import FAILED, check_cells, tell_interruption
 from benchmark.running.training import Training, algorithm_of
 from smarts.errors import SmartsError, nearest_names, shortened
@@ -231,9 +231,9 @@ def trial(config: Mapping[str, Any], *, run: Run) -> None:
     # Not in the trial's own folder, which Tune copies at any time, whatever is being written there.
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
         folder = RunFolder(Path(temporary))
-        if given is not None:
-            given.to_directory(str(folder.checkpoint))
         folder.open(changed.content(), changed.digest())
+        if given is not None:  # only now: with other settings, if the population has changed them
+            given.to_directory(str(folder.checkpoint))
         with algorithm_of(changed) as algo:
             training = Training(changed, folder, algo)
             for progress in training.go():

@@ -1,11 +1,11 @@
 """Reading YAML into typed sections: every mistake at once, with its line and the nearest name."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import pytest
 from pydantic import Field
 
-from smarts.config import ConfigError, Section, read_config
+from smarts.config import ConfigError, Section, fitted, read_config
 
 
 class Wheel(Section):
@@ -141,6 +141,59 @@ def test_what_yaml_itself_cannot_make_a_value_of_has_its_line(write, text, probl
 )
 def test_what_cannot_be_said_on_the_command_line(write, change, problem):
     assert problem in problems(write("name: a\nwheels: [{radius: 1}]\n"), change)
+
+
+def test_mistakes_are_in_the_order_of_lines(write):
+    write("extra: {b: y,\n a: x}\nseats: two\n", "base.yaml")
+    file = write("extends: base.yaml\nname: 5\nwheels: 3\nnmae: a\nextra:\n  c: z\n")
+    with pytest.raises(ConfigError) as caught:
+        read_config(file, Car, ["seats"])
+    assert [problem.place.replace(f"{file.parent}/", "") for problem in caught.value.problems] == [
+        "command line",
+        *(f"car.yaml:{line}" for line in (2, 3, 4, 6)),
+        *(f"base.yaml:{line}" for line in (1, 2, 3)),
+    ]
+
+
+def test_a_file_that_is_extended_and_not_there_is_placed_where_it_is_named(write):
+    write("", "bus.yaml")
+    assert problems(write("name: a\nextends: buss.yaml\n")) == {
+        "car.yaml:2: cannot read buss.yaml: No such file or directory; did you mean 'bus.yaml'?"
+    }
+    # The file itself is no suggestion, and neither is what lies around its folder.
+    assert problems(write("extends: cra.yaml\n")) == {
+        "car.yaml:1: cannot read cra.yaml: No such file or directory; did you mean 'bus.yaml'?"
+    }
+    (found,) = problems(write("extends: .\n"))
+    assert found.endswith("Is a directory")
+
+
+def test_values_that_come_from_no_file_are_told_with_their_place():
+    assert fitted({"radius": 1}, Wheel) == Wheel(radius=1.0)
+    with pytest.raises(ConfigError) as caught:
+        fitted({"radius": -1, "tyre": "x"}, Wheel, "here")
+    assert str(caught.value).splitlines() == [
+        "here: radius is -1; input should be greater than 0",
+        "  here: tyre is 'x'; input should be 'summer' or 'winter'",
+    ]
+    with pytest.raises(ConfigError) as caught:
+        fitted({}, Wheel)
+    assert str(caught.value) == "radius is missing; add it"
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *[(text, text) for text in ("12:30", "1:30.5", "010", "-07", "09", "0.1.2", "1e1e1")],
+        *[("0", 0), ("-10", -10), ("+1_000", 1000), ("0x1F", 31), ("0b11", 3), ("1e400", float("inf"))],
+        *[("0.5", 0.5), (".5", 0.5), ("5.", 5.0), ("-.inf", -float("inf")), (".5e1", 5), ("1.5E-1", 0.15)],
+    ],
+)
+def test_what_is_a_number_and_what_only_looks_like_one(write, text, value):
+    class Anything(Section):
+        it: Any
+
+    assert read_config(write(f"it: {text}\n"), Anything) == Anything(it=value)
 
 
 def test_numbers_with_an_exponent_are_numbers(write):

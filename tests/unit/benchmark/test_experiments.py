@@ -96,7 +96,27 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("algorithms=[pppo]", "there is no algorithm 'pppo'; did you mean 'ppo'?"),
         ("tasks=[intersecton]", "there is no scenario 'intersecton'"),
         ("tasks=[loop, loop]", "there twice"),
-        ("seeds=[]", "at least 1 item"),
+        ("seeds=[]", "seeds is []; input should be at least 1"),
+        ("algorithms=ppo", "algorithms is 'ppo'; input should be a list: [ppo]"),
+        ("budget=5", "budget is 5; input should be keys with values"),
+        ("budget.minutes=12:30", "budget.minutes is '12:30'; input should be a valid number"),
+        ("budget.minutes=true", "budget.minutes is True; input should be a valid number"),
+        ("budget.minutes='5'", "budget.minutes is '5'; input should be a valid number"),
+        ("budget.minutes=5", ""),
+        ("budget.agent_steps=010", "budget.agent_steps is '010'; input should be a valid integer"),
+        ("resources.learner_gpus=true", "resources.learner_gpus is True"),
+        ("resources.learner_gpus=1.5", "more than one GPU, but no whole number"),
+        ("resources.learner_gpus=0.5", ""),
+        ("resources.address=foo", "resources.address: 'foo' is not where a Ray cluster can be; write auto"),
+        ("resources.address=127.0.0.1:x", "'127.0.0.1:x' is not where"),
+        ("resources.address=127.0.0.1:65536", "'127.0.0.1:65536' is not where"),
+        ("resources.address='nonsense://x'", "'nonsense://x' is not where"),
+        ("resources.address=''", "'' is not where"),
+        ("resources.address=auto", ""),
+        ("resources.address=null", ""),
+        ("resources.address=head.cluster-1:6379", ""),
+        ("resources.address='[::1]:6379'", ""),
+        ("tasks=['']", "there is no scenario ''"),
         ("seeds=[-1]", "greater than or equal to 0"),
         ("budget.agent_steps=0", "greater than or equal to 1"),
         ("budget.minutes=-3", "greater than 0"),
@@ -151,6 +171,11 @@ def test_mistakes_of_all_kinds_are_told_at_once_with_their_lines(write):
     ):
         assert text in told
     assert len(told.splitlines()) == 7
+
+
+def test_one_mistake_is_told_once(write):
+    told = said(write("algorithms: [ppo]\ntasks: [loop]\ntraining: {lr: a}\n"))
+    assert told.partition(": ")[2] == "training.lr is 'a'; input should be a valid number or a list: [a]"
 
 
 def test_a_task_is_named_after_its_scenario_and_variation(write):

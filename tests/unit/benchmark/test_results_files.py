@@ -131,8 +131,26 @@ def test_results_of_another_config_are_refused(tmp_path):
     folder.open({"a": 1}, "digest-1")
     folder.note(status="training", digest="digest-1")
     folder.open({"a": 1}, "digest-1")
-    with pytest.raises(ResultsError, match="a run with another config"):
+    with pytest.raises(ResultsError, match=r"a run with another config: a \(1, here 2\)\n"):
         folder.open({"a": 2}, "digest-2")
+
+
+def test_a_refusal_names_the_values_that_differ(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    there = {"seed": 1, "budget": {"agent_steps": 3000, "minutes": None}, "settings": {"lr": 0.1}}
+    here = {"seed": 1, "budget": {"agent_steps": 9000, "minutes": None}, "settings": {"gamma": 0.9}}
+    folder.open(there, digest_of(there))
+    folder.note(digest=digest_of(there))
+    with pytest.raises(ResultsError) as caught:
+        folder.check(here, digest_of(here))
+    assert caught.value.problem.partition("config: ")[2].split(", settings.") == [
+        "budget.agent_steps (3000, here 9000)",
+        "lr (0.1, here default)",
+        "gamma (default, here 0.9)",
+    ]
+    folder.config.unlink()
+    with pytest.raises(ResultsError, match=f"{digest_of(there)}, this one is {digest_of(here)}"):
+        folder.check(here, digest_of(here))
 
 
 def test_the_config_of_a_run_that_was_killed_before_it_began_is_written_anew(tmp_path):
@@ -151,6 +169,34 @@ def test_a_checkpoint_without_its_run_file_still_belongs_to_its_config(tmp_path)
     folder.open(content, digest_of(content))
     with pytest.raises(ResultsError, match="a run with another config"):
         folder.open({"a": 2}, digest_of({"a": 2}))
+
+
+@pytest.mark.parametrize("killed_while_saving", [False, True])
+def test_a_checkpoint_of_a_config_that_is_not_known_is_not_gone_on_with(tmp_path, killed_while_saving):
+    folder = RunFolder(tmp_path / "run")
+    content = {"a": 1}
+    folder.open(content, digest_of(content))
+    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    folder.config.unlink()
+    if killed_while_saving:
+        folder.checkpoint.rename(previous_of(folder.checkpoint))
+    before = sorted(folder.path.rglob("*"))
+    with pytest.raises(ResultsError, match="a checkpoint, but neither run") as caught:
+        folder.open(content, digest_of(content))
+    assert "remove the folder" in caught.value.remedy
+    assert sorted(folder.path.rglob("*")) == before
+    folder.note(digest=digest_of(content))
+    folder.open(content, digest_of(content))
+    assert folder.read_config() == content
+
+
+def test_a_damaged_config_says_what_to_do(tmp_path):
+    folder = RunFolder(tmp_path)
+    for text in ("a: [", "- 1"):
+        folder.config.write_text(text)
+        with pytest.raises(ResultsError) as caught:
+            folder.read_config()
+        assert "made again" in caught.value.remedy
 
 
 def test_a_checkpoint_that_does_not_say_how_far_training_was_is_refused(tmp_path):

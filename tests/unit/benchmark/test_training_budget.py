@@ -9,7 +9,7 @@ from benchmark.experiment.config import Resources, read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import training
-from benchmark.running.driver import start_ray
+from benchmark.running.cluster import start_ray
 
 pytestmark = pytest.mark.slow
 

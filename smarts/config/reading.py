@@ -1,26 +1,23 @@
-"""YAML files to typed models: every mistake at once, each with its file, line and remedy."""
+"""YAML files, what they extend and what the command line changes, as one typed model."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from smarts.errors import SmartsError, nearest_names, shortened
+from smarts.config.loader import Loader
+from smarts.config.problems import LONGEST_VALUE, ConfigError, Key, Problem, explained, in_order, shown
+from smarts.errors import nearest_names, shortened
 
 EXTENDS = "extends"
 """Key of a file's top level: a file, relative to this one, whose values hold where this one has none."""
-MOST_PROBLEMS = 25
-"""How many mistakes of a file are shown."""
 COMMAND_LINE = "command line"
-LONGEST_VALUE = 80
 
-Key = tuple[str | int, ...]
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -28,50 +25,6 @@ class Section(BaseModel):
     """Part of a config: unknown keys are mistakes, values are checked and not converted."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
-
-
-class UnfitError(ValueError):
-    """A value that cannot be used, raised by the checks of a model.
-
-    Args:
-        problem: What is wrong, with the value.
-        remedy: What to do about it.
-    """
-
-    def __init__(self, problem: str, remedy: str = "") -> None:
-        self.problem, self.remedy = problem, remedy
-        super().__init__(problem)
-
-
-@dataclass(frozen=True)
-class Problem:
-    """One mistake in a config."""
-
-    place: str
-    """File and line."""
-    text: str
-    remedy: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.place}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
-
-
-class ConfigError(SmartsError):
-    """A config file cannot be used; `problems` are all of its mistakes, and the message names each."""
-
-    def __init__(self, problems: Sequence[Problem]) -> None:
-        self.problems = tuple(problems)
-        count = len(self.problems)
-        super().__init__(f"{count} mistakes" if count != 1 else "a mistake", place="config")
-
-    def __reduce__(self):  # type: ignore[override] - made from its problems alone
-        return ConfigError, (self.problems,)
-
-    def __str__(self) -> str:
-        lines = [shortened(str(problem), 500) for problem in self.problems[:MOST_PROBLEMS]]
-        if len(self.problems) > MOST_PROBLEMS:
-            lines.append(f"and {len(self.problems) - MOST_PROBLEMS} more")
-        return "\n  ".join(lines)
 
 
 @dataclass(frozen=True)
@@ -85,22 +38,6 @@ class Fault:
 
 
 Check = Callable[[Mapping[str, Any]], Iterable[Fault]]
-
-
-class _Loader(yaml.SafeLoader):
-    """Reads 1e-3 as a number, as everybody writes it: YAML 1.1 wants 1.0e-3."""
-
-
-def _number(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int | float:
-    number = float(node.value.replace("_", ""))
-    return int(number) if number.is_integer() else number
-
-
-_NUMBER = "tag:yaml.org,2002:float#exponent"
-_Loader.add_implicit_resolver(
-    _NUMBER, re.compile(r"[-+]?\d[\d_]*(\.\d*)?[eE][-+]?\d{1,3}$"), [*"-+0123456789"]
-)
-_Loader.add_constructor(_NUMBER, _number)
 
 
 @dataclass
@@ -135,7 +72,7 @@ def read_config(
     Raises:
         ConfigError: With all mistakes: of syntax, names, types, ranges.
     """
-    content = _read(file, ())
+    content = _read(file, (), str(file))
     for text in overrides:
         _override(content, text)
     if not content.is_whole:
@@ -145,31 +82,49 @@ def read_config(
     try:
         found = model.model_validate(content.values)
     except ValidationError as error:
-        problems += _joined([_problem(dict(each), content, model) for each in _primary(error)])
+        problems += explained(error, model, content.values, content.place)
     for fault in check(content.values):
-        text = f"{_shown(fault.key)}: {fault.text}" if fault.key else fault.text
+        if fault.key and any(problem.text.startswith(f"{shown(fault.key)} is ") for problem in problems):
+            continue  # its type is wrong already
+        text = f"{shown(fault.key)}: {fault.text}" if fault.key else fault.text
         problems.append(Problem(content.place(fault.key), text, fault.remedy))
     if found is None or problems:
-        raise ConfigError(problems)
+        raise ConfigError(in_order(problems))
     return found
 
 
-def _read(file: Path, extended_by: tuple[Path, ...]) -> _Content:
-    """Read a file and those it extends."""
-    by = f"{extended_by[-1]}" if extended_by else str(file)
+def fitted(values: Mapping[str, Any], model: type[Model], place: str = "") -> Model:
+    """Return values that do not come from a config file as a model.
+
+    Args:
+        values: By the model's keys.
+        model: What they must be.
+        place: Where they are from.
+
+    Raises:
+        ConfigError: With all mistakes.
+    """
+    try:
+        return model.model_validate(dict(values))
+    except ValidationError as error:
+        raise ConfigError(explained(error, model, values, lambda key: place)) from error
+
+
+def _read(file: Path, extended_by: tuple[Path, ...], by: str) -> _Content:
+    """Read a file and those it extends; `by` is where it was named."""
     if file.resolve() in [other.resolve() for other in extended_by]:
         return _Content(problems=[Problem(by, f"{EXTENDS}: {file} extends itself")], is_whole=False)
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        known = [str(other) for other in file.parent.glob("*.yaml")] if file.parent.is_dir() else []
-        remedy = "" if isinstance(error, UnicodeDecodeError) else nearest_names(str(file), known)
+        known = [str(other) for other in file.parent.glob("*.yaml") if other not in extended_by]
+        remedy = nearest_names(str(file), known) if isinstance(error, FileNotFoundError) else ""
         problems = [Problem(by, f"cannot read {file}: {reason}", remedy)]
         return _Content(problems=problems, is_whole=False)
     own = _Content(places={(): f"{file}:1"})
     try:
-        node = yaml.compose(text, Loader=_Loader)
+        node = yaml.compose(text, Loader=Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f":{mark.line + 1}" if mark else ""
@@ -190,7 +145,7 @@ def _read(file: Path, extended_by: tuple[Path, ...]) -> _Content:
     if not isinstance(base, str):
         own.problems.append(Problem(own.place((EXTENDS,)), f"{EXTENDS} is {base!r}", "name a file"))
         return own
-    return _merged(_read(file.parent / base, (*extended_by, file)), own)
+    return _merged(_read(file.parent / base, (*extended_by, file), own.place((EXTENDS,))), own)
 
 
 class _Walk:
@@ -209,7 +164,7 @@ class _Walk:
         """Return the value of a node, the one of `key`."""
         self._content.places.setdefault(key, self._place(node))
         if node in self._around:
-            self._complain(node, f"{_shown(key)} contains itself", "write it out")
+            self._complain(node, f"{shown(key)} contains itself", "write it out")
             return None
         self._around.append(node)
         try:
@@ -233,7 +188,7 @@ class _Walk:
                 continue
             inside = (*key, name)
             if name in values:
-                self._complain(name_node, f"{_shown(inside)} is there twice", "remove one")
+                self._complain(name_node, f"{shown(inside)} is there twice", "remove one")
                 _forget(self._content.places, inside)
             self._content.places[inside] = self._place(name_node)
             values[name] = self.value(child, inside)
@@ -241,7 +196,7 @@ class _Walk:
 
     def _single(self, node: yaml.Node) -> Any:
         try:
-            return _Loader("").construct_object(node)
+            return Loader("").construct_object(node)
         except (yaml.YAMLError, ValueError):
             # Such as a date that does not exist, or a tag of somebody else's.
             shown = shortened(str(node.value), LONGEST_VALUE)
@@ -301,7 +256,7 @@ def _override(content: _Content, text: str) -> None:
         content.problems.append(Problem(COMMAND_LINE, f"{EXTENDS} can only be said in a file", remedy))
         return
     try:
-        node = yaml.compose(value, Loader=_Loader)
+        node = yaml.compose(value, Loader=Loader)
     except yaml.YAMLError:
         content.problems.append(Problem(COMMAND_LINE, f"the value of {text!r} is not YAML"))
         return
@@ -314,89 +269,3 @@ def _override(content: _Content, text: str) -> None:
         nested = {part: nested}
     places: dict[Key, str] = {tuple(parts[: count + 1]): place for count in range(len(parts))}
     _lay_over(content, nested, places)
-
-
-def _problem(error: dict[str, Any], content: _Content, model: type[BaseModel]) -> Problem:
-    """Return a validation error in words."""
-    key = tuple(part for part in error["loc"])
-    key = tuple(_without_kinds(key, content.values))
-    place, kind, message = content.place(key), error["type"], str(error["msg"])
-    if kind == "extra_forbidden":
-        section = _section(model, key[:-1])
-        known = list(section.model_fields) if section else []
-        return Problem(place, f"there is no key {_shown(key)}", nearest_names(str(key[-1]), known))
-    if kind == "missing":
-        return Problem(place, f"{_shown(key)} is missing", _meaning(model, key))
-    if kind in ("value_error", "assertion_error"):
-        cause = error.get("ctx", {}).get("error")
-        if isinstance(cause, UnfitError):
-            return Problem(place, f"{_shown(key)}: {cause.problem}" if key else cause.problem, cause.remedy)
-        message = message.removeprefix("Value error, ")
-        return Problem(place, f"{_shown(key)}: {message}" if key else message)
-    given = shortened(repr(error.get("input")), LONGEST_VALUE)
-    return Problem(place, f"{_shown(key)} is {given}", message[:1].lower() + message[1:])
-
-
-def _primary(error: ValidationError) -> list[Any]:
-    """Leave out that a list is too short where that is only because of mistakes in its members."""
-    found = error.errors(include_url=False)
-    places = [each["loc"] for each in found]
-
-    def has_others_inside(place: tuple) -> bool:
-        return any(len(other) > len(place) and other[: len(place)] == place for other in places)
-
-    return [each for each in found if each["type"] != "too_short" or not has_others_inside(each["loc"])]
-
-
-def _joined(problems: Sequence[Problem]) -> list[Problem]:
-    """Join what is said of one value: one that fits none of several kinds is reported once for each."""
-    remedies: dict[tuple[str, str], list[str]] = {}
-    for problem in problems:
-        remedies.setdefault((problem.place, problem.text), []).append(problem.remedy)
-    return [
-        Problem(place, text, " or ".join(dict.fromkeys(said))) for (place, text), said in remedies.items()
-    ]
-
-
-def _without_kinds(key: Key, content: Any) -> Iterator[str | int]:
-    """Leave out of a key what names a kind of value rather than a place in the file."""
-    for part in key:
-        if isinstance(content, list) and isinstance(part, int) and part < len(content):
-            content = content[part]
-            yield part
-        elif isinstance(content, dict):
-            if part in content:
-                content = content[part]
-                yield part
-            elif part == key[-1]:
-                yield part
-
-
-def _section(model: type[BaseModel], key: Key) -> type[BaseModel] | None:
-    """Return the model of the section at a key."""
-    current: type[BaseModel] | None = model
-    for part in key:
-        if isinstance(part, int) or current is None:
-            continue
-        info = current.model_fields.get(str(part))
-        current = _model_in(info.annotation) if info else None
-    return current
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((found for each in get_args(annotation) if (found := _model_in(each))), None)
-
-
-def _meaning(model: type[BaseModel], key: Key) -> str:
-    section = _section(model, key[:-1])
-    info = section.model_fields.get(str(key[-1])) if section else None
-    return f"it says: {info.description}" if info and info.description else "add it"
-
-
-def _shown(key: Key) -> str:
-    text = ""
-    for part in key:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text or "the file"

@@ -1,0 +1,135 @@
+"""Ray: a cluster that is joined, or one of this experiment's own on this machine."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import signal
+import socket
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+import ray
+from ray._private.services import canonicalize_bootstrap_address
+
+from benchmark.experiment.config import Resources
+from benchmark.results.files import ResultsError, first_line
+
+OWN = "local"
+"""Ray's address for one of its own; without an address it joins whatever was started on this machine."""
+PATIENCE = 20.0
+"""Time for a cluster to answer [s]."""
+PLACE = "resources.address"
+REMEDY = "start a cluster with `ray start --head`, or leave the address out"
+
+HTTP2_GREETING = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
+"""What a client of gRPC begins with: the preface and empty settings (RFC 9113, 3.4)."""
+SETTINGS = 4
+"""Type of the frame with which a server answers, at byte 3 of its head of 9 bytes."""
+
+
+def start_ray(resources: Resources) -> None:
+    """Join the cluster, or start Ray on this machine.
+
+    Raises:
+        ResultsError: There is no cluster at the address, Ray does not start, or there is too little.
+    """
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    address = OWN if resources.address is None else _address_of(resources.address)
+    try:
+        with _own_sigterm():
+            ray.init(
+                address=address,
+                include_dashboard=False if address == OWN else None,
+                log_to_driver=False,
+                logging_level=logging.ERROR,
+                ignore_reinit_error=True,
+            )
+    except Exception as error:  # Ray raises all kinds, where it cannot start some of it a plain Exception
+        raise ResultsError(
+            f"Ray does not start: {first_line(error)}",
+            place=PLACE if address != OWN else "",
+            remedy=REMEDY
+            if address != OWN
+            else "give the same command again when the machine is less busy and has memory and disk to spare",
+        ) from error
+    check_room(resources, [node["Resources"] for node in ray.nodes() if node["Alive"]])
+
+
+def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> None:
+    """See that a run can be placed at all: Ray waits for what is not there, for good and without a word.
+
+    Args:
+        resources: What a run needs.
+        nodes: Ray's resources of each machine.
+
+    Raises:
+        ResultsError: There is less.
+    """
+    cpus, needed = int(sum(node.get("CPU", 0) for node in nodes)), 1 + resources.env_runners
+    if needed > cpus:
+        raise ResultsError(
+            f"a run needs {needed} CPUs, one for itself and one for each env runner; Ray has {cpus}",
+            place="resources.env_runners",
+            remedy=f"give at most {max(0, cpus - 1)}",
+        )
+    gpus = max((node.get("GPU", 0) for node in nodes), default=0)
+    if resources.learner_gpus > gpus:
+        raise ResultsError(
+            f"a learner needs {resources.learner_gpus:g} GPUs; no machine of Ray's has more than {gpus:g}",
+            place="resources.learner_gpus",
+            remedy=f"give at most {gpus:g}",
+        )
+
+
+def _address_of(given: str) -> str:
+    """Return the address of a cluster that answers; Ray itself would wait for minutes.
+
+    Raises:
+        ResultsError: There is none.
+    """
+    try:
+        # Not public, but what `ray.init` does with "auto", which may be of a cluster that is gone.
+        address = canonicalize_bootstrap_address(given)
+    except (ConnectionError, ValueError, OSError) as error:
+        raise ResultsError(
+            f"there is no Ray cluster at {given!r}: {first_line(error)}", place=PLACE, remedy=REMEDY
+        ) from error
+    reason = None if address is None else _silence(address)
+    if address is None or reason:
+        at = f"{given!r}" if address in (None, given) else f"{given!r}, {address}"
+        raise ResultsError(
+            f"there is no Ray cluster at {at}" + (f": {reason}" if reason else ""), place=PLACE, remedy=REMEDY
+        )
+    return address
+
+
+def _silence(address: str) -> str:
+    """Return why nothing that speaks gRPC answers at HOST:PORT; nothing if it does."""
+    host, _, port = address.rpartition(":")
+    try:
+        with socket.create_connection((host.strip("[]"), int(port)), PATIENCE) as connection:
+            if re.fullmatch("1|true", os.environ.get("RAY_USE_TLS", ""), re.IGNORECASE):
+                return ""  # somebody is there; more could only be said with certificates
+            connection.sendall(HTTP2_GREETING)
+            answer = connection.recv(9)
+    except TimeoutError:
+        return f"no answer within {PATIENCE:g} s"
+    except (OSError, ValueError, OverflowError) as error:
+        return first_line(error)
+    return "" if answer[3:4] == bytes([SETTINGS]) else "what answers there is something else"
+
+
+@contextmanager
+def _own_sigterm() -> Iterator[None]:
+    """Keep this process's way to take SIGTERM, which Ray replaces by an exit."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

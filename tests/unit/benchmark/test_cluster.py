@@ -1,0 +1,112 @@
+"""Ray is joined or started, or one message says within seconds why not."""
+
+import signal
+import socket
+import threading
+import time
+
+import pytest
+import ray
+
+from benchmark.experiment.config import Resources
+from benchmark.results.files import ResultsError
+from benchmark.running import cluster
+from benchmark.running.cluster import check_room, start_ray
+
+
+@pytest.fixture
+def listener():
+    # On all addresses of the machine: Ray takes 127.0.0.1 for the one by which others reach it.
+    with socket.create_server(("", 0)) as server:
+        yield server
+
+
+def address_of(server):
+    return f"127.0.0.1:{server.getsockname()[1]}"
+
+
+def refusal(resources):
+    began = time.monotonic()
+    with pytest.raises(ResultsError) as caught:
+        start_ray(resources)
+    assert time.monotonic() - began < 60
+    assert not ray.is_initialized()
+    return str(caught.value)
+
+
+def test_an_address_where_nobody_listens(listener, monkeypatch):
+    address = address_of(listener)
+    listener.close()
+    said = refusal(Resources(address=address))
+    assert said.startswith(f"resources.address: there is no Ray cluster at '{address}'")
+    assert "Connection refused" in said
+    assert "leave the address out" in said
+    monkeypatch.setenv("RAY_ADDRESS", address)
+    port = address.rpartition(":")[2]
+    said = refusal(Resources(address="auto"))
+    assert "no Ray cluster at 'auto', " in said
+    assert f":{port}: " in said
+
+
+def test_an_address_that_does_not_answer(listener, monkeypatch):
+    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    assert "no answer within 0.2 s" in refusal(Resources(address=address_of(listener)))
+
+
+@pytest.mark.parametrize("answer", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b""])
+def test_an_address_of_something_else(listener, answer):
+    def serve():
+        connection, _ = listener.accept()
+        with connection:
+            connection.recv(1000)
+            connection.sendall(answer)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    assert "what answers there is something else" in refusal(Resources(address=address_of(listener)))
+    thread.join()
+
+
+def test_a_ray_that_does_not_start(tmp_path, monkeypatch):
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setenv("RAY_TMPDIR", str(file))
+    said = refusal(Resources())
+    assert said.startswith("Ray does not start: ")
+    assert "the same command again" in said
+
+
+@pytest.mark.slow
+def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monkeypatch):
+    monkeypatch.setenv("RAY_ADDRESS", address_of(listener))
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        start_ray(Resources())
+        own = ray.get_runtime_context().gcs_address
+        assert own.rpartition(":")[2] != address_of(listener).rpartition(":")[2]
+        assert cluster._silence(own) == ""  # what a real one answers
+        assert signal.getsignal(signal.SIGTERM) == before
+    finally:
+        ray.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("needed", "problem"),
+    [
+        ({}, ""),
+        ({"env_runners": 5}, ""),
+        ({"env_runners": 6}, "needs 7 CPUs, one for itself and one for each env runner; Ray has 6"),
+        ({"learner_gpus": 2}, ""),
+        ({"learner_gpus": 3}, "needs 3 GPUs; no machine of Ray's has more than 2"),
+    ],
+)
+def test_a_run_that_could_never_be_placed_is_refused(needed, problem):
+    resources, nodes = Resources(**needed), [{"CPU": 2.0, "GPU": 2.0}, {"CPU": 4.0, "GPU": 1.0}]
+    if not problem:
+        check_room(resources, nodes)
+        return
+    with pytest.raises(ResultsError, match=problem) as caught:
+        check_room(resources, nodes)
+    assert caught.value.place == f"resources.{next(iter(needed))}"
+    with pytest.raises(ResultsError):
+        check_room(resources, [])
