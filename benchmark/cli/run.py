@@ -24,11 +24,15 @@ def run(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
     from benchmark.experiment.config import read_experiment
 
     experiment = read_experiment(config, set_ or ())
-    from benchmark.report.writing import write_report
-    from benchmark.running.experiment import INTERRUPTED, run_experiment
-
     root = out / experiment.name
-    code = run_experiment(experiment, root)
-    if code != INTERRUPTED:
+    # At once: loading Ray, building scenarios and starting Ray take a while.
+    typer.echo(f"{experiment.name}: building scenarios and going through {root}", err=True)
+    from benchmark.report.writing import write_report
+    from benchmark.running.experiment import interruptible, run_experiment
+
+    def work() -> int:
+        code = run_experiment(experiment, root)
         typer.echo(f"report: {write_report(root)}")
-    raise typer.Exit(code)
+        return code
+
+    raise typer.Exit(interruptible(work, root))

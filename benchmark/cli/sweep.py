@@ -14,6 +14,8 @@ def sweep(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
     from benchmark.experiment.config import read_experiment
 
     experiment = read_experiment(config, set_ or ())
+    from benchmark.running.experiment import interruptible
     from benchmark.running.sweeping import sweep as search
 
-    raise typer.Exit(search(experiment, out / experiment.name))
+    root = out / experiment.name
+    raise typer.Exit(interruptible(lambda: search(experiment, root), root))

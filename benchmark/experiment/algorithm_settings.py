@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import create_model
 
 from algorithms.settings import settings
-from smarts.config import Section
+from smarts.config import ConfigError, Section, fitted
 
 KINDS: dict[str, Any] = {
     "sharing": str | dict[str, list[str]],
@@ -43,3 +43,12 @@ CommonSettings: Any = _section(
     "CommonSettings", {key: value for defaults in settings().values() for key, value in defaults.items()}
 )
 """The settings of all algorithms."""
+
+
+def type_fault(algorithm: str, name: str, value: Any) -> str:
+    """Return why a value is none of a setting, whatever its range; nothing if it can be."""
+    try:
+        fitted({name: value}, _BY_ALGORITHM[algorithm])
+    except ConfigError as error:
+        return f"{value!r}: {error.problems[0].remedy}"
+    return ""

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from inspect import signature
+from math import isfinite
 from typing import Any
 
-from algorithms.settings import settings
+from algorithms.joint.ranges import COUNT
+from algorithms.settings import OF_RUNNERS, settings
 from algorithms.settings import values as setting_values
+from benchmark.experiment.algorithm_settings import type_fault
 from smarts.config import Fault
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 
 Values = Mapping[str, Any]
+DRAWS = ("uniform", "loguniform", "randint")
+"""What a search may draw from: all with a lower and an upper bound, whole ones without the upper one."""
 
 
 def check_experiment(values: Values) -> Iterator[Fault]:
@@ -32,11 +37,11 @@ def _settings(values: Values) -> Iterator[Fault]:
     found: dict[tuple[str, ...], str] = {}
     for algorithm in names:
         mine = _section(own, algorithm)
-        for name, limits in setting_values()[algorithm].items():
+        for name in known[algorithm]:
             section, key = (mine, ("settings", algorithm)) if name in mine else (common, ("training",))
-            fault = limits.fault(section[name]) if name in section else None
-            if fault is not None:
-                found[(*key, name)] = f"{section[name]!r} is {fault}"
+            fault = _fault(algorithm, name, section[name], values) if name in section else None
+            if fault:
+                found[(*key, name)] = fault
     for key, text in found.items():
         yield Fault(key, text)
     every = {name for defaults in known.values() for name in defaults}
@@ -45,13 +50,69 @@ def _settings(values: Values) -> Iterator[Fault]:
         yield Fault(("training", name), f"none of the algorithms has {name}", "remove it")
 
 
+def _fault(algorithm: str, name: str, value: Any, values: Values) -> str:
+    """Return why an algorithm's setting cannot have a value, whose type is right; nothing if it can."""
+    if name == "sharing":
+        return _sharing_fault(value, _section(values, "environment").get("agents", 4))
+    limits = COUNT if name in OF_RUNNERS else setting_values()[algorithm].get(name)
+    fault = limits.fault(value) if limits else None
+    return f"{value!r} is {fault}" if fault else ""
+
+
+def _sharing_fault(sharing: Any, agents: Any) -> str:
+    if isinstance(sharing, str):
+        kinds = ("none", "all")
+        return "" if sharing in kinds else f"{sharing!r} is neither 'none' nor 'all', nor groups of agents"
+    if not isinstance(sharing, dict) or not isinstance(agents, int):
+        return ""  # the model says so
+    named = [agent for members in sharing.values() if isinstance(members, list) for agent in members]
+    known = [f"agent-{number}" for number in range(agents)]
+    for agent in known:
+        if named.count(agent) != 1:
+            return f"{agent} is in {named.count(agent) or 'no'} groups, instead of in one"
+    strange = [agent for agent in named if agent not in known]
+    return f"there is no agent {strange[0]!r}, but {known[0]} to {known[-1]}" if strange else ""
+
+
 def _searched(values: Values) -> Iterator[Fault]:
     known = settings()
     for algorithm in _texts(values.get("algorithms"))[:1]:
-        for name in _section(_section(values, "tune"), "parameters"):
-            if algorithm in known and name not in known[algorithm]:
-                key = ("tune", "parameters", name)
+        for name, given in _section(_section(values, "tune"), "parameters").items():
+            key = ("tune", "parameters", name)
+            if algorithm not in known:
+                continue
+            if name not in known[algorithm]:
                 yield Fault(key, f"{algorithm!r} has no such setting", nearest_names(name, known[algorithm]))
+                continue
+            for inner, value in _ends(given):
+                if isinstance(value, Fault):
+                    yield Fault((*key, *value.key), value.text, value.remedy)
+                elif fault := type_fault(algorithm, name, value) or _fault(algorithm, name, value, values):
+                    yield Fault((*key, *inner), fault)
+
+
+def _ends(given: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    """Yield place and value of all that a search may choose from, of draws its two ends; or what is wrong."""
+    if isinstance(given, list) and given:
+        yield from (((number,), value) for number, value in enumerate(given))
+        return
+    (kind, bounds), *more = given.items() if isinstance(given, dict) and given else [("", None)]
+    if kind not in DRAWS or more or not isinstance(bounds, list) or len(bounds) != 2:
+        draws = ", ".join(f"{{{draw}: [low, high]}}" for draw in DRAWS)
+        text = f"{given!r} is nothing to search in"
+        yield (), Fault((), text, f"give a list of values, or one of {draws}")
+        return
+    wanted = int if kind == "randint" else int | float
+    if not all(isinstance(bound, wanted) and not isinstance(bound, bool) for bound in bounds):
+        yield (), Fault((kind,), f"{bounds!r} are no {'whole ' if wanted is int else ''}numbers")
+        return
+    low, high = bounds
+    if not (low < high and isfinite(low) and isfinite(high)) or (kind == "loguniform" and low <= 0):
+        least = "0 < low < high" if kind == "loguniform" else "low < high"
+        yield (), Fault((kind,), f"{bounds!r} are no bounds", f"give [low, high] with {least}, both finite")
+        return
+    ends = (low, high - 1) if kind == "randint" else (float(low), float(high))
+    yield from (((kind, number), value) for number, value in enumerate(ends))
 
 
 def _adapter(environment: Values) -> Iterator[Fault]:
@@ -81,7 +142,7 @@ def _adapter(environment: Values) -> Iterator[Fault]:
 
 
 def _scenarios(values: Values) -> Iterator[Fault]:
-    from smarts.sstudio.build import traffic_of  # here: reports need no builder
+    from smarts.sstudio.build import suite, traffic_of  # here: reports need no builder
 
     traffic = values.get("traffic")
     for key, name in _places(values.get("tasks")):
@@ -91,6 +152,11 @@ def _scenarios(values: Values) -> Iterator[Fault]:
             continue  # the model says so
         except SmartsError as error:
             yield Fault(key, error.problem, error.remedy)
+            continue
+        if not known:
+            yield Fault(
+                key, f"{name} is no scenario with traffic to choose from", nearest_names(name, suite())
+            )
             continue
         for number, each in enumerate(_texts(traffic)):
             if each not in known:

@@ -14,7 +14,7 @@ from ray.exceptions import RayError, RayTaskError
 from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import ReferenceRun, Run, references_of, runs_of
 from benchmark.results.run_folder import FINISHED, TESTING, RunFolder
-from benchmark.running.progress import Progress
+from benchmark.running.progress import BEGINNING, WAITING, Progress
 from smarts.errors import SmartsError, shortened
 
 ATTEMPTS = 3
@@ -28,8 +28,8 @@ class JobState:
     """What is known of a job while an experiment runs."""
 
     job: Job
-    status: str = "waiting"
-    """"waiting", a phase of `Progress`, or "failed"."""
+    status: str = WAITING
+    """`WAITING`, `BEGINNING`, a phase of `Progress`, or "failed"."""
     progress: Progress | None = None
     attempts: int = 0
     error: str = ""
@@ -102,7 +102,7 @@ class Driver:
 
     def _begin(self, state: JobState) -> None:
         state.attempts += 1
-        state.status = "beginning"
+        state.status = BEGINNING
         gpus = self._resources.learner_gpus
         task = _carry_out.options(num_cpus=1, num_gpus=gpus, max_retries=0, num_returns="streaming")
         state.updates = task.remote(state.job, str(self._root))
@@ -121,7 +121,7 @@ class Driver:
             # The process is gone, killed from outside or for want of memory: what it saved is not.
             if state.attempts < ATTEMPTS:
                 self._waiting.appendleft(state)
-                state.status = "waiting"
+                state.status = WAITING
             else:
                 state.status, state.error = "failed", f"lost its process {ATTEMPTS} times: {_words(error)}"
         return False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -30,6 +30,19 @@ FAILED = 1
 """Exit code where a run could not be finished."""
 
 
+def interruptible(work: Callable[[], int], root: Path) -> int:
+    """Do what fills a folder of results, and say how to go on if Ctrl-C or SIGTERM ends it.
+
+    Returns:
+        The exit code: that of the work, or `INTERRUPTED`.
+    """
+    try:
+        with _stoppable():
+            return work()
+    except KeyboardInterrupt:
+        return tell_interruption(root)
+
+
 def run_experiment(experiment: Experiment, root: Path) -> int:
     """Do all that is left of an experiment; return the exit code.
 
@@ -45,12 +58,10 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         keep_command(root, experiment, command())
         if driver.is_done:
             return _tell(driver.states, root)
-        start_ray(experiment.resources)
         try:
-            with _stoppable(), live:
+            start_ray(experiment.resources)
+            with live:
                 states = driver.run()
-        except KeyboardInterrupt:
-            return tell_interruption(root)
         finally:
             ray.shutdown()
         return _tell(states, root)

@@ -12,6 +12,7 @@ from rich.live import Live
 from rich.table import Table
 
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
+from benchmark.running.progress import BEGINNING, WAITING
 
 if TYPE_CHECKING:
     from benchmark.running.driver import JobState
@@ -29,8 +30,7 @@ class LiveProgress:
         self._console = console or Console(stderr=True)
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._began = time.monotonic()
-        self._said = -math.inf
-        self._ended: set[str] = set()
+        self._said: dict[str, tuple[str, float]] = {}
 
     def __enter__(self) -> LiveProgress:
         if self._console.is_terminal:
@@ -45,19 +45,13 @@ class LiveProgress:
         if self._console.is_terminal:
             self._live.update(self._table(states), refresh=True)
             return
-        self._say_ends(states)
-        if time.monotonic() - self._said > SECONDS:
-            self._said = time.monotonic()
-            for state in states:
-                if state.status in (TRAINING, TESTING):
-                    self._console.print(f"{state.job}: {' '.join(_cells(state)[1:])}", highlight=False)
-
-    def _say_ends(self, states: Sequence[JobState]) -> None:
         for state in states:
-            name = str(state.job)
-            if state.status in (FINISHED, "failed") and name not in self._ended:
-                self._ended.add(name)
-                self._console.print(f"{name}: {state.status} {state.error}".rstrip(), highlight=False)
+            before, at = self._said.get(str(state.job), (WAITING, -math.inf))
+            is_due = state.status in (TRAINING, TESTING) and time.monotonic() - at > SECONDS
+            if state.status != before or is_due:
+                self._said[str(state.job)] = state.status, time.monotonic()
+                # One line each, whatever the width of a terminal that is not there.
+                self._console.print(_line(state), highlight=False, markup=False, soft_wrap=True)
 
     def _table(self, states: Sequence[JobState]) -> Table:
         done = sum(state.status == FINISHED for state in states)
@@ -75,13 +69,32 @@ class LiveProgress:
             "left",
         ):
             table.add_column(title, justify="left" if title in ("run", "phase") else "right")
-        busy = [state for state in states if state.status not in (FINISHED, "waiting")]
-        waiting = [state for state in states if state.status == "waiting"]
+        busy = [state for state in states if state.status not in (FINISHED, WAITING)]
+        waiting = [state for state in states if state.status == WAITING]
         for state in [*busy, *waiting][:MOST_ROWS]:
             table.add_row(*_cells(state))
         if len(busy) + len(waiting) > MOST_ROWS:
             table.add_row(f"and {len(busy) + len(waiting) - MOST_ROWS} more")
         return table
+
+
+def _line(state: JobState) -> str:
+    """Return how far a job is, in words."""
+    progress, text = state.progress, f"{state.job}: {state.status}"
+    if state.status == "failed":
+        return f"{text}: {state.error}"
+    if state.status == BEGINNING:
+        return f"{text}, kernels that are not yet compiled are now"
+    if progress is None or state.status not in (TRAINING, TESTING):
+        return text
+    text += f" {progress.share:.0%}"
+    if state.status == TESTING:
+        return text
+    _, _, _, iteration, speed, returns, completion, collision, left = _cells(state)
+    return (
+        f"{text}, iteration {iteration}, {speed} steps/s, return {returns}, completion {completion}, "
+        f"collision {collision}" + (f", {left} left" if left else "")
+    )
 
 
 def _cells(state: JobState) -> list[str]:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+WAITING, BEGINNING = "waiting", "beginning"
+"""Of a job that tells nothing yet: whether it has been given to Ray."""
+
 
 @dataclass(frozen=True)
 class Progress:

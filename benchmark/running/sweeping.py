@@ -23,6 +23,7 @@ from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.basic_variant import BasicVariantGenerator
 
 from algorithms.settings import settings
+from benchmark.experiment.checks import DRAWS
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, runs_of
 from benchmark.results.files import ResultsError, locked, read_json, write_json, write_whole
@@ -32,7 +33,7 @@ from benchmark.running.experiment import FAILED, check_cells, tell_interruption
 from benchmark.running.training import Training, algorithm_of
 from smarts.errors import SmartsError, nearest_names, shortened
 
-DRAWS = {"uniform": tune.uniform, "loguniform": tune.loguniform, "randint": tune.randint}
+DRAW = {kind: getattr(tune, kind) for kind in DRAWS}
 VALIDATION = "validation"
 """What counts the validations of a trial: the time of schedulers."""
 MEASURES = ("completion", "safety", "return", VALIDATION, "agent_steps", "trial_id")
@@ -58,12 +59,10 @@ def sweep(experiment: Experiment, root: Path) -> int:
     check_cells(experiment)
     with locked(root):
         _keep_to_one_search(root / "search.json", run, section)
-        start_ray(experiment.resources)
         try:
+            start_ray(experiment.resources)
             with _stoppable() as stopped:
                 found = _tuner(run, section, space, root.absolute()).fit()
-        except KeyboardInterrupt:
-            return tell_interruption(root)
         finally:
             ray.shutdown()
         return tell_interruption(root) if stopped.is_set() else _tell(found, section, root)
@@ -187,7 +186,7 @@ def _values(name: str, given: Any) -> Any:
     if isinstance(given, dict) and len(given) == 1:
         kind, bounds = next(iter(given.items()))
         if kind in DRAWS and isinstance(bounds, list) and len(bounds) == 2:
-            return DRAWS[kind](*bounds)
+            return DRAW[kind](*bounds)
     raise SweepError(
         f"{given!r} is nothing to search in",
         place=f"tune.parameters.{name}",

@@ -1,5 +1,7 @@
 """`smarts-bench run` where nothing is left to do, so that neither Ray nor a simulation is needed."""
 
+import signal
+
 import pytest
 import typer
 
@@ -7,6 +9,7 @@ from benchmark.cli.run import run
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.metrics import write_table
+from benchmark.report import writing
 from benchmark.results.run_folder import FINISHED, RunFolder
 from tests.hand_made_results import ALONE, agent_episodes
 
@@ -20,7 +23,9 @@ evaluation: {episodes: 2, modes: [greedy]}
 """
 
 
-def test_a_finished_experiment_is_reported_again(tmp_path, capsys):
+@pytest.fixture
+def file(tmp_path):
+    """An experiment whose runs are all finished."""
     file = tmp_path / "done.yaml"
     file.write_text(CONFIG)
     for each in runs_of(read_experiment(file)):
@@ -30,9 +35,23 @@ def test_a_finished_experiment_is_reported_again(tmp_path, capsys):
         labels = {"algorithm": "ppo", "training_seed": each.seed, "task": "loop", "task_traffic": ALONE}
         outcomes = [["goal", "goal"], ["goal", "collision"]]
         write_table(agent_episodes(outcomes, mode="greedy", **labels), folder.table)
+    return file
+
+
+def test_a_finished_experiment_is_reported_again(file, tmp_path, capsys):
     with pytest.raises(typer.Exit) as ended:
         run(file, out=tmp_path / "results")
     page = tmp_path / "results" / "done" / "report" / "report.html"
     assert ended.value.exit_code == 0
-    assert capsys.readouterr().out.splitlines() == [f"results: {page.parents[1]}", f"report: {page}"]
+    said = capsys.readouterr()
+    assert said.err.splitlines()[0] == f"done: building scenarios and going through {page.parents[1]}"
+    assert said.out.splitlines() == [f"results: {page.parents[1]}", f"report: {page}"]
     assert "2 of 2 runs are finished." in page.read_text()
+
+
+def test_sigterm_while_the_report_is_written_says_how_to_go_on(file, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(writing, "write_report", lambda root: signal.raise_signal(signal.SIGTERM))
+    with pytest.raises(typer.Exit) as ended:
+        run(file, out=tmp_path / "results")
+    assert ended.value.exit_code == 130
+    assert "the same command goes on" in capsys.readouterr().err

@@ -1,0 +1,64 @@
+"""What a log says while an experiment runs: one line each, with names, and how it is ended."""
+
+import io
+import os
+import signal
+
+import pytest
+from rich.console import Console
+
+from benchmark.running import live
+from benchmark.running.driver import JobState
+from benchmark.running.experiment import INTERRUPTED, interruptible
+from benchmark.running.live import LiveProgress
+from benchmark.running.progress import Progress
+
+NAME = "ppo, two_way, no_social_vehicles, seed 1"
+
+
+def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
+    log = io.StringIO()
+    shown = LiveProgress(Console(file=log, width=40))
+    state = JobState(NAME)  # type: ignore[arg-type] - of a job only its name is shown
+
+    def lines(status, progress=None, error=""):
+        log.seek(0)
+        log.truncate()
+        state.status, state.progress, state.error = status, progress, error
+        shown.show([state])
+        return log.getvalue().splitlines()
+
+    training = Progress("training", 0.5, 6, 1500, 60.0, 867.4, 1.41, 0.75, 0.25)
+    assert lines("waiting") == []
+    assert lines("beginning") == [f"{NAME}: beginning, kernels that are not yet compiled are now"]
+    expected = (
+        f"{NAME}: training 50%, iteration 6, 867 steps/s, return 1.41, completion 0.75, collision 0.25, "
+        "1.0 min left"
+    )
+    assert lines("training", training) == [expected]
+    assert lines("training", training) == []
+    monkeypatch.setattr(live, "SECONDS", 0.0)
+    assert lines("training", training) == [expected]
+    assert lines("testing", Progress("testing", 0.25)) == [f"{NAME}: testing 25%"]
+    assert lines("failed", error="[red] no") == [f"{NAME}: failed: [red] no"]
+    assert lines("failed", error="[red] no") == []
+    assert lines("finished") == [f"{NAME}: finished"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_whatever_is_ended_says_how_to_go_on(tmp_path, capsys, number):
+    before = signal.getsignal(signal.SIGTERM)
+    # As in a shell's background, Ctrl-C may be ignored where the tests run.
+    ctrl_c = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def work():
+        os.kill(os.getpid(), number)
+        return 0
+
+    try:
+        assert interruptible(work, tmp_path) == INTERRUPTED
+    finally:
+        signal.signal(signal.SIGINT, ctrl_c)
+    assert f"what is finished is in {tmp_path}, the same command goes on" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGTERM) == before
+    assert interruptible(lambda: 7, tmp_path) == 7
