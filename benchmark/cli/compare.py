@@ -27,17 +27,26 @@ def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv
     Of two experiments, the algorithms that both have; of two algorithms, these two. The unit is a start, over
     all training seeds a side has: the answer is about these checkpoints, not about others of the algorithm.
     """
-    from benchmark.report.comparing import compare_sides, differing_protocols, read_side, scenarios_apart
+    from benchmark.report.comparing import (
+        compare_sides,
+        differing_protocols,
+        read_side,
+        scenarios_apart,
+        told_apart,
+    )
     from benchmark.report.ranking import RANKED_BY
     from benchmark.results.files import write_whole
 
-    first, second = read_side(a), read_side(b)
+    first, second = told_apart(read_side(a), read_side(b))
     found = compare_sides(first, second, metric or RANKED_BY, mode)
     differing = differing_protocols(first, second)
     if differing:
         typer.echo("note: these were not made under the same protocol:", err=True)
         for line in differing:
             typer.echo(f"  {line}", err=True)
+    for side in (first, second):
+        for line in side.left_out:
+            typer.echo(f"note: left out: {side.name}: {line}", err=True)
     for line in scenarios_apart(first, second):
         typer.echo(f"note: {line}", err=True)
     if csv is not None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from benchmark.results.files import try_writing, write_whole
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 
 if TYPE_CHECKING:
@@ -72,10 +73,13 @@ def floors(
                 rows.append(_row(tally))
                 typer.echo(_shown(tally))
     if out is not None:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with out.open("w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
+        write_whole(out, lambda file: _write(file, [COLUMNS, *rows]))
         typer.echo(f"wrote {out}")
+
+
+def _write(file: Path, rows: Sequence[Sequence[str]]) -> None:
+    with file.open("w", newline="") as out:
+        csv.writer(out, lineterminator="\n").writerows(rows)
 
 
 def _row(tally: Tally) -> list[str]:
@@ -119,3 +123,4 @@ def _check_table(out: Path | None) -> None:
         raise SmartsError(
             "there is a folder or a file in the way", place=str(out), remedy="choose another --out"
         )
+    try_writing(out)

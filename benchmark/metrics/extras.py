@@ -30,14 +30,19 @@ def _measure_outcome(outcome: Outcome, episode: EpisodeData) -> Columns:
     return {f"ended_{outcome.name.lower()}": ended_by(episode, outcome)}
 
 
-def outcome_share(outcome: Outcome) -> Measure:
-    """Return the share of agent-episodes that ended one way."""
+def outcome_share(outcome: Outcome, ended: str = "") -> Measure:
+    """Return the share of agent-episodes that ended one way.
+
+    Args:
+        outcome: Which.
+        ended: How they ended, where the outcome's name does not say it.
+    """
     name = f"ended_{outcome.name.lower()}"
     words = outcome.name.lower().replace("_", "-")
     return Measure(
         name=name,
         label=words.capitalize(),
-        meaning=f"share of agent-episodes with outcome {words}",
+        meaning=f"share of agent-episodes {f'that ended {ended}' if ended else f'with outcome {words}'}",
         columns=(name,),
         measure=partial(_measure_outcome, outcome),
         value=lambda totals: share(totals[name], totals["agents"]),
@@ -52,8 +57,10 @@ OFF_ROUTE = outcome_share(Outcome.OFF_ROUTE)
 MISSED_GOAL = outcome_share(Outcome.MISSED_GOAL)
 NOT_MOVING = outcome_share(Outcome.NOT_MOVING)
 TIME_OUT = outcome_share(Outcome.TIME_OUT)
-OTHER = outcome_share(Outcome.OTHER)
-OTHER_TERMINAL = outcome_share(Outcome.OTHER_TERMINAL)
+OTHER = outcome_share(Outcome.OTHER, "for another's sake: too few agents or vehicles of interest were left")
+OTHER_TERMINAL = outcome_share(
+    Outcome.OTHER_TERMINAL, "on the shoulder, against the direction, at a via point or after a lap"
+)
 
 
 def measure_goal_distance(episode: EpisodeData) -> Columns:

@@ -133,7 +133,7 @@ def _row(measure: Measure, group: _Group) -> dict[str, Any]:
     unknown = [name for name in measure.needs if not np.isfinite(totals[name])]
     if unknown:
         count = float("nan")
-        note = f"n/a: a table of these results has no column '{unknown[0]}'"
+        note = f"n/a: not every table has numbers in column '{unknown[0]}'"
     elif not np.isfinite(value):
         note = f"n/a: {measure.missing}"
     else:

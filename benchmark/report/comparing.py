@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -40,6 +40,10 @@ class Side:
     results: Results
     runs: tuple[RunResult, ...]
     """Finished ones."""
+    left_out: tuple[str, ...] = ()
+    """Runs and files that would belong to it, and why they do not count."""
+    name: str = ""
+    """By which the sides are told apart."""
 
     @property
     def algorithms(self) -> list[str]:
@@ -57,21 +61,47 @@ def read_side(path: Path) -> Side:
         raise ResultsError("there is no such folder", place=str(path), remedy="give results/NAME[/ALGORITHM]")
     root, algorithm = path, ""
     if not (path / "experiment.json").exists():
-        levels = 2 if path.resolve().parent.name == REFERENCE else 1
-        root, algorithm = path.resolve().parents[levels - 1], path.resolve().name
+        whole = path.resolve()
+        root, algorithm = whole.parent, whole.name
+        if root.name == REFERENCE:
+            root = root.parent
     results = read_results(root)
-    runs = tuple(
-        run
-        for run in results.finished
-        if run.algorithm == algorithm or (not algorithm and not run.is_reference)
-    )
+
+    def is_meant(run: RunResult) -> bool:
+        return run.algorithm == algorithm or (not algorithm and not run.is_reference)
+
+    runs = tuple(run for run in results.finished if is_meant(run))
+    places = {run.place for run in results.runs if is_meant(run)}
+    own = {
+        name: reason
+        for name, reason in results.problems.items()
+        if not algorithm or any(f"{name}/".startswith(f"{place}/") for place in places)
+    }
+    left_out = [f"{run} is not finished: {run.status}" for run in results.unfinished if is_meant(run)]
+    left_out += [f"{name}: {reason}" for name, reason in own.items()]
     if not runs:
         raise ResultsError(
-            "there is no finished run",
+            "; ".join(["there is no finished run", *left_out]),
             place=str(path),
             remedy="give results/NAME[/ALGORITHM] of a finished one",
         )
-    return Side(path, results, runs)
+    return Side(path, results, runs, tuple(left_out), results.name)
+
+
+def told_apart(first: Side, second: Side) -> tuple[Side, Side]:
+    """Return two sides under names of their own: their paths where experiments are called alike.
+
+    Raises:
+        ResultsError: They are the same.
+    """
+    roots = [each.results.root.resolve() for each in (first, second)]
+    if first.path.resolve() == second.path.resolve():
+        raise ResultsError(
+            "is given twice", place=str(second.path), remedy="name two experiments or algorithms"
+        )
+    if roots[0] == roots[1] or first.name != second.name:
+        return first, second
+    return replace(first, name=str(first.results.root)), replace(second, name=str(second.results.root))
 
 
 def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) -> Frame:
@@ -93,6 +123,8 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
         ResultsError: There is nothing in common.
         UnknownNameError: A metric is unknown.
     """
+    # Each once, since p-values are corrected for how many there are.
+    metrics = [*dict.fromkeys(metrics)]
     for name in metrics:
         METRICS[name]
     parts = []
@@ -103,7 +135,7 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
             parts.append(pd.concat(tables, ignore_index=True).assign(pair=number, side=letter))
     table: Frame = pd.concat(parts, ignore_index=True)
     table = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
-    found = compare(table, [*metrics], ["pair", *CELL], "side", family=())
+    found = compare(table, metrics, ["pair", *CELL], "side", family=())
     if not len(found):
         raise ResultsError(
             f"nothing that both have: no common task, traffic and {mode} episodes",
@@ -111,8 +143,8 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
             remedy="compare experiments on the same tasks and traffic",
         )
     sides = [pairs[number] for number in found["pair"]]
-    names = {"A": [f"{first.results.name}: {one}" for one, _ in sides]}
-    names["B"] = [f"{second.results.name}: {other}" for _, other in sides]
+    names = {"A": [f"{first.name}: {one}" for one, _ in sides]}
+    names["B"] = [f"{second.name}: {other}" for _, other in sides]
     better = [names[wins][row] if wins else "" for row, wins in enumerate(found["wins"])]
     answer = found.assign(first=names["A"], second=names["B"], better=better)
     return answer[[*COLUMNS]]
@@ -127,7 +159,7 @@ def differing_protocols(first: Side, second: Side) -> list[str]:
 def scenarios_apart(first: Side, second: Side) -> list[str]:
     """Return a sentence for each scenario that the two sides did not have alike."""
     sides = (first, second)
-    return differing_scenarios((run, f"{side.results.name}: {run}") for side in sides for run in side.runs)
+    return differing_scenarios((run, f"{side.name}: {run}") for side in sides for run in side.runs)
 
 
 def _pairs(first: Side, second: Side) -> list[tuple[str, str]]:

@@ -75,6 +75,7 @@ def report_page(report: Report) -> str:
         difference_notes=tables.difference_notes(report),
         intervals=wording.INTERVALS,
         compared=wording.COMPARED,
+        as_good_means=wording.AS_GOOD_MEANS,
         difference_columns=tables.DIFFERENCE_COLUMNS.items(),
         commands=provenance.commands(results),
         circumstances=provenance.circumstances(results),

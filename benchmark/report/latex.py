@@ -32,7 +32,7 @@ def main_table(report: Report, mode: str) -> str:
         first += width
     lines = [
         "% Needs \\usepackage{booktabs}. Collision / completion rate, their 95% intervals, the paper's.",
-        f"% {wording.BOLD} Asterisk: as good as the paper.",
+        f"% {wording.BOLD} Asterisk: as good as the paper. {wording.AS_GOOD_MEANS}",
         f"% {wording.INTERVALS}",
         f"% {wording.COMPARED}",
         r"\begin{tabular}{l" + "c" * len(columns) + "}",

@@ -27,7 +27,12 @@ def report_text(report: Report, pictures: Iterable[str]) -> str:
     for mode in report.modes:
         parts += [f"## {wording.MODE_TITLES[mode]} episodes: collision rate / completion rate"]
         parts += [f"{wording.MODE_NOTES[mode]} {wording.BOLD}", _main_table(report, mode)]
-    parts += [wording.INTERVALS, wording.COMPARED, " ".join(tables.difference_notes(report))]
+    parts += [
+        wording.AS_GOOD_MEANS,
+        wording.INTERVALS,
+        wording.COMPARED,
+        " ".join(tables.difference_notes(report)),
+    ]
     there = set(pictures)
     for kind in KINDS:
         if kind.name in there:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from benchmark.report.paper import algorithm_label
 from benchmark.results.reading import NOT_BEGUN, Results, RunResult
 from benchmark.results.run_folder import CONTINUED
 
@@ -45,6 +46,10 @@ RUN_COLUMNS = {
     "ended": "As the machine's clock had it",
 }
 """Title and meaning of the columns of the table of runs."""
+
+
+CHANGED = " (+: with changes that were not committed)"
+"""What the sign behind a commit means."""
 
 
 def run_lines(results: Results) -> list[RunLine]:
@@ -87,8 +92,9 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
         ", ".join(filter(None, (_text(each.get(name)) for name in ("processor", "cores", "system"))))
         for each in facts
     ]
+    commits = _distinct(_text(each.get("commit")) for each in facts)
     found = {
-        "Commit": _distinct(_text(each.get("commit")) for each in facts),
+        "Commit" + CHANGED * any(each.endswith("+") for each in commits): commits,
         "Python": _distinct(_text(each.get("python")) for each in facts),
         "Versions": _distinct(versions),
         "Machine (processor, cores, system)": _distinct(machines),
@@ -111,10 +117,13 @@ def commands(results: Results) -> list[str]:
 def totals(results: Results) -> list[str]:
     """Return sentences on what there is and what is missing."""
     counts = results.counts
+    names = dict.fromkeys(algorithm_label(run.algorithm) for run in results.runs if not run.is_reference)
     lines = [
+        f"Of {', '.join(names)}:" if names else "",
         f"{len(results.finished)} of {len(results.runs)} runs are finished.",
         f"{counts['measured']} test episodes were measured.",
     ]
+    lines = [line for line in lines if line]
     if counts["void"]:
         lines.append(f"{counts['void']} were void (vehicles overlapped at the start) and do not count.")
     if counts["incomplete"]:

@@ -123,13 +123,19 @@ def difference_rows(report: Report) -> list[list[str]]:
 
 
 def difference_notes(report: Report) -> list[str]:
-    """Return how many differences of the main mode are decided, and what was left out of them."""
-    found = report.differences[report.modes[0]]
-    decided, unknown = int((found["wins"] != "").sum()), int(found["corrected"].isna().sum())
-    ties = len(found) - decided - unknown
-    counts = f"{decided} differences are decided, {ties} are ties, {unknown} could not be compared."
-    notes = dict.fromkeys(filter(None, found["note"]))
-    return [counts, *(f"Left out of some: {note}." for note in notes)]
+    """Return how many differences are decided in each mode, and what was left out of them."""
+    said = []
+    for mode in report.modes:
+        found = report.differences[mode]
+        decided, unknown = int((found["wins"] != "").sum()), int(found["corrected"].isna().sum())
+        ties = len(found) - decided - unknown
+        said.append(
+            f"{mode.capitalize()}: {decided} differences are decided, {ties} are ties,"
+            f" {unknown} could not be compared."
+        )
+        notes = dict.fromkeys(filter(None, found["note"]))
+        said += [f"Left out of some: {note}." for note in notes]
+    return said
 
 
 def _differences(report: Report) -> Iterator[list[str]]:

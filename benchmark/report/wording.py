@@ -17,9 +17,10 @@ MODE_NOTES = {
 AS_GOOD, WORSE = "as good", "worse"
 INTERVALS = (
     "95% intervals. With three or more training seeds they are of the algorithm: Student's t on the "
-    "seeds, rates on the arcsine-root scale. With one or two, marked 'this checkpoint', they are of "
-    "what was trained and tell nothing of further seeds. Either way they are no narrower than what the "
-    "episodes leave open: Wilson's interval at trials / design effect for rates and ratios of counts, "
+    "seeds, rates on the arcsine-root scale. With one or two, marked 'this checkpoint' or 'these "
+    "checkpoints', they are of what was trained and tell nothing of further seeds. Either way they are "
+    "no narrower than what the episodes leave open: Wilson's interval at trials / design effect for rates "
+    "and ratios of counts, "
     "resampled episodes for others. None where a training seed has fewer distinct starts than episodes, "
     "or where all episodes are alike."
 )
@@ -31,7 +32,13 @@ COMPARED = (
     "policies against them are a family of their own. Tie: the corrected p-value is 0.05 or more. Not "
     "compared: fewer than two starts that both have played."
 )
+AS_GOOD_MEANS = (
+    "As good as the paper does not mean equal: the collision rate is not above, and the completion rate not "
+    "below, the 95% Wilson bound of the paper's cell at its 40 agent-episodes, on 200 test episodes a seed; "
+    "fewer are not marked."
+)
 BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
+THESE_CHECKPOINTS = "these checkpoints"
 NO_RUN = "no finished run"
 
 
@@ -87,7 +94,8 @@ def count(cell: TableCell) -> str:
     found = cell.completion
     if found is None:
         return ""
-    label = f"; {found.label}" if found.label == THIS_CHECKPOINT else ""
+    checkpoints = THIS_CHECKPOINT if found.seeds == 1 else THESE_CHECKPOINTS
+    label = f"; {checkpoints}" if found.label == THIS_CHECKPOINT else ""
     return f"{found.seeds} {'seed' if found.seeds == 1 else 'seeds'}, {found.episodes} episodes{label}"
 
 
@@ -106,7 +114,8 @@ def standing(report: Report) -> list[str]:
         if cells:
             good = sum(bool(cell.is_as_good) for cell in cells)
             where = f"in {good} of {len(cells)} cells that it has too"
-            sentences.append(f"{MODE_TITLES[mode]}: as good as the paper {where}.")
+            bounds = "by the 95% bounds of its cells, which are of 40 agent-episodes each"
+            sentences.append(f"{MODE_TITLES[mode]}: as good as the paper {where}, {bounds}.")
         every = (cell for row in report.main_table(mode) for cell in row.cells)
         short = sum(bool(cell.printed) and cell.is_short for cell in every)
         if short:

@@ -95,5 +95,5 @@ def _check_free(folder: Path) -> None:
             raise ResultsError(
                 f"holds '{others[0]}', which is not of a report and would be lost",
                 place=str(folder),
-                remedy="choose another --out, or an empty folder",
+                remedy="move it away, then give `smarts-bench report RESULTS`, or with another --out",
             )

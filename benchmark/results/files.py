@@ -42,6 +42,22 @@ def write_whole(file: Path, write: Callable[[Path], Any]) -> None:
             raise
 
 
+def try_writing(file: Path) -> None:
+    """See that a file can be written, before the work whose result it is to hold; leaves what is there.
+
+    Raises:
+        ResultsError: The disk is full, or the folder cannot be written to.
+    """
+    partial = file.with_name(f"{PARTIAL}-{file.name}")
+    with named_failures(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            partial.write_bytes(b"x" * 4096)
+            _to_disk(partial)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
 def write_json(file: Path, content: Any) -> None:
     """Write a JSON file, whole or not at all; see `write_whole`."""
     text = json.dumps(content, indent=1) + "\n"
@@ -162,14 +178,19 @@ def named_failures(place: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         raise ResultsError(
             f"cannot be written: {error.strerror or error}",
             place=str(place),
-            remedy="free some space, and give the same command again to go on"
-            if full
-            else "give a folder that can be written to: --out",
+            remedy=_REMEDIES.get(error.errno or 0, "name a place that can be written to"),
         ) from error
+
+
+_FULL = "free some space, and give the same command again to go on"
+_REMEDIES = {
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), _FULL),
+    errno.EISDIR: "there is a folder; name a file",
+}
+"""By number of the file system's error."""
 
 
 def first_line(error: BaseException) -> str:

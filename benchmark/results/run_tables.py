@@ -22,8 +22,8 @@ LABELS = {
 }
 """Columns without which a table is of something else."""
 RATES = ("completion_rate", "collision_rate")
-"""Metrics that every table has. Columns of others may be absent, as a whole, since a table is older than a
-metric that is added later: it is n/a then."""
+"""Metrics that every table has, with a number for each agent that took part. Columns of others may be absent,
+since a table is older than a metric that is added later, or lack numbers: the metric is n/a then."""
 
 Names = tuple[str, str, str, int]
 """Of a run: algorithm or policy, task, traffic, training seed."""
@@ -65,8 +65,7 @@ def _check_columns(table: Frame) -> None:
     absent = sorted(LABELS - set(table.columns))
     if absent:
         raise ResultsError(f"not a run's table: it has no column '{absent[0]}'")
-    rates = {name for rate in RATES for name in METRICS[rate].columns}
-    absent = sorted(rates - set(table.columns))
+    absent = [name for name in _of_rates() if name not in table.columns]
     if absent:
         raise ResultsError(f"of another version: it has no column '{absent[0]}'")
     if not is_bool_dtype(table["is_void"]):
@@ -74,6 +73,10 @@ def _check_columns(table: Frame) -> None:
     for name in [*START, *_measured(table)]:
         if not is_numeric_dtype(table[name]):
             raise ResultsError(f"damaged: its column '{name}' is not of numbers")
+
+
+def _of_rates() -> list[str]:
+    return [name for rate in RATES for name in METRICS[rate].columns]
 
 
 def _measured(table: Frame) -> list[str]:
@@ -92,7 +95,7 @@ def _check_rows(table: Frame) -> None:
     if not table["agents"].isin([0.0, 1.0]).all():
         raise ResultsError("damaged: its column 'agents' is not of 0 and 1")
     took_part = table[~table["is_void"] & (table["agents"] > 0)]
-    for name in _measured(table):
+    for name in _of_rates():
         bad = int((~np.isfinite(took_part[name].to_numpy(float))).sum())
         if bad:
             raise ResultsError(f"damaged: '{name}' is not a number in {bad} of its {len(table)} rows")

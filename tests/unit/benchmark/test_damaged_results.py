@@ -60,7 +60,7 @@ def lacking(name, rows=slice(None)):
         (lambda table: table.drop(columns="collisions"), "another version: it has no column 'collisions'"),
         (lambda table: table.drop(columns="agents"), "it has no column 'agents'"),
         (lacking("collisions"), "'collisions' is not a number in 6 of its 6 rows"),
-        (lacking("overtakes", 2), "'overtakes' is not a number in 1 of its 6 rows"),
+        (lacking("goals", 2), "'goals' is not a number in 1 of its 6 rows"),
         (lambda table: table.assign(goals="many"), "'goals' is not of numbers"),
         (lambda table: table.assign(is_void="no"), "'is_void' is not of truth values"),
         (lambda table: table.assign(agents=2.0), "'agents' is not of 0 and 1"),
@@ -86,13 +86,22 @@ def test_agents_that_took_no_part_need_no_numbers(tmp_path):
     assert folder.is_finished(TESTED)
 
 
-def test_a_metric_that_a_table_is_too_old_for_is_not_available(tmp_path):
-    write_changed(tmp_path, lambda table: table.drop(columns="overtakes"))
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda table: table.drop(columns="overtakes"),
+        lacking("overtakes"),
+        lacking("overtakes", 2),
+        lambda table: table.assign(overtakes=np.inf),
+    ],
+)
+def test_a_metric_that_a_table_has_no_numbers_of_is_not_available(tmp_path, change):
+    write_changed(tmp_path, change)
     results = read_results(tmp_path)
     assert len(results.finished) == 1
     row = compute(results.table, ["algorithm"], ["competitive"]).iloc[0]
     assert np.isnan(row["value"])
-    assert row["note"] == "n/a: a table of these results has no column 'overtakes'"
+    assert row["note"] == "n/a: not every table has numbers in column 'overtakes'"
 
 
 def test_what_one_of_several_tables_lacks_is_not_nought():

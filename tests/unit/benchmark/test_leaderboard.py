@@ -145,3 +145,59 @@ def test_nothing_in_common(tmp_path):
         compare_sides(read_side(one), read_side(two), ["completion_rate"], "greedy")
     with pytest.raises(ResultsError, match="nothing that both have"):
         compare_sides(read_side(one), read_side(three), ["completion_rate"], "greedy")
+
+
+def compared(*arguments):
+    """Return exit code and what a comparison says, or its error."""
+    done = CliRunner().invoke(app, ["compare", *map(str, arguments)])
+    return done.exit_code, done.exception or done.output
+
+
+def test_sides_of_one_name_are_told_apart(tmp_path):
+    one = experiment(tmp_path / "one" / "mine", {"ppo": GOOD})
+    two = experiment(tmp_path / "two" / "mine", {"ppo": BAD})
+    said = compared(one, two)[1]
+    assert f"{one}: ppo  {two}: ppo" in said
+    assert said.splitlines()[1].endswith(f"{one}: ppo")
+    assert compared(one, tmp_path / "two" / ".." / "one" / "mine")[1].problem == "is given twice"
+
+
+def test_a_comparison_says_what_it_left_out(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
+    two = experiment(tmp_path / "two", {"ppo": BAD})
+    assert "left out" not in compared(one / "ppo", two / "ppo")[1]
+    lost = write_run(two, "ppo", [agent_episodes(BAD, mode="greedy")], seed=2) / "episodes.parquet"
+    lost.write_bytes(b"")
+    place = lost.relative_to(two).as_posix()
+    (one / "dqn" / "intersection" / ALONE / "seed_1" / "run.json").write_text("{")
+    code, said = compared(one / "ppo", two / "ppo")
+    assert code == 0
+    assert f"left out: two: {place}: not a table of results" in said
+    # Another algorithm's.
+    assert "dqn" not in said
+    assert (
+        f"left out: one: dqn/intersection/{ALONE}/seed_1: run.json: cannot be read" in compared(one, two)[1]
+    )
+    assert "run.json: cannot be read" in compared(one / "dqn", two)[1].problem
+
+
+def test_a_metric_that_is_named_twice_is_compared_once(tmp_path):
+    one, two = (experiment(tmp_path / name, {"ppo": each}) for name, each in (("one", GOOD), ("two", SLOW)))
+    once, twice = (
+        compare_sides(read_side(one), read_side(two), ["completion_rate"] * count, "greedy")
+        for count in (1, 2)
+    )
+    assert len(twice) == 1
+    assert twice["corrected"].tolist() == once["corrected"].tolist()
+
+
+def test_a_comparison_of_nothing(tmp_path):
+    assert compared("/", "/")[1].problem.startswith("no results of an experiment")
+
+
+def test_a_page_in_the_place_of_a_folder_is_named(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD})
+    with pytest.raises(ResultsError) as caught:
+        write_leaderboard([one], one, "greedy")
+    assert caught.value.remedy == "there is a folder; name a file"
+    assert "place that can be written to" in compared(one, one / "ppo", "--csv", "/proc/x.csv")[1].remedy

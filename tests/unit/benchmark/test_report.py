@@ -230,7 +230,7 @@ def test_the_page_says_what_is_missing(folder):
     assert f"maac, intersection, {ALONE}, seed 1: is not finished: training" in text
     assert f"ppo, intersection, {SOCIAL}, seed 1: has not begun" in text
     assert "1 were void" in text
-    assert "3 of 8 runs are finished" in text
+    assert "Of centralised_v, MAAC, PPO: 3 of 8 runs are finished" in text
     assert "smarts-bench run hand.yaml" in text
     assert "abacus" in text
     assert "0123456789ab" in text

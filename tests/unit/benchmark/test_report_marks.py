@@ -7,15 +7,19 @@ from pathlib import Path
 import pytest
 from matplotlib.colors import to_rgba
 
+from benchmark.report import wording
 from benchmark.report.content import Report, TableCell, make_report
 from benchmark.report.curves import SHOWN, draw_curves
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
 from benchmark.report.leaderboard import make_leaderboard
+from benchmark.report.markdown import report_text
 from benchmark.report.outcomes import draw_outcomes
 from benchmark.report.protocol import protocol_of
-from benchmark.report.provenance import run_lines
+from benchmark.report.provenance import circumstances, run_lines
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
+from benchmark.report.tables import difference_notes
+from benchmark.report.values import Value
 from benchmark.report.wording import AS_GOOD, WORSE, intervals, mark
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
@@ -165,3 +169,35 @@ def test_a_run_without_its_table_is_not_finished(tmp_path):
     folder.table.unlink()
     folder.checkpoint.mkdir()
     assert not folder.is_finished(tested)
+
+
+def test_all_files_say_what_as_good_means_and_count_ties_in_each_mode(report):
+    bound = "the 95% Wilson bound of the paper's cell at its 40 agent-episodes"
+    assert f"% {wording.BOLD}" in main_table(report, "greedy")
+    for text in (
+        report_page(report).replace("&#39;", "'"),
+        report_text(report, ()),
+        main_table(report, "greedy"),
+    ):
+        assert bound in text
+    notes = [note for note in difference_notes(report) if "are decided" in note]
+    for mode, note in zip(report.modes, notes, strict=True):
+        decided = int((report.differences[mode]["wins"] != "").sum())
+        assert note.startswith(f"{mode.capitalize()}: {decided} differences are decided")
+    assert len(notes) == 2
+
+
+def test_two_seeds_have_these_checkpoints():
+    value = Value("completion_rate", 0.5, 0.4, 0.6, 8, 8.0, "agent-episodes", 4, 2, "this checkpoint", "")
+    cell = TableCell("intersection", ALONE, value, value, (), None, None, False)
+    assert wording.count(cell) == "2 seeds, 4 episodes; these checkpoints"
+    one = replace(cell, completion=replace(value, seeds=1))
+    assert wording.count(one) == "1 seed, 4 episodes; this checkpoint"
+
+
+def test_a_commit_with_changes_is_explained(tmp_path):
+    folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")]))
+    assert "Commit" in dict(circumstances(read_results(tmp_path)))
+    folder.note(commit="0123456789ab+")
+    name = "Commit (+: with changes that were not committed)"
+    assert dict(circumstances(read_results(tmp_path)))[name] == ["0123456789ab+"]

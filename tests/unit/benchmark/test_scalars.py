@@ -24,7 +24,11 @@ def test_the_files_hold_the_columns_of_progress_and_nothing_that_is_made_again(t
         folder.add_progress(given)
         first.add(given)
     first.close()
-    assert read_scalars(folder.tensorboard) == {"completion": {100: 0.25, 200: 0.5, 300: 0.75}}
+    seconds = {100: 2.0, 200: 4.0, 300: 6.0}
+    assert read_scalars(folder.tensorboard) == {
+        "completion": {100: 0.25, 200: 0.5, 300: 0.75},
+        "seconds": seconds,
+    }
 
     folder.begin_progress(2)  # killed, with a checkpoint of the second iteration
     second = Scalars(folder.tensorboard, folder.read_progress())
@@ -32,5 +36,6 @@ def test_the_files_hold_the_columns_of_progress_and_nothing_that_is_made_again(t
     second.close()
     assert read_scalars(folder.tensorboard) == {
         "completion": {100: 0.25, 200: 0.5, 300: 0.875},
+        "seconds": seconds,
         "validation_return": {300: -1.5},
     }

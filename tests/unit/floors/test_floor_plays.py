@@ -1,6 +1,7 @@
 """Floor policies in a scenario of the benchmark."""
 
 import csv
+from pathlib import Path
 
 import pytest
 
@@ -43,5 +44,8 @@ def test_bad_input_is_refused_before_anything_is_played(tmp_path):
         floors(["yeilder"])
     with pytest.raises(SmartsError, match=r"floors\.txt"):
         floors(["parked"], out=tmp_path / "floors.txt")
+    with pytest.raises(SmartsError, match=r"/proc/x\.csv: cannot be written") as caught:
+        floors(["parked"], out=Path("/proc/x.csv"))
+    assert "place that can be written to" in caught.value.remedy
     with pytest.raises(SmartsError, match="only agents are recorded"):
         play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path)
