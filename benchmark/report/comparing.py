@@ -62,6 +62,10 @@ def read_side(path: Path) -> Side:
     root, algorithm = path, ""
     if not (path / "experiment.json").exists():
         whole = path.resolve()
+        if whole == whole.parent:
+            raise ResultsError(
+                "no results of an experiment", place=str(path), remedy="give results/NAME[/ALGORITHM]"
+            )
         root, algorithm = whole.parent, whole.name
         if root.name == REFERENCE:
             root = root.parent

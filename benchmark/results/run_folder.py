@@ -88,16 +88,17 @@ class RunFolder:
         """Whether there is nothing left to do: it is trained, tested in this way, and the test's table whole.
 
         Raises:
-            ResultsError: The table is lost or damaged, and so is the checkpoint that could be tested again.
+            ResultsError: The table is lost, damaged or of another test, and there is no checkpoint to test.
         """
-        if self.status != FINISHED or read_mapping(self.run).get("tested") != dict(tested):
+        if self.status != FINISHED:
             return False
-        problem = self._table_problem(tested)
+        before = read_mapping(self.run).get("tested")
+        problem = "it was tested in another way" if before != dict(tested) else self._table_problem(tested)
         if problem and self.progress.exists() and not self.checkpoint.exists():
             raise ResultsError(
                 f"{problem}; there is no checkpoint either that could be tested again",
                 place=str(self.table),
-                remedy=f"put it back, or remove the folder {self.path} to train anew",
+                remedy=f"put it back, test as before ({before}), or give another --out to train anew",
             )
         return not problem
 

@@ -134,6 +134,15 @@ def test_a_table_that_is_cut_is_tested_again_from_the_checkpoint(tmp_path, left)
     assert "tests the run anew" in read_results(tmp_path).problems[f"{PLACE}/episodes.parquet"]
 
 
+def test_a_run_without_a_checkpoint_is_not_trained_anew_for_another_test(tmp_path):
+    folder = write_changed(tmp_path, lambda table: table)
+    other = {**TESTED, "episodes": 7}
+    with pytest.raises(ResultsError, match=r"tested in another way.* no checkpoint either"):
+        folder.is_finished(other)
+    folder.checkpoint.mkdir()
+    assert not folder.is_finished(other)
+
+
 def test_a_reference_needs_no_checkpoint_to_be_tested_again(tmp_path):
     folder = RunFolder(write_run(tmp_path, "parked", [agent_episodes(CRASHES, mode="scripted")], seed=-1))
     folder.note(status=FINISHED, tested=TESTED)
