@@ -165,9 +165,9 @@ def test_a_run_without_its_table_is_not_finished(tmp_path):
     folder = RunFolder(write_run(tmp_path, "ppo", [agent_episodes(GOOD[:2], mode="greedy")]))
     folder.note(status=FINISHED, tested=tested)
     assert folder.is_finished(tested)
+    folder.checkpoint.mkdir()
     assert not folder.is_finished({"episodes": 3})
     folder.table.unlink()
-    folder.checkpoint.mkdir()
     assert not folder.is_finished(tested)
 
 
