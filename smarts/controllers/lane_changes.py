@@ -16,7 +16,7 @@ from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_graph import LaneKind
 from smarts.types.actions import LaneAction
 from smarts.types.guidance import GuidePhase
-from smarts.types.seats import ChangePhase
+from smarts.types.seats import ChangePhase, SeatState
 from smarts.types.vehicles import VehicleKind
 
 LOST = 0.75
@@ -31,6 +31,7 @@ LOOK_AHEAD = 20.0
 LOOK_AHEAD_TIME = 4.0
 """A lane that leaves the route is legal up to 20 m and 4 s before its end."""
 
+_SHADOWING, _ACTIVE = int(SeatState.SHADOWING), int(SeatState.ACTIVE)
 _MANOEUVRE = int(GuidePhase.MANOEUVRE)
 _NONE, _REQUESTED = int(ChangePhase.NONE), int(ChangePhase.REQUESTED)
 _MOVING, _SETTLED, _ABORTED = int(ChangePhase.MOVING), int(ChangePhase.SETTLED), int(ChangePhase.ABORTED)
@@ -182,17 +183,20 @@ def write_legal(
     roads: Roads,
     table: RouteTable,
     state: LaneState,
+    occupied: NDArray[np.int8],
     guidance: NDArray[np.int8],
     legal: NDArray[np.bool_],
-    chosen: NDArray[np.bool_],
+    rows: NDArray[np.bool_],
 ) -> None:
-    """Write which of the four lane actions the agents of `chosen` seats may take next, shape (B, A, 4).
+    """Write which of the four lane actions the agents of some simulations may take next, shape (B, A, 4).
 
-    `guidance` is the `GuidePhase` of all seats, shape (B, A).
+    `occupied` is the `SeatState` and `guidance` the `GuidePhase` of all seats, shape (B, A).
     """
-    for b in range(chosen.shape[0]):
-        for a in range(chosen.shape[1]):
-            if not chosen[b, a] or state.slot[b, a] < 0:
+    for b in range(len(rows)):
+        if not rows[b]:
+            continue
+        for a in range(occupied.shape[1]):
+            if occupied[b, a] not in (_ACTIVE, _SHADOWING) or state.slot[b, a] < 0:
                 continue
             mask = legal[b, a]
             mask[_KEEP], mask[_SLOW], mask[_LEFT], mask[_RIGHT] = True, True, False, False

@@ -9,12 +9,9 @@ from smarts.controllers.lane_changes import write_legal
 from smarts.controllers.lane_state import LaneState
 from smarts.geometry.binding import bind
 from smarts.roads.scene import Scene
-from smarts.types.seats import SeatState
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
-
-_SHADOWING, _ACTIVE = int(SeatState.SHADOWING), int(SeatState.ACTIVE)
 
 
 class Legality:
@@ -29,11 +26,9 @@ class Legality:
     def __init__(self, scene: Scene) -> None:
         world = scene.world
         arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene)
-        self._write = bind(write_legal, *arrays, world.guidance.phase, world.seats.legal)
+        seats = world.seats
+        self._write = bind(write_legal, *arrays, seats.state, world.guidance.phase, seats.legal)
 
     def write(self, world: World, rows: Bools) -> None:
         """Say what is legal in all occupied seats of some simulations."""
-        state = world.seats.state
-        chosen = (state == _ACTIVE) | (state == _SHADOWING)
-        chosen &= rows[:, None]
-        self._write(chosen)
+        self._write(rows)

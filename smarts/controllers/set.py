@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 from smarts.controllers import CONTROLLERS
 from smarts.controllers.neutral import Neutral
 from smarts.controllers.protocol import Controller
+from smarts.geometry.binding import bind
+from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
 from smarts.types.seats import NEITHER, ChangePhase, SeatState
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
+Bytes = NDArray[np.int8]
 Floats = NDArray[np.float64]
 
 _ACTIVE, _NONE = int(SeatState.ACTIVE), int(CommandMode.NONE)
@@ -45,22 +48,22 @@ class ControllerSet:
             is_discrete = kind == ActionSpaceType.Lane
             self._controllers.append(made(scene, speeds) if is_discrete else made(scene))
         self._neutral = Neutral(scene, speeds)
+        types = np.array([int(controller.action) for controller in self._controllers], np.int8)
+        self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
+        self._part = bind(part_by_type, scene.world.seats.state, types, self._commands.mode, self._chosen)
 
     def command(self, world: World, actions: Actions, rows: Bools) -> Commands:
         """Return what the vehicles of all active seats are to do in this step."""
-        seats, out = world.seats, self._commands
-        active = (seats.state == _ACTIVE) & rows[:, None]
-        out.mode[rows] = _NONE
-        given = active & actions.given
-        for controller in self._controllers:
-            chosen = given & (actions.kind == int(controller.action))
-            if chosen.any():
+        out = self._commands
+        in_use = self._part(actions.kind, actions.given, rows)
+        for number, controller in enumerate(self._controllers):
+            if in_use >> number & 1:
+                chosen = self._chosen[number]
                 controller.command(self._scene, actions, chosen, out)
                 if controller.action not in LANE_TYPES:
                     self._steer_freely(world, chosen)
-        silent = active & ~actions.given
-        if silent.any():
-            self._neutral.command(self._scene, actions, silent, out)
+        if in_use >> len(self._controllers):
+            self._neutral.command(self._scene, actions, self._chosen[-1], out)
         return out
 
     def _steer_freely(self, world: World, chosen: Bools) -> None:
@@ -74,3 +77,41 @@ class ControllerSet:
         roads = self._scene.atlas.roads
         limits = roads.lane_speed[roads.lane_base[world.map[row]] + np.maximum(lane, 0)]
         vehicles.desired_speed[row, slot] = np.where(lane >= 0, limits, 0.0)
+
+
+@kernel
+def part_by_type(
+    state: Bytes, types: Bytes, mode: Bytes, chosen: Bools, kind: Bytes, given: Bools, rows: Bools
+) -> int:
+    """Say which active seats of some simulations each controller is to command.
+
+    Args:
+        state: `SeatState` of all seats, shape (B, A).
+        types: Action types of the K controllers, shape (K,).
+        mode: Of the commands, shape (B, A); written: none for all seats of these simulations.
+        chosen: Written, shape (K + 1, B, A); the last is for those who have not acted yet.
+        kind: How the seats act, shape (B, A).
+        given: Who has acted, shape (B, A).
+        rows: Which simulations, shape (B,).
+
+    Returns:
+        Bit k is set if controller k has anything to do, bit K if anybody has not acted yet.
+    """
+    in_use = 0
+    chosen[:] = False
+    for b in range(len(rows)):
+        if not rows[b]:
+            continue
+        for a in range(state.shape[1]):
+            mode[b, a] = _NONE
+            if state[b, a] != _ACTIVE:
+                continue
+            if not given[b, a]:
+                chosen[-1, b, a] = True
+                in_use |= 1 << len(types)
+                continue
+            for k in range(len(types)):
+                if types[k] == kind[b, a]:
+                    chosen[k, b, a] = True
+                    in_use |= 1 << k
+    return in_use

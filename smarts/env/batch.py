@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.acting import Acting, Question
 from smarts.env.adapters.actions import encode_one
+from smarts.env.batch_kernels import choose_wanted, join_events
 from smarts.env.parts import Parts, Watcher
 from smarts.errors import ActionError, ScenarioError, SmartsError
+from smarts.geometry.binding import bind
 from smarts.types.actions import ActionSpaceType
 from smarts.types.episode import EpisodeStart
 from smarts.types.frame import Frame
@@ -117,6 +119,10 @@ class Batch:
         self._seen = np.zeros_like(self._wanted)  # whose readings are of now
         self._frame: Frame | None = None
         self._closed = False
+        self._choose_wanted = bind(
+            choose_wanted, self.world.seats.next_due, self.world.step, self.world.egos, self._wanted
+        )
+        self._join = bind(join_events, self._events, self._terminated, self._truncated, self.running)
         self._kept = {name: column.copy() for name, column in vars(self.actions).items()}
 
     def watch(self, watcher: Watcher) -> None:
@@ -276,8 +282,9 @@ class Batch:
     def _advance(self, rows: Bools) -> None:
         """Step some simulations by a decision; none beyond the end of its last agent."""
         pending = rows & self.running
+        left = np.count_nonzero(pending)
         for number in range(self.period):
-            if not pending.any():
+            if not left:
                 return
             is_last = number == self.period - 1
             self._gather()
@@ -286,8 +293,9 @@ class Batch:
             self.actions.fresh[:] = False
             for watcher in self._watchers:
                 watcher.collect(frame, is_last)
-            self._join(frame)
-            pending &= ~frame.events.finished
+            self._failures.update(frame.failures)
+            events = frame.events
+            left = self._join(events.bits, events.terminated, events.truncated, events.finished, pending)
             if not is_last:
                 self.dispatch()
 
@@ -296,20 +304,6 @@ class Batch:
         self._frame = frame
         np.copyto(self._seen, frame.wanted, where=frame.rows[:, None])
         return frame
-
-    def _join(self, frame: Frame) -> None:
-        """Add one step's events to those of the decision."""
-        egos, events = self.world.egos, frame.events
-        self._events |= events.bits[:, :egos]
-        self._terminated |= events.terminated[:, :egos]
-        self._truncated |= events.truncated[:, :egos]
-        self._failures.update(frame.failures)
-        self.running &= ~events.finished
-
-    def _choose_wanted(self, is_last: bool) -> None:
-        world = self.world
-        np.less_equal(world.seats.next_due, world.step[:, None] + 1, out=self._wanted)
-        self._wanted[:, : world.egos] = is_last
 
     def _gather(self) -> None:
         """Put the answers of other agents into the actions; who has not answered goes on as before."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import wrapped
+from smarts.geometry.segments import wrapped, wrapped_half_open
 
 Floats = NDArray[np.float64]
 
@@ -35,12 +35,12 @@ class MotionColumns(NamedTuple):
 
 @kernel
 def fill_rows(
-    rows: NDArray[np.intp],
-    values: Floats,
     length: Floats,
     is_new: NDArray[np.bool_],
     dt: float,
     columns: MotionColumns,
+    rows: NDArray[np.intp],
+    values: Floats,
 ) -> None:
     """Fill the rows of A vehicles.
 
@@ -49,19 +49,21 @@ def fill_rows(
     operations cost more than SUMO's own step.
 
     Args:
-        rows: Where to write, shape (A,).
-        values: Shape (6 A,): x and y of the middle of the front bumper of every vehicle [m], then all
-            headings [rad], speeds [m/s], accelerations [m/s^2] and allowed speeds [m/s].
         length: Column of the world, read, shape (V,).
         is_new: Whether the row does not hold the vehicle's pose a step ago, shape (V,); cleared.
         dt: Step [s].
         columns: Written.
+        rows: Where to write, shape (A,).
+        values: Shape (6 A,): x and y of the middle of the front bumper of every vehicle [m], then all of
+            SUMO's angles [degrees], speeds [m/s], accelerations [m/s^2] and allowed speeds [m/s].
     """
     position, before = columns.position, columns.heading
     count = len(rows)
     for index in range(count):
         row = rows[index]
-        half, heading = length[row] / 2, values[2 * count + index]
+        half = length[row] / 2
+        # As `frames.heading_from_compass` has it.
+        heading = wrapped_half_open((90.0 - values[2 * count + index]) * (math.pi / 180.0))
         x = values[2 * index] - math.cos(heading) * half
         y = values[2 * index + 1] - math.sin(heading) * half
         speed, yaw_rate, sideways, yaw_acceleration = values[3 * count + index], 0.0, 0.0, 0.0
@@ -78,3 +80,38 @@ def fill_rows(
         columns.lateral_acceleration[row] = speed * yaw_rate
         columns.yaw_rate[row], columns.yaw_acceleration[row] = yaw_rate, yaw_acceleration
         columns.desired_speed[row] = values[5 * count + index]
+
+
+LEADING = 7
+"""Numbers that `lead` returns of a vehicle."""
+
+
+@kernel
+def lead(
+    position: Floats, heading: Floats, speed: Floats, length: Floats, width: Floats, rows: NDArray[np.intp]
+) -> Floats:
+    """Return how SUMO is told where A vehicles are that others drive, shape (A, `LEADING`).
+
+    Args:
+        position: Centres of footprints [m], shape (V, 2).
+        heading: [rad], shape (V,).
+        speed: [m/s], shape (V,).
+        length: [m], shape (V,).
+        width: [m], shape (V,).
+        rows: Of these vehicles, shape (A,).
+
+    Returns:
+        x and y of the middle of the front bumper [m], SUMO's angle [degrees], then heading, speed, length and
+        width as they are.
+    """
+    found = np.empty((len(rows), LEADING))
+    for index in range(len(rows)):
+        row = rows[index]
+        turn, half = heading[row], length[row] / 2
+        found[index, 0] = position[row, 0] + half * math.cos(turn)
+        found[index, 1] = position[row, 1] + half * math.sin(turn)
+        # As `frames.compass_from_heading` has it.
+        found[index, 2] = (90.0 - turn * (180.0 / math.pi)) % 360.0
+        found[index, 3], found[index, 4] = turn, speed[row]
+        found[index, 5], found[index, 6] = length[row], width[row]
+    return found

@@ -36,8 +36,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smarts.geometry.frames import compass_from_heading
+from smarts.geometry.binding import bind
 from smarts.providers.sumo_library import SumoLibrary
+from smarts.providers.sumo_rows import lead
 from smarts.providers.sumo_stand_ins import SumoStandIns
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
@@ -114,6 +115,7 @@ class SumoShadows:
         self._types: set[str] = set()
         self._ways_on: dict[str, list[str]] = {}
         self._courses: dict[str, tuple[list[float], list[float]]] = {}
+        self._told: list[list[float]] = []
         self.stand_ins = SumoStandIns(library)
 
     def __contains__(self, slot: int) -> bool:
@@ -130,9 +132,15 @@ class SumoShadows:
         self._courses.clear()
         self.stand_ins.reset(roads)
 
-    def create(self, slot: int, name: str, states: VehicleStates, route: Sequence[str]) -> None:
+    def bind(self, states: VehicleStates) -> None:
+        """Say where the world's vehicles are to be read from now on."""
+        self._states = states
+        footprints = states.position, states.heading, states.speed, states.length, states.width
+        self._lead = bind(lead, *footprints)
+
+    def create(self, slot: int, name: str, route: Sequence[str]) -> None:
         """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""
-        self._library.vehicle.add(name, "", typeID=self._type_of(slot, states))
+        self._library.vehicle.add(name, "", typeID=self._type_of(slot))
         self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         if route:
             self._library.accepts(self._library.vehicle.setRoute, name, list(route))
@@ -184,38 +192,30 @@ class SumoShadows:
         if shadow.lane:
             self._show_way_on(shadow, shadow.lane)
 
-    def place(self, states: VehicleStates) -> None:
+    def place(self) -> None:
         """Say where every shadow is at the end of the coming step."""
         move = self._library.vehicle.moveToXY
         # Plain numbers at once: every look into an array costs as much as a call to SUMO.
-        slots = np.fromiter(self._shadows, np.intp, len(self._shadows))
-        columns = states.position, states.heading, states.speed, states.length
-        rows = zip(*(column[slots].tolist() for column in columns), strict=True)
-        for (slot, shadow), ((x, y), heading, speed, length) in zip(self._shadows.items(), rows, strict=True):
+        self._told = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows))).tolist()
+        for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._told, strict=True):
             if shadow.entry and not self._enter_anew(shadow):
                 shadow.entry = _Entry.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
             if self.stand_ins.has_one(shadow.id):
-                kind = self._type_of(slot, states)
-                self.stand_ins.place(shadow.id, kind, (x, y), heading, speed, length)
-            to_front = length / 2
-            x, y = x + to_front * math.cos(heading), y + to_front * math.sin(heading)
+                self._place_stand_in(slot, shadow)
             if shadow.shift:
                 along = self._heading_of(shadow.lane, shadow.position)
                 x, y = x - shadow.shift * math.sin(along), y + shadow.shift * math.cos(along)
-            move(shadow.id, "", -1, x, y, compass_from_heading(heading), _MAY_LEAVE_NET, _MATCH_WITHIN)
+            move(shadow.id, "", -1, x, y, angle, _MAY_LEAVE_NET, _MATCH_WITHIN)
         for slot in [*self._returned]:
             if self._is_centred(self._returned[slot]):
                 del self._returned[slot]
 
-    def settle(self, states: VehicleStates) -> None:
+    def settle(self) -> None:
         """See where SUMO has put the shadows, and find out what it got wrong."""
         vehicle = self._library.vehicle
-        slots = np.fromiter(self._shadows, np.intp, len(self._shadows))
-        columns = states.heading, states.speed, states.length, states.width
-        rows = zip(*(column[slots].tolist() for column in columns), strict=True)
-        for shadow, (heading, speed, *size) in zip(self._shadows.values(), rows, strict=True):
+        for shadow, (_, _, _, heading, speed, *size) in zip(self._shadows.values(), self._told, strict=True):
             lane = vehicle.getLaneID(shadow.id)
             if lane:
                 position = vehicle.getLanePosition(shadow.id)
@@ -233,6 +233,12 @@ class SumoShadows:
                 vehicle.setParameter(shadow.id, _SIDEWAYS, shadow.own_sideways)
                 shadow.own_type = ""
         self.stand_ins.settle()
+
+    def _place_stand_in(self, slot: int, shadow: _Shadow) -> None:
+        states = self._states
+        centre, motion = states.position[slot].tolist(), (states.heading[slot], states.speed[slot])
+        length = float(states.length[slot])
+        self.stand_ins.place(shadow.id, self._type_of(slot), centre, *map(float, motion), length)
 
     def _settle_on_lane(
         self, shadow: _Shadow, lane: str, position: float, lean: float, length: float, width: float
@@ -371,8 +377,9 @@ class SumoShadows:
         if ahead and (*settled[:-1], *ahead) != present:
             vehicle.setRoute(shadow.id, [*settled[:-1], *ahead])
 
-    def _type_of(self, slot: int, states: VehicleStates) -> str:
+    def _type_of(self, slot: int) -> str:
         """Return a vehicle type with the footprint of the vehicle in a slot, made on first use."""
+        states = self._states
         kind = VehicleKind(states.kind[slot])
         length, width = float(states.length[slot]), float(states.width[slot])
         name = f"shadow-{kind.name.lower()}-{length!r}x{width!r}"

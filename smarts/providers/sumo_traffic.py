@@ -12,6 +12,7 @@ from itertools import chain
 import numpy as np
 
 from smarts.errors import TrafficError
+from smarts.geometry.binding import bind
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
@@ -95,6 +96,7 @@ class SumoTraffic(TrafficProvider):
         self._kept_clear: list[int] = []
         self._limit = 0
         self._is_new = np.zeros(0, np.bool_)
+        self._states: VehicleStates | None = None
         self._has_begun = False
 
     def reset(
@@ -127,6 +129,7 @@ class SumoTraffic(TrafficProvider):
             memory.clear()
         self._limit = states.capacity if limit is None else limit
         self._is_new = np.zeros(states.capacity, np.bool_)
+        self._bind(states)
         self.is_full = False
         self._read_map(roads)
         self._start(files, seed)
@@ -134,7 +137,7 @@ class SumoTraffic(TrafficProvider):
             self._routes_to_come.update({slot: tuple(edges) for slot, edges in (bound_for or {}).items()})
             self._kept_clear = np.flatnonzero(states.alive).tolist()
             self._admit(self._warm_up(files.warm_up, states), states)
-            self._write(states)
+            self._write()
             self._read_signals()
         # Those who were here first are new to SUMO.
         self._remember(states, [slot for slot in self._kept_clear if slot not in self._ids])
@@ -144,18 +147,20 @@ class SumoTraffic(TrafficProvider):
         """Advance by `dt`; the rows of others hold their pose at the end of the step already."""
         library = self._library
         self._check_begun()
+        if states is not self._states:
+            self._bind(states)
         with library.errors("failed in mid-run"):
             entering = self._follow_owners(states) if self._has_changed(states) else []
-            self._shadows.place(states)
+            self._shadows.place()
             library.simulation.step(0.0)
-            self._shadows.settle(states)
+            self._shadows.settle()
             if arrived := library.simulation.getArrivedIDList():
                 self._dismiss(arrived)
             if departed := library.simulation.getDepartedIDList():
                 self._admit(departed, states)
             self._kept_clear = []
             self._routes_to_come.clear()
-            self._write(states)
+            self._write()
             self._read_signals()
         # They are shadows until SUMO takes the wheel in the next step.
         self._remember(states, entering)
@@ -224,12 +229,12 @@ class SumoTraffic(TrafficProvider):
             departed += library.simulation.getDepartedIDList()
             for slot in entering:
                 self._enter(slot, states)
-            self._shadows.place(states)
+            self._shadows.place()
         if duration > 0:
             library.simulation.step(duration)
             departed += library.simulation.getDepartedIDList()
         if entering:
-            self._shadows.settle(states)
+            self._shadows.settle()
         return departed
 
     def _start(self, files: TrafficFiles, seed: int) -> None:
@@ -244,6 +249,13 @@ class SumoTraffic(TrafficProvider):
             for number, signal in enumerate(roads.signal_ids)
             if len(lanes := np.flatnonzero(roads.signal == number))
         ]
+
+    def _bind(self, states: VehicleStates) -> None:
+        """Hand the kernels the rows that they read and write."""
+        self._states = states
+        columns = MotionColumns(*(getattr(states, name) for name in MotionColumns._fields))
+        self._fill = bind(fill_rows, states.length, self._is_new, self.dt, columns)
+        self._shadows.bind(states)
 
     def _has_changed(self, states: VehicleStates) -> bool:
         return _owners_of(states) != self._seen
@@ -288,7 +300,7 @@ class SumoTraffic(TrafficProvider):
 
     def _enter(self, slot: int, states: VehicleStates) -> None:
         name = f"slot-{slot}-{states.generation[slot]}"
-        self._shadows.create(slot, name, states, self._routes_to_come.pop(slot, ()))
+        self._shadows.create(slot, name, self._routes_to_come.pop(slot, ()))
         self._ids[slot] = name
 
     def _remove(self, slot: int) -> None:
@@ -347,30 +359,21 @@ class SumoTraffic(TrafficProvider):
         )
         return [names[row] for row in np.flatnonzero(overlap.any(axis=1)).tolist()]
 
-    def _write(self, states: VehicleStates) -> None:
+    def _write(self) -> None:
         """Fill the rows that SUMO drives.
 
         One call per value and vehicle, all in one pass without Python's interpreter, costs less in this
         process than subscriptions, which build a dictionary for every vehicle (`perf/traffic.py`).
         """
-        driven = self._driven
-        count = len(driven)
+        driven, count = self._driven, len(self._driven)
         if not count:
             return
         vehicle = self._library.vehicle
         ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration, vehicle.getAllowedSpeed)
         pairs = chain.from_iterable(map(vehicle.getPosition, driven))
         values = np.fromiter(chain(pairs, *(map(one, driven) for one in ones)), np.float64, 6 * count)
-        values[2 * count : 3 * count] = heading_from_compass(values[2 * count : 3 * count])
         # Where a vehicle is on the map is for the simulation to say, of all vehicles alike.
-        fill_rows(
-            np.fromiter(driven.values(), np.intp, count),
-            values,
-            states.length,
-            self._is_new,
-            self.dt,
-            MotionColumns(*(getattr(states, name) for name in MotionColumns._fields)),
-        )
+        self._fill(np.fromiter(driven.values(), np.intp, count), values)
 
     def _read_signals(self) -> None:
         state_of = self._library.trafficlight.getRedYellowGreenState

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.errors import TrafficError
+from smarts.geometry.binding import bind
+from smarts.geometry.compiling import kernel
 from smarts.providers.traffic_provider import Roster, TrafficProvider
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart
@@ -16,6 +18,7 @@ from smarts.types.vehicles import Owner, VehicleStates
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
 
 
 class RouteNumbers(Protocol):
@@ -52,6 +55,7 @@ class TrafficSet:
         self._introduced: list[dict[int, int]] = [{} for _ in engines]
         self._seats = [b""] * len(self._engines)
         self._states: dict[int, VehicleStates] = {}
+        self._bound: tuple[World, Callable[[int, int, int], int]] | None = None
 
     def reset(
         self, world: World, row: int, start: EpisodeStart, roster: Roster, routes: RouteNumbers
@@ -131,11 +135,22 @@ class TrafficSet:
 
     def _finish(self, world: World, row: int, routes: RouteNumbers) -> None:
         """Copy the lights, and number the routes of those whose plans are new."""
-        engine, vehicles = self._engines[row], world.vehicles
+        if self._bound is None or self._bound[0] is not world:
+            self._bound = world, bind(next_unplanned, world.vehicles.owner, world.vehicles.route)
+        engine, find = self._engines[row], self._bound[1]
         world.signals[row, : len(engine.signals)] = engine.signals
-        unknown = (vehicles.owner[row] == engine.owner) & (vehicles.route[row] < 0)
-        for slot in np.flatnonzero(unknown).tolist():
-            vehicles.route[row, slot] = routes.number(engine.route(slot))
+        slot = -1
+        while (slot := find(row, engine.owner, slot + 1)) >= 0:
+            world.vehicles.route[row, slot] = routes.number(engine.route(slot))
+
+
+@kernel
+def next_unplanned(owner: Ints, route: Ints, row: int, provider: int, begin: int) -> int:
+    """Return the first slot from `begin` on whose vehicle a provider drives without a route, or -1."""
+    for slot in range(begin, owner.shape[1]):
+        if owner[row, slot] == provider and route[row, slot] < 0:
+            return slot
+    return -1
 
 
 def _who_sits_where(world: World, row: int) -> bytes:

@@ -86,7 +86,7 @@ class SensorSuite:
         """Return the readings of the wanted seats, shape (B, A)."""
         for seats, buffer in self._wanted:
             np.take(wanted, seats, axis=1, out=buffer)
-        if wanted.any():
+        if np.count_nonzero(wanted):
             for group in self._groups:
                 group.sensor.observe(self._scene, group.seats, group.wanted, group.block)
         return self._readings

@@ -102,16 +102,24 @@ class AgentEvents:
 
         Such an episode is void: all its agents are done before they have begun.
         """
-        self._events.clear()
         self._begin(contacts.partner, rows)
         return self._events
 
     def detect(self, world: World, contacts: Contacts, rows: Bools) -> Events:
         """Return what happened to the agents in this step."""
-        self._events.clear()
         gone = self._nobody if self._interest is None else self._interest.is_gone(world, rows)
         self._detect(contacts.partner, gone, rows)
         return self._events
+
+
+@kernel
+def _clear(out: EventColumns) -> None:
+    """Forget the last step."""
+    out.bits[:] = 0
+    out.just_done[:] = False
+    out.terminated[:] = False
+    out.truncated[:] = False
+    out.finished[:] = False
 
 
 @kernel
@@ -119,6 +127,7 @@ def begin_episodes(
     state: State, table: RouteTable, egos: int, out: EventColumns, partner: Ints, rows: Bools
 ) -> None:
     """Void the episodes that begin with an overlap, and issue tickets in the others; see `AgentEvents`."""
+    _clear(out)
     count = state.seats.slot.shape[1]
     for row in range(len(rows)):
         if not rows[row]:
@@ -151,6 +160,7 @@ def detect_events(
     rows: Bools,
 ) -> None:
     """Write the events of all agents, and end episodes; see `AgentEvents`."""
+    _clear(out)
     seats = state.seats
     for row in range(len(rows)):
         if not rows[row]:

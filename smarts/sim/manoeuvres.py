@@ -36,23 +36,24 @@ class Manoeuvres:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._plan = bind(plan_manoeuvres, surroundings_of(scene), guide_of(scene.world))
+        around, guide = surroundings_of(scene), guide_of(scene.world)
+        self._plan = bind(plan_manoeuvres, around, guide, scene.world.seats.state)
 
     def plan(self, world: World, rows: Bools) -> None:
         """Say where tasks lead in some simulations."""
-        tasked = world.missions.task > _NONE
-        if tasked.any():
-            state = world.seats.state
-            tasked &= ((state == _ACTIVE) | (state == _SHADOWING)) & rows[:, None]
-            self._plan(tasked)
+        self._plan(rows)
 
 
 @kernel
-def plan_manoeuvres(around: Surroundings, guide: Guide, tasked: Bools) -> None:
-    """Write the guidance of the seats that have a task, shape (B, A)."""
-    for b in range(tasked.shape[0]):
-        for a in range(tasked.shape[1]):
-            if not tasked[b, a] or around.slot[b, a] < 0 or guide.phase[b, a] == _OVER:
+def plan_manoeuvres(around: Surroundings, guide: Guide, state: NDArray[np.int8], rows: Bools) -> None:
+    """Write the guidance of the occupied seats of some simulations that have a task, shape (B, A)."""
+    for b in range(len(rows)):
+        if not rows[b]:
+            continue
+        for a in range(state.shape[1]):
+            if around.task[b, a] == _NONE or state[b, a] not in (_ACTIVE, _SHADOWING):
+                continue
+            if around.slot[b, a] < 0 or guide.phase[b, a] == _OVER:
                 continue
             if guide.phase[b, a] == _MANOEUVRE:
                 _go_on(around, guide, b, a)

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.errors import SmartsError
+from smarts.geometry.binding import bind
+from smarts.geometry.compiling import kernel
 from smarts.sim.ownership import Ownership
 from smarts.sim.stages import (
     ContactFinder,
@@ -31,7 +33,6 @@ from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
 
-# Numbers: to compare an array with a member of an enumeration takes three times as long.
 _SHADOWING, _ACTIVE = int(SeatState.SHADOWING), int(SeatState.ACTIVE)
 
 
@@ -84,6 +85,8 @@ class Simulation:
         self.world = world
         self._stages = stages
         self._no_tracks = np.zeros((*world.seats.slot.shape, 0, 3))
+        self._nobody = np.zeros(world.seats.slot.shape, np.bool_)
+        self._see = bind(find_seen, world.seats.state)
 
     def step(self, actions: Actions, rows: Bools, wanted: Bools) -> Frame:
         """Advance some simulations by `dt`; the order of these lines is the contract.
@@ -118,7 +121,7 @@ class Simulation:
         for row in failures:
             void(world, events, row)
         stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
-        seen = self._visible(rows) & wanted | events.just_done
+        seen = self._see(rows, wanted, events.just_done)
         readings = stages.sensors.observe(world, seen)
         frame = Frame(world, rows, actions, commands, contacts, events, seen, readings, failures)
         stages.recorder.record(frame)
@@ -143,7 +146,7 @@ class Simulation:
         contacts = stages.contacts.find(world, self._no_tracks, rows)
         events = stages.events.reset(world, contacts, rows)
         stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
-        seen = self._visible(rows)
+        seen = self._see(rows, ~self._nobody, self._nobody)
         readings = stages.sensors.observe(world, seen)
         frame = Frame(world, rows, None, None, contacts, events, seen, readings, starts=starts)
         stages.recorder.record(frame)
@@ -166,7 +169,13 @@ class Simulation:
         stages.entries.reset(world, row, start)
         stages.traffic.reset(world, row, start, ownership.rosters[row], ownership.routes[row])
 
-    def _visible(self, rows: Bools) -> Bools:
-        """Return the seats of some simulations from which an agent observes a vehicle, shape (B, A)."""
-        state = self.world.seats.state
-        return ((state == _ACTIVE) | (state == _SHADOWING)) & rows[:, None]
+
+@kernel
+def find_seen(state: NDArray[np.int8], rows: Bools, wanted: Bools, just_done: Bools) -> Bools:
+    """Return which seats are observed, shape (B, A): wanted and with an agent in a vehicle, or just done."""
+    seen = just_done.copy()
+    for b in range(len(rows)):
+        for a in range(state.shape[1]):
+            if rows[b] and wanted[b, a] and state[b, a] in (_ACTIVE, _SHADOWING):
+                seen[b, a] = True
+    return seen

@@ -45,7 +45,7 @@ class TakeOverRules:
 
     def propose(self, world: World, events: Events, rows: Bools) -> Transfers:
         """Return the transfers for the beginning of the next step."""
-        if not (self._unsettled or self._entries.pending or events.just_done.any()):
+        if not (self._unsettled or self._entries.pending or np.count_nonzero(events.just_done)):
             return NO_TRANSFERS
         state = world.seats.state
         concerned = ((state == SeatState.DONE) | (state == SeatState.WAITING)) & rows[:, None]

@@ -78,7 +78,7 @@ class World:
 
     def advance(self, rows: Bools) -> None:
         """Begin a step of some simulations: what is now becomes what was, and stays until written."""
-        if rows.all():
+        if np.count_nonzero(rows) == len(rows):
             self._before[:] = self._now
         else:
             for now, before in self._pairs:

@@ -129,7 +129,7 @@ class BenchmarkAdapter:
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Count a step towards the reward, and look around if a decision ends with it."""
         settle = self._rewards.collect(frame, is_last)
-        if settle.any():
+        if np.count_nonzero(settle):
             self._look(frame, settle)
 
     def reset(self, egos: Bools) -> None:

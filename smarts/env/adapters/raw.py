@@ -71,7 +71,7 @@ class RawAdapter:
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Count a step towards the reward, and copy the readings if a decision ends with it."""
         settle = self._rewards.collect(frame, is_last)
-        if settle.any():
+        if np.count_nonzero(settle):
             self._copy(frame, settle)
 
     def reset(self, egos: Bools) -> None:
