@@ -26,7 +26,7 @@ from smarts.types.episode import EpisodeStart
 DT, SUBSTEPS = 0.1, 10
 HALF_SIZE = (2.2, 0.8, 0.6)
 MASS = 1100.0
-LANES_ARE_NEAR, LEAVES_NET = 20.0, 2
+LANES_ARE_NEAR, LEAVES_NET = 8.0, 2
 
 Pose = tuple[float, float, float, float]
 """Middle of the front [m], angle as SUMO counts it [degrees], speed [m/s]."""
