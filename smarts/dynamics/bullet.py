@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import struct
 import weakref
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,19 @@ class Box:
     length: float
     width: float
     height: float
+
+
+class Touch(NamedTuple):
+    """A vehicle that Bullet has kept from going into another road user in a sub-step."""
+
+    row: int
+    """Of the vehicle."""
+    other_row: int
+    """Of the other vehicle; -1 if it is a box."""
+    box: int
+    """Key of the box; -1 if it is a vehicle."""
+    speed: float
+    """How fast the two approached each other [m/s]."""
 
 
 class BulletWorld:
@@ -158,6 +172,41 @@ class BulletWorld:
             position, quaternion = read_pose(body, client)
             linear, angular = read_velocity(body, client)
             _ROW.pack_into(motion, row * _ROW.size, *position, *quaternion, *linear, *angular)
+
+    def touches(self, velocities: list[list[list[float]]]) -> Iterator[Touch]:
+        """Yield who touched whom in the last sub-step, given the velocities that it began with."""
+        contacts = pybullet.getContactPoints(physicsClientId=self._client)
+        if not contacts:
+            return
+        rows = {body: row for row, body in self._egos_in_order}
+        keys = {body: key for key, (body, _) in self._boxes.items()}
+        for _, one, two, _, _, *places, normal, _, force, _, _, _, _ in contacts:
+            if force <= 0.0:
+                continue
+            moving = [
+                self._velocity_at(body, rows, velocities, at)
+                for body, at in zip((one, two), places, strict=True)
+            ]
+            # The normal points from the second body to the first.
+            speed = sum((there - here) * n for here, there, n in zip(*moving, normal, strict=True))
+            if one not in rows:
+                one, two = two, one
+            yield Touch(rows[one], rows.get(two, -1), keys.get(two, -1), max(speed, 0.0))
+
+    def _velocity_at(
+        self,
+        body: int,
+        rows: Mapping[int, int],
+        velocities: list[list[list[float]]],
+        place: Sequence[float],
+    ) -> Sequence[float]:
+        """Return the velocity of a body's point before the last sub-step [m/s]."""
+        if body not in rows:
+            return pybullet.getBaseVelocity(body, self._client)[0]
+        centre, _ = pybullet.getBasePositionAndOrientation(body, self._client)
+        linear, (p, q, r) = velocities[rows[body]]
+        x, y, z = (at - middle for at, middle in zip(place, centre, strict=True))
+        return linear[0] + q * z - r * y, linear[1] + r * x - p * z, linear[2] + p * y - q * x
 
     def _shape(self, half_size: tuple[float, ...], offset: tuple[float, ...]) -> int:
         """Return a box shape, shared by all bodies of that size."""

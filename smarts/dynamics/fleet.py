@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.dynamics import chassis, free_motion, layout, readout, refusals, single_track
-from smarts.dynamics.bullet import Box, BulletWorld
+from smarts.dynamics.bullet import Box, BulletWorld, Touch
 from smarts.dynamics.layout import MODELS
 from smarts.dynamics.motion import Driver, Motion, Road, Wheels
 from smarts.dynamics.refusals import ControlError, MotionError
@@ -37,6 +37,7 @@ class Fleet:
         road: The road under each row, to be written.
         motion: How the vehicles move, to be read.
         wheels: What their wheels do, to be read.
+        touches: Who touched whom in the last step, with the sub-step, to be read.
     """
 
     def __init__(self, simulations: int, egos: int, step: float = 0.1, substeps: int = 10) -> None:
@@ -64,7 +65,7 @@ class Fleet:
         """Whose motion left the finite numbers in the last step, shape (E,); `clear` their simulations."""
         self._poses = np.zeros((rows, substeps, 3))
         self._velocity, self._yaw_rate = np.zeros((rows, 2)), np.zeros(rows)
-        self._acceleration = np.zeros((rows, 2))
+        self._acceleration, self._overhang = np.zeros((rows, 2)), np.zeros(rows)
         self.motion = Motion(
             active=_view(self._active),
             substeps=_view(self._poses),
@@ -74,12 +75,14 @@ class Fleet:
             yaw_rate=_view(self._yaw_rate),
             acceleration=_view(self._acceleration),
             steering=_view(self._states["steering"]),
+            overhang=_view(self._overhang),
         )
         self._wheel_position = np.zeros((rows, layout.WHEELS, 2))
         names = ("spin", "slip", "slip_angle", "load", "force_x", "force_y")
         self.wheels = Wheels(
             position=_view(self._wheel_position), **{name: _view(self._states[name]) for name in names}
         )
+        self.touches: list[tuple[int, Touch]] = []
         vehicles = self._cars, self._states, self._bodies
         self._take_controls = bind(readout.take_controls, self._controls)
         self._remember_velocity = bind(readout.remember_velocity, self._bodies, self._before)
@@ -93,8 +96,10 @@ class Fleet:
         self._advance_dynamic = bind(single_track.advance_dynamic, *planar)
         self._advance_kinematic = bind(single_track.advance_kinematic, *planar)
         self._record_poses = bind(readout.record_poses, self._cars, self._bodies, self._poses)
-        shown = self._velocity, self._yaw_rate, self._acceleration
-        self._show_motion = bind(readout.show_motion, self._bodies, self._before, *shown, step, self._lost)
+        shown = self._velocity, self._yaw_rate, self._acceleration, self._overhang
+        self._show_motion = bind(
+            readout.show_motion, self._cars, self._bodies, self._before, *shown, step, self._lost
+        )
         self._show_wheels = bind(
             readout.show_wheels, self._active, self._cars, self._poses, self._wheel_position
         )
@@ -135,6 +140,7 @@ class Fleet:
         steering: float = 0.0,
         model: str = "bullet",
         tyres: str = "pacejka",
+        size: tuple[float, float] | None = None,
     ) -> None:
         """Put a vehicle on the road as if it had always rolled there: wheels at speed, suspension settled.
 
@@ -151,6 +157,7 @@ class Fleet:
                 already.
             model: One of `MODELS`.
             tyres: One of `layout.TYRE_MODELS`.
+            size: Length and width of its body [m], by default those of its type.
 
         Raises:
             ControlError: There is no such row, it holds a vehicle, or a number is not finite.
@@ -162,8 +169,12 @@ class Fleet:
             raise ControlError(
                 "the row is taken", place=f"vehicle in row {row}", remedy="despawn its vehicle first"
             )
-        refusals.check_start(row, position, heading, speed, steering)
-        self._cars[row] = car = layout.pack(name, tyres)
+        refusals.check_start(row, position, heading, speed, steering, size)
+        car = layout.pack(name, tyres).copy()
+        if size is not None:
+            # Whatever it drives like, it is hit where others see it.
+            car["half_size"][:2] = 0.5 * size[0], 0.5 * size[1]
+        self._cars[row] = car
         steering = min(max(steering, -float(car["max_steering"])), float(car["max_steering"]))
         yaw_rate = speed * math.tan(steering) / float(car["cog_to_front_axle"] + car["cog_to_rear_axle"])
         self._states[row] = layout.fresh_state(car, speed, steering)
@@ -175,7 +186,7 @@ class Fleet:
         self._poses[row] = *position, heading
         self._velocity[row] = speed, yaw_rate * car["cog_to_rear_axle"]
         self._yaw_rate[row] = yaw_rate
-        self._acceleration[row] = 0.0
+        self._acceleration[row] = self._overhang[row] = 0.0
         self._show_wheels()
 
     def despawn(self, row: int) -> None:
@@ -249,6 +260,7 @@ class Fleet:
         world = self._worlds[row // self._egos]
         world.remove(row)
         self._bodies[row] = body
+        self._overhang[row] = single_track.overhang(self._cars[row], body)
         world.add(row, self._cars[row], body)
 
     def place_boxes(self, simulation: int, boxes: Mapping[int, Box]) -> None:
@@ -305,6 +317,7 @@ class Fleet:
         if bad >= 0:
             raise refusals.not_numbers(bad, controls[bad])
         self._lost[:] = False
+        self.touches.clear()
         self._remember_velocity()
         free, touching, worlds = self._parted(rows[0])
         everyone = np.flatnonzero(moving)
@@ -357,6 +370,7 @@ class Fleet:
         commands = self._velocities.tolist()
         for world in worlds:
             world.substep(commands)
+            self.touches += [(substep, touch) for touch in world.touches(commands)]
         self._record_poses(rows, substep)
 
     def _advance_single_tracks(self, rows: Sequence[NDArray[np.int64]], begin: int, end: int) -> None:

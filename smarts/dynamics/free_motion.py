@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from smarts.dynamics.chassis import advance_one, rotation
-from smarts.dynamics.single_track import footprint, record_pose
+from smarts.dynamics.single_track import footprint, overhang, record_pose
 from smarts.geometry.boxes import may_meet
 from smarts.geometry.compiling import kernel
 
@@ -23,9 +23,8 @@ MOST_TURN = 0.25 * math.pi
 """Bullet's limit to the turn in a sub-step [rad]."""
 SLACK = 0.4
 """How much nearer two vehicles may come in a step than their velocities say [m]: 0.12 m if both swerve or
-brake at 1.2 g, 0.13 m by a corner at 10 rad/s^2, the rest for Bullet's margins and the roll of bodies."""
-LEAST_UPRIGHT = 0.95
-"""A car that has tipped over further is more than its footprint: it is Bullet's, whoever is near."""
+brake at 1.2 g, 0.13 m by a corner at 10 rad/s^2, the rest for Bullet's margins and for what bodies tip over
+further in the step."""
 
 
 @kernel
@@ -103,13 +102,12 @@ def find_company(cars, bodies, with_boxes, step, company, rows):
         b = row // egos
         if number == 0 or rows[number - 1] // egos != b:
             company[b] = with_boxes[b]
-        if not company[b]:
-            company[b] = rotation(bodies[row])[2][2] < LEAST_UPRIGHT
         behind = number - 1
         while behind >= 0 and not company[b] and rows[behind] // egos == b:
             other = rows[behind]
             one, two = _mover(cars[row], bodies[row]), _mover(cars[other], bodies[other])
-            company[b] = may_meet(one, two, step, SLACK)
+            slack = SLACK + overhang(cars[row], bodies[row]) + overhang(cars[other], bodies[other])
+            company[b] = may_meet(one, two, step, slack)
             behind -= 1
         found = found or company[b]
     return found

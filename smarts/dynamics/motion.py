@@ -47,6 +47,9 @@ class Motion:
     """Of the centre of gravity, forward and left, the mean over the step [m/s^2], shape (E, 2)."""
     steering: Floats
     """Angle of an imagined wheel between the front wheels, positive to the left [rad], shape (E,)."""
+    overhang: Floats
+    """How far the body may reach beyond the footprint, since it dives, rolls or has tipped over [m], shape
+    (E,)."""
 
 
 @dataclass(frozen=True)

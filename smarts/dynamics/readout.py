@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from smarts.dynamics.single_track import planar_motion, record_pose
+from smarts.dynamics.single_track import overhang, planar_motion, record_pose
 from smarts.geometry.compiling import kernel
 
 
@@ -56,15 +56,17 @@ def show_wheels(active, cars, poses, positions):
 
 
 @kernel
-def show_motion(bodies, before, velocity, yaw_rate, acceleration, step, lost, active):
+def show_motion(cars, bodies, before, velocity, yaw_rate, acceleration, overhangs, step, lost, active):
     """Write the active vehicles' planar motion; return the first row that is lost, or -1.
 
     Args:
+        cars: Parameters, shape (E,), dtype `layout.PARAMETERS`.
         bodies: Shape (E, 13).
         before: Velocity in the world at the step's beginning [m/s], shape (E, 2).
         velocity: Forward and left [m/s], shape (E, 2); written.
         yaw_rate: [rad/s], shape (E,); written.
         acceleration: Forward and left, the mean over the step [m/s^2], shape (E, 2); written.
+        overhangs: As in `Motion` [m], shape (E,); written.
         step: [s].
         lost: Set where the motion is not finite, shape (E,).
         active: Shape (E,).
@@ -79,6 +81,7 @@ def show_motion(bodies, before, velocity, yaw_rate, acceleration, step, lost, ac
         ax, ay = (body[7] - before[row, 0]) / step, (body[8] - before[row, 1]) / step
         acceleration[row, 0] = ax * cos + ay * sin
         acceleration[row, 1] = ay * cos - ax * sin
+        overhangs[row] = overhang(cars[row], body)
         if not math.isfinite(
             body[0] + body[1] + body[2] + velocity[row, 0] + velocity[row, 1] + yaw_rate[row]
         ):

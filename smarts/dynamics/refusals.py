@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,13 +34,22 @@ def check_models(row: int, model: str, tyres: str) -> None:
 
 
 def check_start(
-    row: int, position: tuple[float, float], heading: float, speed: float, steering: float
+    row: int,
+    position: tuple[float, float],
+    heading: float,
+    speed: float,
+    steering: float,
+    size: tuple[float, float] | None,
 ) -> None:
-    """Refuse to put a vehicle where no number says.
+    """Refuse to put a vehicle where no number says, or one without extent.
 
     Raises:
-        ControlError: A number is not finite.
+        ControlError: A number is not finite, or a size not above 0.
     """
+    if size is not None and not all(math.isfinite(each) and each > 0.0 for each in size):
+        raise ControlError(
+            f"a body of {size[0]} m by {size[1]} m", place=_vehicle(row), remedy="give sizes above 0"
+        )
     if not np.isfinite([*position, heading, speed, steering]).all():
         raise ControlError(
             f"position {position}, heading {heading}, speed {speed}, steering {steering}: not all finite",

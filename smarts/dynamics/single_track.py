@@ -134,6 +134,14 @@ def footprint(car, body):
 
 
 @kernel
+def overhang(car, body):
+    """Return how far a body may reach beyond its footprint, since it is not upright [m]."""
+    upright = rotation(body)[2][2]
+    tilt = math.sqrt(max(1.0 - upright * upright, 0.0))
+    return tilt * (car.half_size[1] + car.cog_height + car.box_height + car.half_size[2])
+
+
+@kernel
 def record_pose(car, body, pose):
     """Write a body's `footprint` into `pose`, shape (3,)."""
     pose[0], pose[1], pose[2] = footprint(car, body)

@@ -14,7 +14,7 @@ from smarts.agents.acting import Acting, Question
 from smarts.env.adapters.actions import encode_one
 from smarts.env.batch_kernels import choose_wanted, join_events
 from smarts.env.parts import Parts, Watcher
-from smarts.errors import ActionError, ScenarioError, SmartsError
+from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.types.actions import ActionSpaceType
 from smarts.types.episode import EpisodeStart
@@ -185,12 +185,12 @@ class Batch:
 
     @contextmanager
     def all_or_none(self) -> Iterator[None]:
-        """Take nobody's action in if one is refused, so that the user may try again."""
+        """Take nobody's action in if one is refused, or an adapter fails, so that the user may try again."""
         for name, kept in self._kept.items():
             np.copyto(kept, getattr(self.actions, name))
         try:
             yield
-        except ActionError:
+        except BaseException:
             for name, kept in self._kept.items():
                 np.copyto(getattr(self.actions, name), kept)
             raise

@@ -133,14 +133,37 @@ def contact_direction(pose: Pose, pose2: Pose, gaps_before: Gaps, gaps: Gaps) ->
             if closed > when:
                 axis, when = number, closed
     if axis < 0:
-        axis, when = 0, 0.0
-        for number in range(1, 4):
-            if gaps[number] > gaps[axis]:
-                axis = number
+        x, y = facing(pose, pose2, gaps)
+        return x, y, 0.0
+    x, y = _towards(pose, pose2, axis)
+    return x, y, when
+
+
+@kernel
+def facing(pose: Pose, pose2: Pose, gaps: Gaps) -> tuple[float, float]:
+    """Return the unit vector from one box to another, square to the sides that face each other.
+
+    These are those that are furthest apart, or overlap least.
+
+    Args:
+        pose: Of the first box.
+        pose2: Of the second box.
+        gaps: `box_gaps` of the two.
+    """
+    axis = 0
+    for number in range(1, 4):
+        if gaps[number] > gaps[axis]:
+            axis = number
+    return _towards(pose, pose2, axis)
+
+
+@kernel
+def _towards(pose: Pose, pose2: Pose, axis: int) -> tuple[float, float]:
+    """Return the direction of one of `box_gaps`, from the first box to the second."""
     heading = pose[2] if axis < 2 else pose2[2]
     x, y = math.cos(heading), math.sin(heading)
     if axis % 2:
         x, y = -y, x
     if x * (pose2[0] - pose[0]) + y * (pose2[1] - pose[1]) < 0.0:
         x, y = -x, -y
-    return x, y, when
+    return x, y

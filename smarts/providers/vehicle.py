@@ -25,6 +25,7 @@ from smarts.providers.vehicle_kernels import (
 )
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
 from smarts.types.actions import CommandMode, Commands
+from smarts.types.tracks import Tracks
 from smarts.types.vehicles import VehicleKind
 from smarts.types.world import World
 
@@ -84,11 +85,12 @@ class FleetVehicles:
         self._wanted = np.zeros((worlds, seats), np.int32)
         self._slips = np.tile([model != "kinematic" for model in self._models], worlds)
         self._memory = np.zeros((worlds * seats, tracking.MEMORY))
-        self._tracks = np.zeros((worlds, seats, SUBSTEPS, 3))
+        self._tracks = Tracks.of(np.zeros((worlds, seats, SUBSTEPS, 3)), world.vehicles.capacity)
         self._no_controls = np.zeros((worlds * seats, 3))
         self._shown = np.zeros((worlds * seats, 3))
         self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)
         self._with_boxes: set[int] = set()
+        self._has_touched = False
         self._groups = SeatGroups(*(np.zeros((worlds, seats), np.bool_) for _ in SeatGroups._fields))
         self._commanded: _Commanded | None = None
         self._bind()
@@ -100,10 +102,10 @@ class FleetVehicles:
             self._slot[row] = NOWHERE
             self._boxed[row] = False
             self._with_boxes.discard(row)
-            self._tracks[row] = 0.0
+            self._tracks.poses[row] = 0.0
 
-    def step(self, world: World, commands: Commands, rows: Bools) -> Floats:
-        """Move the vehicles of active seats by one step; return x, y, heading after each sub-step.
+    def step(self, world: World, commands: Commands, rows: Bools) -> Tracks:
+        """Move the vehicles of active seats by one step; return how.
 
         Args:
             world: The state at the beginning of the step.
@@ -111,10 +113,12 @@ class FleetVehicles:
             rows: Which simulations make the step, shape (B,).
 
         Returns:
-            [m], [m], [rad], shape (B, A, S, 3); refilled by the next step. Those of simulations that are in
-            `failures` after it mean nothing.
+            Refilled by the next step. Those of simulations that are in `failures` after it mean nothing.
         """
         self.failures = failures = {}
+        if self._has_touched:
+            self._tracks.touched[:] = 0
+            self._has_touched = False
         if self._commanded is None or self._commanded.commands is not commands:
             self._commanded = self._bind_commands(commands)
         placed, driven = self._part_seats(commands.mode, rows)
@@ -148,7 +152,7 @@ class FleetVehicles:
             *(vehicles.acceleration, vehicles.lateral_acceleration),
             *(vehicles.yaw_rate, vehicles.yaw_acceleration),
         )
-        shown = self._world.dt, self._tracks, columns
+        shown = self._world.dt, self._tracks.poses, columns
         shown = *shown, (seats.throttle, seats.brake, seats.steering, seats.travelled)
         moved = motion.substeps, motion.velocity, motion.yaw_rate, motion.acceleration, motion.steering
         self._show = bind(show_vehicles, seats.slot, *moved, self._shown, *shown)
@@ -165,9 +169,8 @@ class FleetVehicles:
             vehicles.yaw_rate,
         )
         footprints = *moving, vehicles.length, vehicles.width
-        self._find_touchable = bind(
-            find_touchable, seats.slot, vehicles.alive, *footprints, self._world.dt, self._boxed
-        )
+        known = seats.slot, vehicles.alive, *footprints, motion.overhang
+        self._find_touchable = bind(find_touchable, *known, self._world.dt, self._boxed)
 
     def _bind_commands(self, commands: Commands) -> _Commanded:
         """Hand the kernels commands, which a set of controllers writes into the same arrays in every step."""
@@ -199,6 +202,25 @@ class FleetVehicles:
                 self.failures.setdefault(row, self.fleet.motion_error(number))
                 self._groups.driven[row] = False
         self._show(self._groups.driven)
+        if self.fleet.touches:
+            self._tell_touches()
+
+    def _tell_touches(self) -> None:
+        """Write whom Bullet kept apart, for both of them."""
+        self._has_touched = True
+        capacity, seats = self._world.vehicles.capacity, self._slot.shape[1]
+        for substep, touch in self.fleet.touches:
+            row, seat = divmod(touch.row, seats)
+            slot = touch.box % capacity if touch.other_row < 0 else self._slot[row, touch.other_row % seats]
+            self._tell_touch(row, seat, slot, substep, touch.speed)
+            for other in np.flatnonzero(self._world.seats.slot[row] == slot).tolist():
+                self._tell_touch(row, other, self._slot[row, seat], substep, touch.speed)
+
+    def _tell_touch(self, row: int, seat: int, slot: int, substep: int, speed: float) -> None:
+        tracks = self._tracks
+        if not tracks.touched[row, seat, slot]:
+            tracks.touched[row, seat, slot] = substep + 1
+            tracks.touch_speed[row, seat, slot] = speed
 
     def _follow_ownership(self) -> None:
         """Let vehicles into the fleet and out of it, as the seats say."""
@@ -232,6 +254,7 @@ class FleetVehicles:
             steering=steering,
             model=self._models[seat],
             tyres=self._tyres[seat],
+            size=(float(vehicles.length[row, slot]), float(vehicles.width[row, slot])),
         )
         for wheel in self._flat_tyres.get(seat, ()):
             self.fleet.set_fault(number, wheel)

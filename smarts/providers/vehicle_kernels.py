@@ -236,6 +236,7 @@ def find_touchable(
     yaw_rate: Floats,
     length: Floats,
     width: Floats,
+    overhang: Floats,
     dt: float,
     boxed: Bools,
     in_bullet: Bools,
@@ -253,6 +254,8 @@ def find_touchable(
         yaw_rate: [rad/s]
         length: [m]
         width: [m]
+        overhang: How far the bodies of the seats' vehicles may reach beyond their footprints [m], shape (B *
+            A,).
         dt: Length of the step [s].
         boxed: Whether it could be touched in the step before; written.
         in_bullet: Seats whose vehicle is in Bullet, shape (B, A).
@@ -274,7 +277,10 @@ def find_touchable(
             columns = position[b], heading[b], speed[b], lateral_speed[b], yaw_rate[b], length[b], width[b]
             one = _mover(columns, v)
             for a in range(slot.shape[1]):
-                if in_bullet[b, a] and may_meet(one, _mover(columns, slot[b, a]), dt, slack):
+                if not in_bullet[b, a]:
+                    continue
+                within = slack + overhang[b * slot.shape[1] + a]
+                if may_meet(one, _mover(columns, slot[b, a]), dt, within):
                     boxed[b, v] = any_found = True
                     break
     return any_found

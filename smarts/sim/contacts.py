@@ -1,4 +1,4 @@
-"""Contacts: which vehicles touched, by their footprints at every sub-step of the step."""
+"""Contacts: which vehicles touched, by their footprints at every sub-step, and by their bodies in Bullet."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.binding import bind
-from smarts.geometry.boxes import box_gaps, contact_direction
+from smarts.geometry.boxes import box_gaps, contact_direction, facing
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle
 from smarts.sim.columns import columns_of
 from smarts.types.events import Contacts
 from smarts.types.seats import SeatState
+from smarts.types.tracks import Tracks
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
@@ -63,6 +64,9 @@ class ContactColumns(NamedTuple):
 class FootprintContacts:
     """Finds contacts by the separating-axis theorem, at each sub-step, between oriented boxes.
 
+    What Bullet has kept apart has touched, too, although the footprints may never overlap: a car that brakes
+    dives, a bus in a bend rolls, and their bodies then reach beyond their footprints.
+
     Vehicles that agents drive are where their tracks say. All others move evenly from their pose a step ago
     to their pose now, and turn the shorter way; those that have just come stand where they are. So vehicles
     that pass through each other within a step are found, too.
@@ -80,16 +84,15 @@ class FootprintContacts:
             columns_of(self._contacts, ContactColumns),
         )
 
-    def find(self, world: World, tracks: Floats, rows: Bools) -> Contacts:
+    def find(self, world: World, tracks: Tracks, rows: Bools) -> Contacts:
         """Return the first contact of each seat's vehicle during the step.
 
         Args:
             world: The one that this was made for.
-            tracks: x, y [m], heading [rad] after each sub-step, shape (B, A, S, 3). With S = 0 only the
-                present counts.
+            tracks: How the seats' vehicles have moved. Where they have not yet, only the present counts.
             rows: Which simulations made the step, shape (B,).
         """
-        self._find(tracks, rows)
+        self._find(tracks.poses, tracks.touched, tracks.touch_speed, rows)
         return self._contacts
 
 
@@ -101,6 +104,8 @@ def find_contacts(
     dt: float,
     out: ContactColumns,
     tracks: Floats,
+    touched: Bytes,
+    touch_speed: Floats,
     rows: Bools,
 ) -> None:
     """Write the contacts of all seats; those of simulations that made no step have none.
@@ -112,6 +117,8 @@ def find_contacts(
         dt: Length of the step [s].
         out: Written.
         tracks: Poses of the seats' vehicles after each sub-step, shape (B, A, S, 3); S is 0 at a reset.
+        touched: As in `Tracks`, shape (B, A, V), as is the next.
+        touch_speed: As in `Tracks` [m/s].
         rows: Which simulations made the step, shape (B,).
     """
     # Arrays by themselves: to take one out of a tuple costs more than to read from it.
@@ -142,16 +149,24 @@ def find_contacts(
                 dx = position[row, other, 0] - position[row, slot, 0]
                 dy = position[row, other, 1] - position[row, slot, 1]
                 far = reach[slot] + reach[other]
-                if other == slot or dx * dx + dy * dy > far * far:
+                # Counted from 0; below 0 if Bullet did not hold them apart.
+                held = touched[row, seat, other] - 1
+                if other == slot or (held < 0 and dx * dx + dy * dy > far * far):
                     continue
                 _follow(now, before, tracks, row, other, seat_of[other], path2)
                 size = 0.5 * length[row, slot], 0.5 * width[row, slot]
                 size2 = 0.5 * length[row, other], 0.5 * width[row, other]
                 substep = _first_overlap(path, size, path2, size2)
-                if substep < 0:
+                if substep < 0 and held < 0:
                     continue
                 touching[row, seat, other] = True
-                when, closing_speed, side = _impact(path, size, path2, size2, substep, dt / substeps)
+                if held >= 0 and (substep < 0 or held <= substep):
+                    substep, when, closing_speed = held, 0.0, touch_speed[row, seat, other]
+                    side = _side_facing(path[held + 1], size, path2[held + 1], size2)
+                else:
+                    when, closing_speed, side = _impact(path, size, path2, size2, substep, dt / substeps)
+                    # Bullet may have slowed them down within that sub-step already.
+                    closing_speed = max(closing_speed, touch_speed[row, seat, other])
                 if substep + when < first:
                     first = substep + when
                     partner[row, seat] = other
@@ -273,8 +288,22 @@ def _impact(
     gaps = box_gaps(pose, size[0], size[1], pose2, size2[0], size2[1])
     x, y, when = contact_direction(pose, pose2, gaps_before, gaps)
     approach = (pose[0] - old[0] - pose2[0] + old2[0]) * x + (pose[1] - old[1] - pose2[1] + old2[1]) * y
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    return when, max(0.0, approach / dt), _side_towards(pose[2], x, y)
+
+
+@kernel
+def _side_facing(pose: Floats, size: HalfSize, pose2: Floats, size2: HalfSize) -> int:
+    """Return the side of a vehicle that another one is at."""
+    own, other = (pose[0], pose[1], pose[2]), (pose2[0], pose2[1], pose2[2])
+    x, y = facing(own, other, box_gaps(own, size[0], size[1], other, size2[0], size2[1]))
+    return _side_towards(pose[2], x, y)
+
+
+@kernel
+def _side_towards(heading: float, x: float, y: float) -> int:
+    """Return the side of a vehicle that looks in a direction."""
+    cosine, sine = math.cos(heading), math.sin(heading)
     ahead, aside = x * cosine + y * sine, y * cosine - x * sine
     if abs(ahead) < abs(aside):
-        return when, max(0.0, approach / dt), LEFT if aside > 0.0 else RIGHT
-    return when, max(0.0, approach / dt), FRONT if ahead > 0.0 else REAR
+        return LEFT if aside > 0.0 else RIGHT
+    return FRONT if ahead > 0.0 else REAR

@@ -29,6 +29,7 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.events import Events, Outcome
 from smarts.types.frame import Frame
 from smarts.types.seats import SeatState
+from smarts.types.tracks import Tracks
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
@@ -84,7 +85,7 @@ class Simulation:
     def __init__(self, world: World, stages: Stages) -> None:
         self.world = world
         self._stages = stages
-        self._no_tracks = np.zeros((*world.seats.slot.shape, 0, 3))
+        self._no_tracks = Tracks.of(np.zeros((*world.seats.slot.shape, 0, 3)), world.vehicles.capacity)
         self._nobody = np.zeros(world.seats.slot.shape, np.bool_)
         self._see = bind(find_seen, world.seats.state)
 

@@ -19,11 +19,11 @@ from smarts.types.actions import Actions, Commands
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Contacts, Events
 from smarts.types.frame import Frame, Readings
+from smarts.types.tracks import Tracks
 from smarts.types.transfers import Transfers
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 
 class EntryRules(Protocol):
@@ -62,8 +62,8 @@ class Vehicles(Protocol):
         """Forget all vehicles of some simulations; those in their rows now are new."""
         ...
 
-    def step(self, world: World, commands: Commands, rows: Bools) -> Floats:
-        """Move them by one step; return x, y [m], heading [rad] after each sub-step, shape (B, A, S, 3)."""
+    def step(self, world: World, commands: Commands, rows: Bools) -> Tracks:
+        """Move them by one step; return how."""
         ...
 
     def can_accept(self, row: int, slot: int) -> bool:
@@ -111,9 +111,9 @@ class Locator(Protocol):
 
 
 class ContactFinder(Protocol):
-    """Tells which vehicles overlap; writes nothing."""
+    """Tells which vehicles touch; writes nothing."""
 
-    def find(self, world: World, tracks: Floats, rows: Bools) -> Contacts:
+    def find(self, world: World, tracks: Tracks, rows: Bools) -> Contacts:
         """Return the first contact of each seat's vehicle during the step."""
         ...
 

@@ -168,7 +168,7 @@ class TestTargetPose:
         log = driven.log(15, "speed", "acceleration")
         assert log[:, 0] == pytest.approx(10.0)
         assert log[:, 1] == pytest.approx(0.0, abs=1e-9)
-        assert driven.tracks[0, 0, :, 0] == pytest.approx(34.0 + 0.1 * np.arange(1, 11))
+        assert driven.tracks.poses[0, 0, :, 0] == pytest.approx(34.0 + 0.1 * np.arange(1, 11))
 
     def test_a_held_target_is_not_begun_anew(self, straight):
         driven = straight(T.TargetPose)
@@ -233,7 +233,7 @@ class TestTargetPose:
             driven.step()
             assert driven.position == pytest.approx([20.0 + way, 0.0])
             assert driven.speed == 100.0
-        assert driven.tracks[0, 0, :, 0] == pytest.approx(30.0 + np.arange(1, 11))
+        assert driven.tracks.poses[0, 0, :, 0] == pytest.approx(30.0 + np.arange(1, 11))
 
     def test_nan_is_named(self, straight):
         driven = straight(T.TargetPose)

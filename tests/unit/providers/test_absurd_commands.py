@@ -65,7 +65,7 @@ def test_every_state_stays_finite(model, case):
             write(commands, step, draws)
             world.advance(rows)
             tracks = vehicles.step(world, commands, rows)
-            assert np.isfinite(tracks).all(), f"step {step}"
+            assert np.isfinite(tracks.poses).all(), f"step {step}"
             for name, column in world.vehicles.columns():
                 assert np.isfinite(column[0, : len(cars)]).all(), f"{name} in step {step}"
             assert np.abs(world.vehicles.speed[0, : len(cars)]).max() < FASTEST, f"step {step}"

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smarts.dynamics import MotionError
+from smarts.dynamics import MotionError, vehicle
 from smarts.errors import ActionError
 from smarts.providers.vehicle import FleetVehicles
 from smarts.providers.vehicle_surface import RoadSurfaces
@@ -67,7 +67,7 @@ def ego(x=20.0, y=0.0, speed=10.0, **options):
 def test_writes_rows_and_tracks(stage, model):
     driven = stage([ego(), Car(300.0, 3.2, speed=5.0)], model=model)
     driven.actuate(throttle=0.3)
-    tracks = driven.step(5)
+    tracks = driven.step(5).poses
     vehicles, seats = driven.world.vehicles, driven.world.seats
     assert tracks.shape == (1, 4, 10, 3)
     assert tracks[0, 0, -1].tolist() == [*vehicles.position[0, 0], vehicles.heading[0, 0]]
@@ -96,7 +96,7 @@ class TestHandOver:
         driven.step(3)
         self.take(driven, slot=0, seat=2)
         driven.commands.mode[0, 2] = CommandMode.NONE
-        tracks = driven.step()
+        tracks = driven.step().poses
         assert driven.world.seats.state[0, 2] == SeatState.ACTIVE
         assert tracks[0, 2, 0, :2] == pytest.approx(
             [50.0 + 0.12 * math.cos(0.1), 3.2 + 0.12 * math.sin(0.1)], abs=0.02
@@ -139,11 +139,11 @@ def test_rows_that_rest_stay_as_they_are(stage):
     driven.actuate(throttle=0.5, steering=0.1)
     driven.step(3)
     before = {name: column[1].copy() for name, column in driven.world.vehicles.columns()}
-    tracks = driven.step(5, rows=np.array([True, False]))[1].copy()
+    tracks = driven.step(5, rows=np.array([True, False])).poses[1].copy()
     for name, column in driven.world.vehicles.columns():
         assert np.array_equal(column[1], before[name]), name
     assert driven.world.vehicles.position[0, 0, 0] > before["position"][0, 0] + 4.0
-    assert np.array_equal(driven.step(rows=np.array([True, False]))[1], tracks)
+    assert np.array_equal(driven.step(rows=np.array([True, False])).poses[1], tracks)
 
 
 @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
@@ -176,7 +176,7 @@ def test_traffic_is_in_bullet_only_while_an_ego_may_touch_it(stage):
     assert all(slots == [] for gap, slots in present if gap > 1.5)
     assert all(slots == [1] for gap, slots in present if gap < 1.3)
     # It ran into the standing one, which gives way to nobody.
-    assert present[-1][0] < 0.1
+    assert min(gap for gap, _ in present) < 0.1
     assert vehicles.position[0, 0, 0] < 60.0 - 4.0
     assert vehicles.speed[0, 0] < 2.0
     driven.vehicles.reset(driven.world, driven.all)
@@ -189,7 +189,7 @@ class TestPlaced:
         commands = driven.commands
         commands.mode[0, 0] = CommandMode.PLACE
         commands.poses[0, 0] = np.linspace((20.1, 0.05, 0.01, 10.0), (21.0, 0.5, 0.1, 11.0), 10)
-        tracks = driven.step()
+        tracks = driven.step().poses
         vehicles = driven.world.vehicles
         assert np.array_equal(tracks[0, 0], commands.poses[0, 0, :, :3])
         assert vehicles.position[0, 0].tolist() == [21.0, 0.5]
@@ -290,3 +290,61 @@ def test_close_may_be_called_again(stage):
     driven = stage([ego()])
     driven.vehicles.close()
     driven.vehicles.close()
+
+
+class TestTouches:
+    """Bodies that dive touch before their footprints do; whoever was pushed has been touched."""
+
+    def drive_up(self, stage, speed, gap, kind=VehicleKind.PASSENGER, mission=None):
+        """Brake fully towards a standing car; return the first touch, and how fast that was pushed."""
+        length, other = vehicle(kind.name.lower()).length, vehicle("passenger").length
+        back = Car(50.0, 0.0, speed=speed, kind=kind, length=length, mission=MISSION)
+        driven = stage([back, Car(50.0 + (length + other) / 2 + gap, 0.0, length=other, mission=mission)])
+        driven.actuate(brake=1.0)
+        pushed, first = 0.0, None
+        for _ in range(25):
+            tracks = driven.step()
+            if first is None and tracks.touched.any():
+                first = tracks.touched.copy(), tracks.touch_speed.copy()
+            pushed = max(pushed, abs(driven.world.vehicles.speed[0, 1]))
+        return first, pushed
+
+    @pytest.mark.parametrize("kind", [VehicleKind.PASSENGER, VehicleKind.BUS])
+    def test_whoever_is_pushed_has_touched(self, stage, kind):
+        touched = 0
+        for gap in np.arange(1.0, 11.0, 0.5):
+            first, pushed = self.drive_up(stage, 11.0, gap, kind, MISSION)
+            assert (first is not None) == (pushed > 0.02), gap
+            touched += first is not None
+            if first is not None:
+                told, speeds = first
+                # Each of the two was touched by the other, in the same sub-step.
+                assert 1 <= told[0, 0, 1] == told[0, 1, 0] <= 10
+                assert not told[0, 0, [0, *range(2, told.shape[2])]].any()
+                assert 0.0 <= speeds[0, 0, 1] == speeds[0, 1, 0] <= 11.1
+        assert 5 < touched < 20
+
+    def test_traffic_is_touched_too(self, stage):
+        first, _ = self.drive_up(stage, 12.0, 3.0)
+        told, speeds = first
+        assert told[0, 0, 1] > 0
+        # Braking at some 8 m/s^2 over 3 m.
+        assert speeds[0, 0, 1] == pytest.approx(math.sqrt(12.0**2 - 2 * 8.0 * 3.0), abs=1.0)
+
+    def test_the_next_step_has_forgotten(self, stage):
+        driven = stage([Car(50.0, 0.0, speed=10.0, mission=MISSION), Car(56.0, 0.0, mission=MISSION)])
+        steps = [driven.step().touched.any() for _ in range(20)]
+        assert any(steps)
+        assert not steps[0]
+        assert not steps[-1]
+
+    @pytest.mark.parametrize(("kind", "length"), [(VehicleKind.TRUCK, 7.1), (VehicleKind.COACH, 14.0)])
+    def test_bodies_are_as_long_as_others_see_them(self, stage, kind, length):
+        """SUMO's trucks and coaches are not as long as those that agents' are driven like."""
+        driven = stage([Car(50.0, 0.0, speed=2.0, kind=kind, length=length, mission=MISSION), Car(62.0, 0.0)])
+        place = driven.world.vehicles.position[0]
+        for _ in range(40):
+            driven.actuate(throttle=0.1)
+            if driven.step().touched[0, 0, 1]:
+                break
+        assert place[1, 0] - place[0, 0] == pytest.approx((length + 5.0) / 2, abs=0.1)

@@ -9,6 +9,7 @@ import shapely
 from smarts.sim.contacts import FRONT, LEFT, REAR, RIGHT, FootprintContacts
 from smarts.types.mission import SeatMission
 from smarts.types.seats import SeatState
+from smarts.types.tracks import Tracks
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 from tests import maps
@@ -74,6 +75,7 @@ def random_pairs(worlds, others, speed):
 def test_against_exact_predicates(speed, worlds):
     others = 100
     world, tracks, poses, size = random_pairs(worlds, others, speed)
+    tracks = Tracks.of(tracks, others + 1)
     contacts = FootprintContacts(world).find(world, tracks, np.ones(worlds, np.bool_))
     expected = overlaps(poses[:, :1], size[:, :1, None], poses[:, 1:], size[:, 1:, None])
     assert (contacts.touching[:, 0, 1:] == expected.any(-1)).all()
@@ -94,6 +96,7 @@ def find(made, tracks=None, rows=EVERYBODY):
     world = made.world
     if tracks is None:
         tracks = np.zeros((*world.seats.slot.shape, 0, 3))
+    tracks = Tracks.of(tracks, world.vehicles.capacity)
     return FootprintContacts(world).find(world, tracks, rows)
 
 
@@ -220,7 +223,7 @@ def test_simulations_that_rest_have_no_contacts():
     cars = [Car(0.0, 0.0, mission=EGO), Car(4.0, 0.0)]
     made = world_of(cars, cars, maps=[maps.straight()])
     finder = FootprintContacts(made.world)
-    tracks = np.zeros((2, 4, 0, 3))
+    tracks = Tracks.of(np.zeros((2, 4, 0, 3)), made.world.vehicles.capacity)
     assert finder.find(made.world, tracks, np.array([True, True])).partner[:, 0].tolist() == [1, 1]
     assert finder.find(made.world, tracks, np.array([False, True])).partner[:, 0].tolist() == [-1, 1]
 
@@ -230,3 +233,33 @@ def test_who_is_done_or_waits_has_no_contacts():
     made = world_of(cars, maps=[maps.straight()])
     made.world.seats.state[0, 0] = SeatState.DONE
     assert find(made).partner[0, 0] == -1
+
+
+class TestWhatBulletKeptApart:
+    def find(self, *pairs, gap=0.05):
+        """Return the contacts of two cars, one behind the other, that touched in sub-step 4 at 3 m/s."""
+        cars = [Car(50.0, 0.0, mission=EGO), Car(55.0 + gap, 0.0)]
+        made = world_of(cars, maps=[maps.straight()])
+        poses = np.zeros((*made.world.seats.slot.shape, SUBSTEPS, 3))
+        tracks = Tracks.of(poses, made.world.vehicles.capacity)
+        made.advance()
+        for seat, slot in enumerate(made.world.seats.slot[0].tolist()):
+            if slot >= 0:
+                tracks.poses[0, seat, :, :2] = made.world.vehicles.position[0, slot]
+        for seat, slot in pairs:
+            tracks.touched[0, seat, slot], tracks.touch_speed[0, seat, slot] = 5, 3.0
+        return FootprintContacts(made.world).find(made.world, tracks, EVERYBODY)
+
+    def test_has_touched_though_the_footprints_are_apart(self):
+        assert self.find().partner[0, 0] == -1
+        contacts = self.find((0, 1))
+        assert contacts.partner[0, :2].tolist() == [1, -1]
+        assert contacts.substep[0, 0] == 4
+        assert contacts.closing_speed[0, 0] == 3.0
+        assert contacts.side[0, 0] == FRONT
+        assert contacts.touching[0, 0, 1]
+
+    def test_counts_before_a_later_overlap(self):
+        contacts = self.find((0, 1), gap=-0.2)
+        # The footprints overlap from the first sub-step on, before the bodies touch in the fifth.
+        assert contacts.substep[0, 0] == 0
