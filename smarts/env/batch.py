@@ -14,6 +14,7 @@ from smarts.agents.acting import Acting, Question
 from smarts.env.adapters.actions import encode_one
 from smarts.env.batch_kernels import choose_wanted, join_events
 from smarts.env.parts import Parts, Watcher
+from smarts.env.setting_checks import check_instance
 from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.types.actions import ActionSpaceType
@@ -216,7 +217,11 @@ class Batch:
             name: What it is.
             values: Of each ego, shape (B, N, ...).
             who: Of whom it is said, shape (B, N); only of those who are alive it is noted.
+
+        Raises:
+            InterfaceError: The name is not a text.
         """
+        check_instance("name", name, str, "a text, such as 'probabilities'")
         if self._recorder is not None:
             self._recorder.annotate(name, values, who & self.alive)
 

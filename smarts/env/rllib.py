@@ -10,6 +10,7 @@ from ray.rllib.env.multi_agent_env import MultiAgentEnv
 from ray.rllib.utils.typing import AgentID
 
 from smarts.env.arrays import Setting
+from smarts.env.setting_checks import check_instance
 from smarts.env.solo import SoloStep, SoloWorld
 from smarts.errors import SmartsError, nearest_names
 from smarts.types.streams import check_seed
@@ -25,6 +26,7 @@ def setting_of(config: Mapping[str, Any]) -> Setting:
     Raises:
         SmartsError: It has an unknown key; the remedy names the nearest.
     """
+    check_instance("env_config", config, Mapping, "a dict, such as {'scenarios': ['loop'], 'agents': 4}")
     known = [field.name for field in fields(Setting) if field.name != "worlds"]
     given = {_OLD_NAMES.get(key, key): value for key, value in config.items() if key not in _WITHOUT_EFFECT}
     for key in given:

@@ -105,7 +105,14 @@ def check_options(make: Callable[..., Any], options: Any, place: str = "adapter_
         InterfaceError: There is no such option; the remedy names the nearest.
     """
     check_instance(place, options, Mapping, "a dict of options by their names, such as {'reward': 'paper'}")
-    parameters = inspect.signature(make).parameters.values()
+    try:
+        parameters = inspect.signature(make).parameters.values()
+    except (TypeError, ValueError):
+        raise InterfaceError(
+            f"the adapter is {make!r}",
+            place="adapter",
+            remedy="give a name, or a class that is called with the agents, their interface and the options",
+        ) from None
     if any(each.kind == each.VAR_KEYWORD for each in parameters):
         return
     by_name = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)

@@ -80,6 +80,7 @@ class SoloWorld:
             for group in self._worlds.groups
         ]
         self._adapted = setting.adapted()
+        self._checked: set[str] = set()
         self._onlooker = self._look_on(setting.decision_interval)
         self.observation_spaces: dict[str, Space] = {
             name: self._observation_space(name) for name in self.possible_agents
@@ -241,9 +242,24 @@ class SoloWorld:
 
     def _observation(self, name: str) -> Any:
         if self._has(name, "observation"):
-            return self._adapted[name].observation_adapter(self._object(name))
+            seen = self._adapted[name].observation_adapter(self._object(name))
+            self._check_seen(name, seen)
+            return seen
         group, place = self._groups[name]
         return nested(group.adapter.observations, 0, place)
+
+    def _check_seen(self, name: str, seen: Any) -> None:
+        """Refuse what an adapter makes of the first observation, if the agent's space does not have it."""
+        if name in self._checked:
+            return
+        space = self.observation_spaces[name]
+        if not space.contains(seen):
+            raise InterfaceError(
+                f"the observation adapter of agent {name!r} returns what is not in its space: {seen!r}",
+                place="AgentSpec.observation_space",
+                remedy=f"let it return an element of {space}, or give the space of what it returns",
+            )
+        self._checked.add(name)
 
     def _object(self, name: str) -> Observation:
         # There is an onlooker where anybody has adapters.

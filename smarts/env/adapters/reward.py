@@ -185,9 +185,9 @@ class Rewards:
         chosen = given_weights(weights)
         if discount is not None:
             chosen = dataclasses.replace(chosen, discount=discount)
-        if not 0.0 <= chosen.discount <= 1.0:
+        if not isinstance(chosen.discount, int | float) or not 0.0 <= chosen.discount <= 1.0:
             raise ScenarioError(
-                f"the discount is {chosen.discount}", place="reward", remedy="give the learner's, in [0, 1]"
+                f"the discount is {chosen.discount!r}", place="reward", remedy="give the learner's, in [0, 1]"
             )
         horizon = served.max_steps / served.period if served.max_steps else DECISIONS
         self._terms = reward_terms(chosen, horizon)

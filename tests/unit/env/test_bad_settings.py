@@ -38,6 +38,7 @@ LANER = benchmark_interface()
         ({"worlds": 1.5}, "num_envs is 1.5"),
         ({"simulation": {"dt": 0.1}}, "simulation is {'dt': 0.1}"),
         ({"adapter": "benchmrk"}, "did you mean 'benchmark'"),
+        ({"adapter": int}, "the adapter is <class 'int'>"),
         ({"adapter_options": {"rewrd": 1}}, "no option 'rewrd'.*\n.*did you mean 'reward'"),
         ({"adapter_options": 4}, "adapter_options is 4"),
     ],

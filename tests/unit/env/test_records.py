@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
+from smarts.agents.options import InterfaceError
 from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError
 from smarts.sim.assembly import Options
@@ -127,6 +128,8 @@ def test_faces_with_dicts_note_rewards_and_what_is_said(closing, tmp_path, make)
         env.annotate("value", {"agent0": 7})
     with pytest.raises(ActionError, match="'x' is not a number"):
         env.annotate("value", {"agent-0": "x"})
+    with pytest.raises(InterfaceError, match="name is 3"):
+        env.annotate(3, {"agent-0": 1.0})
 
 
 def test_the_single_agent_says_it_without_its_name(closing, tmp_path):

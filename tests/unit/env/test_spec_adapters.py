@@ -93,6 +93,14 @@ def test_an_observation_adapter_needs_a_space():
         hiway_parallel_env(["loop"], {"a": spec})
 
 
+@pytest.mark.parametrize("wrong", [None, np.zeros(2, np.float32), np.array([np.nan], np.float32), 3.0])
+def test_what_an_observation_adapter_returns_is_in_its_space(closing, wrong):
+    spec = AgentSpec(interface=PLAIN, observation_adapter=lambda _: wrong, observation_space=SPACE)
+    env = closing(hiway_parallel_env(["loop"], {"a": spec}))
+    with pytest.raises(InterfaceError, match="the observation adapter of agent 'a' returns"):
+        env.reset(seed=1)
+
+
 def test_vector_refuses_python_adapters_by_name():
     with pytest.raises(
         InterfaceError, match=r"'b' has adapters of its own: action, info, observation, reward"
