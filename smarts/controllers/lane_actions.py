@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Sequence
 from typing import ClassVar
 
+from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.controllers.lane_following import BY_NAME, LaneFollowing
 from smarts.errors import ActionError
 from smarts.types.actions import ActionSpaceType, LaneAction
@@ -33,15 +34,17 @@ def lane_action_number(action: object, *, agent: str = "") -> int:
         ActionError: There is no such action.
     """
     names: Sequence[str] = [known.name for known in LaneAction]
-    if isinstance(action, str) and action in names:
-        return int(LaneAction[action])
-    if not isinstance(action, str | bool):
-        try:
-            number = int(action)  # type: ignore[call-overload]
-        except (TypeError, ValueError, OverflowError):
-            number = -1
-        if number == action and 0 <= number < len(names):
-            return number
-    close = difflib.get_close_matches(action, names, n=1) if isinstance(action, str) else []
-    remedy = f"did you mean {close[0]!r}?" if close else f"give 0 to 3, or one of {', '.join(names)}"
-    raise ActionError(f"there is no lane action {action!r}", place=agent, remedy=remedy)
+    remedy = f"give 0 to 3: {', '.join(names)}"
+    if isinstance(action, str):
+        if action in names:
+            return int(LaneAction[action])
+        close = difflib.get_close_matches(action, names, n=1)
+        raise _refusal(action, agent, f"did you mean {close[0]!r}?" if close else remedy)
+    number = float(numbers_of(action, (), place=agent, remedy=remedy))
+    if number not in (*LaneAction,):
+        raise _refusal(action, agent, remedy)
+    return int(number)
+
+
+def _refusal(action: object, agent: str, remedy: str) -> ActionError:
+    return refusal(action, "is no lane action", agent, remedy)

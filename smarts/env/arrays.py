@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box, Dict, Space
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
+from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.env.adapters import ADAPTERS
+from smarts.env.adapters.actions import action_of, remedy_of
 from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.env.adapters.protocol import ArrayAdapter, Served
 from smarts.env.batch import Batch, EpisodeKey, Transition
@@ -146,6 +148,8 @@ class Group:
     adapter: ArrayAdapter
     observation: Space
     action: Space
+    kind: ActionSpaceType
+    """How their interfaces say that they act."""
 
 
 class ArrayWorlds:
@@ -192,15 +196,14 @@ class ArrayWorlds:
     def encode(self, actions: Sequence[NDArray], chosen: NDArray[np.bool_]) -> None:
         """Take actions in, as `step` does."""
         chosen = chosen & self.batch.alive
+        wanted = f"give an array for each of {len(self.groups)} blocks of agents"
+        if not isinstance(actions, Sequence | np.ndarray):
+            raise refusal(actions, "is not a list of arrays", "actions", wanted)
         if len(actions) != len(self.groups):
-            raise ActionError(
-                f"actions of {len(actions)} blocks of agents",
-                place="actions",
-                remedy=f"give an array for each of {len(self.groups)}",
-            )
+            raise ActionError(f"actions of {len(actions)} blocks of agents", place="actions", remedy=wanted)
         for group, given in zip(self.groups, actions, strict=True):
-            _check_shape(group, given, len(chosen))
-            group.adapter.encode(given, chosen[:, group.columns], self.batch.actions)
+            taken = _taken(group, given, chosen[:, group.columns])
+            group.adapter.encode(taken, chosen[:, group.columns], self.batch.actions)
 
     def advance(self) -> Transition:
         """Carry out the decision that was taken in."""
@@ -243,18 +246,25 @@ def nested(arrays: Mapping[str, NDArray], row: int, agent: int) -> dict[str, Any
     return observation
 
 
-def _check_shape(group: Group, given: NDArray, worlds: int) -> None:
-    wanted = (worlds, len(group.agents), *(group.action.shape or ()))
+def _taken(group: Group, given: ArrayLike, chosen: NDArray[np.bool_]) -> NDArray:
+    """Return a group's actions as numbers, shape (B, G, ...); those of who is not chosen may be anything."""
+    wanted = (len(chosen), len(group.agents), *(group.action.shape or ()))
+    place, remedy = f"actions of {', '.join(group.agents)}", f"give an array of shape {wanted}"
     try:
-        shape = np.shape(given)
-    except ValueError as error:
-        raise ActionError("actions that differ in length", place=", ".join(group.agents)) from error
-    if shape != wanted:
-        raise ActionError(
-            f"actions of shape {shape}",
-            place=f"agents {', '.join(group.agents)}",
-            remedy=f"give an array of shape {wanted}",
-        )
+        values = np.asarray(given)
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+        raise refusal(given, "is not an array", place, remedy) from error
+    if values.shape != wanted:
+        raise refusal(given, f"is of shape {values.shape}", place, remedy)
+    if values.dtype.kind in "iuf":
+        return values
+    # Something is no number, or is too large for an array: say whose.
+    each, values = np.asarray(given, object), np.zeros(wanted)
+    for row, column in np.argwhere(chosen).tolist():
+        whose = action_of(group.agents[column], row if len(chosen) > 1 else None)
+        remedy = remedy_of(group.kind, group.action)
+        values[row, column] = numbers_of(each[row, column], wanted[2:], place=whose, remedy=remedy)
+    return values
 
 
 def _dict_space(spaces: Mapping[str, Any]) -> Dict:
@@ -311,6 +321,7 @@ def _groups(
         )
         adapter = make(served, interface, **setting.adapter_options)
         # One object for all agents of a group: PettingZoo asks for it, and learners compare by identity.
-        groups.append(Group(tuple(members), columns, adapter, space_of(adapter.fields), adapter.action_space))
+        spaces = space_of(adapter.fields), adapter.action_space
+        groups.append(Group(tuple(members), columns, adapter, *spaces, served.action))
         first = columns.stop
     return groups

@@ -10,7 +10,9 @@ from gymnasium.spaces import Space
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.options import InterfaceError
-from smarts.env.adapters.actions import encode_one
+from smarts.controllers.action_numbers import numbers_of, refusal
+from smarts.controllers.lane_actions import lane_action_number
+from smarts.env.adapters.actions import action_of, action_space, encode_one, remedy_of
 from smarts.env.adapters.protocol import Served
 from smarts.env.arrays import ArrayWorlds, Group, Setting, nested
 from smarts.env.batch import Batch, EpisodeKey, Transition
@@ -196,24 +198,22 @@ class SoloWorld:
 
     def _put(self, name: str, action: Any) -> None:
         group, place = self._groups[name]
-        number = self._worlds.groups.index(group)
-        shape = self._given[number].shape[2:]
-        try:
-            # First as they are: a number that is not whole must not become a whole one.
-            values = np.asarray(action, np.float64).reshape(shape)
-        except (TypeError, ValueError) as error:
-            raise ActionError(
-                f"{action!r} is not an action",
-                place=f"action of {name!r}",
-                remedy=f"give an element of {group.action}",
-            ) from error
-        if np.issubdtype(self._given[number].dtype, np.integer) and values != np.round(values):
-            raise ActionError(
-                f"{action!r} is not a whole number",
-                place=f"action of {name!r}",
-                remedy=f"give an element of {group.action}",
-            )
-        self._given[number][0, place] = values
+        given = self._given[self._worlds.groups.index(group)]
+        if not given.size:
+            return
+        if group.kind == ActionSpaceType.Lane and group.action == action_space(group.kind):
+            given[0, place] = lane_action_number(action, agent=action_of(name))
+            return
+        whose, remedy = action_of(name), remedy_of(group.kind, group.action)
+        # First as they are: a number that is not whole must not become a whole one.
+        values = numbers_of(action, given.shape[2:], place=whose, remedy=remedy)
+        is_whole = given.dtype.kind in "iu"
+        kind: Any = np.iinfo(given.dtype) if is_whole else np.finfo(given.dtype)
+        # Larger whole numbers are not exact any more.
+        within = np.clip(values, kind.min, min(kind.max, 2**53) if is_whole else kind.max)
+        if is_whole and (within != np.round(values)).any():
+            raise refusal(action, "is not made of whole numbers", whose, remedy)
+        given[0, place] = within
 
     def _told(self, transition: Transition) -> SoloStep:
         alive = self._worlds.batch.alive[0]
@@ -302,13 +302,16 @@ def as_row(rewards: Mapping[str, Any], columns: Mapping[str, int]) -> tuple[NDAr
     return row, is_number
 
 
-def check_names(actions: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse actions of agents that there never are.
+def check_names(actions: Mapping[str, Any], known: Iterable[str]) -> None:
+    """Refuse what is not a dict by name, and actions of agents that there never are.
 
     Raises:
         ActionError: Names the agent, and who there is.
     """
     known = list(known)
+    if not isinstance(actions, Mapping):
+        remedy = f"give a dict by the agents' names, such as {{{known[0]!r}: ...}}"
+        raise refusal(actions, "is not a dict", "actions", remedy)
     for name in actions:
         if name not in known:
             raise ActionError(

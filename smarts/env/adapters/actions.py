@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 from numpy.typing import NDArray
 
+from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.controllers.lane_actions import lane_action_number
 from smarts.env.adapters.protocol import Served
 from smarts.errors import ActionError
@@ -55,6 +56,21 @@ def action_space(kind: ActionSpaceType) -> Space:
     return Box(-bound, bound, dtype=np.float32)
 
 
+def action_of(agent: str, row: int | None = None) -> str:
+    """Return what errors call an agent's action, in one of several simulations."""
+    return f"action of {agent!r}" + ("" if row is None else f" in simulation {row}")
+
+
+def remedy_of(kind: ActionSpaceType, space: Space | None = None) -> str:
+    """Return what is to be given for an action of a type, or of an adapter's own space."""
+    if space is not None and space != action_space(kind):
+        return f"give an element of {space}"
+    if kind == ActionSpaceType.Lane:
+        return f"give 0 to 3: {', '.join(LaneAction.__members__)}"
+    alone = ", or a speed [m/s] alone" if kind == ActionSpaceType.Direct else ""
+    return f"give an element of {action_space(kind)}{alone}"
+
+
 def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) -> None:
     """Write the chosen agents' actions, given as rows of a space; see `ArrayAdapter.encode`.
 
@@ -70,11 +86,11 @@ def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) ->
     if served.action == ActionSpaceType.Lane:
         values = values.reshape(len(rows))
         bad = ~(values[:, None] == _LANE_ACTIONS).any(axis=1)
-        _refuse(served, rows, columns, values, bad, "is not one of 0 to 3")
+        _refuse(served, chosen, values, bad, "is no lane action")
         out.values[rows, seats, 0] = values
     elif served.action in _PATH_COLUMNS:
         values = values.reshape(len(rows), -1, PATH_POINTS)
-        _refuse(served, rows, columns, values, _not_finite(values), "is not finite")
+        _refuse(served, chosen, values, _not_finite(values), "is not finite")
         values = _within_bounds(served.action, values)
         for source, target in enumerate(_PATH_COLUMNS[served.action]):
             out.path[rows, seats, :PATH_POINTS, target] = values[:, source]
@@ -82,7 +98,7 @@ def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) ->
     else:
         low, high = _BOUNDS[served.action]
         values = values.reshape(len(rows), len(low))
-        _refuse(served, rows, columns, values, _not_finite(values), "is not finite")
+        _refuse(served, chosen, values, _not_finite(values), "is not finite")
         out.values[rows, seats, : len(low)] = np.clip(values, low, high)
         _round_lane_changes(served.action, rows, seats, out)
 
@@ -107,19 +123,22 @@ def encode_one(
     Raises:
         ActionError: The action is not what this type takes, or not finite.
     """
+    place, remedy = action_of(agent), remedy_of(kind)
     if kind == ActionSpaceType.Lane:
-        out.values[row, seat, 0] = lane_action_number(action, agent=f"action of {agent!r}")
+        out.values[row, seat, 0] = lane_action_number(action, agent=place)
     elif kind in _PATH_COLUMNS:
         _write_path(agent, kind, action, row, seat, out)
     elif kind == ActionSpaceType.Direct and _is_number(action):
         # The controller tells a speed from acceleration and yaw rate by the third value.
-        out.values[row, seat, :3] = np.clip(_numbers(agent, [action], 1)[0], -60, 60), 0.0, 1.0
+        speed = numbers_of(action, (), place=place, remedy=remedy)
+        out.values[row, seat, :3] = np.clip(speed, -60, 60), 0.0, 1.0
     else:
         if kind == ActionSpaceType.MultiTargetPose and isinstance(action, Mapping):
             action = _only_pose(agent, action)
         low, high = _BOUNDS[kind]
         if low:
-            out.values[row, seat, : len(low)] = np.clip(_numbers(agent, action, len(low)), low, high)
+            values = numbers_of(action, (len(low),), place=place, remedy=remedy)
+            out.values[row, seat, : len(low)] = np.clip(values, low, high)
         if kind == ActionSpaceType.Direct:
             out.values[row, seat, 2] = 0.0
         _round_lane_changes(kind, row, seat, out)
@@ -135,7 +154,7 @@ def _only_pose(agent: str, poses: Mapping[Any, Any]) -> Any:
     if len(poses) != 1:
         raise ActionError(
             f"poses of {len(poses)} vehicles: {', '.join(map(repr, poses))}",
-            place=f"action of {agent!r}",
+            place=action_of(agent),
             remedy="give that of the agent's vehicle",
         )
     return next(iter(poses.values()))
@@ -152,29 +171,14 @@ def _not_finite(values: NDArray) -> Bools:
     return np.array([not np.isfinite(value).all() for value in values], np.bool_)
 
 
-def _refuse(
-    served: Served, rows: NDArray, columns: NDArray, values: NDArray, bad: Bools, problem: str
-) -> None:
+def _refuse(served: Served, chosen: Bools, values: NDArray, bad: Bools, problem: str) -> None:
+    """Refuse the first bad one of the chosen agents' values, in the order of `np.nonzero`."""
     if not bad.any():
         return
     first = int(np.argmax(bad))
-    raise ActionError(
-        f"action {values[first].tolist()} {problem}",
-        place=f"agent {served.agents[columns[first]]!r} of simulation {rows[first]}",
-        remedy=f"see the action space: {action_space(served.action)}",
-    )
-
-
-def _numbers(agent: str, action: Any, count: int) -> list[float]:
-    try:
-        values = np.asarray(action, np.float64).reshape(-1)
-    except (TypeError, ValueError) as error:
-        raise ActionError(f"{action!r} does not consist of numbers", place=f"action of {agent!r}") from error
-    if len(values) != count:
-        raise ActionError(f"{action!r} has {len(values)} values, not {count}", place=f"action of {agent!r}")
-    if not np.isfinite(values).all():
-        raise ActionError(f"{action!r} is not finite", place=f"action of {agent!r}")
-    return values.tolist()
+    row, column = np.argwhere(chosen)[first].tolist()
+    place = action_of(served.agents[column], row if len(chosen) > 1 else None)
+    raise refusal(values[first].tolist(), problem, place, remedy_of(served.action))
 
 
 def _path_bound(kind: ActionSpaceType) -> NDArray[np.float64]:
@@ -192,21 +196,15 @@ def _within_bounds(kind: ActionSpaceType, path: NDArray) -> NDArray[np.float64]:
 
 
 def _write_path(agent: str, kind: ActionSpaceType, action: Any, row: int, seat: int, out: Actions) -> None:
-    columns = _PATH_COLUMNS[kind]
+    columns, most = _PATH_COLUMNS[kind], out.path.shape[2]
+    place, remedy = action_of(agent), f"give {len(columns)} columns of 1 to {most} points each"
     try:
-        values = np.asarray(action, np.float64)
-    except (TypeError, ValueError) as error:
-        raise ActionError("the columns of the path differ in length", place=f"action of {agent!r}") from error
-    most = out.path.shape[2]
-    if values.ndim != 2 or len(values) != len(columns) or not 0 < values.shape[1] <= most:
-        raise ActionError(
-            f"a path of shape {values.shape}",
-            place=f"action of {agent!r}",
-            remedy=f"give {len(columns)} columns of 1 to {most} points each",
-        )
-    if not np.isfinite(values).all():
-        raise ActionError("the path is not finite", place=f"action of {agent!r}")
-    values = _within_bounds(kind, values)
+        shape = np.shape(action)
+    except ValueError as error:
+        raise refusal(action, "has columns that differ in length", place, remedy) from error
+    if len(shape) != 2 or shape[0] != len(columns) or not 0 < shape[1] <= most:
+        raise refusal(action, f"is of shape {shape}", place, remedy)
+    values = _within_bounds(kind, numbers_of(action, shape, place=place, remedy=remedy))
     out.path_length[row, seat] = values.shape[1]
     for source, target in enumerate(columns):
         out.path[row, seat, : values.shape[1], target] = values[source]

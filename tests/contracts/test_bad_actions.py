@@ -1,0 +1,102 @@
+"""What is no action is refused by every face in the same words, and nothing of that step is taken in."""
+
+import numpy as np
+import pytest
+
+from smarts.agents import ActionSpaceType, AgentInterface
+from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.errors import ActionError
+
+NAN, INF = float("nan"), float("inf")
+LANE, PEDALS = ActionSpaceType.Lane, ActionSpaceType.Continuous
+FACES = ("hiway", "parallel", "rllib", "single", "vector")
+GOOD = {LANE: 1, PEDALS: (1.0, 0.0, 0.0)}
+NEVER = [None, "fast", b"0", {}, [], True, 1j, 10**400, object(), np.datetime64("2026-01-01"), np.ma.masked]
+BAD = {
+    LANE: [*NEVER, 4, -1, 0.5, NAN, INF, 1e39, 2**63, 2**70, [0, 1], np.array([0, 1])],
+    PEDALS: [*NEVER, 0.5, [1, 2], [NAN] * 3, [INF] * 3, ["1", "2", "3"], [None] * 3, [10**400, 0, 0]],
+}
+REMEDIES = {LANE: "give 0 to 3: keep_lane, slow_down, ", PEDALS: r"give an element of Box\(\[ 0. "}
+FIRST, SECOND = "agent-0", "agent-1"
+
+
+def make(face, kind):
+    """Return an environment whose first agent acts in a way, beside another one unless it is alone."""
+    agents = {name: AgentInterface(action=kind) for name in (FIRST, SECOND)}
+    makers = {
+        "hiway": lambda: HiWayEnv(["loop"], agents),
+        "parallel": lambda: hiway_parallel_env(["loop"], agents, adapter="raw"),
+        "rllib": lambda: RLlibHiWayEnv({"scenarios": ["loop"], "agents": agents, "adapter": "raw"}),
+        "single": lambda: SingleHiWayEnv(["loop"], agents[FIRST], adapter="raw"),
+        "vector": lambda: VectorHiWayEnv(1, ["loop"], agents, adapter="raw"),
+    }
+    return makers[face]()
+
+
+@pytest.fixture(scope="module", params=[(face, kind) for face in FACES for kind in GOOD])
+def faced(request):
+    env = make(*request.param)
+    env.reset(seed=1)
+    yield *request.param, env
+    env.close()
+
+
+def batch_of(env):
+    owner = getattr(env, "_world", env)
+    return owner._batch if hasattr(owner, "_batch") else owner._worlds.batch
+
+
+def step(face, kind, env, action):
+    """Let the last agent do what is right, and the first one something else."""
+    if face == "single":
+        return env.step(action)
+    if face == "vector":
+        block = np.empty((1, 2), object)
+        block[0, 0], block[0, 1] = action, GOOD[kind]
+        return env.step([block if kind == LANE else block.tolist()])
+    return env.step({SECOND: GOOD[kind], FIRST: action})
+
+
+@pytest.mark.filterwarnings("error")
+def test_one_error_for_what_is_no_action(faced):
+    face, kind, env = faced
+    batch = batch_of(env)
+    for bad in BAD[kind]:
+        with pytest.raises(ActionError) as caught:
+            step(face, kind, env, bad)
+        # Arrays of different lengths are refused as a whole, for they are no arrays.
+        is_whole = face == "vector" and caught.value.place == f"actions of {FIRST}, {SECOND}"
+        assert is_whole or caught.value.place == f"action of {FIRST!r}", bad
+        assert caught.value.remedy
+        if not is_whole:
+            with pytest.raises(ActionError, match=REMEDIES[kind]):
+                raise caught.value
+        if face != "vector":
+            assert str(bad)[:20] in caught.value.problem or repr(bad)[:20] in caught.value.problem
+        assert len(str(caught.value)) < 500
+        assert not batch.actions.fresh.any()
+        assert batch.world.step[0] == 0
+
+
+@pytest.mark.parametrize("nothing", [None, 0, "keep_lane", {1}])
+def test_one_error_for_what_are_no_actions(faced, nothing):
+    face, _, env = faced
+    if face == "single":
+        return  # It takes one action.
+    with pytest.raises(ActionError) as caught:
+        env.step(nothing)
+    assert caught.value.place.startswith("actions")
+    assert repr(nothing) in caught.value.problem or face == "vector"
+    assert caught.value.remedy.startswith("give a")
+    assert batch_of(env).world.step[0] == 0
+
+
+@pytest.mark.parametrize("face", FACES)
+def test_what_float32_does_not_hold_is_clipped_by_all(face):
+    env = make(face, PEDALS)
+    try:
+        env.reset(seed=1)
+        step(face, PEDALS, env, [1e39, 0, -1e39])
+        np.testing.assert_array_equal(batch_of(env).actions.values[0, 0, :3], [1, 0, -1])
+    finally:
+        env.close()
