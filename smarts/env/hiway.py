@@ -39,6 +39,7 @@ class HiWayEnv(gym.Env):
         headless: Without effect: episodes are watched through their records.
         decision_interval: Steps of 0.1 s from one decision to the next.
         simulation: Options of the simulation.
+        traffic: The variations of the scenarios' traffic that are played, by default all.
         sim_name: Without effect. Kept so that the original's calls work.
 
     Raises:
@@ -56,6 +57,7 @@ class HiWayEnv(gym.Env):
         headless: bool = True,
         decision_interval: int = 1,
         simulation: Options | None = None,
+        traffic: Sequence[str] | None = None,
         sim_name: str | None = None,
     ) -> None:
         check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
@@ -65,6 +67,7 @@ class HiWayEnv(gym.Env):
             seed=seed,
             decision_interval=decision_interval,
             simulation=Options() if simulation is None else simulation,
+            traffic=traffic,
         )
         interfaces = setting.interfaces()
         self.agent_specs = {

@@ -80,6 +80,7 @@ def hiway_parallel_env(
     adapter: Adapter = "benchmark",
     adapter_options: Mapping[str, Any] | None = None,
     simulation: Options | None = None,
+    traffic: Sequence[str] | None = None,
 ) -> ParallelHiWayEnv:
     """Return a simulation as a PettingZoo parallel environment.
 
@@ -92,6 +93,7 @@ def hiway_parallel_env(
             agents whose specs have adapters of their own see and are paid what these say.
         adapter_options: Its options, such as `{"reward": "paper"}`.
         simulation: Options of the simulation.
+        traffic: The variations of the scenarios' traffic that are played, by default all.
 
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
@@ -105,5 +107,6 @@ def hiway_parallel_env(
             adapter=adapter,
             adapter_options={} if adapter_options is None else adapter_options,
             simulation=Options() if simulation is None else simulation,
+            traffic=traffic,
         )
     )

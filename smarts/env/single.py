@@ -30,6 +30,7 @@ class SingleHiWayEnv(gym.Env):
             its spec has adapters of its own, what these say.
         adapter_options: Its options, such as `{"reward": "paper"}`.
         simulation: Options of the simulation.
+        traffic: The variations of the scenarios' traffic that are played, by default all.
 
     Raises:
         SmartsError: A scenario or the agent is not what it has to be.
@@ -47,6 +48,7 @@ class SingleHiWayEnv(gym.Env):
         adapter: Adapter = "benchmark",
         adapter_options: Mapping[str, Any] | None = None,
         simulation: Options | None = None,
+        traffic: Sequence[str] | None = None,
     ) -> None:
         self._world = SoloWorld(
             Setting(
@@ -57,6 +59,7 @@ class SingleHiWayEnv(gym.Env):
                 adapter=adapter,
                 adapter_options={} if adapter_options is None else adapter_options,
                 simulation=Options() if simulation is None else simulation,
+                traffic=traffic,
             )
         )
         (self._agent,) = self._world.possible_agents

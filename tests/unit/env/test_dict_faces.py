@@ -10,6 +10,8 @@ from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, AgentType,
 from smarts.agents.options import InterfaceError
 from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError, SmartsError
+from smarts.sim.assembly import Options
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
 LANER = AgentInterface.from_type(AgentType.Laner, max_episode_steps=400)
 
@@ -62,6 +64,26 @@ def test_what_was_closed_or_never_reset_is_not_stepped(closing):
         for call in (lambda env=env: env.step({"a": 0}), env.reset):
             with pytest.raises(SmartsError, match="was closed"):
                 call()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda **options: HiWayEnv(["loop"], specs("a"), **options),
+        lambda **options: hiway_parallel_env(["loop"], specs("a"), **options),
+        lambda **options: SingleHiWayEnv(["loop"], LANER, **options),
+        lambda **options: RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": specs("a"), **options}),
+    ],
+)
+def test_only_the_traffic_that_was_asked_for(tmp_path, make):
+    env = make(traffic=["random_social_vehicles"], simulation=Options(record=tmp_path))
+    for _ in range(3):
+        env.reset()
+    env.close()
+    played = [RecordedEpisode(folder).facts["traffic"] for folder in episodes_in(tmp_path)]
+    assert played == ["random_social_vehicles"] * 3
+    with pytest.raises(SmartsError, match="no_such"):
+        make(traffic=["no_such"])
 
 
 def test_tyres_are_those_of_the_interface(closing):

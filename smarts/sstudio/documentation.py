@@ -1,0 +1,161 @@
+"""The page on the vocabulary of scenario files, made from the docstrings of its types.
+
+`python -m smarts.sstudio.documentation` writes it.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import enum
+import inspect
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from smarts.sstudio import types as t
+
+PAGE = Path(__file__).parents[2] / "docs" / "scenario_language.md"
+
+SUBJECTS = {
+    "The scenario": (t.Scenario, t.Variation, t.StartVariation, t.ScenarioMetadata),
+    "Missions": (t.Mission, t.EndlessMission, t.LapMission, t.GroupedLapMission, t.Via, t.UTurn, t.CutIn),
+    "How agents enter": (t.EntryTactic, t.TrapEntryTactic, t.IdEntryTactic),
+    "Routes": (t.Route, t.RandomRoute, t.JunctionEdgeIDResolver),
+    "Traffic": (
+        *(t.Traffic, t.Flow, t.Trip, t.Stop, t.TrafficActor, t.LaneChangingModel, t.JunctionModel),
+        *(t.Distribution, t.TruncatedDistribution, t.UniformDistribution),
+    ),
+    "Areas": (t.MapZone, t.PositionalZone, t.ConfigurableZone, t.RoadSurfacePatch),
+    "Conditions": (
+        *(t.LiteralCondition, t.TimeWindowCondition, t.VehicleSpeedCondition, t.VehicleTypeCondition),
+        *(t.OffRoadCondition, t.DependeeActorCondition, t.SubjectCondition),
+        *(t.NegatedCondition, t.CompoundCondition, t.ConditionTrigger, t.ExpireTrigger),
+    ),
+    "Maps": (t.MapSpec,),
+}
+"""What the page tells, in its order."""
+
+NOT_IN_USE = (
+    *(t.Bubble, t.BubbleLimits, t.SocialAgentActor, t.BoidAgentActor, t.TrafficEngineActor),
+    t.TrafficHistoryDataset,
+)
+"""Types that scenario files may use and that have no effect yet."""
+
+_OPENING = """# The language of scenarios
+
+Written by `python -m smarts.sstudio.documentation` from the types' docstrings.
+
+A scenario is a folder with a map and a `scenario.py`:
+
+    my_scenario/
+        map.net.xml     SUMO's, or its sources (map.nod.xml, map.edg.xml, map.con.xml);
+                        or map.xodr (OpenDRIVE), or map.osm (OpenStreetMap)
+        scenario.py
+
+`from smarts.sstudio import gen_scenario, types as t` brings the vocabulary; `gen_scenario(t.Scenario(...),
+output_dir=Path(__file__).parent)` ends the file. A part of the map is told by an edge's id, a lane's index
+(0 is the rightmost) and an offset in metres along it: `("south_in", 0, 40)`. `smarts-bench scenario build
+my_scenario` says all that is wrong with it, with the names there are on the map, `smarts-bench scenario show
+my_scenario --out map.png` draws it, and any environment takes its folder: `scenarios=["my_scenario"]`. A
+whole one with two agents, one of which takes over a vehicle from the traffic if one comes within ten seconds:
+
+```python
+from pathlib import Path
+
+from smarts.sstudio import gen_scenario
+from smarts.sstudio import types as t
+
+cars = t.Flow(
+    route=t.Route(begin=("south_in", 0, 10), end=("west_out", 0, "max")),
+    rate=600,
+    actors={t.TrafficActor("car", speed=t.Distribution(mean=1.0, sigma=0.2)): 1.0},
+)
+turn_left = t.Mission(
+    t.Route(begin=("south_in", 1, 40), end=("west_out", 0, 60)),
+    via=[t.Via("west_out", 0, 30, required_speed=8)],
+)
+take_over = t.Mission(
+    t.Route(begin=("south_in", 0, 40), end=("west_out", 0, 60)),
+    entry_tactic=t.TrapEntryTactic(wait_to_hijack_limit_s=10),
+)
+gen_scenario(
+    t.Scenario(
+        traffic={"busy": t.Traffic(flows=[cars], warm_up=20)},
+        ego_missions=[turn_left, take_over],
+        start_variation=t.StartVariation(offset=5, speed=(0, 8)),
+    ),
+    output_dir=Path(__file__).parent,
+)
+```
+
+(With `map.*.xml` of `scenarios/intersection` as its map.) Names and defaults of fields are the original's;
+where something is new, or means something else here, it is said.
+"""
+
+
+def language_page() -> str:
+    """Return the page as Markdown."""
+    parts = [_OPENING]
+    for subject, kinds in SUBJECTS.items():
+        parts.append(f"## {subject}\n")
+        parts += [_section(kind) for kind in kinds]
+    names = ", ".join(f"`{kind.__name__}`" for kind in NOT_IN_USE)
+    parts.append(
+        f"## Without effect so far\n\nScenario files may use them, and nothing comes of it: {names}.\n"
+    )
+    return "\n".join(parts)
+
+
+def _section(kind: type) -> str:
+    text = inspect.cleandoc(kind.__doc__ or "")
+    rows = [_row(name, default, meaning) for name, default, meaning in _fields(kind)]
+    table = ["| field | default | meaning |", "|---|---|---|", *rows, ""] if rows else []
+    return "\n".join([f"### {kind.__name__}\n", f"{text}\n", *table])
+
+
+def _fields(kind: type) -> Iterator[tuple[str, str, str]]:
+    """Yield name, default and meaning of the fields that a user gives."""
+    meanings = {name: text for each in reversed(kind.__mro__) for name, text in _attribute_docstrings(each)}
+    for field in dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ():
+        if field.init and not field.name.startswith("_"):
+            yield field.name, _default(field), meanings.get(field.name, "")
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    if field.default is not dataclasses.MISSING:
+        return "" if field.default is t.MISSING else f"`{_shown(field.default)}`"
+    return "required" if field.default_factory is dataclasses.MISSING else "its own"
+
+
+def _shown(default: Any) -> str:
+    if isinstance(default, enum.Enum):
+        return default.name or ""
+    if not dataclasses.is_dataclass(default):
+        return repr(default)
+    names = [field.name for field in dataclasses.fields(default) if field.init]
+    values = ", ".join(f"{name}={_shown(getattr(default, name))}" for name in names)
+    return f"{type(default).__name__}({values})"
+
+
+def _attribute_docstrings(kind: type) -> Iterator[tuple[str, str]]:
+    """Yield the fields of a class with the texts below them."""
+    if not dataclasses.is_dataclass(kind):
+        return
+    (body,) = ast.parse(inspect.cleandoc(inspect.getsource(kind))).body
+    statements = body.body if isinstance(body, ast.ClassDef) else []
+    for field, text in pairwise(statements):
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+            said = text.value if isinstance(text, ast.Expr) else None
+            if isinstance(said, ast.Constant) and isinstance(said.value, str):
+                yield field.target.id, " ".join(said.value.split())
+
+
+def _row(name: str, default: str, meaning: str) -> str:
+    cells = (cell.replace("|", "\\|") for cell in (name, default, meaning))
+    return f"| {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(language_page())
