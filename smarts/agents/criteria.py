@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
+from smarts.agents.checks import (
+    InterfaceError,
+    check_instance,
+    check_list,
+    check_number,
+    check_truth,
+    check_whole,
+)
 from smarts.types.events import Event
+
+MOST_AGENTS = 10_000
+"""More than there can be."""
+LONGEST_REST = 1e8
+"""How long vehicles may be said to rest, so that steps can be counted [s]."""
+LARGEST_DISTANCE = 1e6
+"""[m]"""
 
 
 @dataclass(frozen=True)
@@ -16,6 +32,9 @@ class AgentsListAlive:
     minimum_agents_alive_in_list: int
 
     def __post_init__(self) -> None:
+        place, least = "AgentsListAlive", self.minimum_agents_alive_in_list
+        check_list("agents_list", self.agents_list, str, "['ego-0', 'ego-1']", place)
+        check_whole("minimum_agents_alive_in_list", least, 0, MOST_AGENTS, place)
         object.__setattr__(self, "agents_list", tuple(self.agents_list))
 
 
@@ -31,7 +50,13 @@ class AgentsAliveDoneCriteria:
     """One list with too few agents left is enough."""
 
     def __post_init__(self) -> None:
+        place = "AgentsAliveDoneCriteria"
+        for name in ("minimum_ego_agents_alive", "minimum_total_agents_alive"):
+            if getattr(self, name) is not None:
+                check_whole(name, getattr(self, name), 0, MOST_AGENTS, place)
         if self.agent_lists_alive is not None:
+            example = "[AgentsListAlive(['ego-0'], 1)]"
+            check_list("agent_lists_alive", self.agent_lists_alive, AgentsListAlive, example, place)
             object.__setattr__(self, "agent_lists_alive", tuple(self.agent_lists_alive))
 
 
@@ -40,14 +65,31 @@ class InterestDoneCriteria:
     """The agent ends when the vehicles of interest are gone."""
 
     actors_filter: tuple[str, ...] = ()
-    """Patterns of the names of vehicles that are of interest to this agent."""
+    """Patterns (regular expressions) that names of vehicles of interest to this agent begin with."""
     include_scenario_marked: bool = True
     """Whether those that the scenario marks are of interest too."""
     strict: bool = False
     """Whether to end at once when none is there yet."""
 
     def __post_init__(self) -> None:
+        place = "InterestDoneCriteria"
+        check_list("actors_filter", self.actors_filter, str, "['ego-.*']", place)
+        for pattern in self.actors_filter:
+            _check_pattern(pattern, place)
+        check_truth("include_scenario_marked", self.include_scenario_marked, place)
+        check_truth("strict", self.strict, place)
         object.__setattr__(self, "actors_filter", tuple(self.actors_filter))
+
+
+def _check_pattern(pattern: str, place: str) -> None:
+    try:
+        re.compile(pattern)
+    except re.error as error:
+        raise InterfaceError(
+            f"{pattern!r} in actors_filter is not a pattern: {error}",
+            place=place,
+            remedy="give regular expressions, such as 'ego-.*'",
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -63,6 +105,11 @@ class EventConfiguration:
     not_moving_distance: float = 1
     """[m]"""
 
+    def __post_init__(self) -> None:
+        place = "EventConfiguration"
+        check_number("not_moving_time", self.not_moving_time, most=LONGEST_REST, place=place)
+        check_number("not_moving_distance", self.not_moving_distance, most=LARGEST_DISTANCE, place=place)
+
 
 @dataclass(frozen=True)
 class DoneCriteria:
@@ -76,6 +123,13 @@ class DoneCriteria:
     not_moving: bool = False
     agents_alive: AgentsAliveDoneCriteria | None = None
     interest: InterestDoneCriteria | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("collision", "off_road", "off_route", "on_shoulder", "wrong_way", "not_moving"):
+            check_truth(name, getattr(self, name), "DoneCriteria")
+        for name, kind in (("agents_alive", AgentsAliveDoneCriteria), ("interest", InterestDoneCriteria)):
+            if getattr(self, name) is not None:
+                check_instance(name, getattr(self, name), kind, f"{kind.__name__}(...)", "DoneCriteria")
 
     @property
     def events(self) -> Event:

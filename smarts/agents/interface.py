@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
+from smarts.agents.checks import InterfaceError, check_instance, check_whole
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.agents.options import (
     OGM,
     RGB,
     Accelerometer,
     DrivableAreaGridMap,
-    InterfaceError,
     LanePositions,
     Lidar,
     NeighborhoodVehicles,
@@ -62,6 +62,9 @@ VEHICLE_CLASSES = {
     "motorcycle": VehicleKind.MOTORCYCLE,
 }
 """What `AgentInterface.vehicle_class` may be."""
+
+MOST_STEPS = 2**31 - 1
+"""The largest limit of steps."""
 
 Made = TypeVar("Made")
 
@@ -150,12 +153,10 @@ class AgentInterface:
                 place="AgentInterface.action",
                 remedy=nearest_names(str(self.action), ActionSpaceType.__members__),
             )
-        if self.max_episode_steps is not None and self.max_episode_steps < 1:
-            raise InterfaceError(
-                f"max_episode_steps is {self.max_episode_steps}",
-                place="AgentInterface",
-                remedy="None is without limit; otherwise at least 1",
-            )
+        if self.max_episode_steps is not None:
+            check_whole("max_episode_steps", self.max_episode_steps, 1, MOST_STEPS, "AgentInterface")
+        for name, kind in (("event_configuration", EventConfiguration), ("done_criteria", DoneCriteria)):
+            check_instance(name, getattr(self, name), kind, f"{kind.__name__}(...)", "AgentInterface")
         if self.custom_renders:
             raise InterfaceError(
                 "custom_renders need OpenGL, which is not used here",
@@ -165,11 +166,11 @@ class AgentInterface:
         self._check_occlusion()
 
     def _check_vehicle(self) -> None:
-        if self.vehicle_class not in VEHICLE_CLASSES:
+        if self.vehicle_class not in [*VEHICLE_CLASSES]:
             raise InterfaceError(
                 f"there is no vehicle class {self.vehicle_class!r}",
                 place="AgentInterface.vehicle_class",
-                remedy=nearest_names(self.vehicle_class, VEHICLE_CLASSES),
+                remedy=nearest_names(str(self.vehicle_class), VEHICLE_CLASSES),
             )
         known = {"vehicle_model": ("bullet", "dynamic", "kinematic"), "tyre_model": ("pacejka", "linear")}
         for name, models in known.items():
@@ -179,7 +180,10 @@ class AgentInterface:
                     place=f"AgentInterface.{name}",
                     remedy=nearest_names(str(getattr(self, name)), models),
                 )
-        if not set(self.flat_tyres) <= {0, 1, 2, 3}:
+        tyres = self.flat_tyres
+        if not isinstance(tyres, list | tuple | set | frozenset) or any(
+            each not in range(4) for each in tyres
+        ):
             raise InterfaceError(
                 f"flat_tyres is {self.flat_tyres!r}",
                 place="AgentInterface.flat_tyres",
@@ -204,7 +208,7 @@ class AgentInterface:
         Raises:
             InterfaceError: There is no such type, or a change is not possible.
         """
-        if requested_type not in _PRESETS:
+        if requested_type not in [*_PRESETS]:
             names = ", ".join(AgentType.__members__)
             raise InterfaceError(f"there is no agent type {requested_type!r}", remedy=f"known: {names}")
         return AgentInterface(**_PRESETS[requested_type]).replace(**changes)

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Iterable
+from dataclasses import dataclass
 
-from smarts.errors import SmartsError
+import numpy as np
+
+from smarts.agents.checks import InterfaceError as InterfaceError
+from smarts.agents.checks import check_instance, check_list, check_number, check_whole
 
 LARGEST_IMAGE = 2048
 """Pixels along a side."""
-
-
-class InterfaceError(SmartsError):
-    """An agent's interface asks for something that cannot be had."""
-
-
-def _demand(holds: bool, option: object, wanted: str) -> None:
-    if not holds:
-        values = ", ".join(f"{field.name}={getattr(option, field.name)!r}" for field in fields(option))  # pyright: ignore[reportArgumentType]
-        raise InterfaceError(f"{wanted}, but got {values}", place=type(option).__name__)
+FINEST, COARSEST = 1e-3, 1e3
+"""Sides of a pixel [m]."""
+MOST_RAYS = 200_000
+"""Of a lidar."""
+FARTHEST = 1e6
+"""Farther than any map reaches [m]."""
+LONGEST_PATH = 10_000
+"""Waypoints."""
+MOST_SEEN = 10_000
+"""Vehicles, paths, lanes, signals or via points."""
+WIDEST_ANGLE = 1e3
+"""[rad]"""
 
 
 @dataclass(frozen=True)
@@ -33,9 +39,10 @@ class _Image:
     """Side of a pixel [m]."""
 
     def __post_init__(self) -> None:
-        for side in (self.width, self.height):
-            _demand(1 <= side <= LARGEST_IMAGE, self, f"width and height are within 1 and {LARGEST_IMAGE}")
-        _demand(0 < self.resolution < math.inf, self, "resolution is above 0")
+        place = type(self).__name__
+        for side in ("width", "height"):
+            check_whole(side, getattr(self, side), 1, LARGEST_IMAGE, place)
+        check_number("resolution", self.resolution, least=FINEST, most=COARSEST, place=place)
 
 
 @dataclass(frozen=True)
@@ -81,10 +88,22 @@ class SensorParams:
     """Without effect, as in the original [m]."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "laser_angles", tuple(float(angle) for angle in self.laser_angles))
-        _demand(self.angle_resolution > 0 and self.rays_around >= 1, self, "there is a ray around")
-        _demand(len(self.laser_angles) >= 1, self, "there is a laser")
-        _demand(0 < self.max_distance < math.inf, self, "max_distance is above 0")
+        place = "SensorParams"
+        if isinstance(self.laser_angles, Iterable) and not isinstance(self.laser_angles, str):
+            # Arrays and generators are sequences of numbers, too.
+            object.__setattr__(self, "laser_angles", tuple(self.laser_angles))
+        check_list("laser_angles", self.laser_angles, (int, float, np.number), "[-0.1, 0.0, 0.1]", place)
+        for angle in ("start_angle", "end_angle"):
+            check_number(angle, getattr(self, angle), least=-WIDEST_ANGLE, most=WIDEST_ANGLE, place=place)
+        for angle in self.laser_angles:
+            check_number("one of laser_angles", angle, least=-WIDEST_ANGLE, most=WIDEST_ANGLE, place=place)
+        object.__setattr__(self, "laser_angles", tuple(map(float, self.laser_angles)))
+        check_number("angle_resolution", self.angle_resolution, most=WIDEST_ANGLE, above=True, place=place)
+        check_number("max_distance", self.max_distance, most=FARTHEST, above=True, place=place)
+        for noise in ("noise_mu", "noise_sigma"):
+            check_number(noise, getattr(self, noise), least=-FARTHEST, most=FARTHEST, place=place)
+        rays = len(self.laser_angles) * self.rays_around
+        check_whole("lasers times rays around", rays, 1, MOST_RAYS, place)
 
     @property
     def rays_around(self) -> int:
@@ -108,6 +127,10 @@ class Lidar:
 
     sensor_params: SensorParams = BasicLidar
 
+    def __post_init__(self) -> None:
+        example = "SensorParams(...), BasicLidar or VelodyneHDL32E"
+        check_instance("sensor_params", self.sensor_params, SensorParams, example, "Lidar")
+
 
 @dataclass(frozen=True)
 class Waypoints:
@@ -121,8 +144,9 @@ class Waypoints:
     """The most paths (not in the original)."""
 
     def __post_init__(self) -> None:
-        _demand(self.lookahead >= 1 and self.paths >= 1, self, "lookahead and paths are at least 1")
-        _demand(0 < self.spacing < math.inf, self, "spacing is above 0")
+        check_whole("lookahead", self.lookahead, 1, LONGEST_PATH, "Waypoints")
+        check_number("spacing", self.spacing, most=FARTHEST, above=True, place="Waypoints")
+        check_whole("paths", self.paths, 1, MOST_SEEN, "Waypoints")
 
 
 @dataclass(frozen=True)
@@ -135,7 +159,8 @@ class RoadWaypoints:
     """The most lanes (not in the original)."""
 
     def __post_init__(self) -> None:
-        _demand(self.horizon >= 0 and self.lanes >= 1, self, "horizon is at least 0 and lanes at least 1")
+        check_whole("horizon", self.horizon, 0, LONGEST_PATH, "RoadWaypoints")
+        check_whole("lanes", self.lanes, 1, MOST_SEEN, "RoadWaypoints")
 
 
 @dataclass(frozen=True)
@@ -148,8 +173,9 @@ class NeighborhoodVehicles:
     """The most vehicles (not in the original)."""
 
     def __post_init__(self) -> None:
-        _demand(self.radius is None or self.radius > 0, self, "radius is above 0, or None")
-        _demand(self.most >= 1, self, "most is at least 1")
+        if self.radius is not None:
+            check_number("radius", self.radius, above=True, place="NeighborhoodVehicles")
+        check_whole("most", self.most, 1, MOST_SEEN, "NeighborhoodVehicles")
 
 
 @dataclass(frozen=True)
@@ -172,7 +198,8 @@ class Signals:
     """The most signals (not in the original)."""
 
     def __post_init__(self) -> None:
-        _demand(self.lookahead > 0 and self.most >= 1, self, "lookahead is above 0 and most at least 1")
+        check_number("lookahead", self.lookahead, above=True, place="Signals")
+        check_whole("most", self.most, 1, MOST_SEEN, "Signals")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from smarts.agents.options import InterfaceError
+from smarts.agents.checks import InterfaceError, check_instance, check_whole
 from smarts.errors import ScenarioError, nearest_names
 
 LONGEST_DECISION = 100
@@ -18,29 +18,6 @@ MOST_AGENTS = 1000
 MOST_WORLDS = 65_536
 ALL = "__all__"
 """What the done flags of the episode are called, so no agent."""
-
-
-def check_whole(name: str, value: Any, least: int, most: int) -> None:
-    """Refuse what is not a whole number in a range.
-
-    Raises:
-        InterfaceError: It is not; names the value and the range.
-    """
-    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not is_whole or not least <= value <= most:
-        raise InterfaceError(
-            f"{name} is {value!r}", place=name, remedy=f"give a whole number from {least} to {most}"
-        )
-
-
-def check_instance(name: str, value: Any, kind: type, example: str) -> None:
-    """Refuse what is not of a type.
-
-    Raises:
-        InterfaceError: It is not; the remedy shows an example.
-    """
-    if not isinstance(value, kind):
-        raise InterfaceError(f"{name} is {value!r}", place=name, remedy=f"give {example}")
 
 
 def check_scenarios(scenarios: Any) -> None:

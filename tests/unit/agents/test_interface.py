@@ -1,8 +1,10 @@
 """Interfaces: presets, old names, and what they refuse."""
 
 import copy
+import math
 import pickle
 
+import numpy as np
 import pytest
 
 from smarts.agents import (
@@ -10,12 +12,18 @@ from smarts.agents import (
     RGB,
     ActionSpaceType,
     AgentInterface,
+    AgentsAliveDoneCriteria,
+    AgentsListAlive,
     AgentType,
     BasicLidar,
+    DoneCriteria,
+    EventConfiguration,
+    InterestDoneCriteria,
     InterfaceError,
     Lidar,
     NeighborhoodVehicles,
     OcclusionMap,
+    RoadWaypoints,
     SensorParams,
     Signals,
     VelodyneHDL32E,
@@ -117,6 +125,16 @@ def test_interfaces_travel():
         ({"tyre_model": "pacejca"}, "pacejka"),
         ({"flat_tyres": (4,)}, "front left"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
+        ({"max_episode_steps": math.nan}, "max_episode_steps is nan"),
+        ({"max_episode_steps": 1.5}, "give a whole number from 1"),
+        ({"max_episode_steps": 10**30}, "give a whole number from 1"),
+        ({"max_episode_steps": True}, "max_episode_steps is True"),
+        ({"done_criteria": None}, "done_criteria is None\n  remedy: give DoneCriteria(...)"),
+        ({"event_configuration": {}}, "event_configuration is {}"),
+        ({"vehicle_class": None}, "no vehicle class None"),
+        ({"vehicle_class": []}, "no vehicle class []"),
+        ({"flat_tyres": 3}, "flat_tyres is 3"),
+        ({"flat_tyres": "01"}, "flat_tyres is '01'"),
         ({"custom_renders": (1,)}, "OpenGL"),
         ({"occlusion_map": True}, "OGM(width=256"),
         ({"occlusion_map": OcclusionMap(64, 64), "ogm": OGM(64, 32)}, "same size"),
@@ -128,22 +146,55 @@ def test_what_is_wrong_is_said(wrong, said):
     assert said in str(caught.value)
 
 
+RAYS = {"start_angle": 0.0, "end_angle": 6.0, "laser_angles": (0.0,), "angle_resolution": 1.0}
+RAYS |= {"max_distance": 20.0, "noise_mu": 0.0, "noise_sigma": 0.0}
+ALIVE = {"agents_list": (), "minimum_agents_alive_in_list": 1}
+REQUIRED = {SensorParams: RAYS, AgentsListAlive: ALIVE}
+
+
 @pytest.mark.parametrize(
-    ("option", "wrong"),
+    ("option", "name", "wrong"),
     [
-        (RGB, {"width": 0}),
-        (OGM, {"resolution": 0.0}),
-        (Waypoints, {"lookahead": 0}),
-        (NeighborhoodVehicles, {"radius": -1.0}),
-        (Signals, {"lookahead": 0}),
+        *((RGB, "width", value) for value in (0, 10.5, "a", None, 4096, True)),
+        *((OGM, "resolution", value) for value in (0.0, math.nan, 1e300, 1e-300, "1")),
+        *((Waypoints, "lookahead", value) for value in (0, 1.5, math.nan, None, 10**12, True)),
+        (Waypoints, "paths", 10**7),
+        *((Waypoints, "spacing", value) for value in ("1", 0.0, math.inf)),
+        *((RoadWaypoints, "horizon", value) for value in (1.5, -1, 10**10)),
+        *((NeighborhoodVehicles, "radius", value) for value in (-1.0, math.nan, "x")),
+        *((NeighborhoodVehicles, "most", value) for value in (0, 1.5, 10**12)),
+        *((Signals, "lookahead", value) for value in (0, math.nan)),
+        (Signals, "most", 2.5),
+        *((Lidar, "sensor_params", value) for value in (None, "BasicLidar")),
+        *((SensorParams, "end_angle", value) for value in (math.nan, math.inf)),
+        *((SensorParams, "laser_angles", value) for value in ((math.nan,), "abc", (None,), None)),
+        *((SensorParams, "angle_resolution", value) for value in (0.0, 1e-12, 100.0)),
+        *((EventConfiguration, "not_moving_time", value) for value in (math.nan, "x", -1, 1e9)),
+        *((EventConfiguration, "not_moving_distance", value) for value in (math.nan, -1, None)),
+        *((DoneCriteria, name, 3) for name in ("agents_alive", "interest", "collision")),
+        *((AgentsAliveDoneCriteria, "minimum_ego_agents_alive", value) for value in ("x", -1, 1.5)),
+        *((AgentsAliveDoneCriteria, "agent_lists_alive", value) for value in ("ego", [3])),
+        *((AgentsListAlive, "agents_list", value) for value in ("ego", [3])),
+        *((InterestDoneCriteria, "actors_filter", value) for value in ("ego*", ["["], [3])),
+        (InterestDoneCriteria, "strict", "no"),
     ],
 )
-def test_options_that_cannot_be(option, wrong):
+def test_options_that_cannot_be(option, name, wrong):
     with pytest.raises(InterfaceError) as caught:
-        option(**wrong)
+        option(**REQUIRED.get(option, {}) | {name: wrong})
     assert caught.value.place == option.__name__
+    assert name in caught.value.problem or "rays around" in caught.value.problem
+    assert caught.value.remedy.startswith("give ")
+
+
+def test_numbers_of_numpy_are_numbers():
+    option = Waypoints(lookahead=np.int64(9), spacing=np.float32(2.0))
+    assert AgentInterface(waypoints=option, max_episode_steps=np.int32(5)).sensors["waypoint_paths"] == option
+    assert EventConfiguration(np.float64(3.0), 0).not_moving_time == 3.0
 
 
 def test_unknown_types():
     with pytest.raises(InterfaceError, match="Buddha"):
         AgentInterface.from_type("Lanner")
+    with pytest.raises(InterfaceError, match="Buddha"):
+        AgentInterface.from_type([])
