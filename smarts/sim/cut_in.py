@@ -6,11 +6,12 @@ import numpy as np
 
 from smarts.geometry.compiling import kernel
 from smarts.roads.guide import Guide
+from smarts.sim.gaps import gaps_in, least_gap, may_follow, pace_behind
 from smarts.sim.surroundings import Surroundings, beside, distance_between, lane_under
 from smarts.types.guidance import GuidePhase
 
 AHEAD = 15.0
-"""How far ahead of the other vehicle to go over, from centre to centre [m]."""
+"""How far ahead of the other vehicle to go over, from centre to centre; the middle of a shorter gap [m]."""
 NEAR_ENOUGH = 1.5
 """How much that may be missed by [m]."""
 GAIN = 0.5
@@ -23,6 +24,8 @@ CHANGE_TIME = 3.0
 """How long going over takes [s]."""
 LEAST_LENGTH = 15.0
 """Of the way over, along the road [m]."""
+STANDING = 1e-6
+"""What stands for no speed at all in the guidance, where 0 stands for nothing said [m/s]."""
 
 _FREE, _APPROACH = int(GuidePhase.FREE), int(GuidePhase.APPROACH)
 _MANOEUVRE, _OVER = int(GuidePhase.MANOEUVRE), int(GuidePhase.OVER)
@@ -44,20 +47,51 @@ def plan_cut_in(around: Surroundings, guide: Guide, b: int, a: int) -> None:
         guide.phase[b, a], guide.speed[b, a] = _FREE, 0.0
         return
     guide.target_generation[b, a] = around.generation[b, target]
+    speed, own_speed = around.speed[b, target], around.speed[b, slot]
+    own = gaps_in(around, b, slot, lane)
     if not _is_beside(around, b, lane, target):
         # One of the two has come to another road before the other.
+        guide.phase[b, a] = _APPROACH
+        guide.speed[b, a] = _heeding(max(speed, SLOWEST), own.ahead, own.speed_ahead)
         return
-    speed = around.speed[b, target]
     other_lane = lane_under(around, b, target)
     place, left = beside(around, b, slot, other_lane)
-    lacking = AHEAD - (place - around.lane_position[b, target])
+    its_place = around.lane_position[b, target]
+    between = gaps_in(around, b, target, other_lane).ahead + around.length[b, target]
+    lacking = min(AHEAD, 0.5 * between) - (place - its_place)
     pace = min(max(speed + GAIN * lacking, 0.5 * speed), 2.0 * speed)
-    guide.phase[b, a], guide.speed[b, a] = _APPROACH, max(pace, SLOWEST)
-    length = max(LEAST_LENGTH, CHANGE_TIME * around.speed[b, slot])
-    if abs(lacking) <= NEAR_ENOUGH and length <= left:
-        guide.phase[b, a], guide.speed[b, a] = _MANOEUVRE, max(FASTER * speed, SLOWEST)
+    guide.phase[b, a] = _APPROACH
+    guide.speed[b, a] = _heeding(max(pace, SLOWEST), own.ahead, own.speed_ahead)
+    length = max(LEAST_LENGTH, CHANGE_TIME * own_speed)
+    if abs(lacking) > NEAR_ENOUGH or length > left:
+        return
+    gaps = gaps_in(around, b, slot, other_lane)
+    # Until it is over there, who is ahead in its own lane has to be far enough, too.
+    is_safe = may_follow(own_speed, gaps.speed_ahead, gaps.ahead, 0.5 * CHANGE_TIME)
+    is_safe &= may_follow(gaps.speed_behind, own_speed, gaps.behind, 0.5 * CHANGE_TIME)
+    if is_safe and may_follow(own_speed, own.speed_ahead, own.ahead, 0.5 * CHANGE_TIME):
+        guide.phase[b, a] = _MANOEUVRE
         guide.begin[b, a, :2], guide.begin[b, a, 2] = around.position[b, slot], around.heading[b, slot]
         guide.lane[b, a], guide.s[b, a] = around.lane[b, target], place + length
+        guide.speed[b, a] = _heeding(max(FASTER * speed, SLOWEST), gaps.ahead, gaps.speed_ahead)
+
+
+@kernel
+def pace_cut_in(around: Surroundings, guide: Guide, b: int, a: int) -> None:
+    """Write the speed of an agent that is going over: a tenth faster than the other, but for who is ahead."""
+    slot, target = around.slot[b, a], guide.target[b, a]
+    pace = max(guide.speed[b, a], SLOWEST)
+    if around.alive[b, target] and around.generation[b, target] == guide.target_generation[b, a]:
+        pace = max(pace, FASTER * around.speed[b, target])
+    lane = around.roads.lane_base[around.map[b]] + guide.lane[b, a]
+    gaps = gaps_in(around, b, slot, lane)
+    guide.speed[b, a] = _heeding(pace, gaps.ahead, gaps.speed_ahead)
+
+
+@kernel
+def _heeding(pace: float, gap: float, speed: float) -> float:
+    """Return a pace lowered behind a vehicle ahead, at a gap [m] and at its speed [m/s]."""
+    return max(min(pace, pace_behind(speed, gap)), STANDING)
 
 
 @kernel
@@ -72,18 +106,35 @@ def _is_beside(around: Surroundings, b: int, lane: int, other: int) -> bool:
 def _target_of(around: Surroundings, guide: Guide, b: int, a: int, slot: int, lane: int) -> int:
     """Return the vehicle to cut in on, -1 for none: the one chosen before, else the nearest beside.
 
-    One stays chosen as long as it is within the radius and not in the agent's own lane.
+    One stays chosen as long as it is within the radius and not in the agent's own lane, but one with room
+    before it is better than one without.
     """
-    radius, known = around.task_radius[b, a], guide.target[b, a]
+    radius, known = around.task_radius[b, a], int(guide.target[b, a])
     if known >= 0 and around.alive[b, known]:
         is_same = around.generation[b, known] == guide.target_generation[b, a]
         is_here = distance_between(around, b, slot, known) <= radius
-        if is_same and is_here and lane_under(around, b, known) != lane:
-            return int(known)
-    nearest, found = np.inf, -1
+        its_lane = lane_under(around, b, known)
+        if not is_same or not is_here or its_lane == lane:
+            known = -1
+        elif its_lane < 0 or _has_room(around, b, slot, known):
+            return known
+    else:
+        known = -1
+    nearest, found, is_found_roomy = np.inf, known, False
     for other in range(around.alive.shape[1]):
         if around.alive[b, other] and other != slot and _is_beside(around, b, lane, other):
             distance = distance_between(around, b, slot, other)
-            if distance <= radius and distance < nearest:
-                nearest, found = distance, other
+            if distance > radius:
+                continue
+            is_roomy = _has_room(around, b, slot, other)
+            is_nearer = distance < nearest and is_roomy == is_found_roomy
+            if (is_roomy and not is_found_roomy) or (is_nearer and (is_roomy or known < 0)):
+                nearest, found, is_found_roomy = distance, other, is_roomy
     return found
+
+
+@kernel
+def _has_room(around: Surroundings, b: int, slot: int, other: int) -> bool:
+    """Tell whether a vehicle fits in before another that is in a lane, when all there are equally fast."""
+    gap = gaps_in(around, b, other, lane_under(around, b, other)).ahead
+    return 0.5 * (gap - around.length[b, slot]) >= least_gap(around.speed[b, other], 0.0)

@@ -10,7 +10,7 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.curves import curve_into, station_near, stations_of
 from smarts.roads.guide import Guide, guide_of
 from smarts.roads.scene import Scene
-from smarts.sim.cut_in import plan_cut_in
+from smarts.sim.cut_in import pace_cut_in, plan_cut_in
 from smarts.sim.surroundings import Surroundings, surroundings_of
 from smarts.sim.u_turn import plan_u_turn
 from smarts.types.guidance import GuidePhase
@@ -75,3 +75,5 @@ def _go_on(around: Surroundings, guide: Guide, b: int, a: int) -> None:
         guide.phase[b, a], guide.speed[b, a] = _OVER, 0.0
     elif distance > STRAYED:
         guide.phase[b, a], guide.speed[b, a] = _FREE, 0.0
+    elif around.task[b, a] == _CUT_IN:
+        pace_cut_in(around, guide, b, a)

@@ -45,6 +45,8 @@ class Surroundings(NamedTuple):
     position: Floats
     heading: Floats
     speed: Floats
+    length: Floats
+    width: Floats
     lane: Ints
     lane_position: Floats
 

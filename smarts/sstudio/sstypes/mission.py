@@ -61,11 +61,15 @@ class CutIn(Described):
     """The task to cut in on the nearest vehicle in a lane beside the agent's.
 
     As soon as one is within `trigger_radius`, the agent's waypoint paths are one: its lane, at speeds (up to
-    twice the other's) that bring it 15 m ahead of the other, from centre to centre, and from there a curve of
-    3 s into the other's lane (`world.guidance`). The lane controllers follow it, at most at these speeds:
+    twice the other's) that bring it 15 m ahead of the other, from centre to centre, or into the middle of a
+    gap below 30 m, and from there a curve of 3 s into the other's lane (`world.guidance`). The curve begins
+    only where nobody would have to brake harder than 4 m/s^2 for it (`smarts.sim.gaps`): the agent behind
+    those ahead in both lanes, and who is behind it in the other's. A vehicle with that much room before it is
+    preferred; where there is none, the agent stays beside. The speeds also keep it from who is ahead in its
+    lane, and in the other's during the curve. The lane controllers follow it, at most at these speeds:
     `Lane` and `LaneWithContinuousSpeed` cut in while they are told to keep the lane. An agent that acts
-    otherwise has to follow the path itself. To mind third vehicles is the agent's part, and discrete lane
-    actions do not exceed the speed limit even if the other drives at it. Behind the curve the task is over.
+    otherwise has to follow the path itself. Discrete lane actions do not exceed the speed limit even if the
+    other drives at it. Behind the curve the task is over, and to mind the others is the agent's part.
 
     Whether an agent cut in is measured from the record (`smarts-bench` metric `cut_in_ratio`). The original
     took the distance from the agent's aggressiveness (20 m to 10 m) and had no radius in effect.

@@ -1,5 +1,6 @@
 """Where the tasks of missions lead: the plan by hand, and cut-ins and U-turns in Bullet among SUMO's cars."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -97,6 +98,62 @@ class TestCutIn:
             # 3 s on, in lane 1, a tenth faster than the other.
             assert (plan.lane, plan.s, plan.speed) == (1, pytest.approx(130.0 + ahead), pytest.approx(11.0))
             assert plan.begin.tolist() == pytest.approx([100.0 + ahead, 0.0, 0.0])
+
+    @pytest.mark.parametrize(
+        ("own", "others", "goes"),
+        [
+            # The other, 10 m behind, wants (2 + v + v dv / (2 sqrt 1.5)) / 2 in 1.5 s.
+            (2.5, [other(100.0, speed=5.0)], True),
+            (2.3, [other(100.0, speed=5.0)], False),
+            (0.0, [other(100.0)], False),
+            (10.0, [other(100.0)], True),
+            # One ahead in that lane: 6 m are enough at the same speed, and 2 m less to go to the middle.
+            (10.0, [other(100.0), other(130.0)], True),
+            (10.0, [other(100.0), other(131.0, speed=4.0)], False),
+            # Somebody changes into it from the lane beyond.
+            (10.0, [other(100.0), Car(122.0, 5.5, 0.0, 10.0)], False),
+            (10.0, [other(100.0), Car(122.0, 6.4, 0.0, 10.0)], True),
+            # One ahead in its own lane.
+            (10.0, [other(100.0), other(127.0, lane=0)], True),
+            (10.0, [other(100.0), other(125.0, lane=0)], False),
+        ],
+    )
+    def test_goes_over_only_where_nobody_must_brake_hard(self, own, others, goes):
+        plan = cutting_in(115.0, *others, lanes=3, speed=own)
+        assert plan.phase == (MANOEUVRE if goes else APPROACH)
+
+    def test_goes_for_the_middle_of_a_short_gap(self):
+        # 10 m from each, so 3 m are lacking.
+        assert cutting_in(107.0, other(100.0, speed=5.0), other(120.0, speed=5.0)).speed == pytest.approx(6.5)
+
+    def test_prefers_one_with_room_before_it(self):
+        # It takes 5 m and twice 6 m.
+        assert cutting_in(108.0, other(100.0), other(121.0)).target == 2
+        assert cutting_in(108.0, other(100.0), other(123.0)).target == 1
+        assert cutting_in(108.0, other(100.0), other(115.0), other(125.0)).target == 3
+        # Without room anywhere it stays with whom it has.
+        plan = cutting_in(108.0, other(100.0), other(121.0), other(137.9), radius=25.0)
+        assert plan.target == 1
+        assert plan.plan((112.0, 0.0)).target == 1
+
+    def test_keeps_its_distance_in_its_own_lane(self):
+        # From 7 m behind who stands: 1 s to react, then 1.5 m/s^2 to 2 m.
+        plan = cutting_in(100.0, other(100.0), other(112.0, lane=0, speed=0.0))
+        assert (plan.phase, plan.speed) == (APPROACH, pytest.approx(math.sqrt(17.25) - 1.5))
+        assert 0.0 < cutting_in(100.0, other(100.0), other(106.0, lane=0, speed=0.0)).speed < 1e-3
+
+    def test_keeps_its_distance_while_it_goes_over(self):
+        plan = cutting_in(115.0, other(100.0), other(140.0))
+        assert (plan.phase, plan.speed) == (MANOEUVRE, pytest.approx(11.0))
+        plan.made.world.vehicles.speed[0, 2] = 0.0
+        assert plan.plan((127.0, 1.5)).speed == pytest.approx(math.sqrt(2.25 + 3.0 * 6.0) - 1.5)
+        plan.made.world.vehicles.speed[0, 2] = 20.0
+        assert plan.plan((127.0, 1.5)).speed == pytest.approx(11.0)
+
+    def test_begins_nothing_inside_junctions(self):
+        graph = dataclasses.replace(maps.straight(2, 400.0), is_internal=np.ones(2, np.bool_))
+        task = Task(TaskKind.CUT_IN, 30.0, -1)
+        assert Plan(115.0, 0.0, other(100.0), graph=graph, task=task).phase == FREE
 
     def test_goes_over_to_the_right_too(self):
         assert cutting_in(115.0, other(100.0, lane=0), y=3.2).lane == 0
@@ -235,6 +292,19 @@ def test_an_agent_that_keeps_its_lane_cuts_in(tmp_path, action, values):
     assert y[over] == pytest.approx(-8.0, abs=0.3)
     assert 10.0 < x[over] - other_x[over] < 25.0
     assert np.abs(y[over:] + 8.0).max() < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ahead", [12.0, 17.5])
+def test_cuts_in_from_a_standing_start_without_being_hit(tmp_path, ahead):
+    mission = t.Mission(t.Route(("there", 1, 90 + ahead), ("there", 0, 580)), task=t.CutIn())
+    fast = t.TrafficActor("fast", max_speed=12, lane_changing_model=STAYS, depart_speed="max")
+    trip = t.Trip("fast", t.Route(("there", 0, 90), ("there", 0, "max")), actor=fast)
+    log, outcome = drive(tmp_path, mission, trip, 250)
+    assert outcome == Outcome.NONE
+    # The other has gone by; its lane's middle is y = -8.
+    assert log[0, 0] > log[0, 4]
+    assert np.abs(log[log[:, 3] <= APPROACH, 1] + 4.8).max() < 0.1
 
 
 @pytest.mark.slow

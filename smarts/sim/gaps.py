@@ -1,0 +1,113 @@
+"""Gaps between vehicles in a lane, and whether one may follow another in them; compiled.
+
+Whether a gap is enough is the safety criterion of MOBIL (Kesting, Treiber, Helbing, TRR 1999 (2007) 86-94):
+a change of lanes may make nobody brake harder than `SAFE_BRAKING`. How hard a driver brakes is taken from the
+interaction term of the intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 62 (2000) 1805),
+with the parameters for towns in Treiber and Kesting, Traffic Flow Dynamics (2013), table 11.2.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from smarts.controllers.lane_path import place_on_lane
+from smarts.geometry.compiling import kernel
+from smarts.sim.surroundings import Surroundings, distance_between
+
+SAFE_BRAKING = 4.0
+"""The hardest that anybody may have to brake [m/s^2]."""
+ACCELERATION = 1.0
+"""[m/s^2]"""
+BRAKING = 1.5
+"""Comfortable [m/s^2]."""
+HEADWAY = 1.0
+"""[s]"""
+STANDSTILL_GAP = 2.0
+"""[m]"""
+FARTHEST = 100.0
+"""From where on nobody matters [m]."""
+ALONG = 0.5
+"""Cosine of the angle between a vehicle and another, from which on they drive the same way."""
+
+
+class Gaps(NamedTuple):
+    """The nearest vehicles ahead of and behind a place in a lane, bumper to bumper; infinite for none."""
+
+    ahead: float
+    """[m]; negative where they overlap."""
+    speed_ahead: float
+    """[m/s]"""
+    behind: float
+    speed_behind: float
+
+
+@kernel
+def gaps_in(around: Surroundings, b: int, slot: int, lane: int) -> Gaps:
+    """Return the gaps that a vehicle has, or would have beside where it is, in a lane.
+
+    In the lane is who drives along and touches it, or the straight lines on which it goes on beyond its ends.
+    """
+    x, y = around.position[b, slot]
+    own = place_on_lane(around.roads, lane, x, y)[0]
+    ahead, behind, speed_ahead, speed_behind = np.inf, np.inf, 0.0, 0.0
+    for other in range(around.alive.shape[1]):
+        if other == slot or not around.alive[b, other] or distance_between(around, b, slot, other) > FARTHEST:
+            continue
+        if math.cos(around.heading[b, other] - around.heading[b, slot]) < ALONG:
+            continue
+        x, y = around.position[b, other]
+        s, t = place_on_lane(around.roads, lane, x, y)
+        if abs(t) >= 0.5 * (around.roads.lane_width[lane] + around.width[b, other]):
+            continue
+        gap = abs(s - own) - 0.5 * (around.length[b, slot] + around.length[b, other])
+        if s > own and gap < ahead:
+            ahead, speed_ahead = gap, around.speed[b, other]
+        elif s <= own and gap < behind:
+            behind, speed_behind = gap, around.speed[b, other]
+    return Gaps(ahead, speed_ahead, behind, speed_behind)
+
+
+@kernel
+def may_follow(speed: float, leader_speed: float, gap: float, delay: float) -> bool:
+    """Tell whether a vehicle may be made to follow another.
+
+    Args:
+        speed: Of who follows [m/s].
+        leader_speed: [m/s]
+        gap: Bumper to bumper [m].
+        delay: How long who follows drives on as ever [s].
+    """
+    closing = speed - leader_speed
+    return gap - max(closing, 0.0) * delay >= least_gap(speed, closing)
+
+
+@kernel
+def least_gap(speed: float, closing: float) -> float:
+    """Return the gap in which one brakes as hard as anybody may have to [m].
+
+    Args:
+        speed: Of who follows [m/s].
+        closing: By how much it is faster than its leader [m/s].
+    """
+    following = speed * HEADWAY + speed * closing / (2.0 * math.sqrt(ACCELERATION * BRAKING))
+    wanted = STANDSTILL_GAP + max(following, 0.0)
+    # The braking is ACCELERATION (wanted / gap)^2.
+    return wanted * math.sqrt(ACCELERATION / SAFE_BRAKING)
+
+
+@kernel
+def pace_behind(leader_speed: float, gap: float) -> float:
+    """Return the speed from which one can stop behind a leader who brakes as hard [m/s], infinite for none.
+
+    Krauss (Phys. Rev. E 55 (1997) 5597) with a reaction time of `HEADWAY`.
+
+    Args:
+        leader_speed: [m/s]
+        gap: Bumper to bumper [m].
+    """
+    lag = BRAKING * HEADWAY
+    square = lag * lag + leader_speed * leader_speed + 2.0 * BRAKING * (gap - STANDSTILL_GAP)
+    return max(math.sqrt(max(square, 0.0)) - lag, 0.0)
