@@ -48,6 +48,10 @@ class Box:
     length: float
     width: float
     height: float
+    lateral_speed: float = 0.0
+    """To the left of the heading [m/s]."""
+    yaw_rate: float = 0.0
+    """[rad/s]; the velocity does not turn with it."""
 
 
 class Touch(NamedTuple):
@@ -151,9 +155,9 @@ class BulletWorld:
             body = self._boxes[key][0]
             half, cos, sin = 0.5 * box.heading, np.cos(box.heading), np.sin(box.heading)
             quaternion = (0.0, 0.0, float(np.sin(half)), float(np.cos(half)))
-            velocity = (float(box.speed * cos), float(box.speed * sin), 0.0)
+            vx, vy = box.speed * cos - box.lateral_speed * sin, box.speed * sin + box.lateral_speed * cos
             pybullet.resetBasePositionAndOrientation(body, box.position, quaternion, client)
-            pybullet.resetBaseVelocity(body, velocity, (0.0, 0.0, 0.0), client)
+            pybullet.resetBaseVelocity(body, (float(vx), float(vy), 0.0), (0.0, 0.0, box.yaw_rate), client)
 
     def substep(self, velocities: list[list[list[float]]]) -> None:
         """Give the bodies their velocities, let Bullet go on by one sub-step, and read the bodies back.

@@ -284,13 +284,20 @@ class FleetVehicles:
         kind = VehicleKind(int(vehicles.kind[row, slot]))
         height = vehicle(TYPES.get(kind, "truck")).height
         x, y = vehicles.position[row, slot].tolist()
+        speed, sideways = float(vehicles.speed[row, slot]), float(vehicles.lateral_speed[row, slot])
+        yaw_rate = float(vehicles.yaw_rate[row, slot])
+        # In a bend the way goes along the heading of the step's middle.
+        ahead = 0.5 * self._world.dt * yaw_rate
+        cos, sin = math.cos(ahead), math.sin(ahead)
         return Box(
             (x, y, 0.5 * height),
             float(vehicles.heading[row, slot]),
-            float(vehicles.speed[row, slot]),
+            speed * cos - sideways * sin,
             float(vehicles.length[row, slot]),
             float(vehicles.width[row, slot]),
             height,
+            speed * sin + sideways * cos,
+            yaw_rate,
         )
 
     def _refusal(self, commands: Commands, bad: int) -> ActionError:

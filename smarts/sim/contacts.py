@@ -149,8 +149,7 @@ def find_contacts(
                 dx = position[row, other, 0] - position[row, slot, 0]
                 dy = position[row, other, 1] - position[row, slot, 1]
                 far = reach[slot] + reach[other]
-                # Counted from 0; below 0 if Bullet did not hold them apart.
-                held = touched[row, seat, other] - 1
+                held = _held_apart(now, before, touched, row, seat, other)
                 if other == slot or (held < 0 and dx * dx + dy * dy > far * far):
                     continue
                 _follow(now, before, tracks, row, other, seat_of[other], path2)
@@ -174,6 +173,14 @@ def find_contacts(
                     out.substep[row, seat] = substep
                     out.closing_speed[row, seat] = closing_speed
                     out.side[row, seat] = side
+
+
+@kernel
+def _held_apart(now: Footprints, before: Footprints, touched: Bytes, row: int, seat: int, other: int) -> int:
+    """Return in which sub-step, from 0, Bullet first kept a seat's vehicle from another, -1 if it did not."""
+    # Who has come into the slot within the step was not there.
+    was_there = before.alive[row, other] and before.generation[row, other] == now.generation[row, other]
+    return touched[row, seat, other] - 1 if was_there else -1
 
 
 @kernel

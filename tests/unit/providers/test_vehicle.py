@@ -348,3 +348,24 @@ class TestTouches:
             if driven.step().touched[0, 0, 1]:
                 break
         assert place[1, 0] - place[0, 0] == pytest.approx((length + 5.0) / 2, abs=0.1)
+
+    @pytest.mark.parametrize("lag", [0.0, 0.35, 0.7])
+    def test_who_turns_past_a_standing_vehicle_does_not_touch_it(self, stage, lag):
+        """A bus on a circle of 14 m at 6 m/s, and a car beside the way of its outer corners, 10 cm off."""
+        radius, rate = 14.0, 6.0 / 14.0
+
+        def pose(time):
+            angle = rate * time
+            return 60.0 + radius * math.sin(angle), radius - radius * math.cos(angle), angle
+
+        x, y, turned = pose(1.0 + lag)
+        corners = math.hypot(radius + 2.5 / 2, 12.0 / 2)
+        out = corners - radius + 0.1 + 1.8 / 2
+        car = Car(x + out * math.sin(turned), y - out * math.cos(turned), turned, mission=MISSION)
+        driven = stage([car, Car(*pose(0.0)[:2], 0.0, 6.0, kind=VehicleKind.BUS, length=12.0, width=2.5)])
+        vehicles = driven.world.vehicles
+        vehicles.yaw_rate[0, 1] = rate
+        driven.actuate(brake=1.0)
+        for step in range(1, 25):
+            assert not driven.step().touched.any()
+            *vehicles.position[0, 1], vehicles.heading[0, 1] = pose(0.1 * step)

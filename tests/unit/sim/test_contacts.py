@@ -263,3 +263,13 @@ class TestWhatBulletKeptApart:
         contacts = self.find((0, 1), gap=-0.2)
         # The footprints overlap from the first sub-step on, before the bodies touch in the fifth.
         assert contacts.substep[0, 0] == 0
+
+    def test_who_takes_the_place_of_the_one_touched_was_not_there(self):
+        made = world_of([Car(50.0, 0.0, mission=EGO), Car(190.0, 0.0)], maps=[maps.straight()])
+        tracks = Tracks.of(np.zeros((1, 4, SUBSTEPS, 3)), made.world.vehicles.capacity)
+        made.advance()
+        tracks.touched[0, 0, 1] = 5
+        find = FootprintContacts(made.world).find
+        assert find(made.world, tracks, EVERYBODY).partner[0, 0] == 1
+        made.world.vehicles.generation[0, 1] += 1
+        assert find(made.world, tracks, EVERYBODY).partner[0, 0] == -1
