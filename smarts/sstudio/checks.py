@@ -66,6 +66,11 @@ class Checks:
         whole = isinstance(value, int) and not isinstance(value, bool) and value >= 1
         self.require(whole, where, f"{shown(value)} is not a count", "use 1, 2, 3, ...")
 
+    def index(self, value: Any, where: str) -> None:
+        """Require a whole number from 0."""
+        whole = isinstance(value, int) and not isinstance(value, bool) and value >= 0
+        self.require(whole, where, f"{shown(value)} is not an index", "use 0, 1, 2, ...")
+
     def order(self, first: float, last: float, where: str, name: str) -> None:
         """Require that a span does not end before it begins, at what is called `name`."""
         self.require(last >= first, where, f"{last} is before {name}, {first}", "exchange the two")

@@ -18,9 +18,10 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
 from smarts.sstudio.episodes import grid
-from smarts.sstudio.placement import blame, lane_of, route_edges, usable_lanes, via_place
+from smarts.sstudio.placement import arc_length, blame, lane_of, route_edges, usable_lanes, via_place
 from smarts.sstudio.sstypes.constants import MISSING
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
+from smarts.sstudio.ways import is_on_way, leads_back_beside
 from smarts.types.vehicles import VehicleKind
 
 ENGINES = ("SUMO", "SMARTS")
@@ -36,6 +37,10 @@ LONGEST_WARM_UP = 3600.0
 """The longest warm-up, which every reset simulates [s]."""
 HIGHEST_RATE = 36_000.0
 """The highest rate of a flow [vehicles/h]: one in each step of 0.1 s, far more than a road takes."""
+FASTEST_START = 100.0
+"""The highest speed at a start or a via point, which is the highest that vehicles have [m/s]."""
+LONGEST_SHIFT = 1000.0
+"""By how much starts may vary [m]."""
 HISTORY_SOURCES = ("NGSIM", "INTERACTION", "Waymo", "Argoverse")
 
 
@@ -89,12 +94,12 @@ class _Validation(Checks):
 
     def _start_variation(self, variation: Any, where: str) -> None:
         self.type(variation, t.StartVariation, where)
-        self.number(variation.offset, f"{where}.offset", most=LARGEST)
+        self.number(variation.offset, f"{where}.offset", most=LONGEST_SHIFT)
         speeds = variation.speed
         if not isinstance(speeds, list | tuple) or len(speeds) != 2:
             raise self.error(f"{where}.speed", f"not two speeds: {shown(speeds)}", "use (least, largest)")
         for speed in speeds:
-            self.number(speed, f"{where}.speed", most=LARGEST)
+            self.number(speed, f"{where}.speed", most=FASTEST_START)
         self.order(speeds[0], speeds[1], f"{where}.speed", "the least")
 
     def _traffic(self, traffic: t.Traffic, where: str) -> None:
@@ -226,16 +231,17 @@ class _Validation(Checks):
         if isinstance(mission, t.GroupedLapMission):
             self._group(mission, where)
             return
+        edges = None
         if isinstance(mission, t.EndlessMission):
             lane_of(self.roads, mission.begin, self.at(f"{where}.begin"))
             begin = mission.begin[0]
         else:
-            begin = self._mission_route(mission, where)
+            begin, edges = self._mission_route(mission, where)
         self._time(mission.start_time, f"{where}.start_time")
         for at, via in self.listed(mission.via, f"{where}.via"):
-            self._via(via, at)
+            self._via(via, edges, at)
         if isinstance(mission, t.Mission) and mission.task is not None:
-            self._task(mission.task, f"{where}.task")
+            self._task(mission.task, mission.route, f"{where}.task")
         if mission.entry_tactic is not None:
             self._entry(mission.entry_tactic, begin, f"{where}.entry_tactic")
 
@@ -243,25 +249,28 @@ class _Validation(Checks):
         if value != MISSING:
             self.number(value, where, most=LATEST)
 
-    def _mission_route(self, mission: t.Mission | t.LapMission, where: str) -> str | None:
-        """Check a mission's route and return the edge it begins on, if that is known yet."""
+    def _mission_route(
+        self, mission: t.Mission | t.LapMission, where: str
+    ) -> tuple[str | None, tuple[str, ...] | None]:
+        """Check a mission's route; return the edge it begins on, and all edges, if they are known yet."""
         route = mission.route
         self._own_map(route, f"{where}.route")
         if isinstance(mission, t.LapMission):
             self.count(mission.num_laps, f"{where}.num_laps")
             self.type(route, t.Route, f"{where}.route")
         if not isinstance(route, t.Route):
-            return None
+            return None, None
         if isinstance(mission, t.Mission) and isinstance(mission.task, t.UTurn):
             # The turn itself is the way: no road need lead from begin to end.
             for end in ("begin", "end"):
                 lane_of(self.roads, getattr(route, end), self.at(f"{where}.route.{end}"))
+            edges = (route.begin[0], route.end[0])
         else:
-            route_edges(self.roads, route, self.at(f"{where}.route"))
+            edges = route_edges(self.roads, route, self.at(f"{where}.route"))
         if isinstance(mission, t.LapMission) and mission.num_laps > 1:
             back = t.Route(begin=(route.end[0], route.end[1], 0), end=(route.begin[0], route.begin[1], 0))
-            route_edges(self.roads, back, self.at(f"{where}.route, which must be closed"))
-        return route.begin[0]
+            edges += route_edges(self.roads, back, self.at(f"{where}.route, which must be closed"))
+        return route.begin[0], edges
 
     def _group(self, group: t.GroupedLapMission, where: str) -> None:
         self.count(group.actor_count, f"{where}.actor_count")
@@ -277,14 +286,38 @@ class _Validation(Checks):
         for number, mission in enumerate(grid(group)):
             self._mission(mission, f"{where}, start {number}")
 
-    def _via(self, via: t.Via, where: str) -> None:
+    def _via(self, via: t.Via, edges: tuple[str, ...] | None, where: str) -> None:
         self.type(via, t.Via, where)
-        via_place(self.roads, via, self.at(where))
-        self.number(via.required_speed, f"{where}.required_speed")
+        lane, _ = via_place(self.roads, via, self.at(where))
+        self.number(via.required_speed, f"{where}.required_speed", most=FASTEST_START)
+        self.number(via.hit_distance, f"{where}.hit_distance", least=-LARGEST, most=LARGEST)
+        if edges is not None and not is_on_way(self.roads, lane, edges):
+            problem = f"the route does not pass lane '{self.roads.lane_ids[lane]}'"
+            remedy = "put it on the route, or lead the route there by Route(via=[...])"
+            raise self.error(f"{where}.road_id", problem, remedy)
 
-    def _task(self, task: t.UTurn | t.CutIn, where: str) -> None:
+    def _start_speed(self, speed: Any, where: str) -> None:
+        if speed is not None:
+            self.number(speed, where, most=FASTEST_START)
+
+    def _u_turn(self, task: t.UTurn, route: t.Route | t.RandomRoute, where: str) -> None:
+        self._start_speed(task.initial_speed, f"{where}.initial_speed")
+        self.index(task.target_lane_index, f"{where}.target_lane_index")
+        if not isinstance(route, t.Route):
+            return
+        lane = lane_of(self.roads, route.begin, self.at(where))
+        s = 0.0 if isinstance(route.begin[2], str) else arc_length(self.roads, lane, route.begin[2])
+        backs = self.roads.edge_lanes(self.roads.edge_number(route.end[0]))
+        if not leads_back_beside(self.roads, lane, s, backs[min(task.target_lane_index, len(backs) - 1)]):
+            problem = f"edge '{route.end[0]}' does not lead back beside edge '{route.begin[0]}'"
+            remedy = "end the route on the road of the other direction, beside the one that it begins on"
+            raise self.error(where, problem, remedy)
+
+    def _task(self, task: t.UTurn | t.CutIn, route: t.Route | t.RandomRoute, where: str) -> None:
         self.type(task, (t.UTurn, t.CutIn), where)
         self.number(task.trigger_radius, f"{where}.trigger_radius")
+        if isinstance(task, t.UTurn):
+            self._u_turn(task, route, where)
         if isinstance(task, t.CutIn) and task.complete_on_edge_id is not None:
             with blame(self.at(f"{where}.complete_on_edge_id")):
                 if isinstance(task.complete_on_edge_id, t.JunctionEdgeIDResolver):
@@ -297,7 +330,9 @@ class _Validation(Checks):
         self._time(tactic.start_time, f"{where}.start_time")
         if not isinstance(tactic, t.TrapEntryTactic):
             return
-        self.number(tactic.wait_to_hijack_limit_s, f"{where}.wait_to_hijack_limit_s")
+        self.number(tactic.wait_to_hijack_limit_s, f"{where}.wait_to_hijack_limit_s", most=LATEST)
+        self._start_speed(tactic.default_entry_speed, f"{where}.default_entry_speed")
+        self._prefixes(tactic.exclusion_prefixes, f"{where}.exclusion_prefixes")
         if tactic.zone is not None:
             self._zone(tactic.zone, f"{where}.zone")
             if isinstance(tactic.zone, t.MapZone) and begin is not None:
@@ -309,6 +344,10 @@ class _Validation(Checks):
                     f"put the zone on edge '{begin}'",
                 )
 
+    def _prefixes(self, prefixes: Sequence[str], where: str) -> None:
+        for at, prefix in self.listed(prefixes, where):
+            self.type(prefix, str, at)
+
     def _social_agents(self, group: Any, where: str) -> None:
         if not isinstance(group, list | tuple) or len(group) != 2:
             raise self.error(where, f"not two lists: {shown(group)}", "use ([actor, ...], [mission, ...])")
@@ -319,6 +358,7 @@ class _Validation(Checks):
         names = set()
         for actor in actors:
             self.type(actor, t.SocialAgentActor, where)
+            self._start_speed(actor.initial_speed, f"{where} actor.initial_speed")
             self.name(actor.name, f"{where} actor.name")
             self.require(
                 not isinstance(actor, t.BoidAgentActor),
@@ -346,6 +386,7 @@ class _Validation(Checks):
             seen.add(bubble.id)
             self.type(bubble.actor, (t.SocialAgentActor, t.TrafficEngineActor), f"{where}.actor")
             self._zone(bubble.zone, f"{where}.zone")
+            self._prefixes(bubble.exclusion_prefixes, f"{where}.exclusion_prefixes")
 
     def _patch(self, patch: t.RoadSurfacePatch, where: str) -> None:
         self.type(patch, t.RoadSurfacePatch, where)

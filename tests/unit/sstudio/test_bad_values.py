@@ -47,12 +47,75 @@ def bubble(zone):
     return t.Scenario(bubbles=[t.Bubble(zone, AGENT)])
 
 
+def mission(begin=("from_west", 0, 10), end=("to_east", 0, 50), **changes):
+    return t.Scenario(ego_missions=[t.Mission(t.Route(begin, end), **changes)])
+
+
+def turn(end=("to_west", 0, 60), **changes):
+    return mission(end=end, task=t.UTurn(**changes))
+
+
+def trap(**changes):
+    return mission(entry_tactic=t.TrapEntryTactic(**changes))
+
+
 FLOW = "traffic['x'].flows[0]"
 ACTOR = f"{FLOW}.actors['car']"
 LANES, JUNCTION = f"{ACTOR}.lane_changing_model", f"{ACTOR}.junction_model"
 BACK = t.Route(("from_west", 0, 50), ("from_west", 0, 10))
 
+TASK, TACTIC, VIA = (f"ego_missions[0].{part}" for part in ("task", "entry_tactic", "via[0]"))
+SPEEDS = (math.nan, -3, 1e9, "5")
 BAD = {
+    **{f"turn at {v}": (turn(initial_speed=v), f"{TASK}.initial_speed", "at most 100") for v in SPEEDS},
+    **{
+        f"entry at {v}": (trap(default_entry_speed=v), f"{TACTIC}.default_entry_speed", "at most 100")
+        for v in SPEEDS
+    },
+    "start speeds of rockets": (
+        t.Scenario(start_variation=t.StartVariation(speed=(900, 1000))),
+        "start_variation.speed",
+        "900 is not a number 0 or more and at most 100",
+    ),
+    "starts anywhere": (
+        t.Scenario(start_variation=t.StartVariation(offset=1e6)),
+        "start_variation.offset",
+        "at most 1000",
+    ),
+    "prefixes as text": (trap(exclusion_prefixes="car"), f"{TACTIC}.exclusion_prefixes", "not a list: 'car'"),
+    "prefix as number": (trap(exclusion_prefixes=[3]), f"{TACTIC}.exclusion_prefixes[0]", "a int: 3"),
+    "via off the route": (
+        mission(via=[t.Via("to_south", 0, 10, 5)]),
+        f"{VIA}.road_id",
+        "the route does not pass lane 'to_south_0'\n  remedy: put it on the route",
+    ),
+    "via in another turn": (
+        mission(via=[t.Via(t.JunctionEdgeIDResolver("from_west", 0, "to_south", 0), 0, 2, 5)]),
+        f"{VIA}.road_id",
+        "the route does not pass lane ':centre",
+    ),
+    "via of a rocket": (mission(via=[t.Via("to_east", 0, 10, 1e9)]), f"{VIA}.required_speed", "at most 100"),
+    "via hit nowhere": (
+        mission(via=[t.Via("to_east", 0, 10, 5, hit_distance=math.nan)]),
+        f"{VIA}.hit_distance",
+        "nan is not",
+    ),
+    "turn across": (
+        turn(end=("to_south", 0, 60)),
+        TASK,
+        "edge 'to_south' does not lead back beside edge 'from_west'",
+    ),
+    "turn far ahead": (turn(end=("from_east", 0, 60)), TASK, "does not lead back beside"),
+    "turn into a negative lane": (
+        turn(target_lane_index=-9),
+        f"{TASK}.target_lane_index",
+        "-9 is not an index",
+    ),
+    "turn into half a lane": (
+        turn(target_lane_index=0.5),
+        f"{TASK}.target_lane_index",
+        "0.5 is not an index",
+    ),
     "actor without a name": (flow(actors={t.TrafficActor(None): 1}), f"{FLOW}.actors key.name", "NoneType"),
     "long name of an actor": (flow(actors={t.TrafficActor("x" * 300): 1}), FLOW, "is not a name"),
     "long name of traffic": (t.Scenario(traffic={"x" * 300: t.Traffic([])}), "traffic", "is not a name"),
@@ -115,6 +178,22 @@ def test_refused(case, roads):
 
 def test_a_single_actor_is_a_group(roads):
     validate(t.Scenario(social_agent_missions={"g": (AGENT, [t.Mission(t.RandomRoute())])}), roads, "")
+
+
+def test_what_is_on_the_way_or_beside_it_is_taken(roads):
+    inside = t.JunctionEdgeIDResolver("from_west", 0, "to_east", 0)
+    vias = [t.Via(edge, 0, 2, 5) for edge in ("from_west", inside, "to_east")]
+    validate(mission(via=vias), roads, "")
+    validate(turn(target_lane_index=9, initial_speed=0), roads, "")
+    validate(trap(default_entry_speed=0, exclusion_prefixes=["car"]), roads, "")
+
+
+def test_vias_of_laps_may_be_on_the_way_back(ring):
+    route = t.Route(("south", 0, 10), ("east", 0, 30))
+    via = [t.Via("north", 0, 10, 5)]
+    validate(t.Scenario(ego_missions=[t.LapMission(route, 2, via=via)]), ring, "")
+    with pytest.raises(ScenarioError, match="does not pass lane 'north_0'"):
+        validate(t.Scenario(ego_missions=[t.LapMission(route, 1, via=via)]), ring, "")
 
 
 def test_models_may_say_what_sumo_allows(roads):
