@@ -16,11 +16,13 @@ _OPENING = f"""# Recorded episodes
 Written by `python -m smarts.sim.episode_documentation` from `smarts/types/episode_schema.py`. This is format
 {VERSION}.
 
-`assemble(..., options=Options(record=folder))` records every episode into a folder of its own below `folder`,
-one Parquet file for each table below; `smarts.sim.episode_files.RecordedEpisode(folder)` reads them, and
-`smarts-bench render EPISODE --out film.gif` draws them. A folder appears when all is in it: a process that is
-killed leaves a hidden folder, which the next one to record there takes away. Tables carry checksums, and a
-damaged one is refused with a `RecordError`. The maps lie beside the episodes as `maps/<map>.npz` and are lane
+`simulation=Options(record=folder)` lets any environment record every episode into a folder of its own below
+`folder`, one Parquet file for each table below; `smarts.sim.episode_files.RecordedEpisode(folder)` reads
+them, and `smarts-bench render EPISODE --out film.gif` draws them. A folder appears when all is in it: a
+process that is killed leaves a hidden folder, which the next one to record there takes away. It is called
+`seed<S>_world<W>_episode<E>`, with `~2` and so on behind it where there is one of that name, as of another
+traffic. What was cut short is kept, too, and `is_complete` is false. Tables carry checksums, and a damaged
+one is refused with a `RecordError`. The maps lie beside the episodes as `maps/<map>.npz` and are lane
 graphs.
 
 Row `step = k` of vehicles, seats and signals is the state after k steps; k = 0 is the reset. Row `step = k`
