@@ -7,6 +7,7 @@ opened under its folder. So a changed comment runs the scenario file again but w
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable
 from dataclasses import replace
@@ -51,6 +52,8 @@ def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenari
             scenario's held-out variations.
         seed: For what is drawn when the scenario is built; unless given, what the scenario asks for, or 42.
 
+    What the scenario says and nothing comes of is told once, as a warning of the logger "smarts".
+
     Raises:
         ScenarioError: The scenario cannot be found, run, or be on its map; the message says where and why.
         MapError: The map is missing or broken.
@@ -60,7 +63,9 @@ def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenari
         _check_seed(seed, "seed")
         location = locate(path)
         inputs = _fingerprint_inputs(location, seed)
-        return _find_built(location, inputs) or _build(location, inputs, _describe(location, seed))
+        built = _find_built(location, inputs) or _build(location, inputs, _describe(location, seed))
+        _tell_of_no_effect(_place(location), built.without_effect)
+        return built
 
 
 def traffic_of(path: str | Path) -> frozenset[str]:
@@ -86,7 +91,18 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
         _check_seed(seed, str(directory))
         described = _portable(scenario, location)
         BuildCache.writable(location.builds).write(DESCRIBED, {"scenario": encode(described), "seed": seed})
-        return _build(location, _fingerprint_inputs(location, None), Description(described, seed))
+        built = _build(location, _fingerprint_inputs(location, None), Description(described, seed))
+        _tell_of_no_effect(_place(location), built.without_effect)
+        return built
+
+
+@cache
+def _tell_of_no_effect(place: str, names: tuple[str, ...]) -> None:
+    """Say once what of a scenario will not be there when it is played."""
+    if names:
+        logging.getLogger("smarts").warning(
+            "%s: %s: nothing comes of it so far, the scenario is played without it", place, ", ".join(names)
+        )
 
 
 def _check_seed(seed: Any, place: str) -> None:

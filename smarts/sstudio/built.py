@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 SCENARIO, NET, LANES = "scenario.json", "map.net.xml", "lanes.npz"
 
+WITHOUT_EFFECT = ("social_agent_missions", "bubbles", "traffic_histories")
+"""Fields of scenarios that are read and checked, and of which nothing comes yet."""
+
 Content = TypeVar("Content")
 
 
@@ -65,6 +68,11 @@ class BuiltScenario:
     def scenario(self) -> Scenario:
         """What the scenario says, read from the artefacts."""
         return decode(self._read(SCENARIO, _load_json))
+
+    @property
+    def without_effect(self) -> tuple[str, ...]:
+        """The fields that the scenario fills and of which nothing comes."""
+        return tuple(name for name in WITHOUT_EFFECT if getattr(self.scenario, name))
 
     @property
     def net_file(self) -> Path:

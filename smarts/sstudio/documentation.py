@@ -102,9 +102,8 @@ def language_page() -> str:
         parts.append(f"## {subject}\n")
         parts += [_section(kind) for kind in kinds]
     names = ", ".join(f"`{kind.__name__}`" for kind in NOT_IN_USE)
-    parts.append(
-        f"## Without effect so far\n\nScenario files may use them, and nothing comes of it: {names}.\n"
-    )
+    text = f"Scenario files may use them, and nothing comes of it but a warning: {names}."
+    parts.append(f"## Without effect so far\n\n{text}\n")
     return "\n".join(parts)
 
 

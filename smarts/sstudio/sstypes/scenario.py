@@ -115,14 +115,15 @@ class Scenario(Described):
     """Groups of other agents and their missions, all present at once.
 
     In a group of several actors and no mission, or of one actor and several missions, episodes take turns;
-    otherwise there are as many actors as missions. Actors' names are unique over all groups.
+    otherwise there are as many actors as missions. Actors' names are unique over all groups. Nothing comes of
+    them so far but a warning.
     """
     bubbles: Sequence[Bubble] | None = None
-    """Where agents take over vehicles from the traffic."""
+    """Where agents take over vehicles from the traffic. Nothing comes of them so far but a warning."""
     friction_maps: Sequence[RoadSurfacePatch] | None = None
     """Where the road has another friction."""
     traffic_histories: Sequence[TrafficHistoryDataset | str] | None = None
-    """Recorded traffic."""
+    """Recorded traffic. Nothing comes of it so far but a warning."""
     scenario_metadata: ScenarioMetadata | None = NO_METADATA
     """What does not change what happens."""
     start_variation: StartVariation | None = None

@@ -352,3 +352,19 @@ class TestSuite:
     def test_names_are_found(self, monkeypatch, tmp_path):
         monkeypatch.chdir(tmp_path)
         assert build_scenario("intersection").source == SUITE / "intersection"
+
+
+def test_what_nothing_comes_of_is_said_once(scenario_folder, caplog):
+    bubble = "t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent)"
+    group = '{"g": (agent, [t.Mission(t.RandomRoute())])}'
+    folder = scenario_folder(sources.scenario(f"bubbles=[{bubble}], social_agent_missions={group}"))
+    for _ in range(2):
+        build_scenario(folder)
+    (said,) = [record for record in caplog.records if record.name == "smarts"]
+    assert said.levelname == "WARNING"
+    assert f"{folder}/scenario.py: social_agent_missions, bubbles: nothing comes" in said.getMessage()
+
+
+def test_of_what_is_in_effect_nothing_is_said(scenario_folder, caplog):
+    build_scenario(scenario_folder())
+    assert not caplog.records
