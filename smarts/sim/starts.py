@@ -18,6 +18,7 @@ from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.missions import PlacedMission, ViaPoint, place_missions
+from smarts.sstudio.placement import target_lane
 from smarts.types.episode import SeatStart, TakeOver
 from smarts.types.mission import GoalKind, SeatMission, Task, TaskKind, Via
 from smarts.types.vehicles import VehicleKind
@@ -211,9 +212,7 @@ def _via(via: ViaPoint, roads: LaneGraph) -> Via:
 def _task(placed: PlacedMission, roads: LaneGraph) -> Task:
     task = placed.mission.task if isinstance(placed.mission, t.Mission) else None
     if isinstance(task, t.UTurn):
-        edge = roads.edge_number(placed.route[-1])
-        index = min(task.target_lane_index, int(roads.edge_lane_count[edge]) - 1)
-        lane = int(roads.edge_first_lane[edge]) + index
+        lane = target_lane(roads, placed.route[-1], task)
         return Task(TaskKind.U_TURN, task.trigger_radius, lane, task.initial_speed or 0.0)
     if isinstance(task, t.CutIn):
         edge_id, lane = task.complete_on_edge_id, -1

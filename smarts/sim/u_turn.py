@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from smarts.geometry.compiling import kernel
-from smarts.geometry.segments import segment_at
 from smarts.roads.curves import curve_into, sharpest_bend, stations_of
 from smarts.roads.guide import Guide
-from smarts.roads.kernels import centre_at
+from smarts.roads.turning import is_opposite, is_over_road
 from smarts.sim.surroundings import Surroundings, beside, distance_between, lane_under
 from smarts.types.guidance import GuidePhase
 
@@ -18,8 +15,6 @@ LATERAL = 2.0
 """Acceleration with which to turn [m/s^2]."""
 SLOW_ENOUGH = 0.5
 """How much faster than that one may begin the turn [m/s]."""
-OPPOSITE = -0.7
-"""Cosine of the angle between two roads that lead in other directions, at most."""
 
 _FREE, _APPROACH, _MANOEUVRE = int(GuidePhase.FREE), int(GuidePhase.APPROACH), int(GuidePhase.MANOEUVRE)
 
@@ -31,12 +26,16 @@ def plan_u_turn(around: Surroundings, guide: Guide, b: int, a: int) -> None:
     back = around.roads.lane_base[around.map[b]] + around.task_lane[b, a]
     s, left = beside(around, b, slot, back)
     is_triggered = guide.phase[b, a] == _APPROACH or _is_anybody_near(around, b, a, slot, around.edge[back])
-    if not is_triggered or s <= 0.0 or left <= 0.0 or not _is_opposite(around, b, slot, back, s):
-        guide.phase[b, a], guide.speed[b, a] = _FREE, around.task_speed[b, a]
+    guide.phase[b, a], guide.speed[b, a] = _FREE, around.task_speed[b, a]
+    if not is_triggered or s <= 0.0 or left <= 0.0:
         return
     begin = guide.begin[b, a]
     begin[:2], begin[2] = around.position[b, slot], around.heading[b, slot]
     control = curve_into(around.roads, begin, back, s)
+    if not is_opposite(around.roads, begin[2], back, s):
+        return
+    if not is_over_road(around.roads, around.map[b], control):
+        return
     pace = math.sqrt(LATERAL / sharpest_bend(control, stations_of(control)))
     guide.phase[b, a], guide.speed[b, a] = _APPROACH, pace
     if around.speed[b, slot] <= pace + SLOW_ENOUGH:
@@ -54,12 +53,3 @@ def _is_anybody_near(around: Surroundings, b: int, a: int, slot: int, edge: int)
             if is_there and distance_between(around, b, slot, other) <= around.task_radius[b, a]:
                 return True
     return False
-
-
-@kernel
-def _is_opposite(around: Surroundings, b: int, slot: int, lane: int, s: float) -> bool:
-    """Tell whether a lane leads the other way beside a vehicle."""
-    roads = around.roads
-    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-    heading = centre_at(roads, point, s)[2]
-    return bool(np.cos(heading - around.heading[b, slot]) <= OPPOSITE)

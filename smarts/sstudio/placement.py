@@ -105,6 +105,13 @@ def via_place(roads: LaneGraph, via: t.Via, where: str) -> tuple[int, float]:
     return lane, offset
 
 
+def target_lane(roads: LaneGraph, edge_id: str, task: t.UTurn) -> int:
+    """Return the row of the lane of an edge that a vehicle is to turn into."""
+    edge = roads.edge_number(edge_id)
+    index = min(task.target_lane_index, int(roads.edge_lane_count[edge]) - 1)
+    return int(roads.edge_first_lane[edge]) + index
+
+
 def route_edges(
     roads: LaneGraph, route: t.Route, where: str, kinds: frozenset[LaneKind] = CARS
 ) -> tuple[str, ...]:

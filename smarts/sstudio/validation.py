@@ -14,11 +14,21 @@ from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
 from smarts.errors import nearest_names
+from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.turning import can_turn_round
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
 from smarts.sstudio.episodes import grid
-from smarts.sstudio.placement import arc_length, blame, lane_of, route_edges, usable_lanes, via_place
+from smarts.sstudio.placement import (
+    arc_length,
+    blame,
+    lane_of,
+    route_edges,
+    target_lane,
+    usable_lanes,
+    via_place,
+)
 from smarts.sstudio.sstypes.constants import MISSING
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
 from smarts.sstudio.ways import is_on_way, leads_back_beside
@@ -307,11 +317,19 @@ class _Validation(Checks):
             return
         lane = lane_of(self.roads, route.begin, self.at(where))
         s = 0.0 if isinstance(route.begin[2], str) else arc_length(self.roads, lane, route.begin[2])
-        backs = self.roads.edge_lanes(self.roads.edge_number(route.end[0]))
-        if not leads_back_beside(self.roads, lane, s, backs[min(task.target_lane_index, len(backs) - 1)]):
+        back = target_lane(self.roads, route.end[0], task)
+        if not leads_back_beside(self.roads, lane, s, back):
             problem = f"edge '{route.end[0]}' does not lead back beside edge '{route.begin[0]}'"
             remedy = "end the route on the road of the other direction, beside the one that it begins on"
             raise self.error(where, problem, remedy)
+        lanes = self.roads.edge_lanes(int(self.roads.lane_edge[lane]))
+        roads = RoadAtlas([self.roads]).roads
+        self.require(
+            any(can_turn_round(roads, 0, int(own), back, s) for own in lanes),
+            where,
+            f"there is not road all the way from '{route.begin[0]}' over to '{self.roads.lane_ids[back]}'",
+            "use two roads without a median between them, or no task and a route round by a junction",
+        )
 
     def _task(self, task: t.UTurn | t.CutIn, route: t.Route | t.RandomRoute, where: str) -> None:
         self.type(task, (t.UTurn, t.CutIn), where)

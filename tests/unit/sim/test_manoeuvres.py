@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface
+from smarts.errors import ScenarioError
 from smarts.roads.scene import Scene
 from smarts.sim.assembly import assemble
 from smarts.sim.manoeuvres import Manoeuvres
@@ -188,10 +189,10 @@ class TestCutIn:
         assert plan.plan((130.0, 9.0)).phase == FREE
 
 
-def turning(x, *others, radius=50.0, speed=3.0, before=0.0):
+def turning(x, *others, radius=50.0, speed=3.0, before=0.0, lanes=3):
     """Return the plan of one who is to turn from the x axis into lane 0 of the road 12.8 m to the left."""
-    graph = graph_of({"there": Road([(0, 0), (200, 0)], 2), "back": Road([(180, 12.8), (0, 12.8)], 2)})
-    return Plan(x, 0.0, *others, graph=graph, task=Task(TaskKind.U_TURN, radius, 2, before), speed=speed)
+    graph = graph_of({"there": Road([(0, 0), (200, 0)], lanes), "back": Road([(180, 12.8), (0, 12.8)], 2)})
+    return Plan(x, 0.0, *others, graph=graph, task=Task(TaskKind.U_TURN, radius, lanes, before), speed=speed)
 
 
 class TestUTurn:
@@ -221,11 +222,17 @@ class TestUTurn:
         plan.made.world.vehicles.alive[0, 1] = False
         plan.made.world.vehicles.speed[0, 0] = 3.5
         assert plan.plan((110.0, 0.0)).phase == MANOEUVRE
-        assert (plan.lane, plan.s) == (2, pytest.approx(70.0))
+        assert (plan.lane, plan.s) == (3, pytest.approx(70.0))
+
+    def test_does_not_cross_a_median(self):
+        # 3.2 m wide, where the third lane is otherwise.
+        assert turning(100.0, Car(120.0, 12.8, math.pi), lanes=2).phase == FREE
 
     def test_needs_the_other_road_beside_it(self):
         near = Car(170.0, 12.8, math.pi)
-        assert turning(179.0, near).phase == MANOEUVRE
+        assert turning(172.0, near).phase == MANOEUVRE
+        # From 179 m on the curve would swing out beyond the begin of the other road.
+        assert turning(179.0, near).phase == FREE
         assert turning(181.0, near).phase == FREE
 
 
@@ -329,6 +336,16 @@ def test_an_agent_that_keeps_its_lane_turns_round(tmp_path, index):
     assert np.abs(y[over + 20 :] - (8.0 - 3.2 * index)).max() < 0.5
     assert y[-1] == pytest.approx(8.0 - 3.2 * index, abs=0.1)
     assert outcome == Outcome.GOAL
+
+
+def test_a_turn_over_a_median_is_refused(tmp_path):
+    # The roads' begins and ends are 6 m off the middle.
+    (tmp_path / "map.nod.xml").write_text(NODES)
+    edges = EDGES.replace('"there"', '"there" shape="0,-6 600,-6"')
+    (tmp_path / "map.edg.xml").write_text(edges.replace('"back"', '"back" shape="600,6 0,6"'))
+    mission = t.Mission(t.Route(("there", 2, 150), ("back", 0, 550)), task=t.UTurn())
+    with pytest.raises(ScenarioError, match="there is not road all the way from 'there' over to 'back_0'"):
+        build_described(tmp_path, t.Scenario(ego_missions=[mission]))
 
 
 @pytest.mark.slow

@@ -1,0 +1,56 @@
+"""Where a vehicle can turn round: out of a lane into one that leads back, over road all the way; compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.geometry.compiling import kernel
+from smarts.geometry.segments import segment_at
+from smarts.roads.arrays import Roads
+from smarts.roads.atlas import ROAD_LANES
+from smarts.roads.curves import PIECES, curve_into, pose_on
+from smarts.roads.footprints import is_on_road
+from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.waypoints import foot
+
+Floats = NDArray[np.float64]
+
+OPPOSITE = -0.7
+"""Cosine of the angle between two roads that lead in other directions, at most."""
+SPACING = 1.0
+"""Between the places that are tried [m]."""
+_ROAD = sum(1 << kind for kind in ROAD_LANES)
+
+
+@kernel
+def is_opposite(roads: Roads, heading: float, lane: int, s: float) -> bool:
+    """Tell whether a lane leads the other way at an arc length [m] than a heading [rad]."""
+    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+    return bool(np.cos(centre_at(roads, point, s)[2] - heading) <= OPPOSITE)
+
+
+@kernel
+def is_over_road(roads: Roads, world: int, control: Floats) -> bool:
+    """Tell whether a curve with these control points stays on lanes and junctions of a map."""
+    for i in range(PIECES + 1):
+        x, y, _ = pose_on(control, i / PIECES)
+        if not is_on_road(roads, world, x, y, _ROAD, True):
+            return False
+    return True
+
+
+@kernel
+def can_turn_round(roads: Roads, world: int, lane: int, back: int, begin: float) -> bool:
+    """Tell whether there is a place on a lane, from `begin` [m] on, where one can turn into another lane."""
+    pose = np.empty(3)
+    for i in range(int((lane_length(roads, lane) - begin) / SPACING) + 1):
+        s = begin + i * SPACING
+        point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+        pose[0], pose[1], pose[2] = centre_at(roads, point, s)
+        beside = foot(roads, back, pose[0], pose[1])
+        if not 0.0 < beside < lane_length(roads, back) or not is_opposite(roads, pose[2], back, beside):
+            continue
+        if is_over_road(roads, world, curve_into(roads, pose, back, beside)):
+            return True
+    return False
