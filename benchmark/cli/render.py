@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,17 +19,30 @@ def render(
     episode: Annotated[Path, typer.Argument(help="Folder of a recorded episode.", show_default=False)],
     out: Annotated[
         Path,
-        typer.Option(help="File to write; its suffix chooses: .gif, .mp4 (needs ffmpeg), .png (one moment)."),
+        typer.Option(help="File to write, its folder too; the suffix chooses: .gif, .mp4 (by ffmpeg), .png."),
     ] = Path("episode.gif"),
     at: Annotated[
         float | None, typer.Option(help="Moment of a .png (s); by default the last.", show_default=False)
     ] = None,
-    begin: Annotated[float, typer.Option(help="Begin of a film (s).")] = 0.0,
+    begin: Annotated[
+        float | None, typer.Option(help="Begin of a film (s); by default the first.", show_default=False)
+    ] = None,
     end: Annotated[
         float | None, typer.Option(help="End of a film (s); by default the last.", show_default=False)
     ] = None,
-    every: Annotated[int, typer.Option(help="Steps from one picture to the next.", min=1)] = 2,
-    speed: Annotated[float, typer.Option(help="Times as fast as it was.", min=0.01)] = 1.0,
+    every: Annotated[
+        int | None,
+        typer.Option(
+            help="Steps from one picture of a film to the next; by default 2.",
+            show_default=False,
+            min=1,
+            max=10**9,
+        ),
+    ] = None,
+    speed: Annotated[
+        float | None,
+        typer.Option(help="Times as fast as it was; by default as it was.", show_default=False, min=0.01),
+    ] = None,
     width: Annotated[int, typer.Option(help="Of the picture (pixels).", min=100, max=4000)] = 900,
 ) -> None:
     """Draw a recorded episode from above; no display is needed."""
@@ -35,16 +50,25 @@ def render(
     from smarts.envision.episode_picture import EpisodePicture
 
     check_format(out)
+    is_still = out.suffix.lower() in STILL
+    film = {"--begin": begin, "--end": end, "--every": every, "--speed": speed}
+    _check_options(out, {"--at": at} if not is_still else film)
+    every, speed = 2 if every is None else every, 1.0 if speed is None else speed
+    if not math.isfinite(speed):
+        raise SmartsError(f"the speed is {speed:g}", place="--speed", remedy="give a number from 0.01")
     picture = EpisodePicture(_open(episode), pixels=width)
-    if out.suffix in STILL:
+    if is_still:
         last = picture.steps if at is None else _step_at(at, picture.dt, picture.steps, "--at")
         write_still(picture.image(last), out)
         typer.echo(f"{out}: {last * picture.dt:.1f} s")
         return
+    begin = 0.0 if begin is None else begin
     first = _step_at(begin, picture.dt, picture.steps, "--begin")
     last = picture.steps if end is None else _step_at(end, picture.dt, picture.steps, "--end")
     if last < first:
-        raise SmartsError(f"nothing lies between {begin:g} s and {end:g} s", place="--begin, --end")
+        raise SmartsError(
+            f"nothing lies between {begin:g} s and {last * picture.dt:g} s", place="--begin, --end"
+        )
     # The last one always, since it shows how it ended.
     steps = [*range(first, last, every), last]
     write_moving(picture.images(steps), out, every * picture.dt / speed)
@@ -66,8 +90,18 @@ def _open(folder: Path) -> RecordedEpisode:
     return RecordedEpisode(folder)
 
 
+def _check_options(out: Path, without_effect: Mapping[str, float | None]) -> None:
+    given = [name for name, value in without_effect.items() if value is not None]
+    if given:
+        raise SmartsError(
+            f"{', '.join(given)} {'say' if len(given) > 1 else 'says'} nothing of a {out.suffix}",
+            place=str(out),
+            remedy="leave it out: a .png is of one moment (--at), films go from --begin to --end",
+        )
+
+
 def _step_at(time: float, dt: float, steps: int, option: str) -> int:
-    step = round(time / dt)
+    step = round(time / dt) if math.isfinite(time) else -1
     if not 0 <= step <= steps:
         raise SmartsError(
             f"the episode has no {time:g} s", place=option, remedy=f"it goes from 0 to {steps * dt:g} s"

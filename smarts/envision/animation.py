@@ -20,6 +20,8 @@ Image = NDArray[np.uint8]
 
 MOVING = (".gif", ".mp4")
 STILL = (".png",)
+LONGEST_SHOWN = 600.0
+"""How long one picture of a film is shown at most [s]; a .gif can say 655."""
 
 
 def check_format(out: Path) -> None:
@@ -28,13 +30,14 @@ def check_format(out: Path) -> None:
     Raises:
         SmartsError: The suffix is unknown, or a program is missing.
     """
-    if out.suffix not in MOVING + STILL:
+    suffix = out.suffix.lower()
+    if suffix not in MOVING + STILL:
         raise SmartsError(
             f"there is no picture format '{out.suffix}'",
             place=str(out),
             remedy=f"end the name with one of {', '.join(MOVING + STILL)}",
         )
-    if out.suffix == ".mp4" and shutil.which("ffmpeg") is None:
+    if suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise SmartsError(
             "the program ffmpeg, which writes .mp4, was not found",
             place=str(out),
@@ -54,14 +57,14 @@ def write_moving(images: Iterable[Image], out: Path, seconds: float) -> None:
     Args:
         images: All of one size, width and height even.
         out: Ends with one of `MOVING`.
-        seconds: How long each is shown.
+        seconds: How long each is shown; `LONGEST_SHOWN` at most.
 
     Raises:
         SmartsError: ffmpeg failed; its own message is in it.
     """
-    write = _write_gif if out.suffix == ".gif" else _write_mp4
+    write = _write_gif if out.suffix.lower() == ".gif" else _write_mp4
     with written_whole(out) as partial:
-        write(iter(images), partial, seconds)
+        write(iter(images), partial, min(seconds, LONGEST_SHOWN))
 
 
 def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> None:

@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from smarts.errors import RecordError
+from smarts.errors import MapError, RecordError
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode_schema import EPISODE, INTEGERS, NUMBERS, TABLE, TEXT, VERSION, Table
 
@@ -171,6 +171,12 @@ class RecordedEpisode:
             path = self.folder / f"{name}.parquet"
             try:
                 read = pq.read_table(path, page_checksum_verification=True)
+            except FileNotFoundError as error:
+                raise RecordError(
+                    f"there is no table '{name}' of a recorded episode",
+                    place=str(self.folder),
+                    remedy="name the folder of one episode",
+                ) from error
             except (OSError, pa.ArrowException) as error:
                 raise self._damaged(name, str(error)) from error
             self._tables[name] = {column: _plain(read[column]) for column in read.column_names}
@@ -178,18 +184,26 @@ class RecordedEpisode:
 
     def _damaged(self, table: str, problem: str) -> RecordError:
         return RecordError(
-            f"there is no table '{table}' of a recorded episode: {problem}",
+            f"the table '{table}' of the recorded episode is damaged: {problem}",
             place=str(self.folder),
-            remedy="name the folder of one episode",
+            remedy="bring the folder back from a copy, or record the episode anew",
         )
 
     def roads(self) -> LaneGraph:
         """Return the map.
 
         Raises:
-            MapError: It is not beside the episodes.
+            MapError: It is not beside the episodes, or damaged.
         """
-        return LaneGraph.load(self.folder.parent / MAPS / f"{self.facts['map']}.npz")
+        path = self.folder.parent / MAPS / f"{self.facts['map']}.npz"
+        try:
+            return LaneGraph.load(path)
+        except MapError as error:
+            raise MapError(
+                f"the map of the episode is {'damaged' if path.exists() else 'not there'}: {error.problem}",
+                place=str(path),
+                remedy=f"bring the file back, since episodes need the folder '{MAPS}' beside them",
+            ) from error
 
 
 def episodes_in(root: str | Path) -> list[Path]:

@@ -1,6 +1,7 @@
 """Pictures of recorded episodes: every mark is where the record says, in files of every format."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -111,6 +112,31 @@ def test_a_gif(episode, tmp_path):
         assert film.size[0] == 900
 
 
+@pytest.mark.parametrize("options", [("--every", 100_000), ("--speed", 0.01, "--every", 10**9)])
+def test_a_gif_of_few_pictures_in_capitals(episode, tmp_path, options):
+    out = tmp_path / "FILM.GIF"
+    result = run(episode.folder, "--out", out, *options)
+    assert result.exit_code == 0, result.output
+    with PIL.Image.open(out) as film:
+        assert (film.format, film.n_frames, film.info["duration"]) == ("GIF", 2, 600_000)
+
+
+def test_what_is_damaged_is_told_from_what_is_not_there(episode, tmp_path):
+    folder = tmp_path / "episode"
+    shutil.copytree(episode.folder, folder)
+    for content, said in ((None, "there is no table 'agents'"), (b"PAR1", "table 'agents' of the recorded")):
+        (folder / "agents.parquet").unlink()
+        if content is not None:
+            (folder / "agents.parquet").write_bytes(content)
+        assert said in str(run(folder, "--out", tmp_path / "a.png").exception)
+        (folder / "agents.parquet").touch()
+    shutil.copy(episode.folder / "agents.parquet", folder)
+    missing = run(folder, "--out", tmp_path / "a.png").exception
+    assert isinstance(missing, SmartsError)
+    assert "the map of the episode is not there" in missing.problem
+    assert missing.remedy.startswith("bring the file back")
+
+
 def test_a_png(episode, tmp_path):
     for arguments in ((), ("--at", 0.5, "--width", 400)):
         out = tmp_path / "moment.png"
@@ -150,6 +176,11 @@ def test_what_ffmpeg_says_is_passed_on(episode, tmp_path, monkeypatch):
         (("--out", "film.webm"), "no picture format '.webm'"),
         (("--out", "a.png", "--at", "99"), "the episode has no 99 s"),
         (("--out", "a.gif", "--begin", "1", "--end", "0.5"), "nothing lies between"),
+        *((("--out", "a.png", "--at", time), f"no {time} s") for time in ("nan", "inf", "1e+300")),
+        *((("--out", "a.gif", option, "nan"), "no nan s") for option in ("--begin", "--end")),
+        (("--out", "a.gif", "--speed", "inf"), "the speed is inf"),
+        (("--out", "a.gif", "--at", "1"), "--at says nothing of a .gif"),
+        (("--out", "a.png", "--begin", "0", "--every", "3"), "--begin, --every say nothing of a .png"),
     ],
 )
 def test_what_cannot_be_drawn(episode, tmp_path, monkeypatch, arguments, message):
