@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.lane_path import place_on_lane
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at
 from smarts.roads.arrays import RouteTable
@@ -44,6 +45,8 @@ _REACHED, _MISSED = int(Event.REACHED_GOAL), int(Event.MISSED_GOAL)
 _TIME_OUT = int(Event.REACHED_MAX_EPISODE_STEPS)
 _VIA_HIT, _LAP_COMPLETED = int(Event.VIA_HIT), int(Event.LAP_COMPLETED)
 
+AT_JOINT = 0.5
+"""Who is on another road now, and was within this of its road's end, has come over that end [m]."""
 _AT_END = 0.01
 """Located within this of a lane's end, a vehicle has left it there [m]; places are clipped to the lane."""
 
@@ -221,11 +224,15 @@ def _goal_events(state: State, table: RouteTable, has_left: bool, row: int, seat
     goal = state.goals.goal[row, seat]
     if goal in (_ENDLESS, _OFF_MAP):
         return _REACHED if has_left else 0
-    if goal == _LAPS:
-        lap = state.seats.lap[row, seat]
-        bits = _LAP_COMPLETED if lap > state.laps_before[row, seat] else 0
-        return bits | (_REACHED if lap >= state.goals.laps[row, seat] else 0)
     behind, crossed, is_last = _at_line(state, table, row, seat)
+    if goal == _LAPS:
+        laps, before = state.goals.laps[row, seat], state.laps_before[row, seat]
+        # The locator counts laps on the route, but who crosses a line at its very end has left the route.
+        if crossed and is_last and before == laps - 1:
+            state.seats.lap[row, seat] = laps
+        lap = state.seats.lap[row, seat]
+        bits = _LAP_COMPLETED if lap > before else 0
+        return bits | (_REACHED if lap >= laps else 0)
     if crossed and crossed - 1 == state.goals.goal_lane[row, seat] and is_last:
         return _REACHED
     if goal == _POSITION and _is_at_goal(state, table, row, seat):
@@ -286,7 +293,10 @@ def _at_line(state: State, table: RouteTable, row: int, seat: int) -> tuple[floa
         crossed = int(lane - base + 1 if old >= 0 and before < 0.0 <= behind else 0)
         return behind, crossed, _is_last_time(state, table, row, seat, lane)
     if was_there:
-        crossed = int(old - base + 1 if before < 0.0 <= before + moved else 0)
-        has_gone_on = before + goal_s + moved >= lane_length(state.roads, old) and before + moved >= 0.0
-        return np.inf if has_gone_on else -np.inf, crossed, _is_last_time(state, table, row, seat, old)
+        end = lane_length(state.roads, old) - goal_s
+        behind = place_on_lane(state.roads, old, end_x, end_y)[0] - goal_s
+        if behind >= end - AT_JOINT:
+            behind = max(behind, end)
+        crossed = int(old - base + 1 if before < 0.0 <= behind else 0)
+        return np.inf if behind >= end else -np.inf, crossed, _is_last_time(state, table, row, seat, old)
     return -np.inf, 0, False

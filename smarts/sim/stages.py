@@ -119,7 +119,7 @@ class ContactFinder(Protocol):
 
 
 class EventDetector(Protocol):
-    """Judges what happened; writes state and outcome of seats, rest, off_route_since, via_hit, tickets."""
+    """Judges what happened; writes state, outcome, last lap, rest, off_route_since, via_hit, tickets."""
 
     def reset(self, world: World, contacts: Contacts, rows: Bools) -> Events:
         """Return the (usually absent) events at the beginning of an episode."""

@@ -403,12 +403,16 @@ def test_a_line_that_is_crossed_in_the_step_that_enters_its_road():
     assert stage.step((11.0, -1.6)) == Event.REACHED_GOAL
 
 
-def test_a_goal_that_the_route_passes_twice():
-    # A round road of 80 m that begins and ends at the goal's road: first come by, then arrive.
-    ring = graph_of(
+def ring():
+    """Return a road of 100 m and a round one of 220 m that leads back to it."""
+    return graph_of(
         {"side": Road([(0, 0), (100, 0)]), "round": Road([(110, 10), (110, 60), (-10, 60), (-10, 10)])},
         [(("side", 0), ("round", 0)), (("round", 0), ("side", 0))],
     )
+
+
+def test_a_goal_that_the_route_passes_twice():
+    # First come by, then arrive.
     mission = SeatMission(
         route=("side", "round", "side"),
         goal=GoalKind.POSITION,
@@ -416,7 +420,7 @@ def test_a_goal_that_the_route_passes_twice():
         goal_lane=0,
         goal_s=50.0,
     )
-    stage = Stage([Car(40.0, 0.0, mission=mission)], graph=ring)
+    stage = Stage([Car(40.0, 0.0, mission=mission)], graph=ring())
     assert [stage.step((x, 0.0)) for x in (49.0, 51.0, 60.0)] == [Event.NONE] * 3
     for place in (
         (110.0, 30.0, math.pi / 2),
@@ -449,6 +453,28 @@ def test_laps():
     assert stage.step((13.0, 0.0)) == Event.NONE
     stage.seats.lap[0, 0] = 2
     assert stage.step((14.0, 0.0)) == Event.LAP_COMPLETED | Event.REACHED_GOAL
+
+
+@pytest.mark.parametrize("laps", [1, 2, 3])
+@pytest.mark.parametrize(("y", "reached"), [(10.1, False), (9.8, True), (7.0, True)])
+def test_laps_to_the_very_end_of_a_road(laps, y, reached):
+    mission = SeatMission(
+        route=("side", "round") * laps, goal=GoalKind.LAPS, laps=laps, goal_lane=1, goal_s=220.0
+    )
+    stage = Stage([Car(40.0, 0.0, mission=mission)], graph=ring())
+    south, goal = -math.pi / 2, Event.LAP_COMPLETED | Event.REACHED_GOAL
+    for lap in range(laps):
+        places = (50.0, 60.0, math.pi), (-10.0, 20.0, south), (-10.0, 10.5, south)
+        assert [stage.step(place) for place in places] == [Event.NONE] * 3
+        found = stage.step((-9.9, y, south)) & goal
+        is_last = lap == laps - 1
+        assert found == ((goal if is_last else Event.LAP_COMPLETED) if reached else Event.NONE)
+        if not reached:
+            return
+        assert stage.seats.lap[0, 0] == lap + 1
+        assert stage.step((95.0, 0.0)) == Event.NONE
+    # Round to the begin again, it is still behind the end.
+    assert stage.seats.remaining[0, 0] == 0.0
 
 
 def test_vias_are_hit_once_each():
