@@ -4,7 +4,7 @@ Resolved anew for every episode, since random routes, random offsets and varied 
 
 Starts on one lane never overlap: behind the ego ahead, `GAP` metres stay free to its rear bumper (or as much
 as the scenario itself leaves), however the starts are drawn. A start is where the front bumper is, and stays
-on its lane; the rear bumper, too, unless the scenario itself puts it across the lane's begin.
+on its lane; the rear bumper, too, wherever the lane is long enough: the least offset is a vehicle's length.
 """
 
 from __future__ import annotations
@@ -169,13 +169,14 @@ def _draft(
 
 def _start_offset(roads: LaneGraph, lane: int, offset: Any, generator: Generator, length: float) -> float:
     whole = float(roads.length[lane])
+    least = min(length, whole)
     if offset == BASE_OFFSET:
-        return min(length, whole)
+        return least
     if offset == MAX_OFFSET:
         return whole
     if isinstance(offset, str):
-        return float(generator.uniform(min(length, whole), whole))
-    return arc_length(roads, lane, float(offset))
+        return float(generator.uniform(least, whole))
+    return max(arc_length(roads, lane, float(offset)), least)
 
 
 def _spread_starts(

@@ -92,7 +92,7 @@ class Mission(Described):
     """Drive a route to its end."""
 
     route: Route | RandomRoute
-    """The way."""
+    """The way; the front bumper starts at its begin, or as far on as it takes to be all on the lane."""
     via: Sequence[Via] = ()
     """Points to pass."""
     start_time: float = MISSING

@@ -53,6 +53,12 @@ class TestPlacing:
         assert 0 <= min(goals) < 10
         assert end - 10 < max(goals) <= end
 
+    @pytest.mark.parametrize(("offset", "s"), [(0, 5), (4.9, 5), (5.1, 5.1)])
+    def test_the_whole_car_is_on_its_lane(self, roads, offset, s):
+        for first in (mission(("from_west", 0, offset)), t.EndlessMission(("from_west", 0, offset))):
+            (placed,) = place(roads, first)
+            assert placed.start.s == pytest.approx(s)
+
     def test_random_routes(self, roads):
         routes = {place(roads, t.Mission(t.RandomRoute()), seed=seed)[0].route for seed in range(20)}
         assert len(routes) > 5
