@@ -17,6 +17,7 @@ from smarts.env.adapters.protocol import Served
 from smarts.env.adapters.reward import Rewards
 from smarts.env.arrays import Setting
 from smarts.env.batch import Batch, Transition
+from smarts.env.not_copied import NotCopied
 from smarts.env.onlooker import Onlooker
 from smarts.env.setting_checks import check_instance
 from smarts.env.solo import Episodes, annotate_each, as_row, check_names, info_of
@@ -25,7 +26,7 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
 
 
-class HiWayEnv(gym.Env):
+class HiWayEnv(NotCopied, gym.Env):
     """A simulation whose agents are driven by their specs: `gymnasium.make("smarts.env:hiway-v0", ...)`.
 
     Observations are `Observation` objects with the original's field names, rewards the metres gone along the

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -145,9 +145,9 @@ class Observation:
     """False while the agent only watches a vehicle that it may take over."""
     distance_travelled: float
     """[m]"""
-    readings: Mapping[str, Block]
+    readings: Mapping[str, Block] = field(repr=False)
     """The arrays that everything else is made of, by sensor (not in the original)."""
-    graph: LaneGraph
+    graph: LaneGraph = field(repr=False)
     """The map (not in the original)."""
     name: str
     """Of the vehicle."""

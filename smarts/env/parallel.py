@@ -10,11 +10,12 @@ from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
 from smarts.env.arrays import Adapter, Agents, Setting
+from smarts.env.not_copied import NotCopied
 from smarts.env.solo import SoloWorld
 from smarts.sim.assembly import Options
 
 
-class ParallelHiWayEnv(ParallelEnv):
+class ParallelHiWayEnv(NotCopied, ParallelEnv):
     """A simulation as PettingZoo's `ParallelEnv`; see `hiway_parallel_env`."""
 
     metadata = {"name": "hiway_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012

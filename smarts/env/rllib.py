@@ -10,6 +10,7 @@ from ray.rllib.env.multi_agent_env import MultiAgentEnv
 from ray.rllib.utils.typing import AgentID
 
 from smarts.env.arrays import Setting
+from smarts.env.not_copied import NotCopied
 from smarts.env.setting_checks import check_instance
 from smarts.env.solo import SoloStep, SoloWorld
 from smarts.errors import SmartsError, nearest_names
@@ -43,7 +44,7 @@ def setting_of(config: Mapping[str, Any]) -> Setting:
     return Setting(**given)
 
 
-class RLlibHiWayEnv(MultiAgentEnv):
+class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
     """A simulation as RLlib's `MultiAgentEnv`.
 
     Args:

@@ -11,13 +11,14 @@ import gymnasium as gym
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.env.arrays import Adapter, Setting
+from smarts.env.not_copied import NotCopied
 from smarts.env.solo import SoloWorld
 from smarts.errors import ActionError
 from smarts.sim.assembly import Options
 from smarts.types.streams import check_seed
 
 
-class SingleHiWayEnv(gym.Env):
+class SingleHiWayEnv(NotCopied, gym.Env):
     """A simulation with one learning agent, "agent-0".
 
     Args:

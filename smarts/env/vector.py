@@ -14,6 +14,7 @@ from smarts.agents.options import InterfaceError
 from smarts.env.adapters.protocol import MASK
 from smarts.env.arrays import Adapter, Agents, ArrayWorlds, Group, Setting, box_of
 from smarts.env.batch import EpisodeKey, Transition
+from smarts.env.not_copied import NotCopied
 from smarts.env.setting_checks import check_whole
 from smarts.errors import SmartsError, TrafficError
 from smarts.sim.assembly import Options
@@ -96,7 +97,7 @@ class VectorStep(NamedTuple):
     """Of the simulations that were reset: shares of the agents by outcome, and steps."""
 
 
-class VectorHiWayEnv:
+class VectorHiWayEnv(NotCopied):
     """B simulations with the same agents, stepped together; each is reset as soon as its episode ends.
 
     An episode is a function of (seed, world, episode), whatever else runs beside it.

@@ -9,6 +9,7 @@ the interpreter's lock.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import hashlib
 import importlib
@@ -37,6 +38,7 @@ SYSTEM_PACKAGES = "libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1"
 _SUMO_ERRORS = {"TraCIException", "FatalTraCIError", "RuntimeError"}
 
 _EXTENSION = "_libsumo.so"
+_USED_UP = (errno.EMFILE, errno.ENFILE)
 _FILE = "/proc/self/fd/{}"
 _INPUTS = ("--net-file", "--route-files", "--additional-files")
 
@@ -59,9 +61,12 @@ class SumoLibrary:
 
     def __init__(self, index: int | None = None) -> None:
         self.index = _claim(index)
-        self._closer = weakref.finalize(self, _held.discard, self.index)
+        self._files = _Files()
+        # Also for who is forgotten without `close`.
+        self._closer = weakref.finalize(self, _give_back, self.index, self._files)
         try:
-            extension = _load(self.index)
+            with _descriptors("a traffic engine"):
+                extension = _load(self.index)
         except BaseException:
             self._closer()
             raise
@@ -70,8 +75,6 @@ class SumoLibrary:
         self.trafficlight = _domain(extension, "trafficlight")
         self.vehicle = _domain(extension, "vehicle")
         self.vehicletype = _domain(extension, "vehicletype")
-        self._log = -1
-        self._inputs: dict[str, int] = {}
         self._place = ""
 
     def start(self, options: Sequence[str], place: str = "traffic") -> None:
@@ -86,13 +89,10 @@ class SumoLibrary:
         """
         self.check_open()
         self._place = place
-        # An anonymous file, one for each start: nothing stays behind when the process is killed, and a forked
-        # child does not write into its parent's.
-        self._close_files()
-        self._log = os.memfd_create("sumo-errors")
-        with self.errors("failed to start"):
+        with _descriptors(place), self.errors("failed to start"):
+            short = self._files.begin(options)
             try:
-                self.simulation.load([*self._shortened(options), "--error-log", _FILE.format(self._log)])
+                self.simulation.load([*short, "--error-log", _FILE.format(self._files.log)])
             except BaseException:
                 self._flush_log()
                 raise
@@ -149,15 +149,14 @@ class SumoLibrary:
         if self._closer.alive:
             with self.errors("failed to stop"):
                 self.simulation.close()
-            self._close_files()
             self._closer()
 
     def _named(self, what: str, error: Exception) -> TrafficError:
         """Return the error to raise for one of SUMO's own, with the reason that SUMO logged."""
-        logged = os.pread(self._log, 4096, 0).decode(errors="replace").strip() if self._log >= 0 else ""
+        logged = self._files.logged()
         said = str(error).strip()
         reason = logged.removeprefix("Error: ") if said == "Process Error" and logged else said
-        for name, descriptor in self._inputs.items():
+        for name, descriptor in self._files.inputs.items():
             reason = re.sub(rf"{_FILE.format(descriptor)}\b", lambda _, name=name: name, reason)
         return TrafficError(
             f"SUMO {what}: {reason}",
@@ -173,33 +172,78 @@ class SumoLibrary:
         self.simulation.close()
         os.close(net)
 
-    def _shortened(self, options: Sequence[str]) -> list[str]:
-        """Return the options with input files by number instead of by name.
+
+@contextmanager
+def _descriptors(place: str) -> Iterator[None]:
+    """Say what is wrong where the process may open no more files.
+
+    Raises:
+        TrafficError: In place of that error of the system.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _USED_UP:
+            raise
+        raise TrafficError(
+            f"SUMO cannot start: {error.strerror}",
+            place=place,
+            remedy="close environments that are not in use any more, or raise the limit (ulimit -n)",
+        ) from error
+
+
+class _Files:
+    """The files of one simulation, by their descriptors."""
+
+    def __init__(self) -> None:
+        self.log = -1
+        """What SUMO says of errors. An anonymous file, one for each start: nothing stays behind when the
+        process is killed, and a forked child does not write into its parent's."""
+        self.inputs: dict[str, int] = {}
+
+    def begin(self, options: Sequence[str]) -> list[str]:
+        """Open a log, and return the options with input files by number instead of by name.
 
         SUMO 1.28 loses the memory of each name some ten times a load (`XMLSubSys::transcodeToLocal`).
+
+        Raises:
+            OSError: The process may open no more files.
         """
+        self.close()
+        self.log = os.memfd_create("sumo-errors")
         short = [*options]
         for place, option in enumerate(options[:-1]):
             if option in _INPUTS:
                 short[place + 1] = ",".join(map(self._opened, options[place + 1].split(",")))
         return short
 
+    def logged(self) -> str:
+        """Return what the log says."""
+        return os.pread(self.log, 4096, 0).decode(errors="replace").strip() if self.log >= 0 else ""
+
+    def close(self) -> None:
+        """Close them; may be called again."""
+        while self.inputs:
+            os.close(self.inputs.popitem()[1])
+        if self.log >= 0:
+            os.close(self.log)
+            self.log = -1
+
     def _opened(self, name: str) -> str:
         """Return the short name of a file, or its own if it cannot be opened: SUMO then says so."""
-        if name not in self._inputs:
+        if name not in self.inputs:
             try:
-                self._inputs[name] = os.open(name, os.O_RDONLY | os.O_CLOEXEC)
-            except OSError:
+                self.inputs[name] = os.open(name, os.O_RDONLY | os.O_CLOEXEC)
+            except OSError as error:
+                if error.errno in _USED_UP:
+                    raise
                 return name
-        return _FILE.format(self._inputs[name])
+        return _FILE.format(self.inputs[name])
 
-    def _close_files(self) -> None:
-        for descriptor in self._inputs.values():
-            os.close(descriptor)
-        self._inputs.clear()
-        if self._log >= 0:
-            os.close(self._log)
-            self._log = -1
+
+def _give_back(index: int, files: _Files) -> None:
+    files.close()
+    _held.discard(index)
 
 
 _held: set[int] = set()

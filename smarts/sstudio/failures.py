@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -15,7 +16,7 @@ _REMEDIES = {
     errno.EACCES: "give yourself access to it",
     errno.EPERM: "give yourself access to it",
     errno.ENAMETOOLONG: "use a shorter name",
-    errno.EMFILE: "raise the limit on open files (ulimit -n)",
+    errno.EMFILE: "close environments that are not in use any more, or raise the limit (ulimit -n)",
 }
 
 
@@ -42,6 +43,8 @@ def named_failures(doing: str, place: str) -> Iterator[None]:
 def named(error: BaseException, doing: str, place: str) -> ScenarioError:
     """Return the error that says what happened to the user's file."""
     if isinstance(error, OSError):
+        # What came of it may be called otherwise: no temporary folder can be used then, for one.
+        error = _used_up() or error
         where = f" ({error.filename})" if error.filename and str(error.filename) != place else ""
         problem = f"{doing} failed: {error.strerror or error}{where}"
         return ScenarioError(problem, place=place, remedy=_REMEDIES.get(error.errno or 0, ""))
@@ -52,3 +55,12 @@ def named(error: BaseException, doing: str, place: str) -> ScenarioError:
         return ScenarioError(f"{doing} failed: not enough memory", place=place)
     said = f": {error}" if str(error) else ""
     return ScenarioError(f"{doing} failed: {type(error).__name__}{said}", place=place)
+
+
+def _used_up() -> OSError | None:
+    """Return the error of a process that may open no more files, else None."""
+    try:
+        os.close(os.open(os.devnull, os.O_RDONLY))
+    except OSError as error:
+        return OSError(error.errno, error.strerror)
+    return None

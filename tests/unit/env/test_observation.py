@@ -77,6 +77,11 @@ def test_the_own_vehicle():
     assert ego.mission.route_length == 110.0
 
 
+def test_it_is_printed_in_a_few_lines():
+    assert "distance_travelled" in repr(Stage(FULL).look())
+    assert len(repr(Stage(FULL).look())) < 1000
+
+
 def test_others_signals_and_vias():
     stage = Stage(FULL)
     graph = stage.made.atlas.graphs[0]

@@ -1,7 +1,10 @@
 """Copies of libsumo: independent, shared between processes, made by several at once."""
 
+import contextlib
+import errno
 import multiprocessing
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +14,9 @@ import pytest
 from smarts.errors import TrafficError
 from smarts.providers import sumo_library
 from smarts.providers.sumo_library import SumoLibrary
+from smarts.sstudio.failures import named
 
+NO_FOLDER = FileNotFoundError(errno.ENOENT, "No usable temporary folder")
 OPTIONS = ["--step-length", "0.1", "--no-step-log", "--no-warnings", "--xml-validation", "never"]
 
 
@@ -100,6 +105,43 @@ def test_no_file_descriptors_are_left(country):
     assert len(os.listdir("/proc/self/fd")) == before
 
 
+def test_forgotten_simulations_give_their_files_back(country):
+    files = country.road()
+    run(files.net, files.routes[0])
+    before = len(os.listdir("/proc/self/fd"))
+    for _ in range(5):
+        library = SumoLibrary()
+        library.start(["-n", str(files.net), "--route-files", str(files.routes[0]), *OPTIONS])
+        del library
+    # The copy itself still holds what SUMO opened, until it loads anew.
+    run(files.net, files.routes[0])
+    assert len(os.listdir("/proc/self/fd")) == before
+
+
+def test_who_may_open_no_more_files_is_told(country):
+    files, library = country.road(), SumoLibrary()
+    limits, filled = resource.getrlimit(resource.RLIMIT_NOFILE), []
+    resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 20, limits[1]))
+    try:
+        with contextlib.suppress(OSError):
+            while True:
+                filled.append(os.open(os.devnull, os.O_RDONLY))
+        for _ in range(2):
+            with pytest.raises(TrafficError, match="Too many open files") as caught:
+                library.start(["--net-file", str(files.net), *OPTIONS], "here")
+            assert caught.value.place == "here"
+            assert caught.value.remedy.startswith("close environments")
+            assert named(NO_FOLDER, "it", "").remedy == caught.value.remedy
+            os.close(filled.pop())
+    finally:
+        for descriptor in filled:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert named(NO_FOLDER, "it", "").problem == "it failed: No usable temporary folder"
+    library.start(["--net-file", str(files.net), *OPTIONS])
+    library.close()
+
+
 @pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
 def test_child_processes_compute_the_same(country, method):
     """Also while the parent has a simulation of its own, which goes on undisturbed."""
@@ -118,6 +160,7 @@ def test_child_processes_compute_the_same(country, method):
 ASK = """
 import sys
 from smarts.providers.sumo_library import SumoLibrary
+from smarts.sstudio.failures import named
 libraries = [SumoLibrary() for _ in range(2)]
 print([library.index for library in libraries])
 """

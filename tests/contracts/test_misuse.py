@@ -1,11 +1,17 @@
-"""What is no action is refused by every face in the same words, and nothing of that step is taken in."""
+"""What cannot be is refused by every face in the same words.
+
+What is no action is, and nothing of that step is taken in; so is to copy an environment.
+"""
+
+import copy
+import pickle
 
 import numpy as np
 import pytest
 
 from smarts.agents import ActionSpaceType, AgentInterface
 from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.errors import ActionError
+from smarts.errors import ActionError, SmartsError
 
 NAN, INF = float("nan"), float("inf")
 LANE, PEDALS = ActionSpaceType.Lane, ActionSpaceType.Continuous
@@ -100,3 +106,11 @@ def test_what_float32_does_not_hold_is_clipped_by_all(face):
         np.testing.assert_array_equal(batch_of(env).actions.values[0, 0, :3], [1, 0, -1])
     finally:
         env.close()
+
+
+@pytest.mark.parametrize("copied", [pickle.dumps, copy.copy, copy.deepcopy])
+def test_environments_stay_where_they_are(faced, copied):
+    with pytest.raises(SmartsError, match="neither pickled nor copied") as caught:
+        copied(faced[2])
+    assert caught.value.place == type(faced[2]).__name__
+    assert "hand over what makes it" in caught.value.remedy
