@@ -205,10 +205,11 @@ class BulletWorld:
         place: Sequence[float],
     ) -> Sequence[float]:
         """Return the velocity of a body's point before the last sub-step [m/s]."""
-        if body not in rows:
-            return pybullet.getBaseVelocity(body, self._client)[0]
         centre, _ = pybullet.getBasePositionAndOrientation(body, self._client)
-        linear, (p, q, r) = velocities[rows[body]]
+        if body in rows:
+            linear, (p, q, r) = velocities[rows[body]]
+        else:
+            linear, (p, q, r) = pybullet.getBaseVelocity(body, self._client)
         x, y, z = (at - middle for at, middle in zip(place, centre, strict=True))
         return linear[0] + q * z - r * y, linear[1] + r * x - p * z, linear[2] + p * y - q * x
 

@@ -118,6 +118,7 @@ class FleetVehicles:
         self.failures = failures = {}
         if self._has_touched:
             self._tracks.touched[:] = 0
+            self._tracks.touch_speed[:] = 0.0
             self._has_touched = False
         if self._commanded is None or self._commanded.commands is not commands:
             self._commanded = self._bind_commands(commands)

@@ -149,7 +149,7 @@ def find_contacts(
                 dx = position[row, other, 0] - position[row, slot, 0]
                 dy = position[row, other, 1] - position[row, slot, 1]
                 far = reach[slot] + reach[other]
-                held = _held_apart(now, before, touched, row, seat, other)
+                held, held_speed = _held_apart(now, before, touched, touch_speed, row, seat, other)
                 if other == slot or (held < 0 and dx * dx + dy * dy > far * far):
                     continue
                 _follow(now, before, tracks, row, other, seat_of[other], path2)
@@ -160,12 +160,12 @@ def find_contacts(
                     continue
                 touching[row, seat, other] = True
                 if held >= 0 and (substep < 0 or held <= substep):
-                    substep, when, closing_speed = held, 0.0, touch_speed[row, seat, other]
+                    substep, when, closing_speed = held, 0.0, held_speed
                     side = _side_facing(path[held + 1], size, path2[held + 1], size2)
                 else:
                     when, closing_speed, side = _impact(path, size, path2, size2, substep, dt / substeps)
                     # Bullet may have slowed them down within that sub-step already.
-                    closing_speed = max(closing_speed, touch_speed[row, seat, other])
+                    closing_speed = max(closing_speed, held_speed)
                 if substep + when < first:
                     first = substep + when
                     partner[row, seat] = other
@@ -176,11 +176,17 @@ def find_contacts(
 
 
 @kernel
-def _held_apart(now: Footprints, before: Footprints, touched: Bytes, row: int, seat: int, other: int) -> int:
-    """Return in which sub-step, from 0, Bullet first kept a seat's vehicle from another, -1 if it did not."""
+def _held_apart(
+    now: Footprints, before: Footprints, touched: Bytes, touch_speed: Floats, row: int, seat: int, other: int
+) -> tuple[int, float]:
+    """Return in which sub-step Bullet first kept a seat's vehicle from another, and how fast they were.
+
+    Sub-steps count from 0; it is -1 if Bullet did not.
+    """
     # Who has come into the slot within the step was not there.
-    was_there = before.alive[row, other] and before.generation[row, other] == now.generation[row, other]
-    return touched[row, seat, other] - 1 if was_there else -1
+    if before.alive[row, other] and before.generation[row, other] == now.generation[row, other]:
+        return touched[row, seat, other] - 1, touch_speed[row, seat, other]
+    return -1, 0.0
 
 
 @kernel

@@ -23,7 +23,7 @@ class Tracks:
     counted from 1, 0 where it did not, shape (B, A, V). Bodies that dive or roll touch before their
     footprints do."""
     touch_speed: Floats
-    """How fast the two approached each other then [m/s], shape (B, A, V)."""
+    """How fast the two approached each other then [m/s], 0 where they did not touch, shape (B, A, V)."""
 
     @classmethod
     def of(cls, poses: Floats, capacity: int) -> Tracks:

@@ -158,3 +158,83 @@ print(open_files == os.listdir('/dev/fd'))
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert (run.stdout, run.stderr) == ("True\n", "before after")
+
+
+class TestTouches:
+    """Who touched whom, and how fast the two approached each other there, by hand."""
+
+    LENGTH, WIDTH = 4.508, 1.61
+
+    def first(self, *bodies, box=None, box_first=False):
+        """Return the touches of the first sub-step. Bullet sees who touches before it moves them."""
+        motions = np.array(bodies)
+        world = BulletWorld(motions, DT)
+        boxes = {7: box} if box else {}
+        if box_first:
+            world.place_boxes(boxes)
+        for row, motion in enumerate(motions):
+            world.add(row, layout.pack("passenger", "pacejka"), motion)
+        world.place_boxes(boxes)
+        velocities = motions[:, 7:].reshape(-1, 2, 3).tolist()
+        world.substep(velocities)
+        touches = list(world.touches(velocities))
+        world.close()
+        return touches
+
+    def body(self, x, speed=0.0, yaw_rate=0.0):
+        """Return the motion of a car along x whose centre of gravity is at x."""
+        return [x, 0.0, 0.6, 0.0, 0.0, 0.0, 1.0, speed, 0.0, 0.0, 0.0, 0.0, yaw_rate]
+
+    @pytest.mark.parametrize("order", [1, -1], ids=["the faster first", "the slower first"])
+    def test_of_two_vehicles(self, order):
+        pair = self.body(0.0, 12.0), self.body(self.LENGTH - 0.01, 4.0)
+        touches = self.first(*pair[::order])
+        assert touches
+        for touch in touches:
+            assert {touch.row, touch.other_row} == {0, 1}
+            assert (touch.box, touch.speed) == (-1, pytest.approx(8.0))
+
+    @pytest.mark.parametrize("box_first", [False, True])
+    def test_of_a_box_that_comes(self, box_first):
+        wall = Box((0.01 - self.LENGTH - 0.258, 0.0, 0.7), 0.0, 9.0, self.LENGTH, 2.0, 1.4)
+        touches = self.first(self.body(0.0, 2.0), box=wall, box_first=box_first)
+        assert touches
+        for touch in touches:
+            assert (touch.row, touch.other_row, touch.box) == (0, -1, 7)
+            assert touch.speed == pytest.approx(7.0, abs=0.01)
+
+    def test_of_a_corner_that_swings(self):
+        corner = self.LENGTH / 2 - 0.258
+        beside = Box((2.5, self.WIDTH / 2 + 0.99, 0.7), 0.0, 0.0, 3.0, 2.0, 1.4)
+        touches = self.first(self.body(0.0, yaw_rate=2.0), box=beside)
+        assert max(touch.speed for touch in touches) == pytest.approx(2.0 * corner, rel=0.01)
+
+    def test_of_the_rear_of_a_box_that_turns(self):
+        """A bus ahead in the next lane moves on and away, but its rear corner swings out."""
+        bus = Box((6.0, self.WIDTH / 2 + 1.24, 1.5), 0.0, 5.0, 12.0, 2.5, 3.0, 0.5, 1.0)
+        touches = self.first(self.body(0.0), box=bus)
+        # The car's front right of it; 6 m behind its centre a bus at 1 rad/s swings at 6 m/s.
+        assert max(touch.speed for touch in touches) == pytest.approx(6.0 - 0.5, rel=0.02)
+
+    def test_of_nobody(self):
+        assert not self.first(self.body(0.0, 12.0), self.body(6.0))
+        # These overlap, but Bullet need not part them: they are parting.
+        assert not self.first(self.body(0.0, 4.0), self.body(self.LENGTH - 0.01, 12.0))
+
+    @pytest.mark.parametrize(("axis", "reach"), [(0, 5.5), (1, 2.5)])
+    def test_of_bodies_that_are_as_large_as_told(self, axis, reach):
+        place = [0.0, 0.0]
+        place[axis] = reach + 1.0
+        with Fleet(1, 2) as fleet:
+            fleet.spawn(0, "truck", (0.0, 0.0), 0.0, size=(6.0, 3.0))
+            fleet.spawn(1, "passenger", tuple(place), 0.0, size=(5.0, 2.0))
+            body = fleet.body(1)
+            body[7 + axis] = -10.0
+            fleet.put_body(1, body)
+            for _ in range(5):
+                fleet.step(np.zeros((2, 3)))
+                if fleet.touches:
+                    break
+            first, _ = fleet.touches[0]
+            apart = fleet.motion.substeps[1, first, axis] - fleet.motion.substeps[0, first, axis]
+        assert apart == pytest.approx(reach, abs=0.2)

@@ -108,6 +108,11 @@ class TestMayMeet:
         one, other = ((0.0, 0.0, 0.0), 2.5, 1.0, 0.0, 0.0, 0.0), ((0.0, 2.3, 0.0), 2.5, 1.0, 0.0, 0.0)
         assert not may_meet(one, (*other, 0.0), 0.1, 0.29)
         assert may_meet(one, (*other, 0.0), 0.1, 0.31)
+        # Corner to corner, 0.1 m apart.
+        away = 1.0 + 0.1 / math.hypot(5.0, 2.0)
+        diagonal = (5.0 * away, 2.0 * away, 0.0), 2.5, 1.0, 0.0, 0.0, 0.0
+        assert not may_meet(one, diagonal, 0.1, 0.03)
+        assert may_meet(one, diagonal, 0.1, 0.11)
         # The corner, 2.7 m from the centre, goes 0.27 m in 0.1 s at 1 rad/s.
         assert not may_meet(one, (*other, -1.0), 0.1, 0.02)
         assert may_meet(one, (*other, 1.2), 0.1, 0.0)

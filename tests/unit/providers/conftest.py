@@ -1,4 +1,4 @@
-"""Small nets, compiled once a session, and a driver that runs a traffic provider over them."""
+"""Small nets, compiled once a session, a driver that runs traffic over them, and the vehicle stage."""
 
 import hashlib
 import subprocess
@@ -15,6 +15,7 @@ from smarts.roads.sumo_net import read_net
 from smarts.sim.roster import Roster
 from smarts.types.traffic import TrafficFiles
 from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+from tests.vehicle_stage import VehicleStage
 
 NETCONVERT = Path(sumo.__file__).parent / "bin" / "netconvert"
 
@@ -192,3 +193,16 @@ def front_of(states: VehicleStates, rows) -> np.ndarray:
     return states.position[rows] + np.stack([np.cos(heading), np.sin(heading)], -1) * (
         states.length[rows, None] / 2
     )
+
+
+@pytest.fixture
+def stage():
+    made = []
+
+    def make(*rows, **options):
+        made.append(VehicleStage(*rows, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.vehicles.close()

@@ -5,62 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from smarts.dynamics import MotionError, vehicle
+from smarts.dynamics import MotionError
 from smarts.errors import ActionError
-from smarts.providers.vehicle import FleetVehicles
 from smarts.providers.vehicle_surface import RoadSurfaces
 from smarts.sstudio import types as t
-from smarts.types.actions import CommandMode, Commands
-from smarts.types.mission import SeatMission
+from smarts.types.actions import CommandMode
 from smarts.types.seats import SeatState
 from smarts.types.transfers import Reason, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from tests import maps
-from tests.worlds import Car, world_of
-
-MISSION = SeatMission(route=("road",))
-
-
-class Stage:
-    """The vehicle stage alone, on a straight road."""
-
-    def __init__(self, *rows, model="bullet", **options):
-        self.graph = maps.straight(lanes=3, length=600.0)
-        self.made = world_of(*rows, maps=[self.graph])
-        self.world = self.made.world
-        self.commands = Commands.allocate(*self.world.seats.slot.shape)
-        self.vehicles = FleetVehicles(self.world, model, **options)
-        self.all = np.ones(self.world.worlds, np.bool_)
-        self.vehicles.reset(self.world, self.all)
-
-    def actuate(self, throttle=0.0, brake=0.0, steering=0.0, *, row=slice(None), seat=slice(None)):
-        self.commands.mode[row, seat] = CommandMode.ACTUATORS
-        self.commands.actuators[row, seat] = throttle, brake, steering
-
-    def step(self, steps=1, rows=None):
-        rows = self.all if rows is None else rows
-        for _ in range(steps):
-            self.world.advance(rows)
-            self.made.ownership.apply(rows)
-            tracks = self.vehicles.step(self.world, self.commands, rows)
-        return tracks
-
-
-@pytest.fixture
-def stage():
-    made = []
-
-    def make(*rows, **options):
-        made.append(Stage(*rows, **options))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.vehicles.close()
-
-
-def ego(x=20.0, y=0.0, speed=10.0, **options):
-    return Car(x, y, 0.0, speed, MISSION, **options)
+from tests.vehicle_stage import ego
+from tests.worlds import Car
 
 
 @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
@@ -290,82 +245,3 @@ def test_close_may_be_called_again(stage):
     driven = stage([ego()])
     driven.vehicles.close()
     driven.vehicles.close()
-
-
-class TestTouches:
-    """Bodies that dive touch before their footprints do; whoever was pushed has been touched."""
-
-    def drive_up(self, stage, speed, gap, kind=VehicleKind.PASSENGER, mission=None):
-        """Brake fully towards a standing car; return the first touch, and how fast that was pushed."""
-        length, other = vehicle(kind.name.lower()).length, vehicle("passenger").length
-        back = Car(50.0, 0.0, speed=speed, kind=kind, length=length, mission=MISSION)
-        driven = stage([back, Car(50.0 + (length + other) / 2 + gap, 0.0, length=other, mission=mission)])
-        driven.actuate(brake=1.0)
-        pushed, first = 0.0, None
-        for _ in range(25):
-            tracks = driven.step()
-            if first is None and tracks.touched.any():
-                first = tracks.touched.copy(), tracks.touch_speed.copy()
-            pushed = max(pushed, abs(driven.world.vehicles.speed[0, 1]))
-        return first, pushed
-
-    @pytest.mark.parametrize("kind", [VehicleKind.PASSENGER, VehicleKind.BUS])
-    def test_whoever_is_pushed_has_touched(self, stage, kind):
-        touched = 0
-        for gap in np.arange(1.0, 11.0, 0.5):
-            first, pushed = self.drive_up(stage, 11.0, gap, kind, MISSION)
-            assert (first is not None) == (pushed > 0.02), gap
-            touched += first is not None
-            if first is not None:
-                told, speeds = first
-                # Each of the two was touched by the other, in the same sub-step.
-                assert 1 <= told[0, 0, 1] == told[0, 1, 0] <= 10
-                assert not told[0, 0, [0, *range(2, told.shape[2])]].any()
-                assert 0.0 <= speeds[0, 0, 1] == speeds[0, 1, 0] <= 11.1
-        assert 5 < touched < 20
-
-    def test_traffic_is_touched_too(self, stage):
-        first, _ = self.drive_up(stage, 12.0, 3.0)
-        told, speeds = first
-        assert told[0, 0, 1] > 0
-        # Braking at some 8 m/s^2 over 3 m.
-        assert speeds[0, 0, 1] == pytest.approx(math.sqrt(12.0**2 - 2 * 8.0 * 3.0), abs=1.0)
-
-    def test_the_next_step_has_forgotten(self, stage):
-        driven = stage([Car(50.0, 0.0, speed=10.0, mission=MISSION), Car(56.0, 0.0, mission=MISSION)])
-        steps = [driven.step().touched.any() for _ in range(20)]
-        assert any(steps)
-        assert not steps[0]
-        assert not steps[-1]
-
-    @pytest.mark.parametrize(("kind", "length"), [(VehicleKind.TRUCK, 7.1), (VehicleKind.COACH, 14.0)])
-    def test_bodies_are_as_long_as_others_see_them(self, stage, kind, length):
-        """SUMO's trucks and coaches are not as long as those that agents' are driven like."""
-        driven = stage([Car(50.0, 0.0, speed=2.0, kind=kind, length=length, mission=MISSION), Car(62.0, 0.0)])
-        place = driven.world.vehicles.position[0]
-        for _ in range(40):
-            driven.actuate(throttle=0.1)
-            if driven.step().touched[0, 0, 1]:
-                break
-        assert place[1, 0] - place[0, 0] == pytest.approx((length + 5.0) / 2, abs=0.1)
-
-    @pytest.mark.parametrize("lag", [0.0, 0.35, 0.7])
-    def test_who_turns_past_a_standing_vehicle_does_not_touch_it(self, stage, lag):
-        """A bus on a circle of 14 m at 6 m/s, and a car beside the way of its outer corners, 10 cm off."""
-        radius, rate = 14.0, 6.0 / 14.0
-
-        def pose(time):
-            angle = rate * time
-            return 60.0 + radius * math.sin(angle), radius - radius * math.cos(angle), angle
-
-        x, y, turned = pose(1.0 + lag)
-        corners = math.hypot(radius + 2.5 / 2, 12.0 / 2)
-        out = corners - radius + 0.1 + 1.8 / 2
-        car = Car(x + out * math.sin(turned), y - out * math.cos(turned), turned, mission=MISSION)
-        driven = stage([car, Car(*pose(0.0)[:2], 0.0, 6.0, kind=VehicleKind.BUS, length=12.0, width=2.5)])
-        vehicles = driven.world.vehicles
-        vehicles.yaw_rate[0, 1] = rate
-        driven.actuate(brake=1.0)
-        for step in range(1, 25):
-            assert not driven.step().touched.any()
-            *vehicles.position[0, 1], vehicles.heading[0, 1] = pose(0.1 * step)

@@ -92,15 +92,18 @@ def test_against_exact_predicates(speed, worlds):
     assert expected[rows, contacts.partner[rows, 0] - 1, first[rows]].all()
 
 
-def find(made, tracks=None, rows=EVERYBODY):
+def find(made, tracks=None, rows=EVERYBODY, touches=()):
+    """Return the contacts; `touches` are seat, slot, when counted from 1, speed."""
     world = made.world
     if tracks is None:
         tracks = np.zeros((*world.seats.slot.shape, 0, 3))
     tracks = Tracks.of(tracks, world.vehicles.capacity)
+    for seat, slot, when, speed in touches:
+        tracks.touched[0, seat, slot], tracks.touch_speed[0, seat, slot] = when, speed
     return FootprintContacts(world).find(world, tracks, rows)
 
 
-def moved(cars, moves):
+def moved(cars, moves, touches=()):
     """Return the contacts of a step in which each car moves evenly by (dx, dy), and the hand-made world."""
     made = world_of(cars, maps=[maps.straight()])
     world = made.world
@@ -111,7 +114,7 @@ def moved(cars, moves):
         world.vehicles.position[0, slot] += dx, dy
         for seat in np.flatnonzero(world.seats.slot[0] == slot):
             tracks[0, seat] = evenly(begin, begin + np.array([dx, dy, 0.0]))
-    return find(made, tracks), made
+    return find(made, tracks, touches=touches), made
 
 
 EGO = SeatMission()
@@ -236,40 +239,47 @@ def test_who_is_done_or_waits_has_no_contacts():
 
 
 class TestWhatBulletKeptApart:
-    def find(self, *pairs, gap=0.05):
-        """Return the contacts of two cars, one behind the other, that touched in sub-step 4 at 3 m/s."""
-        cars = [Car(50.0, 0.0, mission=EGO), Car(55.0 + gap, 0.0)]
-        made = world_of(cars, maps=[maps.straight()])
-        poses = np.zeros((*made.world.seats.slot.shape, SUBSTEPS, 3))
-        tracks = Tracks.of(poses, made.world.vehicles.capacity)
-        made.advance()
-        for seat, slot in enumerate(made.world.seats.slot[0].tolist()):
-            if slot >= 0:
-                tracks.poses[0, seat, :, :2] = made.world.vehicles.position[0, slot]
-        for seat, slot in pairs:
-            tracks.touched[0, seat, slot], tracks.touch_speed[0, seat, slot] = 5, 3.0
-        return FootprintContacts(made.world).find(made.world, tracks, EVERYBODY)
+    """One drives 1 m towards others that stand: 0.1 m in a sub-step."""
 
-    def test_has_touched_though_the_footprints_are_apart(self):
-        assert self.find().partner[0, 0] == -1
-        contacts = self.find((0, 1))
+    def contacts(self, *gaps, touches=()):
+        others = [Car(5.0 + gap, y) for gap, y in zip(gaps, (-1.0, 1.0), strict=False)]
+        cars = [Car(0.0, 0.0, mission=EGO), *others]
+        return moved(cars, [(1.0, 0.0), *[(0.0, 0.0) for _ in others]], touches)[0]
+
+    @pytest.mark.parametrize("gap", [1.05, 9.0])
+    def test_has_touched_though_the_footprints_are_apart(self, gap):
+        assert self.contacts(gap).partner[0, 0] == -1
+        contacts = self.contacts(gap, touches=[(0, 1, 5, 3.0)])
         assert contacts.partner[0, :2].tolist() == [1, -1]
         assert contacts.substep[0, 0] == 4
         assert contacts.closing_speed[0, 0] == 3.0
         assert contacts.side[0, 0] == FRONT
-        assert contacts.touching[0, 0, 1]
+        assert contacts.touching[0, 0].tolist() == [slot == 1 for slot in range(16)]
 
-    def test_counts_before_a_later_overlap(self):
-        contacts = self.find((0, 1), gap=-0.2)
-        # The footprints overlap from the first sub-step on, before the bodies touch in the fifth.
-        assert contacts.substep[0, 0] == 0
+    @pytest.mark.parametrize(("speed", "closing_speed"), [(12.0, 12.0), (3.0, 10.0)])
+    def test_counts_after_an_earlier_overlap(self, speed, closing_speed):
+        """Bullet lets level bodies into each other and parts them in the next sub-step."""
+        contacts = self.contacts(0.45, touches=[(0, 1, 6, speed)])
+        assert contacts.substep[0, 0] == 4
+        assert contacts.closing_speed[0, 0] == pytest.approx(closing_speed)
+
+    def test_came_first_if_within_the_same_substep(self):
+        """Bodies that Bullet keeps apart have touched when a sub-step begins."""
+        assert self.contacts(0.42, 0.48).partner[0, 0] == 1
+        contacts = self.contacts(0.42, 0.48, touches=[(0, 2, 5, 3.0)])
+        assert contacts.partner[0, 0] == 2
+        assert contacts.substep[0, 0] == 4
+        assert contacts.closing_speed[0, 0] == 3.0
 
     def test_who_takes_the_place_of_the_one_touched_was_not_there(self):
         made = world_of([Car(50.0, 0.0, mission=EGO), Car(190.0, 0.0)], maps=[maps.straight()])
-        tracks = Tracks.of(np.zeros((1, 4, SUBSTEPS, 3)), made.world.vehicles.capacity)
+        world, poses = made.world, np.zeros((1, 4, SUBSTEPS, 3))
+        poses[0, 0, :, 0] = 50.0
         made.advance()
-        tracks.touched[0, 0, 1] = 5
-        find = FootprintContacts(made.world).find
-        assert find(made.world, tracks, EVERYBODY).partner[0, 0] == 1
-        made.world.vehicles.generation[0, 1] += 1
-        assert find(made.world, tracks, EVERYBODY).partner[0, 0] == -1
+        assert find(made, poses, touches=[(0, 1, 5, 3.0)]).partner[0, 0] == 1
+        world.vehicles.generation[0, 1] += 1
+        assert find(made, poses, touches=[(0, 1, 5, 3.0)]).partner[0, 0] == -1
+        # It may be touched by itself, but not as fast as the one before.
+        world.vehicles.position[0, 1, 0] = 54.0
+        contacts = find(made, poses, touches=[(0, 1, 5, 3.0)])
+        assert (contacts.partner[0, 0], contacts.closing_speed[0, 0]) == (1, 0.0)

@@ -1,0 +1,114 @@
+"""Who is left to Bullet: whoever may touch somebody within the step, by a fleet that is always in Bullet."""
+
+import numpy as np
+import pytest
+
+from smarts.dynamics import Box, Fleet, layout
+
+FAR = {1: Box((9000.0, 0.0, 1.0), 0.0, 0.0, 4.0, 2.0, 2.0)}
+"""With any box, all of a simulation is Bullet's."""
+CAR, BUS = (layout.pack(name, "pacejka") for name in ("passenger", "bus"))
+
+
+class Twice:
+    """The same vehicles in two fleets, one of which is always in Bullet."""
+
+    def __init__(self, *vehicles):
+        """Spawn vehicles: name, centre of the footprint, speed along x, roll [rad], drift along y [m/s]."""
+        self.fleets = Fleet(1, len(vehicles)), Fleet(1, len(vehicles))
+        for fleet in self.fleets:
+            for row, (name, (x, y), speed, *tilt) in enumerate(vehicles):
+                fleet.spawn(row, name, (x, y), 0.0, speed)
+                if tilt:
+                    fleet.put_body(row, tilted(layout.pack(name, "pacejka"), x, y, *tilt))
+        self.fleets[1].place_boxes(0, FAR)
+
+    def step(self, controls=(0.0, 0.0, 0.0)):
+        """Return how far the fleets are apart then, and whether anybody has touched anybody in Bullet."""
+        for fleet in self.fleets:
+            fleet.step(np.broadcast_to(controls, (len(fleet.motion.active), 3)))
+        ours, bullets = self.fleets
+        return np.abs(ours.motion.substeps - bullets.motion.substeps).max(), bool(bullets.touches)
+
+    def close(self):
+        for fleet in self.fleets:
+            fleet.close()
+
+
+@pytest.fixture
+def twice():
+    made = []
+
+    def make(*vehicles):
+        made.append(Twice(*vehicles))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def tilted(car, x, y, roll, drift):
+    """Return the body of a vehicle along x that has rolled to the right of its footprint's centre."""
+    body = np.zeros(layout.BODY_SIZE)
+    up = np.array([0.0, -np.sin(roll), np.cos(roll)])
+    body[:3] = np.array([x + car["centre_to_cog"], y, 0.0]) + car["cog_height"] * up
+    # Its lower edge stands on the road.
+    body[2] += abs(np.sin(roll)) * car["half_size"][1]
+    body[3], body[6], body[8] = np.sin(roll / 2), np.cos(roll / 2), drift
+    return body
+
+
+@pytest.mark.parametrize("gap", [0.005, 0.01, 0.02, 0.03])
+def test_one_that_brakes_is_hit_by_one_as_fast(twice, gap):
+    length = 2.0 * CAR["half_size"][0]
+    pair = twice(("passenger", (0.0, 0.0), 20.0), ("passenger", (length + gap, 0.0), 20.0))
+    apart, touched = pair.step([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    assert touched
+    assert apart < 1e-9
+
+
+@pytest.mark.parametrize("first", [0, 1], ids=["the bus first", "the car first"])
+def test_a_bus_on_its_side_reaches_as_far_as_it_is_high(twice, first):
+    height = BUS["cog_height"] + BUS["box_height"] + BUS["half_size"][2]
+    beside = -(height + CAR["half_size"][1] + 0.2)
+    vehicles = [("bus", (0.0, 0.0), 0.0, np.pi / 2, -4.0), ("passenger", (0.0, beside), 0.0)]
+    apart, touched = twice(vehicles[first], vehicles[1 - first]).step()
+    assert touched
+    assert apart < 1e-9
+
+
+def test_two_buses_that_roll_meet_with_their_roofs(twice):
+    roll = np.radians(15.0)
+    height = BUS["cog_height"] + BUS["box_height"] + BUS["half_size"][2]
+    roofs = 2.0 * (height * np.sin(roll) + BUS["half_size"][1] * np.cos(roll))
+    pair = twice(
+        ("bus", (0.0, roofs + 0.2), 0.0, roll, -4.0),
+        ("bus", (0.0, 0.0), 0.0, -roll, 0.0),
+    )
+    apart, touched = pair.step()
+    assert touched
+    assert apart < 1e-9
+
+
+@pytest.mark.parametrize("far", [0, 1, 2])
+def test_any_two_of_three_may_meet(twice, far):
+    places = [(0.0, 0.0), (5.0, 0.0)]
+    places.insert(far, (0.0, 300.0))
+    trio = twice(*(("passenger", place, 10.0 if place == (0.0, 0.0) else 0.0) for place in places))
+    apart, touched = trio.step()
+    assert touched
+    assert apart < 1e-9
+
+
+def test_overhang_by_hand():
+    """A roof 3 m above the road hangs over by half of that at 30 degrees, half the width comes on top."""
+    with Fleet(1, 1) as fleet:
+        fleet.spawn(0, "bus", (0.0, 0.0), 0.0)
+        fleet.put_body(0, tilted(BUS, 0.0, 0.0, np.radians(30.0), 0.0))
+        assert fleet.motion.overhang[0] == pytest.approx(0.5 * (3.0 + 0.5 * 2.55))
+        fleet.step(np.zeros((1, 3)))
+        x, y = fleet.body(0)[3:5]
+        upright = 1.0 - 2.0 * (x * x + y * y)
+        assert abs(upright - np.cos(np.radians(30.0))) > 1e-3
+        assert fleet.motion.overhang[0] == pytest.approx(np.sqrt(1.0 - upright**2) * (3.0 + 0.5 * 2.55))

@@ -1,0 +1,238 @@
+"""What the vehicle provider gives to Bullet as boxes, and whom it tells of touches there."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.dynamics import vehicle
+from smarts.types.actions import CommandMode
+from smarts.types.vehicles import Owner, VehicleKind
+from tests.vehicle_stage import MISSION, ego
+from tests.worlds import Car
+
+
+def leave_nobody_out(driven):
+    """Let a stage give Bullet everybody but the vehicle in slot 0, which is its own, in every step."""
+    boxed, alive = driven.vehicles._boxed, driven.world.vehicles.alive
+
+    def find(in_bullet, rows):
+        boxed[:, 1:] = alive[:, 1:]
+        return True
+
+    driven.vehicles._find_touchable = find
+
+
+def boxes(driven):
+    """Return the keys of the boxes in Bullet."""
+    return list(driven.vehicles.fleet._worlds[0]._boxes)
+
+
+def replace(driven, slot):
+    """Put another vehicle of the same size into a slot."""
+    roster, vehicles = driven.made.ownership.rosters[0], driven.world.vehicles
+    length, width = vehicles.length[0, slot], vehicles.width[0, slot]
+    roster.dismiss(slot)
+    assert roster.admit("another", Owner.TRAFFIC, VehicleKind.PASSENGER, length, width) == slot
+
+
+class TestNobodyIsLeftOut:
+    """The same step with and without boxes for those who are far away."""
+
+    def last_step(self, stage, body, place, kind, brake, everybody):
+        """Return the poses of a step that begins beside another vehicle, and whether Bullet kept them apart.
+
+        Args:
+            stage: Makes the stage.
+            body: What the vehicle's body is to be a step before, by index as `layout.BODY_SIZE` says.
+            place: Centre of the other, which is as fast, when the step begins, seen from the vehicle's [m].
+            kind: Of the vehicle.
+            brake: Its command in that step.
+            everybody: Whether nobody is left out of Bullet.
+        """
+        of_type, speed = vehicle(kind.name.lower()), 20.0 if brake else 0.0
+        own = Car(
+            50.0, 0.0, speed=speed, mission=MISSION, kind=kind, length=of_type.length, width=of_type.width
+        )
+        driven = stage([own, Car(500.0, 0.0, length=5.0, width=2.0)])
+        if everybody:
+            leave_nobody_out(driven)
+        driven.step()
+        moved = driven.vehicles.fleet.body(0)
+        for index, value in body.items():
+            moved[index] = value
+        driven.vehicles.fleet.put_body(0, moved)
+        driven.step()
+        vehicles = driven.world.vehicles
+        vehicles.position[0, 1] = vehicles.position[0, 0] + place
+        vehicles.speed[0, 1] = vehicles.speed[0, 0]
+        driven.actuate(brake=brake)
+        tracks = driven.step()
+        return tracks.poses[0, 0].copy(), tracks.touched[0, 0, 1] > 0
+
+    def check(self, stage, body, place, kind=VehicleKind.PASSENGER, brake=0.0):
+        poses, _ = self.last_step(stage, body, place, kind, brake, everybody=False)
+        others, touched = self.last_step(stage, body, place, kind, brake, everybody=True)
+        assert touched
+        assert poses == pytest.approx(others, abs=1e-9)
+
+    def test_who_brakes(self, stage):
+        # By 3 cm or so, when its nose has not dived yet.
+        self.check(stage, {}, (-(4.508 + 5.0) / 2 - 0.01, 0.0), brake=1.0)
+
+    def test_who_slides(self, stage):
+        # At some 15 m/s to the left.
+        self.check(stage, {8: 16.0}, (0.0, (1.61 + 2.0) / 2 + 1.1))
+
+    def test_who_spins(self, stage):
+        # About along the road again when the last step begins, whose corner then swings out by 0.8 m.
+        body = {5: math.sin(-0.23), 6: math.cos(-0.23), 12: 5.0}
+        self.check(stage, body, (0.0, (1.61 + 2.0) / 2 + 0.55))
+
+    def test_who_lies_on_the_side(self, stage):
+        # To the left; the roof, 3 m from the footprint's centre, slides towards the other.
+        half = math.sqrt(0.5)
+        body = {1: -0.82, 2: 1.28, 3: -half, 4: 0.0, 5: 0.0, 6: half, 8: 3.0}
+        self.check(stage, body, (0.0, 3.0 + 1.0 + 0.1), kind=VehicleKind.BUS)
+
+
+class TestBoxesGo:
+    def test_with_the_vehicle(self, stage):
+        driven = stage([ego(20.0, speed=10.0), Car(27.0, 0.0, speed=10.0)])
+        driven.step(3)
+        assert len(boxes(driven)) == 1
+        driven.made.ownership.rosters[0].dismiss(1)
+        driven.step(20)
+        assert boxes(driven) == []
+        assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(43.0, abs=0.5)
+
+    def test_at_the_episodes_end(self, stage):
+        """A vehicle 1 m away may not be touched, unless it was about to be before."""
+        driven = stage([ego(20.0, speed=0.0), Car(26.0, 0.0)])
+        driven.step()
+        assert boxes(driven) == []
+        driven.world.vehicles.position[0, 1, 0] = 25.2
+        driven.step()
+        assert len(boxes(driven)) == 1
+        driven.vehicles.reset(driven.world, driven.all)
+        driven.world.vehicles.position[0, 1, 0] = 26.0
+        driven.step()
+        assert boxes(driven) == []
+
+    def pushed(self, stage, slot):
+        """Return the motion of a vehicle that was pushed by one in slot 1, then by another one in a slot."""
+        driven = stage([ego(20.0, speed=8.0), Car(26.0, 0.0), Car(400.0, 0.0)])
+        vehicles = driven.world.vehicles
+        driven.actuate(throttle=0.5)
+        driven.step(12)
+        assert len(boxes(driven)) == 1
+        if slot == 1:
+            replace(driven, slot)
+        vehicles.position[0, 1:3, 0] = 400.0
+        vehicles.position[0, slot, 0] = vehicles.position[0, 0, 0] + 4.9
+        vehicles.speed[0, slot] = -5.0
+        driven.step(4)
+        return driven.vehicles.fleet.body(0)
+
+    def test_when_another_takes_the_slot(self, stage):
+        """Bullet remembers where two bodies touched; one that is new has touched nobody."""
+        same_slot, other_slot = self.pushed(stage, 1), self.pushed(stage, 2)
+        assert same_slot[7] < 0.0
+        assert same_slot.tolist() == other_slot.tolist()
+
+
+class TestTouches:
+    """Bodies that dive touch before their footprints do; whoever was pushed has been touched."""
+
+    def drive_up(self, stage, speed, gap, kind=VehicleKind.PASSENGER, mission=None):
+        """Brake fully towards a standing car; return the first touch, and how fast that was pushed."""
+        length, other = vehicle(kind.name.lower()).length, vehicle("passenger").length
+        back = Car(50.0, 0.0, speed=speed, kind=kind, length=length, mission=MISSION)
+        driven = stage([back, Car(50.0 + (length + other) / 2 + gap, 0.0, length=other, mission=mission)])
+        driven.actuate(brake=1.0)
+        pushed, first = 0.0, None
+        for _ in range(25):
+            tracks = driven.step()
+            if first is None and tracks.touched.any():
+                first = tracks.touched.copy(), tracks.touch_speed.copy()
+            pushed = max(pushed, abs(driven.world.vehicles.speed[0, 1]))
+        return first, pushed
+
+    @pytest.mark.parametrize("kind", [VehicleKind.PASSENGER, VehicleKind.BUS])
+    def test_whoever_is_pushed_has_touched(self, stage, kind):
+        touched = 0
+        for gap in np.arange(1.0, 11.0, 0.5):
+            first, pushed = self.drive_up(stage, 11.0, gap, kind, MISSION)
+            assert (first is not None) == (pushed > 0.02), gap
+            touched += first is not None
+            if first is not None:
+                told, speeds = first
+                # Each of the two was touched by the other, in the same sub-step.
+                assert 1 <= told[0, 0, 1] == told[0, 1, 0] <= 10
+                assert not told[0, 0, [0, *range(2, told.shape[2])]].any()
+                assert 0.0 <= speeds[0, 0, 1] == speeds[0, 1, 0] <= 11.1
+        assert 5 < touched < 20
+
+    def test_traffic_is_touched_too(self, stage):
+        first, _ = self.drive_up(stage, 12.0, 3.0)
+        told, speeds = first
+        assert told[0, 0, 1] > 0
+        # Braking at some 8 m/s^2 over 3 m.
+        assert speeds[0, 0, 1] == pytest.approx(math.sqrt(12.0**2 - 2 * 8.0 * 3.0), abs=1.0)
+
+    def test_the_next_step_has_forgotten(self, stage):
+        driven = stage([Car(50.0, 0.0, speed=10.0, mission=MISSION), Car(56.0, 0.0, mission=MISSION)])
+        steps = []
+        for _ in range(20):
+            tracks = driven.step()
+            steps.append(bool(tracks.touched.any()))
+            assert not tracks.touch_speed[tracks.touched == 0].any()
+        assert any(steps)
+        assert not steps[0]
+        assert not steps[-1]
+
+    @pytest.mark.parametrize(("kind", "length"), [(VehicleKind.TRUCK, 7.1), (VehicleKind.COACH, 14.0)])
+    def test_bodies_are_as_long_as_others_see_them(self, stage, kind, length):
+        """SUMO's trucks and coaches are not as long as those that agents' are driven like."""
+        driven = stage([Car(50.0, 0.0, speed=2.0, kind=kind, length=length, mission=MISSION), Car(62.0, 0.0)])
+        place = driven.world.vehicles.position[0]
+        for _ in range(40):
+            driven.actuate(throttle=0.1)
+            if driven.step().touched[0, 0, 1]:
+                break
+        assert place[1, 0] - place[0, 0] == pytest.approx((length + 5.0) / 2, abs=0.1)
+
+    def test_who_is_told_where_to_be_is_touched_too(self, stage):
+        """One goes by poses, and is a box to the other, who runs into it."""
+        driven = stage([ego(20.0, speed=10.0), ego(26.0, speed=0.0)])
+        driven.actuate(seat=0)
+        driven.commands.mode[0, 1] = CommandMode.PLACE
+        driven.commands.poses[0, 1] = 26.0, 0.0, 0.0, 0.0
+        while not (tracks := driven.step()).touched.any():
+            assert driven.world.vehicles.position[0, 0, 0] < 26.0
+        assert tracks.touched[0, 0, 1] == tracks.touched[0, 1, 0] > 0
+        assert tracks.touch_speed[0, :2, :2].tolist() == [
+            [0.0, pytest.approx(10.0, abs=0.2)],
+            [pytest.approx(10.0, abs=0.2), 0.0],
+        ]
+
+    @pytest.mark.parametrize("lag", [0.0, 0.35, 0.7])
+    def test_who_turns_past_a_standing_vehicle_does_not_touch_it(self, stage, lag):
+        """A bus on a circle of 14 m at 6 m/s, and a car beside the way of its outer corners, 10 cm off."""
+        radius, rate = 14.0, 6.0 / 14.0
+
+        def pose(time):
+            angle = rate * time
+            return 60.0 + radius * math.sin(angle), radius - radius * math.cos(angle), angle
+
+        x, y, turned = pose(1.0 + lag)
+        corners = math.hypot(radius + 2.5 / 2, 12.0 / 2)
+        out = corners - radius + 0.1 + 1.8 / 2
+        car = Car(x + out * math.sin(turned), y - out * math.cos(turned), turned, mission=MISSION)
+        driven = stage([car, Car(*pose(0.0)[:2], 0.0, 6.0, kind=VehicleKind.BUS, length=12.0, width=2.5)])
+        vehicles = driven.world.vehicles
+        vehicles.yaw_rate[0, 1] = rate
+        driven.actuate(brake=1.0)
+        for step in range(1, 25):
+            assert not driven.step().touched.any()
+            *vehicles.position[0, 1], vehicles.heading[0, 1] = pose(0.1 * step)
