@@ -88,9 +88,9 @@ def build(
 @app.command()
 def show(
     scenarios: Names = None,
-    out: Annotated[Path, typer.Option(help="Picture to write; the suffix chooses the format.")] = Path(
-        "scenario.png"
-    ),
+    out: Annotated[
+        Path, typer.Option(help="Picture to write, its folder too; the suffix chooses the format.")
+    ] = Path("scenario.png"),
     everything: Annotated[bool, typer.Option("--all", help="Draw the whole suite on one sheet.")] = False,
     traffic: Traffic = None,
     seconds: Annotated[

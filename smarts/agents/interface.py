@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
@@ -74,6 +75,7 @@ def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[
 
     def decorate(cls: type[Made]) -> type[Made]:
         construct = cls.__init__
+        known = [*inspect.signature(construct).parameters][1:]
 
         @functools.wraps(construct)
         def initialise(self: Made, *values: Any, **named: Any) -> None:
@@ -84,6 +86,13 @@ def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[
                     place=cls.__name__,
                     remedy=f"{twice[0]!r} is the old name of the same field: leave it out",
                 )
+            for name in named:
+                if name not in known and name not in old_names:
+                    raise InterfaceError(
+                        f"there is no field {name!r}",
+                        place=cls.__name__,
+                        remedy=nearest_names(name, [*known, *old_names]),
+                    )
             construct(self, *values, **{old_names.get(name, name): value for name, value in named.items()})
 
         cls.__init__ = initialise

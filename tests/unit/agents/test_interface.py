@@ -125,6 +125,7 @@ def test_interfaces_travel():
         ({"tyre_model": "pacejca"}, "pacejka"),
         ({"flat_tyres": (4,)}, "front left"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
+        ({"max_steps": 5}, "no field 'max_steps'\n  remedy: did you mean 'max_episode_steps'"),
         ({"max_episode_steps": math.nan}, "max_episode_steps is nan"),
         ({"max_episode_steps": 1.5}, "give a whole number from 1"),
         ({"max_episode_steps": 10**30}, "give a whole number from 1"),

@@ -324,3 +324,5 @@ def test_start_variations_are_checked():
     for wrong in ({"offset": -1}, {"speed": (2, 1)}, {"speed": (-1, 1)}):
         with pytest.raises(ValueError, match="must"):
             t.StartVariation(**wrong)
+    with pytest.raises(ValueError, match="3 is not a pair of speeds"):
+        t.StartVariation(speed=3)

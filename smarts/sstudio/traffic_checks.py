@@ -1,0 +1,159 @@
+"""Checks the traffic that a scenario describes against its map; see `smarts.sstudio.validation`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from smarts.errors import nearest_names
+from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.checks import Checks, shown
+from smarts.sstudio.placement import lane_of, route_edges, usable_lanes
+from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
+from smarts.types.vehicles import VehicleKind
+
+ENGINES = ("SUMO", "SMARTS")
+VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind)
+DEPART_SPEEDS = ("max", "desired", "random", "speedLimit", "avg", "last")
+LARGEST = 1e6
+"""The largest value of what has no other bound, so that nothing overflows in SUMO."""
+LATEST = 1e9
+"""The latest time [s]."""
+LONGEST_WARM_UP = 3600.0
+"""The longest warm-up, which every reset simulates [s]."""
+HIGHEST_RATE = 36_000.0
+"""The highest rate of a flow [vehicles/h]: one in each step of 0.1 s, far more than a road takes."""
+
+
+@dataclass(frozen=True)
+class TrafficChecks(Checks):
+    """Checks of flows and trips; see `Checks`."""
+
+    roads: LaneGraph
+
+    def traffic(self, traffic: t.Traffic, where: str) -> None:
+        """Require traffic that SUMO can drive."""
+        self.type(traffic, t.Traffic, where)
+        self.choice(traffic.engine, ENGINES, f"{where}.engine")
+        self.number(traffic.warm_up, f"{where}.warm_up", most=LONGEST_WARM_UP)
+        for at, flow in self.listed(traffic.flows, f"{where}.flows"):
+            self._flow(flow, at)
+        seen: dict[str, str] = {}
+        for at, trip in self.listed(traffic.trips, f"{where}.trips"):
+            self._trip(trip, at)
+            earlier = seen.setdefault(trip.vehicle_name, at)
+            self.require(
+                earlier == at,
+                f"{at}.vehicle_name",
+                f"{earlier} has the name {trip.vehicle_name!r}, too",
+                "give every trip a name of its own",
+            )
+
+    def _flow(self, flow: t.Flow, where: str) -> None:
+        self.type(flow, t.Flow, where)
+        self.number(flow.rate, f"{where}.rate", most=HIGHEST_RATE)
+        self.number(flow.begin, f"{where}.begin", most=LATEST)
+        self.number(flow.end, f"{where}.end", most=LATEST)
+        self.order(flow.begin, flow.end, f"{where}.end", "begin")
+        self._weights(flow.actors, f"{where}.actors")
+        for actor in flow.actors:
+            self._actor(actor, f"{where}.actors[{actor.name!r}]")
+        self._vehicle_route(flow.route, flow.actors, flow.stops, where)
+
+    def _weights(self, actors: Mapping[t.TrafficActor, float], where: str) -> None:
+        self.type(actors, dict, where)
+        self.require(bool(actors), where, "the flow has no actors", "give actors={TrafficActor('car'): 1}")
+        for actor, weight in actors.items():
+            self.type(actor, t.TrafficActor, f"{where} key")
+            self.name(actor.name, f"{where} key.name")
+            self.number(weight, f"{where}[{actor.name!r}]", most=1e9)
+        self.require(sum(actors.values()) > 0, where, "the weights sum to zero", "give one a weight above 0")
+
+    def _trip(self, trip: t.Trip, where: str) -> None:
+        self.type(trip, t.Trip, where)
+        self.name(trip.vehicle_name, f"{where}.vehicle_name")
+        self.require(
+            bool(trip.vehicle_name) and sumo_id(trip.vehicle_name) == trip.vehicle_name,
+            f"{where}.vehicle_name",
+            f"{trip.vehicle_name!r} is not a vehicle's name",
+            "use letters, digits and the signs - _ . only",
+        )
+        self.number(trip.depart, f"{where}.depart", most=LATEST)
+        self._actor(trip.driver, f"{where}.actor")
+        self._vehicle_route(trip.route, [trip.driver], trip.stops, where)
+
+    def _vehicle_route(
+        self,
+        route: t.Route | t.RandomRoute,
+        actors: Iterable[t.TrafficActor],
+        stops: Sequence[t.Stop],
+        where: str,
+    ) -> None:
+        self.own_map(route, f"{where}.route")
+        kinds = frozenset.intersection(*(usable_lanes(actor.vehicle_type) for actor in actors))
+        edges = None
+        if isinstance(route, t.Route):
+            edges = route_edges(self.roads, route, self.at(f"{where}.route"), kinds)
+        for at, stop in self.listed(stops, f"{where}.stops"):
+            self._stop(stop, edges, at)
+
+    def own_map(self, route: t.Route | t.RandomRoute, where: str) -> None:
+        """Require a route, on the scenario's map."""
+        self.type(route, (t.Route, t.RandomRoute), where)
+        if isinstance(route, t.Route):
+            for at, edge in self.listed(route.via, f"{where}.via"):
+                self.type(edge, str, at)
+        self.require(
+            route.map_spec is None,
+            f"{where}.map_spec",
+            "a route cannot be on a map of its own",
+            "leave it out: routes are on the scenario's map",
+        )
+
+    def _stop(self, stop: t.Stop, edges: tuple[str, ...] | None, where: str) -> None:
+        self.type(stop, t.Stop, where)
+        lane_of(self.roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where))
+        self.number(stop.duration, f"{where}.duration", most=LATEST)
+        self.number(stop.length, f"{where}.length", above=0, most=LARGEST)
+        if edges is None:
+            raise self.error(where, "a random route cannot have stops", "use a Route")
+        if stop.road_id not in edges:
+            problem = f"the route does not pass edge '{stop.road_id}'"
+            raise self.error(f"{where}.road_id", problem, nearest_names(stop.road_id, edges))
+
+    def _actor(self, actor: t.TrafficActor, where: str) -> None:
+        self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")
+        for name in ("accel", "decel", "emergency_decel", "max_speed"):
+            self.number(getattr(actor, name), f"{where}.{name}", above=0, most=LARGEST)
+        self.number(actor.tau, f"{where}.tau", above=0, most=LARGEST)
+        self.number(actor.sigma, f"{where}.sigma", most=1)
+        for name in ("speed", "imperfection", "min_gap"):
+            self._distribution(getattr(actor, name), f"{where}.{name}")
+        if isinstance(actor.depart_speed, str):
+            self.choice(actor.depart_speed, DEPART_SPEEDS, f"{where}.depart_speed")
+        else:
+            self.number(actor.depart_speed, f"{where}.depart_speed", most=LARGEST)
+        ignored = ignored_models(actor)
+        models = (("lane_changing_model", LANE_CHANGING), ("junction_model", JUNCTIONS))
+        for name, known in models:
+            model = getattr(actor, name)
+            self.type(model, t.TrafficModel, f"{where}.{name}")
+            for attribute, value in () if model in ignored else model.items():
+                self.choice(attribute, known, f"{where}.{name}")
+                if not known[attribute].holds(value):
+                    problem = f"{attribute}={shown(value)} is not {known[attribute]}"
+                    raise self.error(f"{where}.{name}", problem, f"use {known[attribute]}")
+
+    def _distribution(self, value: Any, where: str) -> None:
+        self.type(value, (t.Distribution, t.UniformDistribution, t.TruncatedDistribution), where)
+        if isinstance(value, t.Distribution):
+            self.number(value.mean, f"{where}.mean", most=LARGEST)
+            self.number(value.sigma, f"{where}.sigma", most=LARGEST)
+            return
+        for name in ("a", "b"):
+            self.number(getattr(value, name), f"{where}.{name}", least=-LARGEST, most=LARGEST)
+        if isinstance(value, t.TruncatedDistribution):
+            self.number(value.loc, f"{where}.loc", least=-LARGEST, most=LARGEST)
+            self.number(value.scale, f"{where}.scale", most=LARGEST)
