@@ -4,7 +4,8 @@ Copies of a library are files of their own, so the kernel keeps the code of each
 simulations that take turns push each other's code out of the processor's caches: with eight copies of
 libsumo that costs a fifth of the time (`perf/traffic.py`). Their code is the same, byte by byte, for it is
 position-independent and the loader writes only into data. So every copy's code pages are mapped from one
-file instead, and caches, which go by physical address, hold them once. The data of the copies stay apart.
+file instead, and caches, which go by physical address, hold them once. So are its constants: of a copy only
+the data stay, which are apart, and the rest of its file is freed.
 """
 
 from __future__ import annotations
@@ -13,41 +14,74 @@ import ctypes
 import mmap
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 _MAP_FIXED = 0x10
 _FAILED = ctypes.c_void_p(-1).value
-_CODE = "r-xp"
+_KEEP_SIZE, _PUNCH_HOLE = 1, 2
+_PROTECTIONS = {"r": mmap.PROT_READ, "w": mmap.PROT_WRITE, "x": mmap.PROT_EXEC}
 
 
-def share_code(copy: Path, original: Path) -> None:
-    """Let a loaded library run the code of a file with the same content.
+class Mapping(NamedTuple):
+    """A stretch of this process' memory that was mapped from a file."""
 
-    Where the system does not let it, the library goes on with its own, which is only slower.
+    begin: int
+    end: int
+    offset: int
+    """In the file."""
+    access: str
+    """As in /proc/self/maps: `r-xp`."""
+
+
+def share_code(copy: int, original: Path) -> None:
+    """Let a library that has just been loaded use the code and constants of a file with the same content.
+
+    Where the system does not let it, the library goes on with its own, which is slower and takes more memory.
 
     Args:
-        copy: The library's file.
+        copy: Descriptor of the library's file, of which nothing but this library is left.
         original: The other file.
     """
-    call = ctypes.CDLL(None).mmap
-    call.restype = ctypes.c_void_p
-    call.argtypes = [ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long]
-    file = os.open(original, os.O_RDONLY)
-    try:
-        for begin, end, offset in code_of(copy):
-            protection, flags = mmap.PROT_READ | mmap.PROT_EXEC, mmap.MAP_PRIVATE | _MAP_FIXED
-            # One call puts the new pages in the place of the old ones, so it does not matter who runs there.
-            if call(begin, end - begin, protection, flags, file, offset) == _FAILED:
-                return
-    finally:
-        os.close(file)
+    with open(original, "rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ) as whole:
+        own = [part for part in mappings_of(copy) if not _replaced(part, file.fileno(), whole)]
+        kept = [(part.offset, part.offset + part.end - part.begin) for part in own]
+        _free_all_but(copy, sorted(kept), len(whole))
 
 
-def code_of(library: Path) -> list[tuple[int, int, int]]:
-    """Return where the code of a file is in this process: begin, end, and offset in the file."""
-    found = []
+def mappings_of(file: int) -> list[Mapping]:
+    """Return what is mapped of an open file in this process."""
+    found, inode = [], os.fstat(file).st_ino
     for line in Path("/proc/self/maps").read_text().splitlines():
-        span, access, offset, _, _, *path = line.split(maxsplit=5)
-        if access == _CODE and path == [str(library)]:
+        span, access, offset, _, number, *_ = line.split(maxsplit=5)
+        if int(number) == inode:
             begin, end = span.split("-")
-            found.append((int(begin, 16), int(end, 16), int(offset, 16)))
+            found.append(Mapping(int(begin, 16), int(end, 16), int(offset, 16), access))
     return found
+
+
+def _replaced(part: Mapping, original: int, whole: mmap.mmap) -> bool:
+    """Map the same part of the original in the place of a copy's, unless something was written there."""
+    library = ctypes.CDLL(None)
+    library.memcmp.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t]
+    library.mmap.restype = ctypes.c_void_p
+    library.mmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long]
+    size = part.end - part.begin
+    if "x" not in part.access:
+        content = whole[part.offset : part.offset + size]
+        if library.memcmp(part.begin, content, len(content)) != 0:
+            return False
+    protection = sum(bit for sign, bit in _PROTECTIONS.items() if sign in part.access)
+    flags = mmap.MAP_PRIVATE | _MAP_FIXED
+    # One call puts the new pages in the place of the old ones, so it does not matter who runs there.
+    return library.mmap(part.begin, size, protection, flags, original, part.offset) != _FAILED
+
+
+def _free_all_but(file: int, kept: list[tuple[int, int]], size: int) -> None:
+    """Give the room of a file back but for some stretches, if its file system can."""
+    library = ctypes.CDLL(None)
+    library.fallocate.argtypes = [ctypes.c_int, ctypes.c_int, ctypes.c_long, ctypes.c_long]
+    begin = 0
+    for first, last in [*kept, (size, size)]:
+        if first > begin:
+            library.fallocate(file, _PUNCH_HOLE | _KEEP_SIZE, begin, first - begin)
+        begin = max(begin, last)

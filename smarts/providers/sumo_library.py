@@ -1,24 +1,20 @@
 """Independent copies of libsumo: one library holds one simulation, so each simulation gets its own.
 
-The loader takes two files with different inodes for two libraries. A copy is therefore one file, SUMO's
-extension module, in a folder of its own under the user's cache; the libraries that it needs and the Python
-side of the package stay where they are installed. All processes of a user share the copies and only read
-them; in a process all copies run the same pages of code (`shared_code`). Threads gain nothing: libsumo holds
-the interpreter's lock.
+The loader takes two files with different inodes for two libraries. A copy is therefore an anonymous file with
+SUMO's extension module, and nothing of it stays on disk; the libraries that it needs and the Python side of
+the package stay where they are installed. All copies run the same pages of code (`shared_code`), so that each
+takes some 4 MB. Threads gain nothing: libsumo holds the interpreter's lock.
 """
 
 from __future__ import annotations
 
+import ctypes
 import errno
-import fcntl
-import hashlib
 import importlib
-import importlib.metadata
+import importlib.machinery
 import importlib.util
 import os
 import re
-import shutil
-import stat
 import sys
 import tempfile
 import threading
@@ -27,7 +23,7 @@ import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from smarts.errors import TrafficError
 from smarts.providers.shared_code import share_code
@@ -37,7 +33,8 @@ SYSTEM_PACKAGES = "libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1"
 
 _SUMO_ERRORS = {"TraCIException", "FatalTraCIError", "RuntimeError"}
 
-_EXTENSION = "_libsumo.so"
+_MODULE = "_libsumo"
+_EXTENSION = f"{_MODULE}.so"
 _USED_UP = (errno.EMFILE, errno.ENFILE)
 _FILE = "/proc/self/fd/{}"
 _INPUTS = ("--net-file", "--route-files", "--additional-files")
@@ -272,25 +269,77 @@ def _domain(extension: types.ModuleType, name: str) -> Any:
 def _load(index: int) -> types.ModuleType:
     """Import copy `index`; a copy once loaded stays loaded, since no extension module can be unloaded."""
     name = f"_smarts_libsumo_{index}"
+    known = sys.modules.get(f"{name}.{_MODULE}")
+    if known is not None:
+        return known
     installed = _installed_package("libsumo")
-    is_new = name not in sys.modules
-    if is_new:
-        _point_to_projections()
-        package = types.ModuleType(name)
-        package.__path__ = [str(_copy_of_extension(index, installed)), str(installed)]
-        sys.modules[name] = package
+    _point_to_projections()
+    package = types.ModuleType(name)
+    package.__path__ = [str(installed)]
+    sys.modules[name] = package
     try:
-        # The Python side registers the classes of results and errors with the extension.
-        importlib.import_module(f"{name}.libsumo")
-        extension = importlib.import_module(f"{name}._libsumo")
-    except ImportError as error:
+        with _copied(installed / _EXTENSION) as copy:
+            # Copies have no folder beside which to look for the libraries they need, but take those loaded.
+            ctypes.CDLL(str(installed / _EXTENSION))
+            extension = _imported(f"{name}.{_MODULE}", _name_of(copy.fileno(), index))
+            setattr(package, _MODULE, extension)
+            # The Python side registers the classes of results and errors with the extension.
+            importlib.import_module(f"{name}.libsumo")
+            share_code(copy.fileno(), installed / _EXTENSION)
+    except BaseException as error:
+        for part in (name, f"{name}.{_MODULE}", f"{name}.libsumo"):
+            sys.modules.pop(part, None)
+        if not isinstance(error, ImportError | OSError):
+            raise
         raise TrafficError(
             f"libsumo does not load: {error}",
             remedy=f"install the system's libraries: apt-get install -y {SYSTEM_PACKAGES}",
         ) from error
-    if is_new:
-        share_code(Path(extension.__file__ or ""), installed / _EXTENSION)
     return extension
+
+
+def _imported(name: str, path: str) -> types.ModuleType:
+    """Import an extension module from a file of any name."""
+    loader = importlib.machinery.ExtensionFileLoader(name, path)
+    module = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, loader, origin=path))
+    sys.modules[name] = module
+    loader.exec_module(module)
+    return module
+
+
+def _name_of(descriptor: int, index: int) -> str:
+    """Return a name of an open file that no copy had before: the loader takes those of one name for one.
+
+    Descriptors are used again, so the copy's number is in the name, too: a slash for each 0, "./" for each 1.
+    """
+    number = "".join("./" if digit == "1" else "/" for digit in f"{index:b}")
+    return f"/proc/self/{number}fd/{descriptor}"
+
+
+def _copied(original: Path) -> IO[bytes]:
+    """Return a new file without a name that has the content of another.
+
+    Raises:
+        TrafficError: There is no room.
+    """
+    try:
+        file = os.fdopen(os.memfd_create(original.name), "wb")
+    except OSError:
+        file = tempfile.TemporaryFile()  # noqa: SIM115
+    try:
+        with open(original, "rb") as source:
+            size = os.fstat(source.fileno()).st_size
+            done = 0
+            while done < size:
+                done += os.sendfile(file.fileno(), source.fileno(), done, size - done)
+    except OSError as error:
+        file.close()
+        raise TrafficError(
+            f"libsumo cannot be copied: {error.strerror or error}",
+            place=str(original),
+            remedy="simulate fewer worlds in this process, or leave it more memory",
+        ) from error
+    return file
 
 
 def _installed_package(name: str) -> Path:
@@ -306,86 +355,3 @@ def _point_to_projections() -> None:
     if not os.environ.get("PROJ_LIB") and not os.environ.get("PROJ_DATA"):
         data = str(_installed_package("sumo_data") / "data" / "proj")
         os.environ["PROJ_LIB"] = os.environ["PROJ_DATA"] = data
-
-
-def _copy_of_extension(index: int, installed: Path) -> Path:
-    """Return the folder of copy `index`, made now if need be, also when several processes ask at once."""
-    original = installed / _EXTENSION
-    family = _cache_folder() / _family(original)
-    folder = family / str(index)
-    copy = folder / _EXTENSION
-    if _is_whole(copy, original):
-        return folder
-    try:
-        _copy_whole(original, family, copy)
-    except OSError as error:
-        raise TrafficError(
-            f"libsumo cannot be copied: {error.strerror or error}",
-            place=str(folder),
-            remedy="make room there, or set XDG_CACHE_HOME to another place",
-        ) from error
-    return folder
-
-
-def _copy_whole(original: Path, family: Path, copy: Path) -> None:
-    """Make one copy, unless another process has just made it."""
-    copy.parent.mkdir(parents=True, exist_ok=True)
-    # The lock dies with its process, so a killed copy leaves at most a partial file that the next one
-    # overwrites.
-    with open(family / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        # The extension looks for its libraries in ../libsumo.libs.
-        libraries = family / "libsumo.libs"
-        if not libraries.is_symlink():
-            libraries.symlink_to(original.parents[1] / "libsumo.libs")
-        if not _is_whole(copy, original):
-            partial = family / "partial"
-            try:
-                shutil.copyfile(original, partial)
-                os.replace(partial, copy)
-            finally:
-                partial.unlink(missing_ok=True)
-
-
-def _is_whole(copy: Path, original: Path) -> bool:
-    return copy.exists() and copy.stat().st_size == original.stat().st_size
-
-
-def _family(original: Path) -> str:
-    """Return a folder name that changes with the installation, so that no copy outlives its libraries."""
-    state = original.stat()
-    identity = f"{original.resolve()}|{state.st_size}|{state.st_mtime_ns}"
-    version = importlib.metadata.version("libsumo")
-    return f"libsumo-{version}-{hashlib.blake2b(identity.encode(), digest_size=4).hexdigest()}"
-
-
-def _cache_folder() -> Path:
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    folder = Path(home) / "smarts-bench"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    return _private_temporary_folder()
-
-
-def _private_temporary_folder() -> Path:
-    """Return a folder of this user's under the common one for temporary files.
-
-    Native code is loaded from it, so nobody else may have made it or be able to write to it.
-
-    Raises:
-        TrafficError: Somebody else may.
-    """
-    folder = Path(tempfile.gettempdir()) / f"smarts-bench-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    state = folder.lstat()
-    if not stat.S_ISDIR(state.st_mode) or state.st_uid != os.getuid() or state.st_mode & 0o022:
-        raise TrafficError(
-            "the folder for copies of libsumo belongs to somebody else, or others may write to it",
-            place=str(folder),
-            remedy="remove it, or set XDG_CACHE_HOME to a folder of your own",
-        )
-    return folder

@@ -1,4 +1,4 @@
-"""Copies of libsumo: independent, shared between processes, made by several at once."""
+"""Copies of libsumo: independent, in processes of all kinds, and none stays on disk."""
 
 import contextlib
 import errno
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from smarts.errors import TrafficError
-from smarts.providers import sumo_library
+from smarts.providers import shared_code, sumo_library
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.sstudio.failures import named
 
@@ -158,65 +158,81 @@ def test_child_processes_compute_the_same(country, method):
 
 
 ASK = """
-import sys
+import os
 from smarts.providers.sumo_library import SumoLibrary
-from smarts.sstudio.failures import named
-libraries = [SumoLibrary() for _ in range(2)]
+libraries = [SumoLibrary() for _ in range(4)]
 print([library.index for library in libraries])
+names = [os.path.realpath(f"/proc/self/fd/{name}") for name in os.listdir("/proc/self/fd")]
+print(sum("libsumo" in name for name in names))
 """
 
 
-def ask(cache: Path) -> subprocess.Popen:
-    """Start a process that uses two copies out of a cache folder."""
-    environment = {**os.environ, "XDG_CACHE_HOME": str(cache)}
-    return subprocess.Popen(
-        [sys.executable, "-c", ASK],
-        env=environment,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+def ask(script: str, **environment: str) -> tuple[str, str]:
+    """Return what a process says, and its errors."""
+    command = [sys.executable, "-c", script]
+    ran = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True)
+    return ran.stdout, ran.stderr
+
+
+def test_copies_leave_nothing_behind(tmp_path):
+    assert ask(ASK, XDG_CACHE_HOME=str(tmp_path), TMPDIR=str(tmp_path)) == ("[0, 1, 2, 3]\n0\n", "")
+    assert list(tmp_path.rglob("*")) == []
+
+
+def test_a_copy_keeps_only_its_data(monkeypatch):
+    """Of 29 MB: what was written to."""
+    kept = []
+
+    def share_code(copy, original):
+        shared_code.share_code(copy, original)
+        mapped = sum(part.end - part.begin for part in shared_code.mappings_of(copy))
+        kept.append((mapped, os.fstat(copy).st_blocks * 512))
+
+    monkeypatch.setattr(sumo_library, "share_code", share_code)
+    SumoLibrary(99).close()
+    assert min(kept[0]) > 0
+    assert max(kept[0]) < 2e6
+
+
+def test_without_anonymous_memory_files_unnamed_ones_serve(country, tmp_path):
+    files = country.road()
+    expected = run(files.net, files.routes[0])
+    script = (
+        "import os, errno; from smarts.providers import sumo_library as s; make = os.memfd_create\n"
+        "def refuse(name):\n"
+        "    if 'libsumo' in name: raise OSError(errno.ENOSYS, 'Function not implemented')\n"
+        "    return make(name)\n"
+        "os.memfd_create = refuse\n"
+        "from tests.unit.providers.test_sumo_library import run; import sys\n"
+        f"print(run({str(files.net)!r}, {str(files.routes[0])!r}))"
     )
-
-
-def copies(cache: Path) -> list[Path]:
-    return sorted(cache.rglob("_libsumo.so"))
-
-
-@pytest.mark.slow
-def test_eight_processes_fill_the_cache_at_once(tmp_path):
-    processes = [ask(tmp_path) for _ in range(8)]
-    for process in processes:
-        printed, errors = process.communicate(timeout=120)
-        assert (printed.strip(), errors) == ("[0, 1]", "")
-    assert len(copies(tmp_path)) == 2
-    assert not list(tmp_path.rglob("partial"))
-
-
-def test_what_a_killed_process_left_is_replaced(tmp_path):
-    assert ask(tmp_path).communicate(timeout=60)[0].strip() == "[0, 1]"
-    first, second = copies(tmp_path)
-    whole = first.stat().st_size
-    first.write_bytes(second.read_bytes()[:1000])
-    second.unlink()
-    (first.parents[1] / "partial").write_bytes(b"half")
-    assert ask(tmp_path).communicate(timeout=60)[0].strip() == "[0, 1]"
-    assert [copy.stat().st_size for copy in copies(tmp_path)] == [whole, whole]
+    assert ask(script, TMPDIR=str(tmp_path), PYTHONPATH=os.pathsep.join(sys.path)) == (f"{expected}\n", "")
+    assert list(tmp_path.rglob("*")) == []
 
 
 def test_what_does_not_load_names_the_packages_to_install(tmp_path):
-    ask(tmp_path).communicate(timeout=60)
-    for copy in copies(tmp_path):
-        copy.write_bytes(b"\0" * copy.stat().st_size)
-    errors = ask(tmp_path).communicate(timeout=60)[1]
+    (tmp_path / "libsumo").mkdir()
+    (tmp_path / "libsumo" / "__init__.py").touch()
+    (tmp_path / "libsumo" / "_libsumo.so").write_bytes(b"\0" * 1000)
+    errors = ask(ASK, PYTHONPATH=os.pathsep.join([str(tmp_path), *sys.path]))[1]
     assert "libsumo does not load" in errors
     assert "apt-get install -y libgl1 libx11-6" in errors
 
 
-def test_without_a_cache_folder_the_temporary_one_serves(tmp_path, monkeypatch):
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    monkeypatch.setattr(sumo_library.tempfile, "gettempdir", lambda: str(tmp_path))
-    assert sumo_library._cache_folder() == tmp_path / f"smarts-bench-{os.getuid()}"
+def test_no_room_for_a_copy(monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    held = [SumoLibrary()]
+    before = len(os.listdir("/proc/self/fd"))
+    monkeypatch.setattr(os, "sendfile", full)
+    with pytest.raises(TrafficError, match="libsumo cannot be copied: No space left on device"):
+        held += [SumoLibrary() for _ in range(64)]
+    monkeypatch.undo()
+    assert len(os.listdir("/proc/self/fd")) == before
+    later = SumoLibrary()
+    for library in (*held, later):
+        library.close()
 
 
 def test_maps_with_a_projection_load_in_silence(country):
@@ -245,17 +261,3 @@ def test_a_closed_library_refuses_to_work(country):
         library.start(options)
     with pytest.raises(TrafficError, match="closed"), library.errors("failed"):
         library.simulation.step(0.0)
-
-
-def test_a_temporary_folder_that_others_may_write_to_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(sumo_library.tempfile, "gettempdir", lambda: str(tmp_path))
-    folder = sumo_library._private_temporary_folder()
-    assert folder.stat().st_mode & 0o077 == 0
-    folder.chmod(0o777)
-    with pytest.raises(TrafficError, match="others may write"):
-        sumo_library._private_temporary_folder()
-    folder.rmdir()
-    (tmp_path / "elsewhere").mkdir()
-    folder.symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(TrafficError, match="somebody else"):
-        sumo_library._private_temporary_folder()
