@@ -44,7 +44,7 @@ def write_artefacts(
         MapError: The map is broken.
     """
     scenario, seed = description.scenario, description.seed
-    shared = like is not None and not damaged_file(like, thorough=True)
+    shared = like is not None and not damaged_file(like)
     map_notes = _share(like, folder) if like is not None and shared else _compile(source, folder)
     roads = LaneGraph.load(folder / LANES)
     validate(scenario, roads, place)

@@ -49,7 +49,7 @@ class BuiltScenario:
             with named_failures("reading the built scenario", str(self.directory / name)):
                 return read(self.directory / name)
         except SmartsError as error:
-            damaged = damaged_file(self.directory, thorough=True)
+            damaged = damaged_file(self.directory)
             if damaged is None:
                 raise
             with contextlib.suppress(OSError):

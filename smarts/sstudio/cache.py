@@ -102,7 +102,7 @@ class BuildCache:
                 raise
 
     def artefacts(self, key: str) -> Path | None:
-        """Return the folder of the artefacts under `key`, if they are there and of the right sizes."""
+        """Return the folder of the artefacts under `key`, if they are there as they were built."""
         folder = self.root / key
         with contextlib.suppress(OSError):
             if time.time() - folder.stat().st_mtime > _DAY:
@@ -158,18 +158,16 @@ def file_table(folder: Path) -> dict[str, list[Any]]:
     return {file.relative_to(folder).as_posix(): [file.stat().st_size, file_hash(file)] for file in files}
 
 
-def damaged_file(folder: Path, *, thorough: bool = False) -> str | None:
+def damaged_file(folder: Path) -> str | None:
     """Return the name of an artefact that is not as it was built, None if all are.
 
-    Args:
-        folder: The folder of the artefacts.
-        thorough: Whether to compare hashes, too, and not only sizes.
+    Hashes are compared, too: that takes 1.5 ms a megabyte, at most 6 ms for a scenario of the suite.
     """
     try:
         table = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
         for name, (size, content) in table.items():
             file = folder / name
-            if file.stat().st_size != size or (thorough and file_hash(file) != content):
+            if file.stat().st_size != size or file_hash(file) != content:
                 return name
     except OSError as error:
         return Path(error.filename or MANIFEST).name

@@ -43,7 +43,7 @@ class TestDamage:
     def test_every_damage_is_found(self, tmp_path, name, damage):
         (tmp_path / "a").write_text("a" * 1000)
         (tmp_path / "manifest.json").write_text(json.dumps({"files": file_table(tmp_path)}))
-        assert damaged_file(tmp_path, thorough=True) is None
+        assert damaged_file(tmp_path) is None
         DAMAGES[damage](tmp_path / name)
         assert damaged_file(tmp_path) == name
 
@@ -53,7 +53,16 @@ class TestDamage:
         (tmp_path / "manifest.json").write_text(manifest)
         assert damaged_file(tmp_path) == "manifest.json"
 
-    def test_damage_of_equal_size_is_found_when_it_is_read_and_mended_next_time(self, built_folder):
+    def test_damage_of_equal_size_is_mended_at_the_next_start(self, built_folder):
+        directory = build_scenario(built_folder).directory
+        for name in ("map.net.xml", "traffic/through.rou.xml"):
+            whole = (directory / name).read_bytes()
+            (directory / name).write_bytes(whole.replace(b"from_west", b"from_wset"))
+            assert damaged_file(directory) == name
+            build_scenario(built_folder)
+            assert (directory / name).read_bytes() == whole
+
+    def test_damage_that_is_done_later_is_found_when_it_is_read_and_mended_next_time(self, built_folder):
         folder = built_folder
         built = build_scenario(folder)
         lanes = built.directory / "lanes.npz"
