@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import io
+import os
 import sys
+from typing import NoReturn
 
 import typer
 
@@ -48,8 +52,25 @@ def _smarts_bench() -> None:
 
 def main() -> None:
     """Run the command line; what the user can mend is one message and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # Names of files may have letters that the terminal has not.
+            stream.reconfigure(errors="backslashreplace")
     try:
         app()
     except (SmartsError, AlgorithmError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(SmartsError.exit_code)
+        _fail(str(error))
+    except OSError as error:
+        # Those of files have their names.
+        if error.errno != errno.ENOSPC or error.filename is not None:
+            raise
+        # What is still to be written would fail once more when Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _fail(
+            "the output cannot be written: there is no room left\n  remedy: make room, or write it elsewhere"
+        )
+
+
+def _fail(message: str) -> NoReturn:
+    print(f"error: {message}", file=sys.stderr)
+    sys.exit(SmartsError.exit_code)

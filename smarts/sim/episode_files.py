@@ -170,7 +170,7 @@ class RecordedEpisode:
         if name not in self._tables:
             path = self.folder / f"{name}.parquet"
             try:
-                read = pq.read_table(path, page_checksum_verification=True)
+                read = _read(path)
             except FileNotFoundError as error:
                 raise RecordError(
                     f"there is no table '{name}' of a recorded episode",
@@ -234,6 +234,16 @@ def _arrow_table(table: Table, rows: Rows) -> pa.Table:
             values = np.asarray(values).astype(column.kind)
         columns.append(pa.array(values, field.type))
     return pa.Table.from_arrays(columns, schema=schema)
+
+
+def _read(path: Path) -> pa.Table:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        # Arrow takes no names that are not UTF-8, as those of other times and places.
+        with path.open("rb") as file:
+            return pq.read_table(file, page_checksum_verification=True)
+    return pq.read_table(path, page_checksum_verification=True)
 
 
 def _plain(column: pa.ChunkedArray) -> NDArray:

@@ -116,3 +116,14 @@ def test_bad_input_ends_in_one_message_and_exit_code_2(tiny, arguments, said):
     assert said in result.stderr
     assert "Traceback" not in result.stderr
     assert not list(Path(tiny).glob("*.bmpx"))
+
+
+def test_output_that_cannot_be_written_is_told():
+    command = [sys.executable, "-c", "from benchmark.cli import main; main()", "scenario", "list"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: the output cannot be written: there is no room left")
+    assert "Traceback" not in done.stderr

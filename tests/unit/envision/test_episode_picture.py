@@ -137,6 +137,17 @@ def test_what_is_damaged_is_told_from_what_is_not_there(episode, tmp_path):
     assert missing.remedy.startswith("bring the file back")
 
 
+def test_names_that_are_not_utf8(episode, tmp_path):
+    store = tmp_path / os.fsdecode(b"epis\xf6der")
+    shutil.copytree(episode.folder.parent, store)
+    out = store / "a.png"
+    code = "from benchmark.cli import main; main()"
+    command = [sys.executable, "-c", code, "render", store / episode.folder.name, "--out", out]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert r"epis\udcf6der/a.png: 2.0 s" in done.stdout
+    assert out.exists()
+
+
 def test_a_png(episode, tmp_path):
     for arguments in ((), ("--at", 0.5, "--width", 400)):
         out = tmp_path / "moment.png"
