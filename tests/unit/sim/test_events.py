@@ -384,6 +384,18 @@ def test_a_line_at_the_very_end_of_its_lane():
     assert crossed(goal_s=79.9).step((-9.0, -1.6)) == Event.REACHED_GOAL
 
 
+def test_a_line_at_the_very_end_where_roads_meet_at_an_angle():
+    # Left of the middle of a left bend one is on the next road before one has passed the end of the last.
+    turn = math.radians(30.0)
+    far = 100.0 + 80.0 * math.cos(turn), 80.0 * math.sin(turn)
+    graph = graph_of({"first": Road([(0, 0), (100, 0)]), "second": Road([(100, 0), far])})
+    mission = SeatMission(goal=GoalKind.LANE_LINE, goal_lane=0, goal_s=100.0)
+    stage = Stage([Car(98.6, 0.9, mission=mission)], graph=graph)
+    assert not stage.step((99.2, 0.9)) & Event.REACHED_GOAL
+    assert stage.step((99.7, 1.0, turn)) & Event.REACHED_GOAL
+    assert stage.world.vehicles.lane[0, 0] == 1
+
+
 def test_a_line_left_behind_at_the_end_of_its_road():
     stage = crossed(goal_s=78.5)
     assert stage.step((-9.0, -1.6)) == Event.MISSED_GOAL
