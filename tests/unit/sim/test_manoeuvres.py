@@ -10,6 +10,7 @@ from smarts.agents import AgentInterface
 from smarts.errors import ScenarioError
 from smarts.roads.scene import Scene
 from smarts.sim.assembly import assemble
+from smarts.sim.gaps import least_gap, may_follow
 from smarts.sim.manoeuvres import Manoeuvres
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_described
@@ -117,6 +118,9 @@ class TestCutIn:
             # One ahead in its own lane.
             (10.0, [other(100.0), other(127.0, lane=0)], True),
             (10.0, [other(100.0), other(125.0, lane=0)], False),
+            (10.0, [other(100.0), Car(127.4, 0.0, 0.0, 10.0, length=12.0)], False),
+            # One that comes towards it is nobody to follow.
+            (10.0, [other(100.0), Car(130.5, 3.2, math.pi)], True),
         ],
     )
     def test_goes_over_only_where_nobody_must_brake_hard(self, own, others, goes):
@@ -150,6 +154,12 @@ class TestCutIn:
         assert plan.plan((127.0, 1.5)).speed == pytest.approx(math.sqrt(2.25 + 3.0 * 6.0) - 1.5)
         plan.made.world.vehicles.speed[0, 2] = 20.0
         assert plan.plan((127.0, 1.5)).speed == pytest.approx(11.0)
+
+    def test_waits_for_one_that_is_no_longer_beside(self):
+        plan = cutting_in(100.0, other(100.0), lanes=3)
+        assert plan.speed == pytest.approx(17.5)
+        plan.plan((100.0, 0.0), (100.0, 6.4))
+        assert (plan.phase, plan.speed) == (APPROACH, pytest.approx(SPEED))
 
     def test_begins_nothing_inside_junctions(self):
         graph = dataclasses.replace(maps.straight(2, 400.0), is_internal=np.ones(2, np.bool_))
@@ -187,6 +197,21 @@ class TestCutIn:
     def test_begins_anew_far_off_the_curve(self):
         plan = cutting_in(115.0, other(100.0), lanes=4)
         assert plan.plan((130.0, 9.0)).phase == FREE
+
+
+@pytest.mark.parametrize(
+    ("speed", "closing", "gap"),
+    [
+        (0.0, 0.0, 1.0),
+        (10.0, 0.0, 6.0),
+        (10.0, 10.0, (2.0 + 10.0 + 100.0 / math.sqrt(6.0)) / 2.0),
+        (5.0, -10.0, 1.0),  # from one that drives away it keeps half of 2 m
+    ],
+)
+def test_gaps_in_which_one_brakes_as_hard_as_may_be(speed, closing, gap):
+    assert least_gap(speed, closing) == pytest.approx(gap)
+    assert may_follow(speed, speed - closing, gap + max(closing, 0.0) + 0.01, 1.0)
+    assert not may_follow(speed, speed - closing, gap + max(closing, 0.0) - 0.01, 1.0)
 
 
 def turning(x, *others, radius=50.0, speed=3.0, before=0.0, lanes=3):
