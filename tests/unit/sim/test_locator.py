@@ -88,6 +88,15 @@ def test_remaining_is_to_the_goal():
     assert seats.remaining[0, 0] == 0.0
 
 
+def test_who_is_put_back_has_more_to_drive():
+    mission = SeatMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=150.0)
+    made = world_of([Car(139.0, 0.0, mission=mission)], maps=[straight(lanes=1, length=200.0)])
+    made.advance()
+    made.world.vehicles.position[0, 0, 0] = 40.0
+    made.locate()
+    assert made.world.seats.remaining[0, 0] == pytest.approx(110.0)
+
+
 def test_off_the_route_progress_stays_as_it_was():
     made = world_of([Car(-50.0, -1.6, mission=EAST)], maps=[crossing()])
     seats = made.world.seats
