@@ -43,20 +43,29 @@ def share_code(copy: int, original: Path) -> None:
         original: The other file.
     """
     with open(original, "rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ) as whole:
-        own = [part for part in mappings_of(copy) if not _replaced(part, file.fileno(), whole)]
+        mapped = mappings_of(copy)
+        if not mapped:
+            return
+        own = [part for part in mapped if not _replaced(part, file.fileno(), whole)]
         kept = [(part.offset, part.offset + part.end - part.begin) for part in own]
         _free_all_but(copy, sorted(kept), len(whole))
 
 
 def mappings_of(file: int) -> list[Mapping]:
     """Return what is mapped of an open file in this process."""
-    found, inode = [], os.fstat(file).st_ino
+    found, status = [], os.fstat(file)
     for line in Path("/proc/self/maps").read_text().splitlines():
-        span, access, offset, _, number, *_ = line.split(maxsplit=5)
-        if int(number) == inode:
+        span, access, offset, device, number, *_ = line.split(maxsplit=5)
+        # Files of other systems may have the same number.
+        if int(number) == status.st_ino and _device_of(device) == status.st_dev:
             begin, end = span.split("-")
             found.append(Mapping(int(begin, 16), int(end, 16), int(offset, 16), access))
     return found
+
+
+def _device_of(numbers: str) -> int:
+    major, minor = numbers.split(":")
+    return os.makedev(int(major, 16), int(minor, 16))
 
 
 def _replaced(part: Mapping, original: int, whole: mmap.mmap) -> bool:

@@ -170,6 +170,11 @@ class SumoLibrary:
         os.close(net)
 
 
+def _is_used_up(error: BaseException) -> bool:
+    """Return whether the system says that no more files may be opened."""
+    return isinstance(error, OSError) and error.errno in _USED_UP
+
+
 @contextmanager
 def _descriptors(place: str) -> Iterator[None]:
     """Say what is wrong where the process may open no more files.
@@ -180,7 +185,7 @@ def _descriptors(place: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in _USED_UP:
+        if not _is_used_up(error):
             raise
         raise TrafficError(
             f"SUMO cannot start: {error.strerror}",
@@ -232,7 +237,7 @@ class _Files:
             try:
                 self.inputs[name] = os.open(name, os.O_RDONLY | os.O_CLOEXEC)
             except OSError as error:
-                if error.errno in _USED_UP:
+                if _is_used_up(error):
                     raise
                 return name
         return _FILE.format(self.inputs[name])
@@ -289,7 +294,7 @@ def _load(index: int) -> types.ModuleType:
     except BaseException as error:
         for part in (name, f"{name}.{_MODULE}", f"{name}.libsumo"):
             sys.modules.pop(part, None)
-        if not isinstance(error, ImportError | OSError):
+        if not isinstance(error, ImportError | OSError) or _is_used_up(error):
             raise
         raise TrafficError(
             f"libsumo does not load: {error}",
@@ -324,7 +329,9 @@ def _copied(original: Path) -> IO[bytes]:
     """
     try:
         file = os.fdopen(os.memfd_create(original.name), "wb")
-    except OSError:
+    except OSError as error:
+        if _is_used_up(error):
+            raise
         file = tempfile.TemporaryFile()  # noqa: SIM115
     try:
         with open(original, "rb") as source:
@@ -334,6 +341,8 @@ def _copied(original: Path) -> IO[bytes]:
                 done += os.sendfile(file.fileno(), source.fileno(), done, size - done)
     except OSError as error:
         file.close()
+        if _is_used_up(error):
+            raise
         raise TrafficError(
             f"libsumo cannot be copied: {error.strerror or error}",
             place=str(original),

@@ -118,14 +118,25 @@ def test_forgotten_simulations_give_their_files_back(country):
     assert len(os.listdir("/proc/self/fd")) == before
 
 
-def test_who_may_open_no_more_files_is_told(country):
-    files, library = country.road(), SumoLibrary()
+@contextlib.contextmanager
+def no_more_files():
+    """Let this process open no more files; yield descriptors, each of which makes room if closed."""
     limits, filled = resource.getrlimit(resource.RLIMIT_NOFILE), []
     resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 20, limits[1]))
     try:
         with contextlib.suppress(OSError):
             while True:
                 filled.append(os.open(os.devnull, os.O_RDONLY))
+        yield filled
+    finally:
+        for descriptor in filled:
+            os.close(descriptor)
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+def test_who_may_open_no_more_files_is_told(country):
+    files, library = country.road(), SumoLibrary()
+    with no_more_files() as filled:
         for _ in range(2):
             with pytest.raises(TrafficError, match="Too many open files") as caught:
                 library.start(["--net-file", str(files.net), *OPTIONS], "here")
@@ -133,13 +144,31 @@ def test_who_may_open_no_more_files_is_told(country):
             assert caught.value.remedy.startswith("close environments")
             assert named(NO_FOLDER, "it", "").remedy == caught.value.remedy
             os.close(filled.pop())
-    finally:
-        for descriptor in filled:
-            os.close(descriptor)
-        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
     assert named(NO_FOLDER, "it", "").problem == "it failed: No usable temporary folder"
     library.start(["--net-file", str(files.net), *OPTIONS])
     library.close()
+
+
+def test_who_may_open_no_more_files_is_told_wherever_a_copy_fails():
+    made, told = [], []
+    with no_more_files() as filled:
+        while not made:
+            try:
+                made.append(SumoLibrary(98))
+            except TrafficError as error:
+                told.append(error)
+                os.close(filled.pop())
+    made[0].close()
+    assert len(told) > 1
+    assert all("SUMO cannot start: Too many open files" in str(error) for error in told)
+
+
+def test_a_file_of_another_system_with_the_number_of_a_copy_is_left_alone(monkeypatch):
+    copy = os.memfd_create("copy")
+    line = f"1000-2000 r-xp 00000000 fe:01 {os.fstat(copy).st_ino} /usr/lib/libother.so\n"
+    monkeypatch.setattr(Path, "read_text", lambda _: line)
+    assert shared_code.mappings_of(copy) == []
+    os.close(copy)
 
 
 @pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
