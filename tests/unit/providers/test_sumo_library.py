@@ -223,6 +223,19 @@ def test_a_copy_keeps_only_its_data(monkeypatch):
     assert max(kept[0]) < 2e6
 
 
+def test_room_between_segments_is_not_read(tmp_path):
+    """Linkers for large pages leave it, and the loader lets nobody read it."""
+    (tmp_path / "original").write_bytes(b"content" * 1000)
+    script = (
+        "import mmap, os; from pathlib import Path; from smarts.providers.shared_code import *\n"
+        f"original = Path({str(tmp_path / 'original')!r}); copy = os.memfd_create('copy')\n"
+        "os.write(copy, original.read_bytes())\n"
+        "room = mmap.mmap(copy, 4096, mmap.MAP_PRIVATE, prot=0)\n"
+        "print([part.access for part in mappings_of(copy)]); share_code(copy, original); print('shared')\n"
+    )
+    assert ask(script) == ("['---p']\nshared\n", "")
+
+
 def test_without_anonymous_memory_files_unnamed_ones_serve(country, tmp_path):
     files = country.road()
     expected = run(files.net, files.routes[0])
