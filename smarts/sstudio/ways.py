@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 
 import numpy as np
+import shapely
 
 from smarts.roads.lane_graph import LaneGraph
 
@@ -28,12 +29,13 @@ def leads_back_beside(roads: LaneGraph, lane: int, s: float, back: int) -> bool:
     there = slice(roads.point_start[back], roads.point_start[back + 1])
     ahead = roads.point_s[here] >= min(s, roads.point_s[here][-1])
     points, others = roads.point_xy[here][ahead], roads.point_xy[there]
-    distances = np.linalg.norm(points[:, None] - others[None], axis=2)
-    nearest = distances.argmin(axis=1)
+    tree = shapely.STRtree(shapely.points(others))  # pyright: ignore[reportArgumentType]
+    nearest = tree.nearest(shapely.points(points))
+    distances = np.linalg.norm(points - others[nearest], axis=1)
     turn = np.cos(roads.point_heading[here][ahead] - roads.point_heading[there][nearest])
     # Who is nearest to an end of the other lane may be before or behind it.
     between = (nearest > 0) & (nearest < len(others) - 1)
-    return bool((between & (turn <= OPPOSITE) & (distances.min(axis=1) <= FARTHEST_BESIDE)).any())
+    return bool((between & (turn <= OPPOSITE) & (distances <= FARTHEST_BESIDE)).any())
 
 
 def _out_of_junction(roads: LaneGraph, lane: int, onward: Callable[[int], Iterable[int]]) -> set[str]:
