@@ -185,7 +185,7 @@ class Rewards:
         chosen = given_weights(weights)
         if discount is not None:
             chosen = dataclasses.replace(chosen, discount=discount)
-        if not isinstance(chosen.discount, int | float) or not 0.0 <= chosen.discount <= 1.0:
+        if not isinstance(chosen.discount, int | float | np.floating) or not 0.0 <= chosen.discount <= 1.0:
             raise ScenarioError(
                 f"the discount is {chosen.discount!r}", place="reward", remedy="give the learner's, in [0, 1]"
             )

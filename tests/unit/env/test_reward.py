@@ -247,6 +247,7 @@ def test_the_discount_may_be_the_learners():
     one.rewards = Rewards(one.served, reward_weights(time=0.0), discount=0.9)
     one._settle(ROUTE)
     assert one.decide(100.0) == pytest.approx(0.9 * -0.5 + 1.0)
+    Rewards(one.served, "benchmark", discount=np.float32(0.9))
     with pytest.raises(ScenarioError, match=r"1\.5"):
         Rewards(one.served, "benchmark", discount=1.5)
 
