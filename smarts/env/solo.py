@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from gymnasium.spaces import Space
+from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.options import InterfaceError
@@ -253,7 +253,7 @@ class SoloWorld:
         if name in self._checked:
             return
         space = self.observation_spaces[name]
-        if not space.contains(seen):
+        if not _is_in(space, seen):
             raise InterfaceError(
                 f"the observation adapter of agent {name!r} returns what is not in its space: {seen!r}",
                 place="AgentSpec.observation_space",
@@ -300,6 +300,17 @@ def as_row(rewards: Mapping[str, Any], columns: Mapping[str, int]) -> tuple[NDAr
             row[0, columns[name]] = reward
             is_number[0, columns[name]] = True
     return row, is_number
+
+
+def _is_in(space: Space, seen: Any) -> bool:
+    """Return whether a space has an observation, whose numbers may be more precise than the space's."""
+    if isinstance(space, Dict) and isinstance(seen, dict):
+        spaces = space.spaces
+        return seen.keys() == spaces.keys() and all(_is_in(spaces[name], seen[name]) for name in spaces)
+    if isinstance(space, Box) and isinstance(seen, np.ndarray):
+        are_floats = seen.dtype.kind == space.dtype.kind == "f"
+        seen = seen.astype(space.dtype) if are_floats else seen
+    return space.contains(seen)
 
 
 def check_names(actions: Mapping[str, Any], known: Iterable[str]) -> None:

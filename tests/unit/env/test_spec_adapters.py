@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Dict, Discrete
 
 from smarts.agents import ActionSpaceType, AgentSpec
 from smarts.agents.options import InterfaceError
@@ -91,6 +91,18 @@ def test_an_observation_adapter_needs_a_space():
     spec = AgentSpec(interface=PLAIN, observation_adapter=speed)
     with pytest.raises(InterfaceError, match="'a' has an observation adapter"):
         hiway_parallel_env(["loop"], {"a": spec})
+
+
+def test_observations_may_be_more_precise_than_their_space(closing):
+    """NumPy's arrays are, and spaces of Gymnasium are not, unless told."""
+    space = Dict({"speed": Box(-1.0, 100.0, (1,))})
+    spec = AgentSpec(
+        interface=PLAIN,
+        observation_adapter=lambda seen: {"speed": np.array([seen.ego_vehicle_state.speed])},
+        observation_space=space,
+    )
+    observations, _ = closing(hiway_parallel_env(["loop"], {"a": spec})).reset()
+    assert observations["a"]["speed"].dtype == np.float64
 
 
 @pytest.mark.parametrize("wrong", [None, np.zeros(2, np.float32), np.array([np.nan], np.float32), 3.0])
