@@ -72,16 +72,17 @@ class BulletWorld:
 
     Args:
         bodies: Motion of all vehicles of all simulations, shape (E, 13); rows of this world's bodies are
-            written.
+            read when they come in and are put, and written by sub-steps.
         dt: Sub-step [s].
     """
 
     def __init__(self, bodies: NDArray[np.float64], dt: float) -> None:
+        self._bodies = bodies
         self._motion = bodies.reshape(-1).data.cast("B")
         self._dt = dt
         self._client = pybullet.connect(pybullet.DIRECT)
         self._close = weakref.finalize(self, pybullet.disconnect, self._client)
-        self.clear()
+        self._begin()
 
     def close(self) -> None:
         """Free the world; its bodies are gone."""
@@ -89,6 +90,12 @@ class BulletWorld:
 
     def clear(self) -> None:
         """Remove every body, and with them all that Bullet remembers of the past."""
+        self._newcomers.clear()
+        if self._shapes:
+            self._begin()
+
+    def _begin(self) -> None:
+        """Empty the world; that takes as long as a step, so one that nobody has come into is left alone."""
         client = self._client
         # By keyword: its first positional argument is flags, and a client given there resets client 0.
         pybullet.resetSimulation(physicsClientId=client)
@@ -97,41 +104,49 @@ class BulletWorld:
         # Without it the order of contacts, and so the last bits, depend on memory addresses.
         pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=client)
         self._shapes: dict[tuple[float, ...], int] = {}
+        self._newcomers: dict[int, NDArray[np.void]] = {}
         self._egos: dict[int, int] = {}
         self._boxes: dict[int, tuple[int, tuple[float, ...]]] = {}
         self._egos_in_order: list[tuple[int, int]] = []
 
-    def add(self, row: int, car: NDArray[np.void], motion: NDArray[np.float64]) -> None:
-        """Put a vehicle into the world.
+    def add(self, row: int, car: NDArray[np.void]) -> None:
+        """Let a vehicle into the world, where `bodies` says it is when Bullet is first asked of it.
+
+        To make a body takes as long as to move one for three steps, and most episodes are over before Bullet
+        is asked.
 
         Args:
             row: Of the vehicle in `bodies`.
             car: Its record of `layout.PARAMETERS`.
-            motion: Shape (13,).
         """
+        self._newcomers[row] = car
+
+    def _let_in(self) -> None:
+        """Make the bodies of those who have come."""
+        for row, car in self._newcomers.items():
+            self._make(row, car)
+        self._newcomers.clear()
+        self._egos_in_order = sorted(self._egos.items())
+
+    def _make(self, row: int, car: NDArray[np.void]) -> None:
         offset = (-float(car["centre_to_cog"]), 0.0, float(car["box_height"]))
         shape = self._shape(tuple(map(float, car["half_size"])), offset)
         body = self._body(shape, float(car["mass"]), tuple(map(float, car["inertia"])), EGO, EGO | BOX)
-        pybullet.resetBasePositionAndOrientation(
-            body, motion[0:3].tolist(), motion[3:7].tolist(), self._client
-        )
-        pybullet.resetBaseVelocity(body, motion[7:10].tolist(), motion[10:13].tolist(), self._client)
+        pose = self._bodies[row, :7].tolist()
+        pybullet.resetBasePositionAndOrientation(body, pose[:3], pose[3:], self._client)
         self._egos[row] = body
-        self._egos_in_order = sorted(self._egos.items())
 
     def remove(self, row: int) -> None:
         """Take a vehicle out of the world."""
+        if self._newcomers.pop(row, None) is not None:
+            return
         pybullet.removeBody(self._egos.pop(row), self._client)
         self._egos_in_order = sorted(self._egos.items())
 
-    def put(self, bodies: NDArray[np.float64]) -> None:
-        """Put the vehicles where they have come to without Bullet.
-
-        Args:
-            bodies: Motion of all vehicles of all simulations, shape (E, 13).
-        """
+    def put(self) -> None:
+        """Put the vehicles where they have come to without Bullet."""
         for row, body in self._egos_in_order:
-            pose = bodies[row, :7].tolist()
+            pose = self._bodies[row, :7].tolist()
             pybullet.resetBasePositionAndOrientation(body, pose[:3], pose[3:], self._client)
 
     def place_boxes(self, boxes: Mapping[int, Box]) -> None:
@@ -142,6 +157,8 @@ class BulletWorld:
                 removed. Boxes keep their velocity through the sub-steps.
         """
         client = self._client
+        if boxes and self._newcomers:
+            self._let_in()
         for key in self._boxes.keys() - boxes.keys():
             pybullet.removeBody(self._boxes.pop(key)[0], client)
         for key, box in boxes.items():
@@ -165,6 +182,8 @@ class BulletWorld:
         Args:
             velocities: Linear and angular velocity by row, nested lists of shape (E, 2, 3).
         """
+        if self._newcomers:
+            self._let_in()
         client, motion = self._client, self._motion
         set_velocity = pybullet.resetBaseVelocity
         read_pose, read_velocity = pybullet.getBasePositionAndOrientation, pybullet.getBaseVelocity

@@ -181,7 +181,7 @@ class Fleet:
         self._bodies[row] = layout.settled_body(car, position, heading, speed, yaw_rate, self._road[row, 4:8])
         self._model[row] = MODELS.index(model)
         if model == "bullet":
-            self._worlds[row // self._egos].add(row, car, self._bodies[row])
+            self._worlds[row // self._egos].add(row, car)
         self._index()
         self._poses[row] = *position, heading
         self._velocity[row] = speed, yaw_rate * car["cog_to_rear_axle"]
@@ -261,7 +261,7 @@ class Fleet:
         world.remove(row)
         self._bodies[row] = body
         self._overhang[row] = single_track.overhang(self._cars[row], body)
-        world.add(row, self._cars[row], body)
+        world.add(row, self._cars[row])
 
     def place_boxes(self, simulation: int, boxes: Mapping[int, Box]) -> None:
         """Say which road users that others drive egos of a simulation can hit from now on.
@@ -360,7 +360,7 @@ class Fleet:
         may_touch = self._company[simulation]
         numbers = np.unique(simulation[may_touch])
         for number in numbers[self._outdated[numbers]].tolist():
-            self._worlds[number].put(self._bodies)
+            self._worlds[number].put()
         self._outdated[simulation] = ~may_touch
         return rows[~may_touch], rows[may_touch], [self._worlds[number] for number in numbers.tolist()]
 

@@ -266,12 +266,14 @@ def settled_body(
         plane: Unit normal and distance from the origin [m], shape (4,).
     """
     up, offset = plane[:3], plane[3]
-    forward = np.array([math.cos(heading), math.sin(heading), 0.0])
-    forward[2] = -(up @ forward) / up[2]
-    forward /= np.linalg.norm(forward)
-    left = np.cross(up, forward)
+    ux, uy, uz = up.tolist()
+    fx, fy = math.cos(heading), math.sin(heading)
+    fz = -(ux * fx + uy * fy) / uz
+    forward = np.array([fx, fy, fz]) / math.sqrt(fx * fx + fy * fy + fz * fz)
+    fx, fy, fz = forward.tolist()
+    left = np.array([uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx])
     x, y = position
-    ground = np.array([x, y, (offset - up[0] * x - up[1] * y) / up[2]])
+    ground = np.array([x, y, (offset - ux * x - uy * y) / uz])
     body = np.zeros(BODY_SIZE)
     body[0:3] = ground + car["centre_to_cog"] * forward + car["cog_height"] * up
     # Quaternion of the rotation with these columns; its angle stays below pi for every road that can be

@@ -46,7 +46,7 @@ def fly(start, seconds, dt):
     bodies = np.zeros((1, layout.BODY_SIZE))
     bodies[0] = start
     world = BulletWorld(bodies, dt)
-    world.add(0, layout.pack("passenger", "pacejka"), bodies[0])
+    world.add(0, layout.pack("passenger", "pacejka"))
     for _ in range(round(seconds / dt)):
         world.substep([[bodies[0, 7:10].tolist(), bodies[0, 10:13].tolist()]])
     world.close()
@@ -172,8 +172,8 @@ class TestTouches:
         boxes = {7: box} if box else {}
         if box_first:
             world.place_boxes(boxes)
-        for row, motion in enumerate(motions):
-            world.add(row, layout.pack("passenger", "pacejka"), motion)
+        for row in range(len(motions)):
+            world.add(row, layout.pack("passenger", "pacejka"))
         world.place_boxes(boxes)
         velocities = motions[:, 7:].reshape(-1, 2, 3).tolist()
         world.substep(velocities)

@@ -29,7 +29,7 @@ def test_a_tumbling_body_moves_as_in_bullet(name, spin):
     ours[0, 10:13] *= spin / np.linalg.norm(ours[0, 10:13])
     bullets = ours.copy()
     world = BulletWorld(bullets, 0.01)
-    world.add(0, car, bullets[0])
+    world.add(0, car)
     for _ in range(100):
         push = rng.normal(0, 0.05, (2, 3))
         world.substep([(bullets[0, 7:].reshape(2, 3) + push).tolist()])
@@ -43,7 +43,7 @@ def test_bullet_and_we_limit_the_same_velocities():
     bodies = np.zeros((2, layout.BODY_SIZE))
     bodies[:, 6] = 1.0
     world = BulletWorld(bodies, 0.01)
-    world.add(1, car, bodies[1])
+    world.add(1, car)
     velocity = np.array([[400.0, -300.0, 20.0], [0.0, 0.0, 250.0]])
     world.substep([velocity.tolist()] * 2)
     integrate(car, bodies[0], velocity, 0.01)
