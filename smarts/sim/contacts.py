@@ -183,6 +183,8 @@ def _held_apart(
 
     Sub-steps count from 0; it is -1 if Bullet did not.
     """
+    if touched[row, seat, other] == 0:
+        return -1, 0.0
     # Who has come into the slot within the step was not there.
     if before.alive[row, other] and before.generation[row, other] == now.generation[row, other]:
         return touched[row, seat, other] - 1, touch_speed[row, seat, other]
