@@ -61,13 +61,14 @@ def main() -> None:
     except (SmartsError, AlgorithmError) as error:
         _fail(str(error))
     except OSError as error:
-        # Those of files have their names.
+        # What says where is told by whoever wrote there; an open file that is written to says nothing.
         if error.errno != errno.ENOSPC or error.filename is not None:
             raise
         # What is still to be written would fail once more when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         _fail(
-            "the output cannot be written: there is no room left\n  remedy: make room, or write it elsewhere"
+            "the output cannot be written: no room is left where it goes, or on the disk of the results\n"
+            "  remedy: make room, or write it elsewhere"
         )
 
 

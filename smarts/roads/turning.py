@@ -43,8 +43,23 @@ def is_over_road(roads: Roads, world: int, control: Floats) -> bool:
 @kernel
 def can_turn_round(roads: Roads, world: int, lane: int, back: int, begin: float) -> bool:
     """Tell whether there is a place on a lane, from `begin` [m] on, where one can turn into another lane."""
+    return place_to_turn(roads, world, lane, back, begin, lane_length(roads, lane)) >= 0.0
+
+
+@kernel
+def place_to_turn(roads: Roads, world: int, lane: int, back: int, begin: float, end: float) -> float:
+    """Return the first arc length on a lane where one can turn into another lane [m], -1 if there is none.
+
+    Args:
+        roads: The maps' lanes.
+        world: The map.
+        lane: To turn from.
+        back: To turn into.
+        begin: From where to look [m].
+        end: How far [m]; at most to the lane's end.
+    """
     pose = np.empty(3)
-    for i in range(int((lane_length(roads, lane) - begin) / SPACING) + 1):
+    for i in range(int((min(end, lane_length(roads, lane)) - begin) / SPACING) + 1):
         s = begin + i * SPACING
         point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
         pose[0], pose[1], pose[2] = centre_at(roads, point, s)
@@ -52,5 +67,5 @@ def can_turn_round(roads: Roads, world: int, lane: int, back: int, begin: float)
         if not 0.0 < beside < lane_length(roads, back) or not is_opposite(roads, pose[2], back, beside):
             continue
         if is_over_road(roads, world, curve_into(roads, pose, back, beside)):
-            return True
-    return False
+            return s
+    return -1.0

@@ -39,9 +39,9 @@ class UTurn(Described):
     curve from where it is into the lane across (`world.guidance`). The lane controllers follow it: `Lane` and
     `LaneWithContinuousSpeed` turn round while they are told to keep the lane. An agent that acts otherwise
     has to follow the path itself. To mind the others is the agent's part. Without a vehicle on the last road
-    nothing is triggered, as in the original. It turns only where there is road all along the curve, and a
-    first road without such a place, for a median, is refused. The lanes must be at least two turning radii
-    of the vehicle apart, about 10 m for a car.
+    nothing is triggered, as in the original. It turns only where there is road all along the curve, slowing
+    down towards a break in a median; a first road without such a place is refused. The lanes must be at least
+    two turning radii of the vehicle apart, about 10 m for a car.
     """
 
     trigger_radius: float = 100

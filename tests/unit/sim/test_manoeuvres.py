@@ -253,6 +253,23 @@ class TestUTurn:
         # 3.2 m wide, where the third lane is otherwise.
         assert turning(100.0, Car(120.0, 12.8, math.pi), lanes=2).phase == FREE
 
+    @pytest.mark.parametrize("width", [15.0, 25.0, 40.0])
+    def test_turns_where_the_median_has_a_break(self, width):
+        ways = {"there": Road([(0, 0), (200, 0)], 3), "back": Road([(200, 12.8), (0, 12.8)])}
+        graph = graph_of({**ways, "middle": Road([(80, 9.6), (80 + width, 9.6)])})
+        task = Task(TaskKind.U_TURN, 200.0, 3, 0.0)
+        plan = Plan(20.0, 0.0, Car(80.0, 12.8, math.pi), graph=graph, task=task, speed=13.9)
+        x, speed = 20.0, 13.9
+        while plan.phase != MANOEUVRE and x < 150.0:
+            plan.made.world.vehicles.speed[0, 0] = speed
+            plan.plan((x, 0.0))
+            # It brakes with 2 m/s^2.
+            speed = max(speed - 0.2, min(plan.speed or 13.9, speed + 0.2))
+            x += 0.1 * speed
+        assert plan.phase == MANOEUVRE
+        # The curve swings out by less than 7 m before it is across.
+        assert 73.0 < x < 80.0 + width
+
     def test_needs_the_other_road_beside_it(self):
         near = Car(170.0, 12.8, math.pi)
         assert turning(172.0, near).phase == MANOEUVRE
