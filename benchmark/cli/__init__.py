@@ -67,7 +67,7 @@ def main() -> None:
         # What is still to be written would fail once more when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         _fail(
-            "the output cannot be written: no room is left where it goes, or on the disk of the results\n"
+            "the output cannot be written: there is no room left where it goes, or on the disk it writes to\n"
             "  remedy: make room, or write it elsewhere"
         )
 
