@@ -59,7 +59,7 @@ def finish(experiment, root, **facts):
         folder.open(run.content(), run.digest())
         folder.note(status=FINISHED, digest=run.digest(), tested=run.cell.test_content(), **facts)
         labels = {"algorithm": "ppo", "training_seed": run.seed, "task": "loop", "task_traffic": ALONE}
-        write_table(agent_episodes([["goal", "goal"]], mode="greedy", **labels), folder.table)
+        write_table(agent_episodes([["goal", "goal"]] * 2, mode="greedy", **labels), folder.table)
     return folder
 
 
