@@ -13,9 +13,7 @@ from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
-from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
-from smarts.roads.turning import can_turn_round
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import shown
 from smarts.sstudio.episodes import grid
@@ -183,6 +181,10 @@ class _Validation(TrafficChecks):
             problem = f"edge '{route.end[0]}' does not lead back beside edge '{route.begin[0]}'"
             remedy = "end the route on the road of the other direction, beside the one that it begins on"
             raise self.error(where, problem, remedy)
+        # Compiled code; whoever only reads an experiment's file does without it.
+        from smarts.roads.atlas import RoadAtlas
+        from smarts.roads.turning import can_turn_round
+
         lanes = self.roads.edge_lanes(int(self.roads.lane_edge[lane]))
         roads = RoadAtlas([self.roads]).roads
         self.require(
