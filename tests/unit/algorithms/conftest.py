@@ -12,9 +12,12 @@ def _one_thread():
     torch.set_num_threads(1)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def cluster():
-    """A Ray instance of two processes, whose workers can import the tests' games."""
+    """A Ray instance of two processes, whose workers can import the tests' games.
+
+    One for each module, since other modules of the same process start and join Ray themselves.
+    """
     import ray
 
     root = Path(__file__).resolve().parents[3]
