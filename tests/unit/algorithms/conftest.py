@@ -14,10 +14,7 @@ def _one_thread():
 
 @pytest.fixture(scope="module")
 def cluster():
-    """A Ray instance of two processes, whose workers can import the tests' games.
-
-    One for each module, since other modules of the same process start and join Ray themselves.
-    """
+    """A Ray instance of two processes, whose workers can import the tests' games."""
     import ray
 
     root = Path(__file__).resolve().parents[3]
@@ -29,5 +26,3 @@ def cluster():
         log_to_driver=False,
         runtime_env={"env_vars": {"PYTHONPATH": path}},
     )
-    yield
-    ray.shutdown()

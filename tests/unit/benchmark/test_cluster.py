@@ -21,12 +21,6 @@ def listener():
         yield server
 
 
-@pytest.fixture(autouse=True)
-def _no_ray_yet():
-    """Ray that another test of this process left running would be taken for what is started here."""
-    ray.shutdown()
-
-
 def address_of(server):
     return f"127.0.0.1:{server.getsockname()[1]}"
 

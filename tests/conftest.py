@@ -1,0 +1,14 @@
+import sys
+
+import pytest
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _ray_ends_with_the_module():
+    """Stop a Ray that a module's tests have started, themselves or by building an algorithm.
+
+    The next module of the process would join it, whatever it asks for.
+    """
+    yield
+    if "ray" in sys.modules:
+        sys.modules["ray"].shutdown()
