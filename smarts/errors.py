@@ -8,6 +8,9 @@ from collections.abc import Iterable
 LONGEST_MESSAGE = 1000
 """How many characters of a problem, place or remedy are shown; scenario files can raise megabytes."""
 
+LONGEST_VALUE = 200
+"""Of a value that is named in one of them."""
+
 
 def shortened(text: str, limit: int = LONGEST_MESSAGE) -> str:
     """Return a text with what is in the middle left out, if it is longer than `limit` characters."""
@@ -15,6 +18,15 @@ def shortened(text: str, limit: int = LONGEST_MESSAGE) -> str:
         return text
     tail = limit // 4
     return f"{text[: limit - tail - 5]} ... {text[len(text) - tail :]}"
+
+
+def shown(value: object, limit: int = LONGEST_VALUE) -> str:
+    """Return a value as Python would show it, but never more than `limit` characters of it."""
+    try:
+        return shortened(repr(value), limit)
+    except ValueError:
+        # Python prints no whole number of more than 4300 digits.
+        return f"an {type(value).__name__} of thousands of digits"
 
 
 class SmartsError(Exception):

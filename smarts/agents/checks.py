@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from smarts.errors import SmartsError, shortened
+from smarts.errors import SmartsError, shown
 
 
 class InterfaceError(SmartsError):
@@ -37,9 +37,24 @@ def check_number(
 ) -> None:
     """Refuse what is not a number from `least` (with `above`: above it) to `most`; see `check_whole`."""
     is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not is_number or not least <= value <= most or (above and value == least):
+    number = _as_float(value) if is_number else math.nan
+    if not least <= number <= most or (above and number == least):
         bounds = f"above {least:g}" if above else f"from {least:g}"
         raise _refusal(name, value, place, f"give a number {bounds} to {most:g}")
+
+
+def keep_whole(owner: Any, name: str, least: int, most: int) -> None:
+    """Check a field as `check_whole` does, and keep it as Python's own: NumPy's small ones overflow."""
+    check_whole(name, getattr(owner, name), least, most, type(owner).__name__)
+    object.__setattr__(owner, name, int(getattr(owner, name)))
+
+
+def keep_number(
+    owner: Any, name: str, *, least: float = 0.0, most: float = math.inf, above: bool = False
+) -> None:
+    """Check a field as `check_number` does, and keep it as Python's own: kernels do not take all."""
+    check_number(name, getattr(owner, name), least=least, most=most, above=above, place=type(owner).__name__)
+    object.__setattr__(owner, name, float(getattr(owner, name)))
 
 
 def check_instance(
@@ -69,5 +84,13 @@ def check_truth(name: str, value: Any, place: str = "") -> None:
     check_instance(name, value, (bool, np.bool_), "True or False", place)
 
 
+def _as_float(value: Any) -> float:
+    """Return a number as a float, NaN if it is too large for one."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
+
+
 def _refusal(name: str, value: Any, place: str, remedy: str) -> InterfaceError:
-    return InterfaceError(f"{name} is {shortened(repr(value), 200)}", place=place or name, remedy=remedy)
+    return InterfaceError(f"{name} is {shown(value)}", place=place or name, remedy=remedy)

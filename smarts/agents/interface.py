@@ -8,7 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
-from smarts.agents.checks import InterfaceError, check_instance, check_whole
+import numpy as np
+
+from smarts.agents.checks import InterfaceError, check_instance, keep_whole
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.agents.options import (
     OGM,
@@ -24,7 +26,7 @@ from smarts.agents.options import (
     Waypoints,
 )
 from smarts.agents.types import AgentType
-from smarts.errors import nearest_names
+from smarts.errors import nearest_names, shown
 from smarts.types.actions import ActionSpaceType
 from smarts.types.vehicles import VehicleKind
 
@@ -163,7 +165,7 @@ class AgentInterface:
                 remedy=nearest_names(str(self.action), ActionSpaceType.__members__),
             )
         if self.max_episode_steps is not None:
-            check_whole("max_episode_steps", self.max_episode_steps, 1, MOST_STEPS, "AgentInterface")
+            keep_whole(self, "max_episode_steps", 1, MOST_STEPS)
         for name, kind in (("event_configuration", EventConfiguration), ("done_criteria", DoneCriteria)):
             check_instance(name, getattr(self, name), kind, f"{kind.__name__}(...)", "AgentInterface")
         if self.custom_renders:
@@ -190,11 +192,9 @@ class AgentInterface:
                     remedy=nearest_names(str(getattr(self, name)), models),
                 )
         tyres = self.flat_tyres
-        if not isinstance(tyres, list | tuple | set | frozenset) or any(
-            each not in range(4) for each in tyres
-        ):
+        if not isinstance(tyres, list | tuple | set | frozenset) or not all(map(_is_wheel, tyres)):
             raise InterfaceError(
-                f"flat_tyres is {self.flat_tyres!r}",
+                f"flat_tyres is {shown(tyres)}",
                 place="AgentInterface.flat_tyres",
                 remedy="wheels are 0 (front left), 1 (front right), 2 (rear left) and 3 (rear right)",
             )
@@ -243,6 +243,10 @@ class AgentInterface:
         return {name: option for name, option in options.items() if option is not False}
 
 
+def _is_wheel(value: object) -> bool:
+    return isinstance(value, int | np.integer) and value in range(4)
+
+
 def _option(name: str, value: object, kind: type) -> object:
     """Return the option that a field stands for, False if the sensor is off."""
     if value is True:
@@ -252,7 +256,7 @@ def _option(name: str, value: object, kind: type) -> object:
     if isinstance(value, kind):
         return value
     raise InterfaceError(
-        f"{name} is {value!r}",
+        f"{name} is {shown(value)}",
         place=f"AgentInterface.{name}",
         remedy=f"True, False or {kind.__name__}(...)",
     )

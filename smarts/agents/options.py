@@ -9,7 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from smarts.agents.checks import InterfaceError as InterfaceError
-from smarts.agents.checks import check_instance, check_list, check_number, check_whole
+from smarts.agents.checks import (
+    check_instance,
+    check_list,
+    check_number,
+    check_whole,
+    keep_number,
+    keep_whole,
+)
 
 LARGEST_IMAGE = 2048
 """Pixels along a side."""
@@ -23,7 +30,7 @@ LONGEST_PATH = 10_000
 """Waypoints."""
 MOST_SEEN = 10_000
 """Vehicles, paths, lanes, signals or via points."""
-WIDEST_ANGLE = 1e3
+FINEST_ANGLE, WIDEST_ANGLE = 1e-6, 1e3
 """[rad]"""
 
 
@@ -39,10 +46,9 @@ class _Image:
     """Side of a pixel [m]."""
 
     def __post_init__(self) -> None:
-        place = type(self).__name__
         for side in ("width", "height"):
-            check_whole(side, getattr(self, side), 1, LARGEST_IMAGE, place)
-        check_number("resolution", self.resolution, least=FINEST, most=COARSEST, place=place)
+            keep_whole(self, side, 1, LARGEST_IMAGE)
+        keep_number(self, "resolution", least=FINEST, most=COARSEST)
 
 
 @dataclass(frozen=True)
@@ -94,14 +100,14 @@ class SensorParams:
             object.__setattr__(self, "laser_angles", tuple(self.laser_angles))
         check_list("laser_angles", self.laser_angles, (int, float, np.number), "[-0.1, 0.0, 0.1]", place)
         for angle in ("start_angle", "end_angle"):
-            check_number(angle, getattr(self, angle), least=-WIDEST_ANGLE, most=WIDEST_ANGLE, place=place)
+            keep_number(self, angle, least=-WIDEST_ANGLE, most=WIDEST_ANGLE)
         for angle in self.laser_angles:
             check_number("one of laser_angles", angle, least=-WIDEST_ANGLE, most=WIDEST_ANGLE, place=place)
         object.__setattr__(self, "laser_angles", tuple(map(float, self.laser_angles)))
-        check_number("angle_resolution", self.angle_resolution, most=WIDEST_ANGLE, above=True, place=place)
-        check_number("max_distance", self.max_distance, most=FARTHEST, above=True, place=place)
+        keep_number(self, "angle_resolution", least=FINEST_ANGLE, most=WIDEST_ANGLE)
+        keep_number(self, "max_distance", most=FARTHEST, above=True)
         for noise in ("noise_mu", "noise_sigma"):
-            check_number(noise, getattr(self, noise), least=-FARTHEST, most=FARTHEST, place=place)
+            keep_number(self, noise, least=-FARTHEST, most=FARTHEST)
         rays = len(self.laser_angles) * self.rays_around
         check_whole("lasers times rays around", rays, 1, MOST_RAYS, place)
 
@@ -144,9 +150,9 @@ class Waypoints:
     """The most paths (not in the original)."""
 
     def __post_init__(self) -> None:
-        check_whole("lookahead", self.lookahead, 1, LONGEST_PATH, "Waypoints")
-        check_number("spacing", self.spacing, most=FARTHEST, above=True, place="Waypoints")
-        check_whole("paths", self.paths, 1, MOST_SEEN, "Waypoints")
+        keep_whole(self, "lookahead", 1, LONGEST_PATH)
+        keep_number(self, "spacing", most=FARTHEST, above=True)
+        keep_whole(self, "paths", 1, MOST_SEEN)
 
 
 @dataclass(frozen=True)
@@ -159,8 +165,8 @@ class RoadWaypoints:
     """The most lanes (not in the original)."""
 
     def __post_init__(self) -> None:
-        check_whole("horizon", self.horizon, 0, LONGEST_PATH, "RoadWaypoints")
-        check_whole("lanes", self.lanes, 1, MOST_SEEN, "RoadWaypoints")
+        keep_whole(self, "horizon", 0, LONGEST_PATH)
+        keep_whole(self, "lanes", 1, MOST_SEEN)
 
 
 @dataclass(frozen=True)
@@ -174,8 +180,8 @@ class NeighborhoodVehicles:
 
     def __post_init__(self) -> None:
         if self.radius is not None:
-            check_number("radius", self.radius, above=True, place="NeighborhoodVehicles")
-        check_whole("most", self.most, 1, MOST_SEEN, "NeighborhoodVehicles")
+            keep_number(self, "radius", above=True)
+        keep_whole(self, "most", 1, MOST_SEEN)
 
 
 @dataclass(frozen=True)
@@ -198,8 +204,8 @@ class Signals:
     """The most signals (not in the original)."""
 
     def __post_init__(self) -> None:
-        check_number("lookahead", self.lookahead, above=True, place="Signals")
-        check_whole("most", self.most, 1, MOST_SEEN, "Signals")
+        keep_number(self, "lookahead", above=True)
+        keep_whole(self, "most", 1, MOST_SEEN)
 
 
 @dataclass(frozen=True)

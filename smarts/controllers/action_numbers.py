@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.errors import ActionError, shortened
+from smarts.errors import ActionError, shown
 
 
 def numbers_of(action: Any, shape: tuple[int, ...], *, place: str, remedy: str) -> NDArray[np.float64]:
@@ -47,7 +47,7 @@ def as_floats(given: Any) -> NDArray[np.float64] | None:
 
 def refusal(action: Any, problem: str, place: str, remedy: str) -> ActionError:
     """Return the error of an action, however large that is."""
-    return ActionError(f"{shortened(repr(action), 100)} {problem}", place=place, remedy=remedy)
+    return ActionError(f"{shown(action, 100)} {problem}", place=place, remedy=remedy)
 
 
 def _is_real(value: Any) -> bool:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
-from smarts.errors import ScenarioError, nearest_names, shortened
+from smarts import errors
+from smarts.errors import ScenarioError, nearest_names
 
 LONGEST_NAME = 100
 """How many characters a name may have; it becomes part of file names."""
@@ -107,4 +108,4 @@ def is_number(value: Any) -> bool:
 
 def shown(value: Any) -> str:
     """Return a value as messages show it: as Python would, but never long."""
-    return shortened(repr(value), 100)
+    return errors.shown(value, 100)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from pathlib import PurePath
 from typing import Any
 
-from smarts.errors import ScenarioError, shortened
+from smarts.errors import ScenarioError, shown
 
 Json = Any
 """What JSON can hold: None, bool, int, float, str, and lists and string-keyed dicts of these."""
@@ -52,7 +52,7 @@ def encode(value: Any, where: str = "") -> Json:
     if callable(value):
         return _encode_callable(value, where)
     raise ScenarioError(
-        f"a {type(value).__name__} cannot be part of a scenario: {shortened(repr(value), 100)}",
+        f"a {type(value).__name__} cannot be part of a scenario: {shown(value, 100)}",
         place=where,
         remedy="use numbers, strings, lists, dicts, types of smarts.sstudio.types, importable functions",
     )

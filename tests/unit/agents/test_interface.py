@@ -136,6 +136,7 @@ def test_interfaces_travel():
         ({"vehicle_class": []}, "no vehicle class []"),
         ({"flat_tyres": 3}, "flat_tyres is 3"),
         ({"flat_tyres": "01"}, "flat_tyres is '01'"),
+        ({"flat_tyres": (3.0,)}, "flat_tyres is (3.0,)"),
         ({"custom_renders": (1,)}, "OpenGL"),
         ({"occlusion_map": True}, "OGM(width=256"),
         ({"occlusion_map": OcclusionMap(64, 64), "ogm": OGM(64, 32)}, "same size"),
@@ -169,7 +170,7 @@ REQUIRED = {SensorParams: RAYS, AgentsListAlive: ALIVE}
         *((Lidar, "sensor_params", value) for value in (None, "BasicLidar")),
         *((SensorParams, "end_angle", value) for value in (math.nan, math.inf)),
         *((SensorParams, "laser_angles", value) for value in ((math.nan,), "abc", (None,), None)),
-        *((SensorParams, "angle_resolution", value) for value in (0.0, 1e-12, 100.0)),
+        *((SensorParams, "angle_resolution", value) for value in (0.0, 1e-12, 1e-310, 100.0)),
         *((EventConfiguration, "not_moving_time", value) for value in (math.nan, "x", -1, 1e9)),
         *((EventConfiguration, "not_moving_distance", value) for value in (math.nan, -1, None)),
         *((DoneCriteria, name, 3) for name in ("agents_alive", "interest", "collision")),
@@ -192,6 +193,32 @@ def test_numbers_of_numpy_are_numbers():
     option = Waypoints(lookahead=np.int64(9), spacing=np.float32(2.0))
     assert AgentInterface(waypoints=option, max_episode_steps=np.int32(5)).sensors["waypoint_paths"] == option
     assert EventConfiguration(np.float64(3.0), 0).not_moving_time == 3.0
+
+
+@pytest.mark.parametrize("digits", [400, 5000])
+def test_numbers_larger_than_any_float(digits):
+    # Python prints no number of more than 4300 digits.
+    said = "1000" if digits < 4300 else "an int of thousands of digits"
+    with pytest.raises(InterfaceError, match=f"radius is {said}"):
+        NeighborhoodVehicles(radius=10**digits)
+    with pytest.raises(InterfaceError, match=f"lookahead is {said}"):
+        Signals(lookahead=10**digits)
+    with pytest.raises(InterfaceError, match=f"max_episode_steps is {said}"):
+        AgentInterface(max_episode_steps=10**digits)
+    for name in RAYS:
+        with pytest.raises(InterfaceError, match=name):
+            SensorParams(**RAYS | {name: (10**digits,) if name == "laser_angles" else 10**digits})
+
+
+def test_numbers_become_those_of_python():
+    # Kernels take neither half nor long ones, nor whole ones beyond 64 bits; small whole ones overflow.
+    for given in (np.float16(3), np.longdouble(3), 3, 2**70):
+        assert type(Signals(lookahead=given).lookahead) is float
+        assert type(NeighborhoodVehicles(radius=given).radius) is float
+    assert type(Waypoints(spacing=np.float16(3)).spacing) is float
+    assert type(OGM(resolution=np.float16(3)).resolution) is float
+    assert type(RoadWaypoints(horizon=np.int8(100)).horizon) is int
+    assert type(AgentInterface(max_episode_steps=np.int8(100)).max_episode_steps) is int
 
 
 def test_unknown_types():
