@@ -9,16 +9,14 @@ from smarts.agents.checks import (
     InterfaceError,
     check_instance,
     check_list,
-    check_number,
     check_truth,
     check_whole,
+    keep_number,
 )
 from smarts.types.events import Event
 
 MOST_AGENTS = 10_000
 """More than there can be."""
-LONGEST_REST = 1e8
-"""How long vehicles may be said to rest, so that steps can be counted [s]."""
 LARGEST_DISTANCE = 1e6
 """[m]"""
 
@@ -97,7 +95,7 @@ class EventConfiguration:
     """When events happen."""
 
     not_moving_time: float = 60
-    """How long a vehicle has to stay within `not_moving_distance` to count as not moving [s].
+    """How long a vehicle has to stay within `not_moving_distance` to count as not moving [s]; infinite: it never does.
 
     Time does not count within 40 m of a red light, nor while another vehicle stands less than 10 m ahead,
     nor at a junction while moving vehicles are about to cross the way ahead.
@@ -106,9 +104,8 @@ class EventConfiguration:
     """[m]"""
 
     def __post_init__(self) -> None:
-        place = "EventConfiguration"
-        check_number("not_moving_time", self.not_moving_time, most=LONGEST_REST, place=place)
-        check_number("not_moving_distance", self.not_moving_distance, most=LARGEST_DISTANCE, place=place)
+        keep_number(self, "not_moving_time")
+        keep_number(self, "not_moving_distance", most=LARGEST_DISTANCE)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,9 @@ from smarts.errors import nearest_names
 from smarts.types.actions import ActionSpaceType
 from smarts.types.interface import SeatRules
 
+NEVER = np.iinfo(np.int32).max
+"""More steps than an episode has."""
+
 
 def seat_rules(interfaces: Sequence[AgentInterface | None], dt: float = 0.1) -> SeatRules:
     """Return the rules for each seat; a seat without an interface has the default ones.
@@ -30,7 +33,7 @@ def seat_rules(interfaces: Sequence[AgentInterface | None], dt: float = 0.1) -> 
         rules.action[seat] = ActionSpaceType.Empty if interface.action is None else interface.action
         rules.ending[seat] = interface.done_criteria.events
         rules.max_steps[seat] = interface.max_episode_steps or 0
-        rules.not_moving_steps[seat] = max(1, round(moving.not_moving_time / dt))
+        rules.not_moving_steps[seat] = round(min(max(1.0, moving.not_moving_time / dt), NEVER))
         rules.not_moving_distance[seat] = moving.not_moving_distance
     return rules
 

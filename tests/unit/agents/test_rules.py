@@ -39,6 +39,14 @@ def test_rules_of_an_interface():
     assert rules.ending[1] == (ENDING | Event.NOT_MOVING | Event.WRONG_WAY) & ~Event.OFF_ROUTE
 
 
+@pytest.mark.parametrize(
+    ("time", "steps"), [(0, 1), (np.float32(2.0), 2000), (1e9, 2**31 - 1), (np.inf, 2**31 - 1)]
+)
+def test_times_of_rest(time, steps):
+    interface = AgentInterface(event_configuration=EventConfiguration(not_moving_time=time))
+    assert seat_rules([interface], dt=0.001).not_moving_steps.tolist() == [steps]
+
+
 def test_events_that_others_cause():
     criteria = DoneCriteria(agents_alive=AgentsAliveDoneCriteria(), interest=InterestDoneCriteria())
     assert criteria.events == ENDING | Event.AGENTS_ALIVE_DONE | Event.INTEREST_DONE

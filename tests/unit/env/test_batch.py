@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smarts.agents import AgentInterface, DoneCriteria
+from smarts.agents import AgentInterface, DoneCriteria, EventConfiguration
 from smarts.agents.options import InterfaceError
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import ActionError, SmartsError
@@ -216,6 +216,22 @@ def test_stride_deals_out_a_list_of_worlds(new_env):
             break
     row = int(np.flatnonzero(now.reset)[0])
     assert (env.episodes[row].world, env.episodes[row].episode) == (row + 2, 3)
+
+
+@pytest.mark.parametrize(("time", "outcome"), [(1.0, "not_moving"), (np.inf, "time_out")])
+def test_who_may_rest_for_ever(new_env, time, outcome):
+    resting = EventConfiguration(not_moving_time=time)
+    interface = AgentInterface(
+        action=ActionSpaceType.Lane,
+        max_episode_steps=150,
+        done_criteria=DoneCriteria(not_moving=True),
+        event_configuration=resting,
+    )
+    env = new_env(1, ["loop"], {"a": interface})
+    now = env.reset(1)
+    while not now.reset.any():
+        now = env.step([np.array([[SLOW]])])
+    assert now.metrics[0][outcome] == 1.0
 
 
 def test_close_may_be_called_twice(new_env):
