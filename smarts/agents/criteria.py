@@ -95,7 +95,7 @@ class EventConfiguration:
     """When events happen."""
 
     not_moving_time: float = 60
-    """How long a vehicle has to stay within `not_moving_distance` to count as not moving [s]; infinite: it never does.
+    """How long a vehicle has to stay within `not_moving_distance` not to be moving [s]; may be infinite.
 
     Time does not count within 40 m of a red light, nor while another vehicle stands less than 10 m ahead,
     nor at a junction while moving vehicles are about to cross the way ahead.

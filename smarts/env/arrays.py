@@ -179,7 +179,7 @@ class ArrayWorlds:
         """Begin episodes; see `Batch.reset`."""
         self.batch.reset(episodes)
 
-    def step(self, actions: Sequence[NDArray], chosen: NDArray[np.bool_]) -> Transition:
+    def step(self, actions: Sequence[ArrayLike] | NDArray, chosen: NDArray[np.bool_]) -> Transition:
         """Carry out a decision.
 
         Args:
@@ -193,15 +193,16 @@ class ArrayWorlds:
             self.encode(actions, chosen)
         return self.advance()
 
-    def encode(self, actions: Sequence[NDArray], chosen: NDArray[np.bool_]) -> None:
+    def encode(self, actions: Sequence[ArrayLike] | NDArray, chosen: NDArray[np.bool_]) -> None:
         """Take actions in, as `step` does."""
         chosen = chosen & self.batch.alive
         wanted = f"give an array for each of {len(self.groups)} blocks of agents"
-        if not isinstance(actions, Sequence | np.ndarray):
+        blocks = _blocks(actions)
+        if blocks is None:
             raise refusal(actions, "is not a list of arrays", "actions", wanted)
-        if len(actions) != len(self.groups):
-            raise ActionError(f"actions of {len(actions)} blocks of agents", place="actions", remedy=wanted)
-        for group, given in zip(self.groups, actions, strict=True):
+        if len(blocks) != len(self.groups):
+            raise ActionError(f"actions of {len(blocks)} blocks of agents", place="actions", remedy=wanted)
+        for group, given in zip(self.groups, blocks, strict=True):
             taken = _taken(group, given, chosen[:, group.columns])
             group.adapter.encode(taken, chosen[:, group.columns], self.batch.actions)
 
@@ -244,6 +245,19 @@ def nested(arrays: Mapping[str, NDArray], row: int, agent: int) -> dict[str, Any
         # Without the ellipsis a field of a single number would not be an array.
         inner[name] = array[row, agent, ...].copy()
     return observation
+
+
+def _blocks(actions: Any) -> Sequence[ArrayLike] | NDArray | None:
+    """Return what is given for each block of agents, None if that is no list; arrays are any library's."""
+    if isinstance(actions, Sequence):
+        return actions
+    if not hasattr(actions, "__array__"):
+        return None
+    try:
+        values = np.asarray(actions)
+    except (TypeError, ValueError, RuntimeError):
+        return None
+    return values if values.ndim else None
 
 
 def _taken(group: Group, given: ArrayLike, chosen: NDArray[np.bool_]) -> NDArray:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.options import InterfaceError
 from smarts.env.adapters.protocol import MASK
@@ -194,12 +194,13 @@ class VectorHiWayEnv(NotCopied):
         self._begin(np.arange(self.num_envs))
         return self._so_far()
 
-    def step(self, actions: Sequence[NDArray]) -> VectorStep:
+    def step(self, actions: Sequence[ArrayLike] | NDArray) -> VectorStep:
         """Carry out a decision in all simulations, and reset those whose episode ends with it.
 
         Args:
-            actions: Per block, whole numbers of shape (B, n), or numbers of shape (B, n, k). Those of agents
-                that are not alive do not matter.
+            actions: Per block, whole numbers of shape (B, n), or numbers of shape (B, n, k); tensors on a CPU
+                will do, and blocks of one size may be stacked. Those of agents that are not alive do not
+                matter.
 
         Raises:
             ActionError: An action is not in the space, or their arrays have not the shapes of the blocks.

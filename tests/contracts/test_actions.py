@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, DoneCriteria
 from smarts.env import HiWayEnv
@@ -147,6 +148,14 @@ def test_every_type_drives(env, seen):
         dx, dy = np.subtract(state.position[:2], start[kind].position[:2])
         ahead = dx * np.cos(start[kind].heading) + dy * np.sin(start[kind].heading)
         assert ahead > 1.0, kind
+
+
+@pytest.mark.parametrize("speed", [4.0, np.float32(4), np.array(4.0), torch.tensor(4.0)], ids=repr)
+def test_a_speed_alone_may_be_any_number(env, seen, speed):
+    agent = name(ActionSpaceType.Direct)
+    now, *_ = env.step({agent: speed})
+    now, *_ = env.step({agent: speed})
+    assert float(now[agent].ego_vehicle_state.speed) == pytest.approx(4.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("kind", KINDS)

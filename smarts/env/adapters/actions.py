@@ -147,7 +147,8 @@ def encode_one(
 
 
 def _is_number(action: Any) -> bool:
-    return isinstance(action, int | float | np.number) or (isinstance(action, np.ndarray) and not action.ndim)
+    is_array = hasattr(action, "__array__")  # tensors are, too
+    return isinstance(action, int | float | np.number) or (is_array and getattr(action, "ndim", 1) == 0)
 
 
 def _only_pose(agent: str, poses: Mapping[Any, Any]) -> Any:

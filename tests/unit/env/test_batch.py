@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 
 from smarts.agents import AgentInterface, DoneCriteria, EventConfiguration
 from smarts.agents.options import InterfaceError
@@ -153,6 +154,29 @@ def test_actions_out_of_range_are_refused_by_name(new_env, value):
     with pytest.raises(ActionError, match="agent-1"):
         env.step([np.array([[0, value]])])
     env.step([np.array([[0, 0]])])
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [np.array(0), torch.tensor(0), torch.zeros((2, 1, 2), dtype=int), {0: np.zeros((1, 2), int)}],
+    ids=["a number", "a tensor of one", "a tensor of two blocks", "a dict"],
+)
+def test_blocks_that_are_none_are_refused(new_env, actions):
+    env = new_env(1, ["two_way"], 2)
+    env.reset()
+    with pytest.raises(ActionError, match="blocks of agents"):
+        env.step(actions)
+    assert env._worlds.batch.world.step[0] == 0
+
+
+@pytest.mark.parametrize("array", [np.array, torch.tensor], ids=["numpy", "torch"])
+def test_blocks_are_a_list_or_stacked(new_env, array):
+    env = new_env(1, ["two_way"], 2)
+    seen = []
+    for actions in ([array([[SLOW, KEEP]])], (array([[SLOW, KEEP]]),), array([[[SLOW, KEEP]]])):
+        env.reset(1)
+        seen.append(env.step(actions).observations[0][""].tobytes())
+    assert len(set(seen)) == 1
 
 
 @pytest.mark.parametrize(
