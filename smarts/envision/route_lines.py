@@ -9,7 +9,6 @@ from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import types as t
-from smarts.sstudio.placement import arc_length
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
 
 Floats = NDArray[np.float64]
@@ -114,4 +113,4 @@ def place_on_map(roads: LaneGraph, place: Place) -> tuple[int, float]:
     lane = roads.lane_number(edge, index)
     length = float(roads.length[lane])
     named = {BASE_OFFSET: 0.0, MAX_OFFSET: length, RANDOM_OFFSET: length / 2}
-    return lane, named[offset] if isinstance(offset, str) else arc_length(roads, lane, float(offset))
+    return lane, named[offset] if isinstance(offset, str) else roads.arc_length(lane, float(offset))

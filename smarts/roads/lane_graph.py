@@ -28,6 +28,8 @@ Bools = NDArray[np.bool_]
 
 FORMAT = 1
 """Of the saved file; a file of another format is refused and to be built anew."""
+OPPOSITE = -0.7
+"""Cosine of the angle between two lanes that lead in other directions, at most."""
 
 
 class LaneKind(enum.IntEnum):
@@ -221,6 +223,10 @@ class LaneGraph:
     def centreline(self, lane: int) -> Floats:
         """Return a lane's points [m], shape (., 2)."""
         return self.point_xy[self.point_start[lane] : self.point_start[lane + 1]]
+
+    def arc_length(self, lane: int, position: float) -> float:
+        """Return the arc length s [m] of SUMO's position [m] on a lane."""
+        return position * float(self.length[lane] / self.sumo_length[lane])
 
     def junction_outline(self, junction: int) -> Floats:
         """Return the vertices of a junction's area [m], shape (., 2)."""

@@ -12,12 +12,11 @@ from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.curves import PIECES, curve_into, pose_on
 from smarts.roads.footprints import is_on_road
 from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.lane_graph import OPPOSITE
 from smarts.roads.waypoints import foot
 
 Floats = NDArray[np.float64]
 
-OPPOSITE = -0.7
-"""Cosine of the angle between two roads that lead in other directions, at most."""
 SPACING = 1.0
 """Between the places that are tried [m]."""
 _ROAD = sum(1 << kind for kind in ROAD_LANES)

@@ -22,7 +22,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.episodes import expand
-from smarts.sstudio.placement import arc_length, blame, lane_of, route_edges, via_place
+from smarts.sstudio.placement import blame, lane_of, route_edges, via_place
 from smarts.sstudio.random_routes import draw_route
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, MISSING, RANDOM_OFFSET
 
@@ -176,7 +176,7 @@ def _start_offset(roads: LaneGraph, lane: int, offset: Any, generator: Generator
         return whole
     if isinstance(offset, str):
         return float(generator.uniform(least, whole))
-    return max(arc_length(roads, lane, float(offset)), least)
+    return max(roads.arc_length(lane, float(offset)), least)
 
 
 def _spread_starts(
@@ -284,7 +284,7 @@ def _goal(route: t.Route, roads: LaneGraph, generator: Generator, where: str) ->
     if isinstance(offset, str):
         drawn = float(generator.uniform(0.0, whole)) if offset == RANDOM_OFFSET else 0.0
         return LanePoint(lane, {BASE_OFFSET: 0.0, MAX_OFFSET: whole}.get(offset, drawn))
-    return LanePoint(lane, arc_length(roads, lane, offset))
+    return LanePoint(lane, roads.arc_length(lane, offset))
 
 
 def _route(draft: _Draft, roads: LaneGraph) -> tuple[str, ...]:
@@ -306,7 +306,7 @@ def _route(draft: _Draft, roads: LaneGraph) -> tuple[str, ...]:
 def _via(via: t.Via, roads: LaneGraph, where: str) -> ViaPoint:
     lane, offset = via_place(roads, via, where)
     within = via.hit_distance if via.hit_distance >= 0 else float(roads.width[lane]) / 2
-    return ViaPoint(LanePoint(lane, arc_length(roads, lane, offset)), via.required_speed, within)
+    return ViaPoint(LanePoint(lane, roads.arc_length(lane, offset)), via.required_speed, within)
 
 
 def _start_time(mission: t.AnyMission) -> float:

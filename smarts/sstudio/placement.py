@@ -1,7 +1,7 @@
 """Places and routes of a scenario on its map: which lane is meant, how far along, by which edges.
 
 Offsets of scenarios are SUMO's positions along a lane; arc lengths s of the drawn centreline differ from
-them by the ratio of the lane's two lengths.
+them, see `LaneGraph.arc_length`.
 """
 
 from __future__ import annotations
@@ -73,11 +73,6 @@ def check_offset(roads: LaneGraph, lane: int, offset: Any, where: str) -> None:
             place=where,
             remedy=f'use 0 to {math.floor(length * 100) / 100:g}, or "max" for its end',
         )
-
-
-def arc_length(roads: LaneGraph, lane: int, position: float) -> float:
-    """Return the arc length s [m] of SUMO's position [m] on a lane."""
-    return position * float(roads.length[lane] / roads.sumo_length[lane])
 
 
 def via_place(roads: LaneGraph, via: t.Via, where: str) -> tuple[int, float]:

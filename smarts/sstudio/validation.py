@@ -18,7 +18,6 @@ from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import shown
 from smarts.sstudio.episodes import grid
 from smarts.sstudio.placement import (
-    arc_length,
     blame,
     lane_of,
     route_edges,
@@ -175,7 +174,7 @@ class _Validation(TrafficChecks):
         if not isinstance(route, t.Route):
             return
         lane = lane_of(self.roads, route.begin, self.at(where))
-        s = 0.0 if isinstance(route.begin[2], str) else arc_length(self.roads, lane, route.begin[2])
+        s = 0.0 if isinstance(route.begin[2], str) else self.roads.arc_length(lane, route.begin[2])
         back = target_lane(self.roads, route.end[0], task)
         if not leads_back_beside(self.roads, lane, s, back):
             problem = f"edge '{route.end[0]}' does not lead back beside edge '{route.begin[0]}'"

@@ -7,10 +7,8 @@ from collections.abc import Callable, Collection, Iterable
 import numpy as np
 import shapely
 
-from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.lane_graph import OPPOSITE, LaneGraph
 
-OPPOSITE = -0.7
-"""Cosine of the angle between two lanes that lead in other directions, at most."""
 FARTHEST_BESIDE = 50.0
 """How far apart two roads may be to lie beside each other [m]."""
 

@@ -11,7 +11,6 @@ from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario, suite
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.missions import place_missions
-from smarts.sstudio.placement import arc_length
 from smarts.types.streams import Purpose, stream
 
 NAMES = tuple(suite())
@@ -105,7 +104,7 @@ def test_starts_vary_and_stay_on_their_lane(case):
                 scenario.ego_missions, roads, stream(seed, Purpose.STARTS), scenario.start_variation
             )
             for ego in placed:
-                nominal = arc_length(roads, ego.start.lane, ego.mission.route.begin[2])
+                nominal = roads.arc_length(ego.start.lane, ego.mission.route.begin[2])
                 assert ego.start.s > 2.5
                 assert ego.start.s <= roads.length[ego.start.lane]
                 assert abs(ego.start.s - nominal) <= 5.0001

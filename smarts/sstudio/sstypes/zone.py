@@ -47,9 +47,9 @@ class MapZone(Zone):
         """
         if road_map is None:
             raise ValueError("the geometry of a MapZone needs the road map")
-        from smarts.sstudio.zone_geometry import lane_zone_geometry
+        from smarts.sstudio.sstypes.zone_geometry import lane_strips
 
-        return lane_zone_geometry(self, road_map)
+        return lane_strips(road_map, self.start, self.length, self.n_lanes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class PositionalZone(Zone):
 
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the rectangle."""
-        from smarts.sstudio.zone_geometry import rectangle
+        from smarts.sstudio.sstypes.zone_geometry import rectangle
 
         return rectangle(self.pos, self.size, self.rotation or 0.0)
 
@@ -88,7 +88,7 @@ class ConfigurableZone(Zone):
 
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the polygon."""
-        from smarts.sstudio.zone_geometry import polygon
+        from smarts.sstudio.sstypes.zone_geometry import polygon
 
         return polygon(self.ext_coordinates, self.rotation or 0.0)
 

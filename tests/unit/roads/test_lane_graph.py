@@ -47,6 +47,12 @@ def test_pose_beyond_the_ends(cross):
     assert cross.pose_at(lane, cross.length[lane] + 3.0)[0] == pytest.approx(-100 + cross.length[lane] + 3)
 
 
+def test_the_arc_length_of_a_position_by_which_the_lane_is_twice_as_long(cross):
+    lane = cross.lane_number("west_in", 0)
+    reckoned = dataclasses.replace(cross, sumo_length=2.0 * cross.length)
+    assert reckoned.arc_length(lane, 30.0) == pytest.approx(15.0)
+
+
 def test_saved_graph_is_the_same_graph(tmp_path, graphs):
     for name, graph in graphs.items():
         graph.save(tmp_path / name)

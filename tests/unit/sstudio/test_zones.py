@@ -4,7 +4,7 @@ import pytest
 
 from smarts.errors import MapError
 from smarts.sstudio import types as t
-from smarts.sstudio.zone_geometry import SEAM
+from smarts.sstudio.sstypes.zone_geometry import SEAM
 
 
 def test_a_rectangle():

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from shapely import affinity, ops
 from shapely.geometry import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from smarts.roads.lane_graph import LaneGraph
-from smarts.sstudio.placement import arc_length
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
 from smarts.sstudio.sstypes.drawing import drawing
-from smarts.sstudio.sstypes.zone import MapZone
 
 SEAM = 0.3
 """By how much a lane's strip is wider than the lane, so that neighbouring strips overlap [m]."""
@@ -35,15 +34,17 @@ def polygon(corners: Sequence[tuple[float, float]], rotation: float) -> Polygon:
     return affinity.rotate(shape, rotation, origin="center", use_radians=True) if rotation else shape
 
 
-def lane_zone_geometry(zone: MapZone, roads: LaneGraph) -> BaseGeometry:
-    """Return the strips of the zone's lanes as one area.
+def lane_strips(
+    roads: LaneGraph, start: tuple[str, int, Any], length: float | str, n_lanes: int
+) -> BaseGeometry:
+    """Return a stretch of neighbouring lanes as one area; the arguments are those of a `MapZone`.
 
     Raises:
         MapError: The edge or one of the lanes is not on the map.
     """
-    edge, first, offset = zone.start
-    lanes = [roads.lane_number(edge, first + place) for place in range(zone.n_lanes)]
-    return ops.unary_union([_strip(roads, lane, offset, zone.length) for lane in lanes])
+    edge, first, offset = start
+    lanes = [roads.lane_number(edge, first + place) for place in range(n_lanes)]
+    return ops.unary_union([_strip(roads, lane, offset, length) for lane in lanes])
 
 
 def _strip(roads: LaneGraph, lane: int, offset: float | str, wanted: float | str) -> BaseGeometry:
@@ -54,7 +55,7 @@ def _strip(roads: LaneGraph, lane: int, offset: float | str, wanted: float | str
     whole = float(roads.sumo_length[lane])
     length = whole if wanted == MAX_OFFSET else min(float(wanted), whole)
     begin = _begin(offset, whole - length)
-    first, last = (arc_length(roads, lane, position) for position in (begin, min(begin + length, whole)))
+    first, last = (roads.arc_length(lane, position) for position in (begin, min(begin + length, whole)))
     centre = ops.substring(LineString(roads.centreline(lane)), first, last)
     return centre.buffer((float(roads.width[lane]) + SEAM) / 2, cap_style="flat")
 
