@@ -28,6 +28,7 @@ import numpy as np
 from smarts.env import VectorHiWayEnv
 from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.sim.assembly import Options
+from smarts.types.seats import agent_names
 
 EARLY = 200
 """Episodes after which everything has been used once."""
@@ -87,7 +88,7 @@ def _folder(wanted: bool) -> Iterator[Path | None]:
 def measure(options: argparse.Namespace) -> None:
     """Play episodes and print the memory on the way."""
     interface = benchmark_interface().replace(max_episode_steps=options.steps)
-    agents = {f"agent-{number}": interface for number in range(4)}
+    agents = dict.fromkeys(agent_names(4), interface)
     begin = time.perf_counter()
     with _folder(options.record) as record:
         env = VectorHiWayEnv(1, options.scenarios, agents, simulation=Options(record=record))

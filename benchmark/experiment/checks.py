@@ -16,6 +16,7 @@ from algorithms.settings import values as setting_values
 from benchmark.experiment.algorithm_settings import type_fault
 from smarts.config import Fault
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
+from smarts.types.seats import agent_names
 
 Values = Mapping[str, Any]
 DRAWS = ("uniform", "loguniform", "randint")
@@ -66,7 +67,7 @@ def _sharing_fault(sharing: Any, agents: Any) -> str:
     if not isinstance(sharing, dict) or not isinstance(agents, int):
         return ""  # the model says so
     named = [agent for members in sharing.values() if isinstance(members, list) for agent in members]
-    known = [f"agent-{number}" for number in range(agents)]
+    known = agent_names(agents)
     for agent in known:
         if named.count(agent) != 1:
             return f"{agent} is in {named.count(agent) or 'no'} groups, instead of in one"

@@ -36,6 +36,7 @@ from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import ActionSpaceType
 from smarts.types.interface import Field
+from smarts.types.seats import agent_names
 from smarts.types.streams import check_seed
 
 Agents = int | Mapping[str, AgentSpec | AgentInterface]
@@ -79,7 +80,7 @@ class Setting:
             InterfaceError: There are no agents, or one has no interface.
         """
         if not isinstance(self.agents, Mapping):
-            return {f"agent-{number}": benchmark_interface() for number in range(self.agents)}
+            return {name: benchmark_interface() for name in agent_names(self.agents)}
         interfaces = {}
         for name, given in self.agents.items():
             interface = given.interface if isinstance(given, AgentSpec) else given

@@ -40,6 +40,7 @@ from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import Actions, ActionSpaceType
 from smarts.types.frame import Frame
 from smarts.types.interface import SeatRules
+from smarts.types.seats import agent_names
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
@@ -143,7 +144,7 @@ def assemble(
     Args:
         scenarios: What is played, in turns.
         interfaces: Of the egos, in the order of their seats.
-        agents: The egos' names; by default "agent-0" and so on.
+        agents: The egos' names; by default `agent_names`.
         others: Agents that are not the user's, by name. Their seats are behind the egos' and vacant until
             an episode or a transfer puts somebody there: a social agent, or one that takes a vehicle over.
         looked_at: Names of the sensors that somebody looks at, by seat: the others are not observed. All are
@@ -236,7 +237,7 @@ def _assemble(
 
 
 def _names(agents: Sequence[str], egos: int, others: Iterable[str]) -> tuple[str, ...]:
-    names = tuple(agents) or tuple(f"agent-{number}" for number in range(egos))
+    names = tuple(agents) or agent_names(egos)
     if len(names) != egos or len(set(names)) != egos or not set(names).isdisjoint(others):
         raise InterfaceError(
             f"{egos} interfaces, and the names {', '.join(map(repr, (*names, *others)))}",

@@ -177,3 +177,8 @@ class Seats:
         for name, column in self.columns():
             column[row, seat] = NEITHER if name in _NEITHER_WHEN_EMPTY else 0
         self.period[row, seat] = 1
+
+
+def agent_names(count: int) -> tuple[str, ...]:
+    """Return the names of agents that nobody has named."""
+    return tuple(f"agent-{number}" for number in range(count))
