@@ -112,8 +112,3 @@ class Events:
             truncated=np.zeros(shape, np.bool_),
             finished=np.zeros(worlds, np.bool_),
         )
-
-    def clear(self) -> None:
-        """Forget the last step."""
-        for array in (self.bits, self.just_done, self.terminated, self.truncated, self.finished):
-            array[:] = 0

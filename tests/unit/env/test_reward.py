@@ -57,15 +57,14 @@ class Drive:
     def decide(self, remaining, outcome=Outcome.NONE, events=Event.NONE, in_step=4):
         """Make a decision that leads to `remaining` metres; events and the end are in one of its steps."""
         for step in range(self.period):
-            self.events.clear()
-            if step == in_step:
-                self.events.bits[0, 0] = events
-                if outcome != Outcome.NONE:
-                    self.world.seats.outcome[0, 0] = outcome
-                    self.events.just_done[0, 0] = True
-                    self.events.terminated[0, 0] = outcome not in TRUNCATING
-                    self.events.truncated[0, 0] = outcome in TRUNCATING
-                    return self._settle(remaining)
+            ends = step == in_step and outcome != Outcome.NONE
+            self.events.bits[0, 0] = events if step == in_step else Event.NONE
+            self.events.just_done[0, 0] = ends
+            self.events.terminated[0, 0] = ends and outcome not in TRUNCATING
+            self.events.truncated[0, 0] = ends and outcome in TRUNCATING
+            if ends:
+                self.world.seats.outcome[0, 0] = outcome
+                return self._settle(remaining)
             self._settle(remaining, is_last=step == self.period - 1)
         return float(self.rewards.values[0, 0])
 

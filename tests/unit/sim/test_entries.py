@@ -79,7 +79,7 @@ class Stage:
             self.ownership.apply(EVERYBODY)
             self.entries.enter(self.world, EVERYBODY)
             self.locator.locate(self.world, EVERYBODY)
-            self.events.clear()
+            self.events.just_done[:] = False
             self._propose()
 
     def finish(self, seat, outcome):
