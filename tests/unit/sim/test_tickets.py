@@ -5,7 +5,7 @@ import math
 from smarts.types.mission import SeatMission
 from smarts.types.seats import SeatState
 from tests import maps
-from tests.unit.sim.test_events import Stage
+from tests.unit.sim.stage import Stage
 from tests.worlds import Car
 
 WEST, SOUTH, EAST = (
