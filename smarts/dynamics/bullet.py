@@ -4,9 +4,9 @@ Every simulation has a client (world) of its own. Measured against one shared cl
 step and simulation, and it is what makes a simulation's bits independent of its neighbours in the batch.
 
 The world has no ground and no gravity: `chassis.advance` turns all forces into velocities, and Bullet
-integrates the motion and resolves contacts; where nobody can touch anybody, it is not asked (`free_motion`).
-A velocity per body and sub-step is one call where force and torque are two. Reading a body back costs two
-calls of 1 us each and cannot be had for less.
+integrates the motion and resolves contacts; where nobody can touch anybody, it is not asked, see
+`bullet_worlds`. A velocity per body and sub-step is one call where force and torque are two. Reading a body
+back costs two calls of 1 us each and cannot be had for less.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.dynamics import chassis, free_motion, layout, readout, refusals, single_track
-from smarts.dynamics.bullet import Box, BulletWorld, Touch
+from smarts.dynamics.bullet import Box, Touch
+from smarts.dynamics.bullet_worlds import BulletWorlds
 from smarts.dynamics.layout import MODELS
 from smarts.dynamics.motion import Driver, Motion, Road, Wheels
 from smarts.dynamics.refusals import ControlError, MotionError
@@ -42,7 +43,8 @@ class Fleet:
 
     def __init__(self, simulations: int, egos: int, step: float = 0.1, substeps: int = 10) -> None:
         rows = simulations * egos
-        self._egos, self._step, self._dt = egos, step, step / substeps
+        dt = step / substeps
+        self._simulations, self._egos = simulations, egos
         self._cars = np.zeros(rows, layout.PARAMETERS)
         self._states = np.zeros(rows, layout.STATE)
         self._bodies = np.zeros((rows, layout.BODY_SIZE))
@@ -51,10 +53,7 @@ class Fleet:
         self._controls = np.zeros((rows, 3))
         self._model = np.full(rows, -1)
         self._rows = [np.zeros(0, np.int64) for _ in MODELS]
-        self._worlds = [BulletWorld(self._bodies, self._dt) for _ in range(simulations)]
-        self._with_boxes = np.zeros(simulations, np.bool_)
-        self._company = np.zeros(simulations, np.bool_)
-        self._outdated = np.zeros(simulations, np.bool_)
+        self._bullet = BulletWorlds(self._cars, self._bodies, simulations, step, dt)
 
         self._road = np.zeros((rows, 8))
         self.road = Road(self._road[:, 0:4], self._road[:, 4:7], self._road[:, 7])
@@ -86,13 +85,10 @@ class Fleet:
         vehicles = self._cars, self._states, self._bodies
         self._take_controls = bind(readout.take_controls, self._controls)
         self._remember_velocity = bind(readout.remember_velocity, self._bodies, self._before)
-        moved = *vehicles, self._controls, self._road, self._velocities, self._dt, self._lost
+        moved = *vehicles, self._controls, self._road, self._velocities, dt, self._lost
         self._advance_bodies = bind(chassis.advance, *moved)
         self._advance_free = bind(free_motion.advance_free, *moved, self._poses)
-        self._find_company = bind(
-            free_motion.find_company, self._cars, self._bodies, self._with_boxes, step, self._company
-        )
-        planar = *vehicles, self._controls, self._road, self._poses, self._dt
+        planar = *vehicles, self._controls, self._road, self._poses, dt
         self._advance_dynamic = bind(single_track.advance_dynamic, *planar)
         self._advance_kinematic = bind(single_track.advance_kinematic, *planar)
         self._record_poses = bind(readout.record_poses, self._cars, self._bodies, self._poses)
@@ -112,8 +108,7 @@ class Fleet:
 
     def close(self) -> None:
         """Free Bullet's worlds."""
-        for world in self._worlds:
-            world.close()
+        self._bullet.close()
 
     def clear(self, simulation: int) -> None:
         """Take everything out of a simulation, forget its past, and make its road level and dry.
@@ -123,8 +118,7 @@ class Fleet:
         """
         self._require_simulation(simulation)
         rows = slice(simulation * self._egos, (simulation + 1) * self._egos)
-        self._worlds[simulation].clear()
-        self._with_boxes[simulation] = self._outdated[simulation] = False
+        self._bullet.clear(simulation)
         self._model[rows] = -1
         self._level(rows)
         self._index()
@@ -181,7 +175,7 @@ class Fleet:
         self._bodies[row] = layout.settled_body(car, position, heading, speed, yaw_rate, self._road[row, 4:8])
         self._model[row] = MODELS.index(model)
         if model == "bullet":
-            self._worlds[row // self._egos].add(row, car)
+            self._bullet.add(row)
         self._index()
         self._poses[row] = *position, heading
         self._velocity[row] = speed, yaw_rate * car["cog_to_rear_axle"]
@@ -197,7 +191,7 @@ class Fleet:
         """
         self._require_vehicle(row)
         if self._model[row] == MODELS.index("bullet"):
-            self._worlds[row // self._egos].remove(row)
+            self._bullet.remove(row)
         self._model[row] = -1
         self._index()
 
@@ -257,11 +251,10 @@ class Fleet:
                 place=f"vehicle in row {row}",
                 remedy="give finite numbers, to a vehicle of model 'bullet'",
             )
-        world = self._worlds[row // self._egos]
-        world.remove(row)
+        self._bullet.remove(row)
         self._bodies[row] = body
         self._overhang[row] = single_track.overhang(self._cars[row], body)
-        world.add(row, self._cars[row])
+        self._bullet.add(row)
 
     def place_boxes(self, simulation: int, boxes: Mapping[int, Box]) -> None:
         """Say which road users that others drive egos of a simulation can hit from now on.
@@ -276,8 +269,7 @@ class Fleet:
             ControlError: There is no such simulation.
         """
         self._require_simulation(simulation)
-        self._worlds[simulation].place_boxes(boxes)
-        self._with_boxes[simulation] = bool(boxes)
+        self._bullet.place_boxes(simulation, boxes)
 
     def driver(self, law: Any, *arguments: Any) -> Driver:
         """Return a driver that follows a law.
@@ -319,7 +311,7 @@ class Fleet:
         self._lost[:] = False
         self.touches.clear()
         self._remember_velocity()
-        free, touching, worlds = self._parted(rows[0])
+        free, touching = self._bullet.part(rows[0])
         everyone = np.flatnonzero(moving)
         for substep in range(self._poses.shape[1]):
             if driver is not None:
@@ -327,7 +319,9 @@ class Fleet:
             if free.size:
                 self._advance_free(free, substep)
             if touching.size:
-                self._substep_bullet(touching, worlds, substep)
+                self._advance_bodies(touching)
+                self.touches += [(substep, touch) for touch in self._bullet.substep(self._velocities)]
+                self._record_poses(touching, substep)
             self._advance_single_tracks(rows, substep, substep + 1)
         bad = self._show_motion(moving)
         self._show_wheels()
@@ -348,31 +342,6 @@ class Fleet:
         chosen = np.repeat(simulations, self._egos)
         return self._active & chosen, [of_model[chosen[of_model]] for of_model in self._rows]
 
-    def _parted(
-        self, rows: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], Sequence[BulletWorld]]:
-        """Return which bodies touch nothing in this step, which may, and the worlds of these, up to date."""
-        nobody = rows[:0]
-        if not self._find_company(rows):
-            self._outdated[rows // self._egos] = True
-            return rows, nobody, ()
-        simulation = rows // self._egos
-        may_touch = self._company[simulation]
-        numbers = np.unique(simulation[may_touch])
-        for number in numbers[self._outdated[numbers]].tolist():
-            self._worlds[number].put()
-        self._outdated[simulation] = ~may_touch
-        return rows[~may_touch], rows[may_touch], [self._worlds[number] for number in numbers.tolist()]
-
-    def _substep_bullet(self, rows: NDArray[np.int64], worlds: Sequence[BulletWorld], substep: int) -> None:
-        """Advance vehicles that may touch something by one sub-step, in Bullet."""
-        self._advance_bodies(rows)
-        commands = self._velocities.tolist()
-        for world in worlds:
-            world.substep(commands)
-            self.touches += [(substep, touch) for touch in world.touches(commands)]
-        self._record_poses(rows, substep)
-
     def _advance_single_tracks(self, rows: Sequence[NDArray[np.int64]], begin: int, end: int) -> None:
         """Advance the vehicles that are not in Bullet from one sub-step to before another."""
         _, dynamic, kinematic = rows
@@ -392,10 +361,10 @@ class Fleet:
             raise ControlError("there is no vehicle", place=f"row {row}", remedy="spawn one first")
 
     def _require_simulation(self, simulation: int) -> None:
-        if not 0 <= simulation < len(self._worlds):
+        if not 0 <= simulation < self._simulations:
             raise ControlError(
                 f"there is no simulation {simulation}",
-                remedy=f"simulations go from 0 to {len(self._worlds) - 1}",
+                remedy=f"simulations go from 0 to {self._simulations - 1}",
             )
 
     def _level(self, rows: slice) -> None:
