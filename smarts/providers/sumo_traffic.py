@@ -38,9 +38,10 @@ _KINDS = {
 
 _LIGHTS = np.full(256, Signal.NONE, np.int8)
 _LIGHTS[list(b"rRs")] = Signal.STOP
-_LIGHTS[list(b"yYuoO")] = Signal.CAUTION
+_LIGHTS[list(b"yYuoOs")] = Signal.CAUTION
 _LIGHTS[list(b"gG")] = Signal.GO
-"""`Signal` of each letter of SUMO's signal states; an unlit light (o, O) asks for caution."""
+"""`Signal` of each letter of SUMO's signal states; an unlit light (o, O) asks for caution, and so does an
+arrow for turning right after a stop (s)."""
 
 
 def _owners_of(states: VehicleStates) -> tuple[bytes, bytes]:

@@ -23,9 +23,10 @@ Singles = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class AccelerationAndJerk:
-    """Accelerations of the centre in the map frame, and how fast they changed since the step before.
+    """Accelerations in the map frame, and how fast they changed since the step before.
 
-    Jerk is 0 in a vehicle's first step, when there is nothing to compare with.
+    Those of agents' vehicles are of the centre of gravity, and the mean over the step. Jerk is 0 in a
+    vehicle's first step, when there is nothing to compare with.
     """
 
     option: Accelerometer = field(default_factory=Accelerometer)

@@ -36,6 +36,7 @@ class EgoVehicleState:
 
     def fields(self) -> tuple[Field, ...]:
         """Return what is reported."""
+        moving = "of the centre of gravity along x and y"
         return (
             Field("position", (3,), np.float64, -FARTHEST, FARTHEST, "m", "centre of the footprint"),
             Field("bounding_box", (3,), np.float32, 0, LARGEST_BOX, "m", "length, width, height"),
@@ -43,7 +44,7 @@ class EgoVehicleState:
             Field("speed", (), np.float32, -FASTEST, FASTEST, "m/s", "along the heading"),
             Field("steering", (), np.float32, -np.pi, np.pi, "rad", "of the front wheels, left positive"),
             Field("yaw_rate", (), np.float32, -FASTEST_TURN, FASTEST_TURN, "rad/s", "counter-clockwise"),
-            Field("linear_velocity", (2,), np.float32, -2 * FASTEST, 2 * FASTEST, "m/s", "along x and y"),
+            Field("linear_velocity", (2,), np.float32, -2 * FASTEST, 2 * FASTEST, "m/s", moving),
             Field("lane", (), np.int32, -1, MOST, "", "number in the map, -1 if there is none"),
             Field("lane_index", (), np.int32, 0, MOST, "", "place across the road, 0 is the rightmost"),
             Field("distance_travelled", (), np.float32, 0, FARTHEST, "m", "driven since entry"),

@@ -13,6 +13,7 @@ from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at
 from smarts.roads.arrays import RouteTable
 from smarts.roads.kernels import centre_at, lane_length
+from smarts.roads.lights import light_ahead
 from smarts.sim.judging import STANDING, State, corridor_row, lane_of
 from smarts.sim.yielding import yields_to_stream
 from smarts.types.events import Event
@@ -197,9 +198,13 @@ def _has_to_wait(state: State, table: RouteTable, row: int, seat: int) -> bool:
     """
     now, slot = state.now, state.seats.slot[row, seat]
     lane = lane_of(state, now, row, slot)
-    is_red = lane >= 0 and state.signals[row, now.lane[row, slot]] == _STOP
-    if is_red and lane_length(state.roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
-        return True
+    if lane >= 0 and lane_length(state.roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
+        here, base = corridor_row(state, table, row, seat, lane), state.roads.lane_base[state.map[row]]
+        free = table.start[state.map[row]]
+        if here < 0:
+            here = free + lane - base
+        if light_ahead(table, int(here), base, free, state.signals[row]) == _STOP:
+            return True
     if abs(now.speed[row, slot]) >= STANDING:
         return False
     x, y = now.position[row, slot]

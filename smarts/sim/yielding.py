@@ -28,8 +28,8 @@ def yields_to_stream(state: State, table: RouteTable, row: int, seat: int) -> bo
 
     It is at a stop line or inside a junction, and within `STREAM_TIME` a moving vehicle gets to where its
     lane overlaps one of those ahead in this junction (`LaneGraph.conflict_lane`), or is there. Where another
-    will turn is not known: any of its ways counts. Nor is the right of way; but of two that wait for each
-    other neither moves, so neither has a stream to wait for.
+    will turn is not known: any of its ways counts, but for those that a red light closes. Nor is the right
+    of way; but of two that wait for each other neither moves, so neither has a stream to wait for.
     """
     slot = state.seats.slot[row, seat]
     lane = lane_of(state, state.now, row, slot)
@@ -103,8 +103,9 @@ def _comes(
 ) -> bool:
     """Tell whether a moving vehicle is within one of some stretches of lanes, or reaches one soon."""
     lane = lane_of(state, state.now, row, other)
-    if lane < 0 or state.signals[row, state.now.lane[row, other]] == _STOP:
+    if lane < 0:
         return False
+    base = state.roads.lane_base[state.map[row]]
     half = 0.5 * state.now.length[row, other]
     reach = half + STREAM_TIME * state.now.speed[row, other]
     # Rows still to be looked at, and where on their lanes the vehicle's centre is: below 0 before they begin.
@@ -123,7 +124,8 @@ def _comes(
         if s + reach < 0.0:
             continue
         for entry in range(table.onward_start[here], table.onward_start[here + 1]):
-            if left < len(rows):
+            is_held_back = state.signals[row, table.lane[table.onward[entry]] - base] == _STOP
+            if not is_held_back and left < len(rows):
                 rows[left], places[left] = table.onward[entry], s
                 left += 1
     return False

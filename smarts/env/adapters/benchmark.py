@@ -163,7 +163,7 @@ class BenchmarkAdapter:
         self._write_features = bind(write_features, *roads, agents, *columns, self._features)
         self._write_stack = bind(write_stack, self._features, self._is_new, FRAMES, vectors)
         situation = columns[0], columns[2], world.signals, world.step, self._patience, vectors
-        self._write_situation = bind(write_situation, agents, *situation)
+        self._write_situation = bind(write_situation, *roads, agents, *situation)
         tickets = seats.state, seats.ticket, seats.ticket_junction
         self._write_arrival_order = bind(write_arrival_order, agents, *tickets, vectors)
         self._write_identity = bind(write_identity, FRAMES * FEATURES, vectors)

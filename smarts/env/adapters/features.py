@@ -95,7 +95,7 @@ def _heading_errors(
 
 
 @kernel
-def _path_ahead(
+def path_ahead(
     roads: Roads, table: RouteTable, base: int, free: int, route: int, lane: int, done: float
 ) -> int:
     """Return the table's row of a lane on the route, or, off the route, in the corridor without one."""
@@ -216,10 +216,10 @@ def _write_lane(
         return
     features[LANE_OFFSET] = clipped(driving.lane_offset[b, own] / roads.lane_width[base + lane])
     s, done = driving.lane_position[b, own], seated.route_done[b, seat]
-    row = _path_ahead(roads, table, base, map_number, route, lane, done)
+    row = path_ahead(roads, table, base, map_number, route, lane, done)
     target = seated.target_lane[b, seat]
     if target >= 0 and target != lane:
-        other = _path_ahead(roads, table, base, map_number, route, target, done)
+        other = path_ahead(roads, table, base, map_number, route, target, done)
         # Only beside one's own: a target on another road is one that was passed.
         if table.group[other] == table.group[row]:
             own_end = lane_length(roads, base + lane)

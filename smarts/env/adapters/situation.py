@@ -8,8 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.env.adapters.features import Driving, Seated, clipped
+from smarts.env.adapters.features import Driving, Seated, clipped, path_ahead
 from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.lights import light_ahead
 from smarts.types.seats import SeatState
 
 Singles = NDArray[np.float32]
@@ -66,6 +68,10 @@ def write_arrival_order(
 
 @kernel
 def write_situation(
+    roads: Roads,
+    table: RouteTable,
+    maps: Ints,
+    routes: Ints,
     seats: Ints,
     seated: Seated,
     driving: Driving,
@@ -77,10 +83,14 @@ def write_situation(
 ) -> None:
     """Write what the end of an agent's episode depends on beside what it sees around it.
 
-    That is the light that its lane shows (`LIGHTS`), the share of the time that it may stand which it has
+    That is the light at the end of its lane (`LIGHTS`), the share of the time that it may stand which it has
     stood, and the lane changes that its route demands, in thirds, positive where the first is to the left.
 
     Args:
+        roads: The maps' lanes.
+        table: The routes.
+        maps: Map of each simulation, shape (B,).
+        routes: Number of each seat's route in the table, shape (B, A).
         seats: The adapter's agents, shape (G,).
         seated: Of all seats.
         driving: All vehicles.
@@ -96,7 +106,11 @@ def write_situation(
                 continue
             seat, vector = seats[g], vectors[b, g]
             lane = driving.lane[b, seated.slot[b, seat]]
-            vector[LIGHT] = LIGHTS[signals[b, lane]] if lane >= 0 else 0.0
+            vector[LIGHT] = 0.0
+            if lane >= 0:
+                base, free, done = roads.lane_base[maps[b]], table.start[maps[b]], seated.route_done[b, seat]
+                here = path_ahead(roads, table, base, maps[b], routes[b, seat], lane, done)
+                vector[LIGHT] = LIGHTS[light_ahead(table, here, base, free, signals[b])]
             vector[RESTED] = min(1.0, (step[b] - seated.rest_step[b, seat]) / patience)
             vector[LANE_CHANGES] = clipped(seated.lane_changes[b, seat] / MOST_LANE_CHANGES)
 

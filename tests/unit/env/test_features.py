@@ -313,13 +313,33 @@ def test_lane_changes_due(lane, due):
     assert look(made)[0, 0, LANE_CHANGES] == pytest.approx(due)
 
 
+def show_lights(made, road, **shown):
+    """Let a road's lane show lights, by where the ways lead to: as traffic does, at the ways' begins."""
+    graph = made.atlas.graphs[0]
+    for way in graph.successors(graph.lane_number(road, 0)):
+        leads_to = graph.lane_ids[graph.successors(way)[0]].partition("_")[0]
+        made.world.signals[0, way] = shown.get(leads_to, Signal.NONE)
+
+
 @pytest.mark.parametrize(
     ("signal", "light"), [(Signal.NONE, 0), (Signal.STOP, -1), (Signal.CAUTION, -0.5), (Signal.GO, 1)]
 )
-def test_the_light_of_the_own_lane(signal, light):
-    made = world_of([Car(50.0, 3.2, mission=mission("road"))], maps=[straight()])
-    made.world.signals[0] = [Signal.STOP, signal, Signal.STOP]
+def test_the_light_at_the_end_of_the_lane(signal, light):
+    made = world_of([Car(-50.0, -1.6, mission=mission("west_in", "east_out"))], maps=[crossing()])
+    show_lights(made, "west_in", east=signal, north=Signal.STOP, south=Signal.GO)
     assert look(made)[0, 0, LIGHT] == light
+
+
+def test_off_the_route_the_light_with_which_most_may_go():
+    made = world_of([Car(-50.0, -1.6, mission=mission("south_in", "east_out"))], maps=[crossing()])
+    show_lights(made, "west_in", east=Signal.STOP, north=Signal.CAUTION, south=Signal.STOP)
+    assert look(made)[0, 0, LIGHT] == -0.5
+
+
+def test_in_the_junction_the_light_is_behind():
+    made = world_of([Car(-5.0, -1.6, mission=mission("west_in", "east_out"))], maps=[crossing()])
+    show_lights(made, "west_in", east=Signal.STOP)
+    assert look(made)[0, 0, LIGHT] == 0.0
 
 
 def test_share_of_the_time_that_one_may_stand():

@@ -242,12 +242,15 @@ def test_a_wide_enough_world_is_never_full(world, country):
     assert not world.traffic.is_full
 
 
-def test_signals_are_those_of_the_lanes(world, country):
-    files = country.cross(kind="traffic_light")
+@pytest.mark.parametrize(
+    ("kind", "shown"), [("traffic_light", "ryGg"), ("traffic_light_right_on_red", "ryGgs")]
+)
+def test_signals_are_those_of_the_lanes(world, country, kind, shown):
+    files = country.cross(kind=kind)
     world.reset(files)
     libsumo.start(["sumo", *sumo_options(files, 3, 0.1)])
     seen = set()
-    light_of = {"r": Signal.STOP, "y": Signal.CAUTION, "g": Signal.GO, "G": Signal.GO}
+    light_of = {"r": Signal.STOP, "y": Signal.CAUTION, "s": Signal.CAUTION, "g": Signal.GO, "G": Signal.GO}
     controlled = libsumo.trafficlight.getControlledLinks("c")
     for _ in range(900):
         libsumo.simulationStep()
@@ -258,7 +261,7 @@ def test_signals_are_those_of_the_lanes(world, country):
             assert world.traffic.signals[lane] == light_of[light]
             seen.add(light)
     libsumo.close()
-    assert seen == set("ryGg")
+    assert seen == set(shown)
     road = world.roads.lane_of_id("wc_0")
     assert world.traffic.signals[road] == Signal.NONE
 

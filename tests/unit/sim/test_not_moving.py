@@ -29,33 +29,47 @@ def test_not_moving():
     assert stage.events.terminated[0, 0]
 
 
+def at_a_light(x):
+    """Return a vehicle at x on the way east, whose lane ends at x = -10, and the lane that has its light."""
+    graph = maps.crossing()
+    stage = Stage([Car(x, -1.6, mission=EASTWARD)], graph=graph, not_moving_steps=5)
+    ways = graph.successors(graph.lane_number("west_in", 0)).tolist()
+    (way,) = (way for way in ways if graph.lane_ids[graph.successors(way)[0]].startswith("east_out"))
+    return stage, way
+
+
 def test_a_red_light_stops_the_clock():
-    mission = SeatMission(route=("road",))
-    stage = Stage([Car(10.0, 0.0, mission=mission)], graph=maps.straight(length=49.9), not_moving_steps=5)
-    stage.world.signals[0, 0] = Signal.STOP
-    assert [stage.step((10.0, 0.0)) for _ in range(20)] == [Event.NONE] * 20
-    stage.world.signals[0, 0] = Signal.GO
-    assert [stage.step((10.0, 0.0)) for _ in range(4)] == [Event.NONE] * 4
-    assert stage.step((10.0, 0.0)) == Event.NOT_MOVING
+    stage, way = at_a_light(-49.9)
+    stage.world.signals[0, way] = Signal.STOP
+    assert [stage.step((-49.9, -1.6)) for _ in range(20)] == [Event.NONE] * 20
+    stage.world.signals[0, way] = Signal.GO
+    assert [stage.step((-49.9, -1.6)) for _ in range(4)] == [Event.NONE] * 4
+    assert stage.step((-49.9, -1.6)) == Event.NOT_MOVING
+
+
+def test_a_red_light_for_another_way_does_not():
+    stage, way = at_a_light(-20.6)
+    stage.world.signals[0] = Signal.STOP
+    stage.world.signals[0, way] = Signal.GO
+    assert [stage.step((-20.6, -1.6)) for _ in range(4)] == [Event.NONE] * 4
+    assert stage.step((-20.6, -1.6)) == Event.NOT_MOVING
 
 
 def test_a_red_light_does_not_wind_the_clock_back():
-    mission = SeatMission(route=("road",))
-    stage = Stage([Car(10.0, 0.0, mission=mission)], graph=maps.straight(length=49.9), not_moving_steps=5)
-    assert [stage.step((10.0, 0.0)) for _ in range(3)] == [Event.NONE] * 3
-    stage.world.signals[0, 0] = Signal.STOP
-    assert [stage.step((10.0, 0.0)) for _ in range(20)] == [Event.NONE] * 20
-    stage.world.signals[0, 0] = Signal.GO
-    assert stage.step((10.0, 0.0)) == Event.NONE
-    assert stage.step((10.0, 0.0)) == Event.NOT_MOVING
+    stage, way = at_a_light(-20.6)
+    assert [stage.step((-20.6, -1.6)) for _ in range(3)] == [Event.NONE] * 3
+    stage.world.signals[0, way] = Signal.STOP
+    assert [stage.step((-20.6, -1.6)) for _ in range(20)] == [Event.NONE] * 20
+    stage.world.signals[0, way] = Signal.GO
+    assert stage.step((-20.6, -1.6)) == Event.NONE
+    assert stage.step((-20.6, -1.6)) == Event.NOT_MOVING
 
 
 def test_a_red_light_far_away_does_not():
-    mission = SeatMission(route=("road",))
-    stage = Stage([Car(10.0, 0.0, mission=mission)], graph=maps.straight(length=50.1), not_moving_steps=5)
-    stage.world.signals[0, 0] = Signal.STOP
-    assert [stage.step((10.0, 0.0)) for _ in range(4)] == [Event.NONE] * 4
-    assert stage.step((10.0, 0.0)) == Event.NOT_MOVING
+    stage, way = at_a_light(-50.1)
+    stage.world.signals[0, way] = Signal.STOP
+    assert [stage.step((-50.1, -1.6)) for _ in range(4)] == [Event.NONE] * 4
+    assert stage.step((-50.1, -1.6)) == Event.NOT_MOVING
 
 
 @pytest.mark.parametrize(
@@ -108,7 +122,8 @@ def rests_at_the_crossing(x, other, speed=10.0, clock=5, signal=None):
     cars = [Car(x, -1.6, mission=EASTWARD), Car(*other, speed=speed)]
     stage = Stage(cars, graph=straight_over(), not_moving_steps=clock)
     if signal is not None:
-        stage.world.signals[0, 2] = signal
+        graph = stage.made.atlas.graphs[0]
+        stage.world.signals[0, graph.successors(graph.lane_number("south_in", 0))] = signal
     seen = [stage.step((x, -1.6), other) for _ in range(clock + 3)]
     return Event.NOT_MOVING in seen
 
@@ -138,6 +153,10 @@ def test_who_waits_for_those_who_cross_its_path_does_not_rest(x, other, speed, r
 def test_a_stream_that_a_red_light_holds_back_is_not_waited_for():
     assert rests_at_the_crossing(-13.0, (1.6, -30.0, NORTH), signal=Signal.STOP)
     assert not rests_at_the_crossing(-13.0, (1.6, -30.0, NORTH), signal=Signal.GO)
+
+
+def test_who_is_in_the_junction_already_is_not_held_back_by_its_light():
+    assert not rests_at_the_crossing(-13.0, (1.6, -7.0, NORTH), signal=Signal.STOP)
 
 
 def test_two_who_wait_for_each_other_both_rest():
