@@ -6,9 +6,10 @@ import errno
 import io
 import os
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
 from benchmark.cli import (
@@ -24,9 +25,24 @@ from benchmark.cli import (
     scenario,
     sweep,
 )
+from benchmark.running.exit_codes import INTERRUPTED
 from smarts.errors import SmartsError
 
+
+class Interruptible(TyperGroup):
+    """Commands that Ctrl-C ends with one line; those that keep something say more (`interruptible`)."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Do what was asked for."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            raise typer.Exit(INTERRUPTED) from None
+
+
 app = typer.Typer(
+    cls=Interruptible,
     help="Multi-agent reinforcement learning for autonomous driving: simulate, train, evaluate, report.",
     no_args_is_help=True,
     add_completion=False,

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MODES: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled")
 
@@ -26,17 +29,29 @@ def evaluate(
     ] = None,
 ) -> None:
     """Test the policy of RUN and print all metrics with 95% intervals."""
+    modes = _modes(mode)
     from benchmark.running.again import evaluate_again
+    from benchmark.running.experiment import interruptible
 
-    table = evaluate_again(
-        run,
-        scenarios=scenario or (),
-        traffic=traffic,
-        episodes=episodes,
-        modes=_modes(mode),
-        checkpoint=checkpoint,
-        out=out,
-    )
+    def work() -> int:
+        table = evaluate_again(
+            run,
+            scenarios=scenario or (),
+            traffic=traffic,
+            episodes=episodes,
+            modes=modes,
+            checkpoint=checkpoint,
+            out=out,
+        )
+        _show(table)
+        return 0
+
+    left = "nothing was written" if out is None else f"no table was written to {out}"
+    raise typer.Exit(interruptible(work, left))
+
+
+def _show(table: pd.DataFrame) -> None:
+    """Print all metrics of a test."""
     from benchmark.metrics import compute
 
     found = compute(table, ["mode"])

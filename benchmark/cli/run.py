@@ -28,11 +28,11 @@ def run(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
     # At once: loading Ray, building scenarios and starting Ray take a while.
     typer.echo(f"{experiment.name}: building scenarios and going through {root}", err=True)
     from benchmark.report.writing import write_report
-    from benchmark.running.experiment import interruptible, run_experiment
+    from benchmark.running.experiment import goes_on, interruptible, run_experiment
 
     def work() -> int:
         code = run_experiment(experiment, root)
         typer.echo(f"report: {write_report(root)}")
         return code
 
-    raise typer.Exit(interruptible(work, root))
+    raise typer.Exit(interruptible(work, goes_on(root)))

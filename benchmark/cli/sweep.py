@@ -14,8 +14,8 @@ def sweep(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
     from benchmark.experiment.config import read_experiment
 
     experiment = read_experiment(config, set_ or ())
-    from benchmark.running.experiment import interruptible
+    from benchmark.running.experiment import goes_on, interruptible
     from benchmark.running.sweeping import sweep as search
 
     root = out / experiment.name
-    raise typer.Exit(interruptible(lambda: search(experiment, root), root))
+    raise typer.Exit(interruptible(lambda: search(experiment, root), goes_on(root)))

@@ -19,19 +19,19 @@ from benchmark.results.files import ResultsError, locked, read_json
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.driver import Driver, JobState, jobs_of
+from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests
 from smarts.sstudio.build import build_scenario
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C or SIGTERM."""
-FAILED = 1
-"""Exit code where a run could not be finished."""
 
+def interruptible(work: Callable[[], int], left: str) -> int:
+    """Do something that Ctrl-C and SIGTERM may end, and then say what is left of it.
 
-def interruptible(work: Callable[[], int], root: Path) -> int:
-    """Do what fills a folder of results, and say how to go on if Ctrl-C or SIGTERM ends it.
+    Args:
+        work: What to do.
+        left: What to say; see `goes_on`.
 
     Returns:
         The exit code: that of the work, or `INTERRUPTED`.
@@ -40,7 +40,7 @@ def interruptible(work: Callable[[], int], root: Path) -> int:
         with _stoppable():
             return work()
     except KeyboardInterrupt:
-        return tell_interruption(root)
+        return tell_interruption(left)
 
 
 def run_experiment(experiment: Experiment, root: Path) -> int:
@@ -104,9 +104,14 @@ def check_scenarios(driver: Driver, root: Path, scenarios: Mapping[str, Mapping[
             print(f"note: {folder.path}: {problem}", file=sys.stderr)
 
 
-def tell_interruption(root: Path) -> int:
-    """Say how to go on after Ctrl-C or SIGTERM; return the exit code."""
-    print(f"interrupted; what is finished is in {root}, the same command goes on", file=sys.stderr)
+def goes_on(root: Path) -> str:
+    """Return what is left of an interrupted command that fills a folder of results."""
+    return f"what is finished is in {root}, the same command goes on"
+
+
+def tell_interruption(left: str) -> int:
+    """Say what Ctrl-C or SIGTERM has left; return the exit code."""
+    print(f"interrupted; {left}", file=sys.stderr)
     return INTERRUPTED
 
 

@@ -29,7 +29,8 @@ from benchmark.experiment.runs import Run, runs_of
 from benchmark.results.files import ResultsError, locked, read_json, write_json, write_whole
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
-from benchmark.running.experiment import FAILED, check_cells, tell_interruption
+from benchmark.running.exit_codes import FAILED
+from benchmark.running.experiment import check_cells, goes_on, tell_interruption
 from benchmark.running.training import Training, algorithm_of
 from smarts.errors import SmartsError, nearest_names, shortened
 
@@ -65,7 +66,7 @@ def sweep(experiment: Experiment, root: Path) -> int:
                 found = _tuner(run, section, space, root.absolute()).fit()
         finally:
             ray.shutdown()
-        return tell_interruption(root) if stopped.is_set() else _tell(found, section, root)
+        return tell_interruption(goes_on(root)) if stopped.is_set() else _tell(found, section, root)
 
 
 @contextmanager

@@ -218,3 +218,15 @@ def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out,
     code, _, err = finish(begin(*short, "--checkpoint", "best"))
     assert code == 2
     assert "the checkpoint does not fit: algorithm" in err
+
+
+def test_a_test_that_is_interrupted_says_so_and_leaves_no_table(held_out, tmp_path):
+    run, out = held_out[0] / "ppo/double_merge/no_social_vehicles/seed_3", tmp_path / "again"
+    playing = begin("evaluate", str(run), "--episodes", "10000", "--out", str(out))
+    wait_for(lambda: any(out.glob("episodes/*/*")), playing)
+    playing.send_signal(signal.SIGTERM)  # as Ctrl-C, which may be ignored where the tests run
+    code, printed, err = finish(playing)
+    assert (code, printed) == (130, "")
+    assert err.splitlines()[-1] == f"interrupted; no table was written to {out}"
+    assert "Traceback" not in err
+    assert [each.name for each in out.iterdir()] == ["episodes"]

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from benchmark.running import live
 from benchmark.running.driver import JobState
-from benchmark.running.experiment import INTERRUPTED, interruptible
+from benchmark.running.exit_codes import INTERRUPTED
+from benchmark.running.experiment import goes_on, interruptible
 from benchmark.running.live import LiveProgress
 from benchmark.running.progress import Progress
 
@@ -56,9 +57,9 @@ def test_whatever_is_ended_says_how_to_go_on(tmp_path, capsys, number):
         return 0
 
     try:
-        assert interruptible(work, tmp_path) == INTERRUPTED
+        assert interruptible(work, goes_on(tmp_path)) == INTERRUPTED
     finally:
         signal.signal(signal.SIGINT, ctrl_c)
     assert f"what is finished is in {tmp_path}, the same command goes on" in capsys.readouterr().err
     assert signal.getsignal(signal.SIGTERM) == before
-    assert interruptible(lambda: 7, tmp_path) == 7
+    assert interruptible(lambda: 7, "nothing") == 7
