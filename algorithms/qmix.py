@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from algorithms.joint.batch import JointView
 from algorithms.joint.checks import check_state
 from algorithms.joint.module import LearnerModule
-from algorithms.joint.ranges import COUNT, Ranges
+from algorithms.joint.ranges import WIDTH, Ranges
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.networks import perceptron
 from algorithms.vdn import VDN, VDNConfig, VDNLearner
@@ -75,7 +75,7 @@ class QMIXConfig(VDNConfig):
     """
 
     algorithm = "qmix"
-    ranges: ClassVar[Ranges] = {"mixer_width": COUNT}
+    ranges: ClassVar[Ranges] = {"mixer_width": WIDTH}
 
     def __init__(self, algo_class: type | None = None) -> None:
         super().__init__(algo_class or QMIX)

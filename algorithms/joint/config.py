@@ -26,6 +26,7 @@ from algorithms.joint.ranges import (
     NOT_NEGATIVE,
     NUMBER,
     POSITIVE,
+    WIDTH,
     Range,
     Ranges,
     Widths,
@@ -69,14 +70,14 @@ class JointConfig(AlgorithmConfig):
     """Settings of networks that a checkpoint may be restored under another value of."""
     ranges: ClassVar[Ranges] = {
         "hidden": Widths(),
-        "lr": NOT_NEGATIVE._replace(scheduled=True),
+        "lr": FRACTION._replace(scheduled=True),
         "gamma": FRACTION,
         "grad_clip": POSITIVE._replace(optional=True),
         "reward_scale": POSITIVE,
         "max_env_failures": COUNT,
         "max_silent_iterations": COUNT,
         "torch_threads": COUNT,
-        "gru": NUMBER,
+        "gru": WIDTH._replace(low=0),
         "sequence_length": COUNT,
     }
 

@@ -53,7 +53,7 @@ class Range(NamedTuple):
         kinds = Integral if self.whole else Real
         if isinstance(value, bool) or not isinstance(value, kinds):
             return False
-        number = float(value)
+        number: Any = value  # not as a float, which some whole numbers are too large for
         return self.low <= number <= self.high and not (self.above and number == self.low)
 
     def __str__(self) -> str:
@@ -64,10 +64,13 @@ class Range(NamedTuple):
 
 FRACTION, POSITIVE, COUNT = Range(0, 1), Range(0, above=True), Range(1, whole=True)
 NOT_NEGATIVE, NUMBER = Range(0), Range(0, whole=True)
+WIDEST, DEEPEST = 16_384, 100
+"""Width of a layer, and number of layers, of the largest networks: more is a slip, or out of memory."""
+WIDTH = Range(1, WIDEST, whole=True)
 
 
 class Widths(NamedTuple):
-    """Widths of layers.
+    """Widths of layers, of which there are at most `DEEPEST`.
 
     Attributes:
         least: Smallest number of layers.
@@ -77,9 +80,10 @@ class Widths(NamedTuple):
 
     def fault(self, value: Any) -> str | None:
         """Return what the value is not, or None."""
-        if isinstance(value, tuple | list) and all(COUNT.holds(width) for width in value):
-            return None if len(value) >= self.least else f"not a tuple of {self.least} or more widths"
-        return "not a tuple of widths, as (64, 64)"
+        if not isinstance(value, tuple | list) or not all(WIDTH.holds(width) for width in value):
+            return f"not a tuple of widths of at most {WIDEST}, as (64, 64)"
+        fits = self.least <= len(value) <= DEEPEST
+        return None if fits else f"not a tuple of {self.least} to {DEEPEST} widths"
 
 
 class FirstAndLast(NamedTuple):
