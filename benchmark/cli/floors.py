@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from benchmark.results.files import try_writing, write_whole
+from benchmark.results.files import ResultsError, try_writing, write_whole
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 
 if TYPE_CHECKING:
@@ -65,21 +65,59 @@ def floors(
         locate(name)
     _check_table(out)
     typer.echo(_line(COLUMNS[:3], COLUMNS[3], "s", SHOWN))
-    rows = []
+    table = None if out is None else Table(out)
     for policy in chosen:
         for name in scenario or SCENARIOS:
             folder = None if record is None else record / policy / Path(name).name
             for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
-                rows.append(_row(tally))
                 typer.echo(_shown(tally))
-    if out is not None:
-        write_whole(out, lambda file: _write(file, [COLUMNS, *rows]))
+                if table is not None:
+                    table.add(_row(tally))
+    if table is not None:
+        table.finish()
         typer.echo(f"wrote {out}")
 
 
-def _write(file: Path, rows: Sequence[Sequence[str]]) -> None:
-    with file.open("w", newline="") as out:
-        csv.writer(out, lineterminator="\n").writerows(rows)
+class Table:
+    """A file that has all lines that were added, whatever ends the command; if it can be written to.
+
+    Args:
+        file: Its name; a file that is there is replaced with the first line.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._lines: list[Sequence[str]] = [COLUMNS]
+        self._failure: ResultsError | None = None
+
+    def add(self, line: Sequence[str]) -> None:
+        """Add a line. A disk that is full says so once: what is played meanwhile may find room again."""
+        self._lines.append(line)
+        try:
+            write_whole(self._file, self._write)
+        except ResultsError as error:
+            if self._failure is None:
+                typer.echo(f"note: {error.place}: {error.problem}; it is tried again", err=True)
+            self._failure = error
+        else:
+            self._failure = None
+
+    def finish(self) -> None:
+        """See that all lines are written.
+
+        Raises:
+            ResultsError: They cannot be.
+        """
+        if self._failure is not None:
+            raise ResultsError(
+                self._failure.problem,
+                place=self._failure.place,
+                remedy="all lines are above; make room before the same command plays everything again",
+            )
+
+    def _write(self, file: Path) -> None:
+        with file.open("w", newline="") as out:
+            csv.writer(out, lineterminator="\n").writerows(self._lines)
 
 
 def _row(tally: Tally) -> list[str]:

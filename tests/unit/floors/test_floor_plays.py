@@ -1,13 +1,16 @@
 """Floor policies in a scenario of the benchmark."""
 
 import csv
+import resource
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from benchmark.cli.floors import floors
+from benchmark.cli.floors import COLUMNS, Table, floors
 from benchmark.floors import SUMO_DRIVER
 from benchmark.floors.run import play
+from benchmark.results.files import ResultsError
 from smarts.errors import SmartsError, UnknownNameError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
@@ -49,3 +52,40 @@ def test_bad_input_is_refused_before_anything_is_played(tmp_path):
     assert "place that can be written to" in caught.value.remedy
     with pytest.raises(SmartsError, match="only agents are recorded"):
         play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path)
+
+
+@contextmanager
+def full_disk():
+    """Let no file grow beyond 100 bytes, which fails as a full disk does."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_loses_no_line_of_a_table(tmp_path, capsys):
+    file = tmp_path / "floors.csv"
+    lines = [[f"{number}"] * len(COLUMNS) for number in range(4)]
+
+    def written():
+        with file.open(newline="") as opened:
+            return [*csv.reader(opened)]
+
+    table = Table(file)
+    table.add(lines[0])
+    assert written() == [[*COLUMNS], lines[0]]
+    with full_disk():
+        table.add(lines[1])
+        table.add(lines[2])
+    assert written() == [[*COLUMNS], lines[0]]
+    assert capsys.readouterr().err.count("cannot be written") == 1
+    with pytest.raises(ResultsError, match="cannot be written") as caught:
+        table.finish()
+    assert caught.value.place == str(file)
+    assert "lines are above" in caught.value.remedy
+    table.add(lines[3])
+    table.finish()
+    assert written() == [[*COLUMNS], *lines]
+    assert [*tmp_path.iterdir()] == [file]
