@@ -25,7 +25,8 @@ def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv
     """Show A minus B at the starts that both have played, p-values Holm-corrected over all lines.
 
     Of two experiments, the algorithms that both have; of two algorithms, these two. The unit is a start, over
-    all training seeds a side has: the answer is about these checkpoints, not about others of the algorithm.
+    all training seeds a side has (column "seeds"): the answer is about these checkpoints, not about others of
+    the algorithm.
     """
     from benchmark.report.comparing import (
         compare_sides,
@@ -67,6 +68,7 @@ def _shown(found: Frame) -> str:
         "difference",
         "95% interval",
         "starts",
+        "seeds",
         "p",
         "corrected p",
         "better",
@@ -87,6 +89,7 @@ def _line(row: dict[Any, Any]) -> list[str]:
         f"{row['value']:+.3f}" if row["value"] == row["value"] else "n/a",
         f"[{row['low']:+.3f}, {row['high']:+.3f}]" if known else "no interval",
         str(row["pairs"]),
+        f"{row['first_seeds']} / {row['second_seeds']}",
         *(f"{row[name]:.3f}" if is_compared else "" for name in ("p_value", "corrected")),
         row["better"] or ("tie" if is_compared else "not compared"),
     ]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
 
-from benchmark.experiment.runs import REFERENCE, SCRIPTED
+from benchmark.experiment.runs import REFERENCE, SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, protocol_of
@@ -25,6 +25,8 @@ COLUMNS = (
     "low",
     "high",
     "pairs",
+    "first_seeds",
+    "second_seeds",
     "p_value",
     "corrected",
     "better",
@@ -121,7 +123,8 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
 
     Returns:
         A row for each pair of algorithms, cell and metric, with `COLUMNS`; `better` is "" for a tie, and
-        where `p_value` is NaN, since they could not be compared.
+        where `p_value` is NaN, since they could not be compared. Seeds are how many of training a side has
+        in the cell; scripted policies have none.
 
     Raises:
         ResultsError: There is nothing in common.
@@ -150,8 +153,20 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
     names = {"A": [f"{first.name}: {one}" for one, _ in sides]}
     names["B"] = [f"{second.name}: {other}" for _, other in sides]
     better = [names[wins][row] if wins else "" for row, wins in enumerate(found["wins"])]
-    answer = found.assign(first=names["A"], second=names["B"], better=better)
+    seeds = _training_seeds(table)
+    cells = [*zip(found["pair"], *(found[name] for name in CELL), strict=True)]
+    counts = {
+        column: [seeds.get((*cell, side), 0) for cell in cells]
+        for column, side in (("first_seeds", "A"), ("second_seeds", "B"))
+    }
+    answer = found.assign(first=names["A"], second=names["B"], better=better, **counts)
     return answer[[*COLUMNS]]
+
+
+def _training_seeds(table: Frame) -> dict[Hashable, int]:
+    """Return how many seeds of training each side has, by pair, task, traffic and side."""
+    learnt = table[table["training_seed"] != SCRIPTED_SEED]
+    return learnt.groupby(["pair", *CELL, "side"])["training_seed"].nunique().to_dict()
 
 
 def differing_protocols(first: Side, second: Side) -> list[str]:

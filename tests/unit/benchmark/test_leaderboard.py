@@ -137,6 +137,21 @@ def test_two_algorithms(tmp_path):
         read_side(root / "maac")
 
 
+def test_a_comparison_tells_how_many_seeds_each_side_was_trained_with(tmp_path):
+    one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD, "parked": SLOW})
+    table = agent_episodes(GOOD, mode="greedy", training_seed=2)
+    write_run(one, "dqn", [table], seed=2, budget=BUDGET, traffic=ALONE)
+    code, said = compared(one / "ppo", one / "dqn")
+    title, *lines = said.splitlines()
+    assert (code, len(lines)) == (0, 2)
+    for line in lines:
+        assert line[title.index("seeds") :].startswith("1 / 2 ")
+    (row,) = compare_sides(
+        read_side(one / "dqn"), read_side(one / "reference" / "parked"), ["completion_rate"], "greedy"
+    ).to_dict("records")
+    assert (row["first_seeds"], row["second_seeds"]) == (2, 0)
+
+
 def test_nothing_in_common(tmp_path):
     one = experiment(tmp_path / "one", {"ppo": GOOD, "dqn": GOOD})
     two = experiment(tmp_path / "two", {"maac": GOOD, "maddpg": GOOD})
