@@ -91,8 +91,6 @@ class BulletWorlds:
             velocities: That they are to have, linear and angular, shape (E, 2, 3).
         """
         commands = velocities.tolist()
-        touches: list[Touch] = []
         for world in self._asked:
             world.substep(commands)
-            touches += world.touches(commands)
-        return touches
+        return [touch for world in self._asked for touch in world.touches(commands)]

@@ -320,7 +320,8 @@ class Fleet:
                 self._advance_free(free, substep)
             if touching.size:
                 self._advance_bodies(touching)
-                self.touches += [(substep, touch) for touch in self._bullet.substep(self._velocities)]
+                for touch in self._bullet.substep(self._velocities):
+                    self.touches.append((substep, touch))
                 self._record_poses(touching, substep)
             self._advance_single_tracks(rows, substep, substep + 1)
         bad = self._show_motion(moving)
