@@ -225,11 +225,12 @@ class BulletWorld:
     ) -> Sequence[float]:
         """Return the velocity of a body's point before the last sub-step [m/s]."""
         centre, _ = pybullet.getBasePositionAndOrientation(body, self._client)
-        if body in rows:
-            linear, (p, q, r) = velocities[rows[body]]
-        else:
-            linear, (p, q, r) = pybullet.getBaseVelocity(body, self._client)
-        x, y, z = (at - middle for at, middle in zip(place, centre, strict=True))
+        moved, turned = pybullet.getBaseVelocity(body, self._client)
+        linear, (p, q, r) = velocities[rows[body]] if body in rows else (moved, turned)
+        # Places are from before the sub-step, and the centre has moved since.
+        x, y, z = (
+            at - middle + self._dt * speed for at, middle, speed in zip(place, centre, moved, strict=True)
+        )
         return linear[0] + q * z - r * y, linear[1] + r * x - p * z, linear[2] + p * y - q * x
 
     def _shape(self, half_size: tuple[float, ...], offset: tuple[float, ...]) -> int:

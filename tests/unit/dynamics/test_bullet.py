@@ -203,10 +203,12 @@ class TestTouches:
             assert (touch.row, touch.other_row, touch.box) == (0, -1, 7)
             assert touch.speed == pytest.approx(7.0, abs=0.01)
 
-    def test_of_a_corner_that_swings(self):
+    @pytest.mark.parametrize("speed", [0.0, 30.0, -30.0])
+    def test_of_a_corner_that_swings(self, speed):
+        """However fast the car is: what it goes beside the box in the sub-step is no part of the lever."""
         corner = self.LENGTH / 2 - 0.258
         beside = Box((2.5, self.WIDTH / 2 + 0.99, 0.7), 0.0, 0.0, 3.0, 2.0, 1.4)
-        touches = self.first(self.body(0.0, yaw_rate=2.0), box=beside)
+        touches = self.first(self.body(0.0, speed, yaw_rate=2.0), box=beside)
         assert max(touch.speed for touch in touches) == pytest.approx(2.0 * corner, rel=0.01)
 
     def test_of_the_rear_of_a_box_that_turns(self):
@@ -214,7 +216,7 @@ class TestTouches:
         bus = Box((6.0, self.WIDTH / 2 + 1.24, 1.5), 0.0, 5.0, 12.0, 2.5, 3.0, 0.5, 1.0)
         touches = self.first(self.body(0.0), box=bus)
         # The car's front right of it; 6 m behind its centre a bus at 1 rad/s swings at 6 m/s.
-        assert max(touch.speed for touch in touches) == pytest.approx(6.0 - 0.5, rel=0.02)
+        assert max(touch.speed for touch in touches) == pytest.approx(6.0 - 0.5, rel=0.01)
 
     def test_of_nobody(self):
         assert not self.first(self.body(0.0, 12.0), self.body(6.0))
