@@ -25,7 +25,7 @@ def leave_nobody_out(driven):
 
 def boxes(driven):
     """Return the keys of the boxes in Bullet."""
-    return list(driven.vehicles.fleet._worlds[0]._boxes)
+    return list(driven.vehicles.fleet._bullet._worlds[0]._boxes)
 
 
 def replace(driven, slot):
