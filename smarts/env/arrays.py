@@ -333,6 +333,7 @@ def _groups(
             action=ActionSpaceType.Empty if interface.action is None else interface.action,
             period=setting.decision_interval,
             max_steps=interface.max_episode_steps or 0,
+            interfaces=tuple(members.values()),
         )
         adapter = make(served, interface, **setting.adapter_options)
         # One object for all agents of a group: PettingZoo asks for it, and learners compare by identity.

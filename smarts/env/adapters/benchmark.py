@@ -116,7 +116,8 @@ class BenchmarkAdapter:
         self._served = served
         self._features = np.zeros((world.worlds, agents, FEATURES), np.float32)
         self._is_new = np.ones((world.worlds, agents), np.bool_)
-        self._patience = _patience(interface, world.dt)
+        each = served.interfaces or (interface,) * agents
+        self._patience = np.array([_patience(one, world.dt) for one in each])
         self._rewards = Rewards(served, reward, discount)
         self.rewards = self._rewards.values
         self._bind()

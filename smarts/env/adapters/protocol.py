@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
+from smarts.agents.interface import AgentInterface
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType
 from smarts.types.frame import Frame
@@ -37,6 +38,8 @@ class Served:
     """Steps from one decision to the next."""
     max_steps: int
     """Steps up to the time limit, 0 without one."""
+    interfaces: tuple[AgentInterface, ...] = ()
+    """Theirs; empty where all are like the one that the adapter is made with."""
 
     def ended(self, frame: Frame) -> Bools:
         """Return whose episode ended in a step, shape (B, G)."""

@@ -14,6 +14,7 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.lights import light_ahead
 from smarts.types.seats import SeatState
 
+Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ints = NDArray[np.int32]
 Bytes = NDArray[np.int8]
@@ -77,7 +78,7 @@ def write_situation(
     driving: Driving,
     signals: Bytes,
     step: Ints,
-    patience: float,
+    patience: Floats,
     vectors: Singles,
     chosen: Bools,
 ) -> None:
@@ -96,7 +97,7 @@ def write_situation(
         driving: All vehicles.
         signals: Of all lanes, shape (B, L).
         step: Of each episode, shape (B,).
-        patience: How long an agent may stand [steps]; infinite if for ever.
+        patience: How long each agent may stand [steps]; infinite if for ever, shape (G,).
         vectors: Written, near their ends, shape (B, G, at least `SITUATION`).
         chosen: Whom to write, shape (B, G).
     """
@@ -111,7 +112,7 @@ def write_situation(
                 base, free, done = roads.lane_base[maps[b]], table.start[maps[b]], seated.route_done[b, seat]
                 here = path_ahead(roads, table, base, maps[b], routes[b, seat], lane, done)
                 vector[LIGHT] = LIGHTS[light_ahead(table, here, base, free, signals[b])]
-            vector[RESTED] = min(1.0, (step[b] - seated.rest_step[b, seat]) / patience)
+            vector[RESTED] = min(1.0, (step[b] - seated.rest_step[b, seat]) / patience[g])
             vector[LANE_CHANGES] = clipped(seated.lane_changes[b, seat] / MOST_LANE_CHANGES)
 
 

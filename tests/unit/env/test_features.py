@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.env.adapters.benchmark import FRAMES, BenchmarkAdapter, benchmark_interface
 from smarts.env.adapters.features import (
     FEATURES,
@@ -37,7 +38,7 @@ def mission(*route, goal=(190.0, 0.0)):
     return SeatMission(route=route, goal=GoalKind.POSITION, goal_position=goal, goal_radius=2.0)
 
 
-def adapter_of(made, agents=1, **options):
+def adapter_of(made, agents=1, interfaces=(), **options):
     served = Served(
         Scene(made.world, made.atlas, made.routes),
         tuple(f"agent-{number}" for number in range(agents)),
@@ -45,6 +46,7 @@ def adapter_of(made, agents=1, **options):
         ActionSpaceType.Lane,
         period=5,
         max_steps=600,
+        interfaces=interfaces,
     )
     return BenchmarkAdapter(served, benchmark_interface(), **options)
 
@@ -347,3 +349,14 @@ def test_share_of_the_time_that_one_may_stand():
     made.world.step[0] = 150
     made.world.seats.rest_step[0, 0] = 100
     assert look(made)[0, 0, RESTED] == 0.25
+
+
+def test_each_may_stand_for_its_own_time():
+    cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(3)]
+    made = world_of(cars, maps=[straight()])
+    made.world.step[0] = 50
+    patient = benchmark_interface(event_configuration=EventConfiguration(not_moving_time=50.0))
+    for_ever = benchmark_interface(done_criteria=DoneCriteria(not_moving=False))
+    adapter = adapter_of(made, 3, (benchmark_interface(), patient, for_ever))
+    adapter.collect(frame_of(made.world), True)
+    np.testing.assert_allclose(adapter.observations["observation"][0, :, RESTED], [0.25, 0.1, 0.0])
