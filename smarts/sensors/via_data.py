@@ -36,7 +36,7 @@ class ViaPoints:
             Field("lane", (k,), np.int32, -1, MOST, "", "number in the map"),
             Field("lane_index", (k,), np.int32, 0, MOST, "", "place across the road, 0 is the rightmost"),
             Field("required_speed", (k,), np.float32, 0, FASTEST, "m/s", "to pass it at"),
-            Field("hit", (k,), np.int8, 0, 1, "", "1 if it has been passed"),
+            Field("hit", (k,), np.int8, 0, 1, "", "1 if it has been passed, in laps in this one"),
         )
 
     def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:

@@ -163,10 +163,13 @@ def _is_off_route(state: State, table: RouteTable, row: int, seat: int) -> bool:
 
 @kernel
 def _via_events(state: State, row: int, seat: int) -> int:
-    """Mark the via points that were passed, each once."""
+    """Mark the via points that were passed, each once, or once in every lap."""
     goals, slot = state.goals, state.seats.slot[row, seat]
-    bits = 0
+    lap, bits = state.seats.lap[row, seat], 0
+    begins_lap = state.laps_before[row, seat] < lap < goals.laps[row, seat]
     for via in range(goals.via_count[row, seat]):
+        if begins_lap and goals.goal[row, seat] == _LAPS:
+            state.seats.via_hit[row, seat, via] = False
         x, y = goals.via_position[row, seat, via]
         is_new = not state.seats.via_hit[row, seat, via]
         if is_new and _passes(state, row, slot, x, y, goals.via_radius[row, seat, via]):

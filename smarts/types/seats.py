@@ -119,7 +119,7 @@ class Seats:
     off_route_since: Ints
     """Step of the episode since which it has been off its route, -1 if it is on it."""
     via_hit: Bools
-    """Which of the mission's via points were passed, shape (B, A, W)."""
+    """Which of the mission's via points were passed, of laps in this one, shape (B, A, W)."""
     ticket: Ints
     """Place in the order of arrival at the junction ahead, -1 without one."""
     ticket_junction: Ints

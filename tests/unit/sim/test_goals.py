@@ -185,3 +185,28 @@ def test_vias_are_hit_once_each():
     assert stage.seats.via_hit[0, 0].tolist() == [True, False]
     assert stage.step((20.5, 0.0)) == Event.NONE
     assert stage.step((31.0, 0.0)) == Event.NONE
+
+
+def test_vias_are_hit_once_in_every_lap():
+    vias = (Via((60.0, 0.0), 0, 1.6, 5.0), Via((70.0, 5.0), 0, 1.0, 5.0))
+    mission = SeatMission(
+        route=("side", "round") * 2,
+        goal=GoalKind.LAPS,
+        laps=2,
+        goal_lane=1,
+        goal_s=200.0,
+        vias=vias,
+    )
+    stage = Stage([Car(40.0, 0.0, mission=mission)], graph=ring())
+    south, lap_ends = -math.pi / 2, []
+    for _ in range(2):
+        assert stage.step((57.0, 0.0)) == Event.NONE
+        assert stage.step((61.0, 0.0)) == Event.VIA_HIT
+        assert stage.step((60.5, 0.0)) == Event.NONE
+        assert stage.seats.via_hit[0, 0].tolist() == [True, False]
+        assert stage.step((50.0, 60.0, math.pi)) == Event.NONE
+        assert stage.step((-10.0, 40.0, south)) == Event.NONE
+        lap_ends.append(stage.step((-10.0, 20.0, south)))
+    assert lap_ends == [Event.LAP_COMPLETED, Event.LAP_COMPLETED | Event.REACHED_GOAL]
+    # What was passed in the last lap is still so when the episode ends.
+    assert stage.seats.via_hit[0, 0].tolist() == [True, False]
