@@ -33,7 +33,10 @@ def evaluate(
     from benchmark.running.again import evaluate_again
     from benchmark.running.experiment import interruptible
 
+    table: pd.DataFrame | None = None
+
     def work() -> int:
+        nonlocal table
         table = evaluate_again(
             run,
             scenarios=scenario or (),
@@ -43,11 +46,13 @@ def evaluate(
             checkpoint=checkpoint,
             out=out,
         )
-        _show(table)
         return 0
 
     left = "nothing was written" if out is None else f"no table was written to {out}"
-    raise typer.Exit(interruptible(work, left))
+    code = interruptible(work, left)
+    if table is not None:
+        _show(table)
+    raise typer.Exit(code)
 
 
 def _show(table: pd.DataFrame) -> None:

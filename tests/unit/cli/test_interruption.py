@@ -23,3 +23,13 @@ def test_ctrl_c_is_one_line_and_130():
 
 def test_all_commands_end_so():
     assert isinstance(typer.main.get_command(app), Interruptible)
+
+
+def test_a_table_that_is_written_is_not_said_to_be_missing(monkeypatch, tmp_path):
+    def interrupted(table):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("benchmark.running.again.evaluate_again", lambda run, **options: "a table")
+    monkeypatch.setattr("benchmark.cli.evaluate._show", interrupted)
+    ended = CliRunner().invoke(app, ["evaluate", "a_run", "--out", str(tmp_path)])
+    assert (ended.exit_code, ended.stderr) == (130, "interrupted\n")
