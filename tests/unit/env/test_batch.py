@@ -6,6 +6,8 @@ import torch
 
 from smarts.agents import AgentInterface, DoneCriteria, EventConfiguration
 from smarts.agents.options import InterfaceError
+from smarts.env.adapters.benchmark import benchmark_interface
+from smarts.env.adapters.situation import RESTED
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import ActionError, SmartsError
 from smarts.types.actions import ActionSpaceType, LaneAction
@@ -256,6 +258,19 @@ def test_who_may_rest_for_ever(new_env, time, outcome):
     while not now.reset.any():
         now = env.step([np.array([[SLOW]])])
     assert now.metrics[0][outcome] == 1.0
+
+
+def test_each_is_told_the_share_of_its_own_patience(new_env):
+    patience = np.array([20.0, 50.0])
+    kinds = [benchmark_interface(event_configuration=EventConfiguration(time)) for time in patience]
+    env = new_env(1, ["loop"], dict(zip("ab", kinds, strict=True)))
+    env.reset(1)
+    for _ in range(12):
+        now = env.step([np.array([[SLOW, SLOW]])])
+    world = env._worlds.batch.world
+    stood = (world.step[0] - world.seats.rest_step[0, :2]) * world.dt
+    assert (stood > 1.0).all()
+    np.testing.assert_allclose(now.observations[0][""][0, :, RESTED], stood / patience, rtol=1e-5)
 
 
 def test_close_may_be_called_twice(new_env):

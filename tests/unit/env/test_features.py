@@ -332,8 +332,9 @@ def test_the_light_at_the_end_of_the_lane(signal, light):
     assert look(made)[0, 0, LIGHT] == light
 
 
-def test_off_the_route_the_light_with_which_most_may_go():
-    made = world_of([Car(-50.0, -1.6, mission=mission("south_in", "east_out"))], maps=[crossing()])
+@pytest.mark.parametrize("route", [("south_in", "east_out"), ("west_in",)], ids=["beside it", "at its end"])
+def test_off_the_route_the_light_with_which_most_may_go(route):
+    made = world_of([Car(-50.0, -1.6, mission=mission(*route))], maps=[crossing()])
     show_lights(made, "west_in", east=Signal.STOP, north=Signal.CAUTION, south=Signal.STOP)
     assert look(made)[0, 0, LIGHT] == -0.5
 

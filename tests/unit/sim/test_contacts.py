@@ -125,16 +125,17 @@ def find(made, tracks=None, rows=EVERYBODY, touches=()):
 
 
 def moved(cars, moves, touches=()):
-    """Return the contacts of a step in which each car moves evenly by (dx, dy), and the hand-made world."""
+    """Return the contacts of a step where cars move evenly by (dx, dy) or (dx, dy, turn); and the world."""
     made = world_of(cars, maps=[maps.straight()])
     world = made.world
     made.advance()
     tracks = np.zeros((*world.seats.slot.shape, SUBSTEPS, 3))
-    for slot, (dx, dy) in enumerate(moves):
+    for slot, (dx, dy, *turn) in enumerate(moves):
         begin = np.array([*world.before.position[0, slot], world.before.heading[0, slot]])
         world.vehicles.position[0, slot] += dx, dy
+        world.vehicles.heading[0, slot] += sum(turn)
         for seat in np.flatnonzero(world.seats.slot[0] == slot):
-            tracks[0, seat] = evenly(begin, begin + np.array([dx, dy, 0.0]))
+            tracks[0, seat] = evenly(begin, begin + np.array([dx, dy, sum(turn)]))
     return find(made, tracks, touches=touches), made
 
 
@@ -214,6 +215,25 @@ def test_a_corner_is_clipped_within_a_substep(depth, substep):
     assert contacts.substep[0, 0] == substep
     assert contacts.side[0, 0] == FRONT
     assert contacts.closing_speed[0, 0] == pytest.approx(10.0)
+
+
+def test_whose_corner_is_clipped_before_another_is_hit_in_the_same_substep():
+    # As above; and into a car that stands ahead at 0.58 of the step.
+    crossing = Car(3.4 + 0.525, -3.4 + 0.05 + 0.525, -math.pi / 2)
+    cars = [Car(0.0, 0.0, mission=EGO), crossing, Car(5.0 + 0.58, 0.0)]
+    contacts, _ = moved(cars, [(1.0, 0.0), (0.0, -1.0), (0.0, 0.0)])
+    assert contacts.touching[0, 0, 1:3].all()
+    assert (contacts.partner[0, 0], contacts.substep[0, 0]) == (1, 5)
+
+
+@pytest.mark.parametrize(("distance", "hit"), [(6.115, True), (6.135, False)])
+def test_a_corner_that_only_swings_past_within_a_substep(distance, hit):
+    # The corner of a bus is 6.129 m from its centre. In the middle of the first sub-step it points to the
+    # ego's front; 0.1 rad before and after it comes 3 cm less near.
+    bus = Car(2.5 + distance, 0.0, math.atan2(1.25, 6.0) - 0.1, length=12.0, width=2.5)
+    contacts, _ = moved([Car(0.0, 0.0, mission=EGO), bus], [(0.0, 0.0), (0.0, 0.0, 2.0)])
+    assert contacts.touching[0, 0, 1] == hit
+    assert contacts.substep[0, 0] == 0
 
 
 def test_touching_is_no_contact():
