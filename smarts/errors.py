@@ -25,8 +25,8 @@ def shown(value: object, limit: int = LONGEST_VALUE) -> str:
     try:
         return shortened(repr(value), limit)
     except ValueError:
-        # Python prints no whole number of more than 4300 digits.
-        return f"an {type(value).__name__} of thousands of digits"
+        # Python prints no whole number of more than 4300 digits, nor what holds one.
+        return f"of type {type(value).__name__}, with thousands of digits"
 
 
 class SmartsError(Exception):

@@ -81,7 +81,7 @@ class Widths(NamedTuple):
     def fault(self, value: Any) -> str | None:
         """Return what the value is not, or None."""
         if not isinstance(value, tuple | list) or not all(WIDTH.holds(width) for width in value):
-            return f"not a tuple of widths of at most {WIDEST}, as (64, 64)"
+            return f"not a tuple of widths from 1 to {WIDEST}, as (64, 64)"
         fits = self.least <= len(value) <= DEEPEST
         return None if fits else f"not a tuple of {self.least} to {DEEPEST} widths"
 

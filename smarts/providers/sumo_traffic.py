@@ -37,7 +37,7 @@ _KINDS = {
 }
 
 _LIGHTS = np.full(256, Signal.NONE, np.int8)
-_LIGHTS[list(b"rRs")] = Signal.STOP
+_LIGHTS[list(b"rR")] = Signal.STOP
 _LIGHTS[list(b"yYuoOs")] = Signal.CAUTION
 _LIGHTS[list(b"gG")] = Signal.GO
 """`Signal` of each letter of SUMO's signal states; an unlit light (o, O) asks for caution, and so does an

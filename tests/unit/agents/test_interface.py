@@ -198,7 +198,7 @@ def test_numbers_of_numpy_are_numbers():
 @pytest.mark.parametrize("digits", [400, 5000])
 def test_numbers_larger_than_any_float(digits):
     # Python prints no number of more than 4300 digits.
-    said = "1000" if digits < 4300 else "an int of thousands of digits"
+    said = "1000" if digits < 4300 else "of type int, with thousands of digits"
     with pytest.raises(InterfaceError, match=f"radius is {said}"):
         NeighborhoodVehicles(radius=10**digits)
     with pytest.raises(InterfaceError, match=f"lookahead is {said}"):
@@ -208,6 +208,8 @@ def test_numbers_larger_than_any_float(digits):
     for name in RAYS:
         with pytest.raises(InterfaceError, match=name):
             SensorParams(**RAYS | {name: (10**digits,) if name == "laser_angles" else 10**digits})
+    with pytest.raises(InterfaceError, match=said.replace("int", "tuple").replace("1000", r"\(1000")):
+        AgentInterface(flat_tyres=(10**digits,))
 
 
 def test_numbers_become_those_of_python():

@@ -133,7 +133,7 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("training.gamma=7.0", "training.gamma: 7.0 is not a number of at least 0 and at most 1"),
         ("settings.ppo.lr=-1.0", "settings.ppo.lr: -1.0 is not a number"),
         ("training.lr=3", "training.lr: 3 is not a number of at least 0 and at most 1"),
-        ("training.hidden=[1000000000]", "training.hidden: [1000000000] is not a tuple of widths of at most"),
+        ("training.hidden=[1000000000]", "training.hidden: [1000000000] is not a tuple of widths from 1 to"),
         ("training.lr=.nan", "training.lr: nan is not a number"),
         ("training.lr=[[0, 1e-3], [9, 1e-4]]", ""),
         ("training.lr=[[5, 1e-3]]", "is not a schedule"),

@@ -269,7 +269,7 @@ def test_a_seed_is_drawn_where_none_is_given():
         ("dqn", {"capacity": 0}, "capacity=0"),
         ("ppo", {"lr": 3}, "lr=3 is not a number of at least 0 and at most 1"),
         ("ppo", {"lr": [[0, 3.0], [10, 0.1]]}, "is not a schedule"),
-        ("ppo", {"hidden": (10**9,)}, "is not a tuple of widths of at most 16384"),
+        ("ppo", {"hidden": (10**9,)}, "is not a tuple of widths from 1 to 16384"),
         ("ppo", {"hidden": (10**400,)}, "is not a tuple of widths"),
         ("dqn", {"hidden": (64,) * 1000}, "is not a tuple of 0 to 100 widths"),
         ("maac", {"hidden": ()}, "is not a tuple of 1 to 100 widths"),
