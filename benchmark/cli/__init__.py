@@ -5,7 +5,9 @@ from __future__ import annotations
 import errno
 import io
 import os
+import signal
 import sys
+from types import FrameType
 from typing import Any, NoReturn
 
 import typer
@@ -34,11 +36,27 @@ class Interruptible(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Do what was asked for."""
+        is_interrupted = False
+
+        def interrupt(number: int, frame: FrameType | None) -> None:
+            nonlocal is_interrupted
+            is_interrupted = True
+            raise KeyboardInterrupt
+
+        is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        if is_ours:
+            signal.signal(signal.SIGINT, interrupt)
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
-            raise typer.Exit(INTERRUPTED) from None
+        except BaseException as error:
+            # While kernels are compiled, Ctrl-C is lost in LLVM, and comes out as that there is no kernel.
+            if isinstance(error, KeyboardInterrupt) or (is_interrupted and isinstance(error, RuntimeError)):
+                print("interrupted", file=sys.stderr)
+                raise typer.Exit(INTERRUPTED) from None
+            raise
+        finally:
+            if is_ours:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 app = typer.Typer(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
@@ -42,8 +42,8 @@ def play(
     seed: int = 42,
     first_world: int = REPORTED_WORLDS,
     record: Path | None = None,
-) -> list[Tally]:
-    """Play a scenario with every agent driven by a policy; return a tally for each of its traffics.
+) -> Iterator[Tally]:
+    """Play a scenario with every agent driven by a policy; yield a tally for each of its traffics.
 
     Episode k is that of world `first_world` + k, as in the evaluation of learners.
 
@@ -59,7 +59,6 @@ def play(
         SmartsError: SUMO's driver is to be recorded.
         TrafficError: Traffic failed.
     """
-    tallies = []
     for traffic in build_scenario(scenario).traffic:
         tally = Tally(policy, scenario, traffic, AGENTS)
         if policy == SUMO_DRIVER:
@@ -75,8 +74,7 @@ def play(
             if tally.episodes >= episodes:
                 break
         played.close()
-        tallies.append(tally)
-    return tallies
+        yield tally
 
 
 def _episodes(

@@ -1,24 +1,50 @@
 """Ctrl-C in commands that keep nothing: one line, and the exit code of a signal."""
 
+import signal
+
+import pytest
 import typer
 from typer.testing import CliRunner
 
 from benchmark.cli import Interruptible, app
 
 
-def test_ctrl_c_is_one_line_and_130():
+def commands_of(work):
     commands = typer.Typer(cls=Interruptible)
 
     @commands.callback()
     def group():
         pass
 
-    @commands.command()
-    def work():
-        raise KeyboardInterrupt
+    commands.command("work")(work)
+    return commands
 
-    ended = CliRunner().invoke(commands, ["work"])
+
+def lost():
+    """Take Ctrl-C and fail at something else for it, as a compiler does that is called back from C."""
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise RuntimeError("no compiled object yet") from None
+
+
+def interrupted():
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("work", [interrupted, lost])
+def test_ctrl_c_is_one_line_and_130(work):
+    before = signal.getsignal(signal.SIGINT)
+    ended = CliRunner().invoke(commands_of(work), ["work"])
     assert (ended.exit_code, ended.stderr, ended.stdout) == (130, "interrupted\n", "")
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_error_without_ctrl_c_is_an_error():
+    def fail():
+        raise RuntimeError("no memory")
+
+    assert isinstance(CliRunner().invoke(commands_of(fail), ["work"]).exception, RuntimeError)
 
 
 def test_all_commands_end_so():

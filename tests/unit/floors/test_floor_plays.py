@@ -51,7 +51,7 @@ def test_bad_input_is_refused_before_anything_is_played(tmp_path):
         floors(["parked"], out=Path("/proc/x.csv"))
     assert "place that can be written to" in caught.value.remedy
     with pytest.raises(SmartsError, match="only agents are recorded"):
-        play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path)
+        next(play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path))
 
 
 @contextmanager
