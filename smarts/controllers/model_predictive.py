@@ -87,6 +87,7 @@ class ModelPredictive:
             vehicles.position,
             vehicles.heading,
             vehicles.speed,
+            vehicles.lateral_speed,
             vehicles.yaw_rate,
             self._sharpest,
             out.reference,
@@ -102,6 +103,7 @@ def plan_references(
     position: Floats,
     heading: Floats,
     speed: Floats,
+    lateral_speed: Floats,
     yaw_rate: Floats,
     sharpest: Floats,
     reference: Floats,
@@ -119,14 +121,18 @@ def plan_references(
             points = reference[b, a]
             cos, sin = math.cos(points[0, 2]), math.sin(points[0, 2])
             dx, dy = position[b, v, 0] - points[0, 0], position[b, v, 1] - points[0, 1]
-            # From the first point, a point's spacing behind, the vehicle is carried back along its heading.
-            turn = wrapped(heading[b, v] - points[0, 2])
-            along = dx * cos + dy * sin
-            offset = dy * cos - dx * sin - math.tan(min(max(turn, -1.0), 1.0)) * along
+            # In a bend the middle of a vehicle goes aside of where it points. From there it is carried back
+            # along its arc to the first point, which may lie a point's spacing behind.
             fast = max(abs(speed[b, v]), 1.0)
+            curvature = yaw_rate[b, v] / fast
+            course = wrapped(heading[b, v] + math.atan(lateral_speed[b, v] / fast) - points[0, 2])
+            along = dx * cos + dy * sin
+            turn = course - min(max(curvature * along, -1.0), 1.0)
+            chord = min(max(0.5 * (course + turn), -1.0), 1.0)
+            offset = dy * cos - dx * sin - math.tan(chord) * along
             bound = min(sharpest[kind[b, v]], LATERAL_ACCELERATION / (fast * fast))
             weight = RATE_WEIGHT + SPEED_WEIGHT * fast * fast
-            _solve(points, length[b, a], offset, turn, yaw_rate[b, v] / fast, bound, weight, work, plan)
+            _solve(points, length[b, a], offset, turn, curvature, bound, weight, work, plan)
             _shift(points, length[b, a], plan)
 
 

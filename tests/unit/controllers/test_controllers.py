@@ -114,6 +114,31 @@ def test_tracks_a_path(rig, kind, vehicle):
     assert driven.speed == pytest.approx(10.0, abs=0.2)
 
 
+def bend(begin, end, radius=28.0):
+    """Return a path at 6 m/s, points a metre apart: straight on for 15 m from (20, 0), then to the left."""
+    along = np.arange(begin, end)
+    turn = np.maximum(along - 15.0, 0.0) / radius
+    x = 20.0 + np.minimum(along, 15.0) + radius * np.sin(turn)
+    return np.column_stack([0.0 * along, x, radius * (1.0 - np.cos(turn)), turn, 0.0 * along + 6.0])
+
+
+@pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
+@pytest.mark.parametrize("vehicle", [VehicleKind.PASSENGER, VehicleKind.BUS])
+@pytest.mark.parametrize("is_renewed", [False, True])
+def test_stays_on_a_path_that_goes_on_bending(rig, kind, vehicle, is_renewed):
+    """Whether the path is given once, or in each step anew from where the vehicle is, as waypoints are."""
+    driven = rig([agent(20.0, 0.0, speed=6.0, kind=vehicle)], graph=maps.straight(length=600.0), kind=kind)
+    driven.act(path=bend(0.0, 64.0))
+    whole, far = bend(0.0, 100.0), []
+    for _ in range(80):
+        driven.step()
+        far.append(distance_to(whole, driven.position))
+        if is_renewed:
+            nearest = float(np.linalg.norm(whole[:, 1:3] - driven.position, axis=1).argmin())
+            driven.act(path=bend(nearest, nearest + 40.0))
+    assert max(far) < 0.3
+
+
 @pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
 def test_stops_behind_the_end_of_a_path(rig, kind):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(length=600.0), kind=kind)
