@@ -38,3 +38,8 @@ class VehicleStage:
             self.made.ownership.apply(rows)
             tracks = self.vehicles.step(self.world, self.commands, rows)
         return tracks
+
+    @property
+    def boxes(self):
+        """The keys of the boxes that Bullet has in the first simulation."""
+        return list(self.vehicles.fleet._bullet._worlds[0]._boxes)

@@ -23,11 +23,6 @@ def leave_nobody_out(driven):
     driven.vehicles._find_touchable = find
 
 
-def boxes(driven):
-    """Return the keys of the boxes in Bullet."""
-    return list(driven.vehicles.fleet._bullet._worlds[0]._boxes)
-
-
 def replace(driven, slot):
     """Put another vehicle of the same size into a slot."""
     roster, vehicles = driven.made.ownership.rosters[0], driven.world.vehicles
@@ -100,24 +95,24 @@ class TestBoxesGo:
     def test_with_the_vehicle(self, stage):
         driven = stage([ego(20.0, speed=10.0), Car(27.0, 0.0, speed=10.0)])
         driven.step(3)
-        assert len(boxes(driven)) == 1
+        assert len(driven.boxes) == 1
         driven.made.ownership.rosters[0].dismiss(1)
         driven.step(20)
-        assert boxes(driven) == []
+        assert driven.boxes == []
         assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(43.0, abs=0.5)
 
     def test_at_the_episodes_end(self, stage):
         """A vehicle 1 m away may not be touched, unless it was about to be before."""
         driven = stage([ego(20.0, speed=0.0), Car(26.0, 0.0)])
         driven.step()
-        assert boxes(driven) == []
+        assert driven.boxes == []
         driven.world.vehicles.position[0, 1, 0] = 25.2
         driven.step()
-        assert len(boxes(driven)) == 1
+        assert len(driven.boxes) == 1
         driven.vehicles.reset(driven.world, driven.all)
         driven.world.vehicles.position[0, 1, 0] = 26.0
         driven.step()
-        assert boxes(driven) == []
+        assert driven.boxes == []
 
     def pushed(self, stage, slot):
         """Return the motion of a vehicle that was pushed by one in slot 1, then by another one in a slot."""
@@ -125,7 +120,7 @@ class TestBoxesGo:
         vehicles = driven.world.vehicles
         driven.actuate(throttle=0.5)
         driven.step(12)
-        assert len(boxes(driven)) == 1
+        assert len(driven.boxes) == 1
         if slot == 1:
             replace(driven, slot)
         vehicles.position[0, 1:3, 0] = 400.0

@@ -121,12 +121,12 @@ def test_a_batch_equals_separate_runs(stage, model):
 
 def test_traffic_is_in_bullet_only_while_an_ego_may_touch_it(stage):
     driven = stage([ego(speed=10.0), Car(60.0, 0.0, speed=0.0), Car(60.0, 3.2)])
-    boxes, vehicles = driven.vehicles.fleet._worlds[0]._boxes, driven.world.vehicles
+    vehicles = driven.world.vehicles
     present = []
     for _ in range(62):
         gap = vehicles.position[0, 1, 0] - vehicles.position[0, 0, 0] - vehicles.length[0, 0]
         driven.step()
-        present.append((gap, [key % vehicles.capacity for key in boxes]))
+        present.append((gap, [key % vehicles.capacity for key in driven.boxes]))
     # 1 m may be driven in the step, and 0.4 m are for what is not foreseen; nobody touches the one beside.
     assert all(slots == [] for gap, slots in present if gap > 1.5)
     assert all(slots == [1] for gap, slots in present if gap < 1.3)
@@ -135,7 +135,7 @@ def test_traffic_is_in_bullet_only_while_an_ego_may_touch_it(stage):
     assert vehicles.position[0, 0, 0] < 60.0 - 4.0
     assert vehicles.speed[0, 0] < 2.0
     driven.vehicles.reset(driven.world, driven.all)
-    assert len(driven.vehicles.fleet._worlds[0]._boxes) == 0
+    assert driven.boxes == []
 
 
 class TestPlaced:
