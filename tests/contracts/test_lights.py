@@ -1,0 +1,53 @@
+"""What agents are told of traffic lights, against what SUMO shows on a map of the suite."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+import sumolib
+
+from smarts.env import VectorHiWayEnv
+from smarts.env.adapters.situation import LIGHT
+from smarts.sstudio.build import build_scenario
+
+TOLD = {"r": -1.0, "y": -0.5, "u": -0.5, "o": -0.5, "O": -0.5, "s": -0.5, "g": 1.0, "G": 1.0}
+OPENNESS = {0.0: 0, -1.0: 1, -0.5: 2, 1.0: 3}
+"""Of several lights that of the way on which most may go counts."""
+
+
+@pytest.fixture
+def city():
+    env = VectorHiWayEnv(1, ["city"], agents=4, traffic=["random_social_vehicles"], seed=3)
+    yield env
+    env.close()
+
+
+def light_at_the_end(connections, edge, state_of):
+    """Return the light for who goes on to an edge; where no connection leads there, of all."""
+    onward = [way for way in connections if way.getTo().getID() == edge] or connections
+    lights = {TOLD[state_of(way.getTLSID())[way.getTLLinkIndex()]] for way in onward if way.getTLSID() != ""}
+    return max(lights | {0.0}, key=OPENNESS.__getitem__)
+
+
+def test_agents_are_told_what_sumo_shows_at_the_end_of_their_lane(city):
+    net = sumolib.net.readNet(str(build_scenario("city").directory / "map.net.xml"))
+    now, batch, told = city.reset(), city._worlds.batch, Counter()
+    world = batch.world
+    state_of = batch.simulation._stages.traffic._engines[0]._library.trafficlight.getRedYellowGreenState
+    for _ in range(60):
+        seats, graph = world.seats, batch.scene.atlas.graphs[int(world.map[0])]
+        for agent in np.flatnonzero(now.alive[0] & seats.on_route[0]).tolist():
+            lane = int(world.vehicles.lane[0, seats.slot[0, agent]])
+            route = city.episodes[0].seats[agent].mission.route
+            if lane < 0 or graph.is_internal[lane]:
+                continue
+            sumos = net.getLane(graph.lane_ids[lane])
+            place = route.index(sumos.getEdge().getID())
+            if place + 1 == len(route):
+                continue  # its goal is on this road
+            light = light_at_the_end(sumos.getOutgoing(), route[place + 1], state_of)
+            (leaves,) = now.observations
+            assert leaves[""][0, agent, LIGHT] == light, (graph.lane_ids[lane], route[place + 1])
+            told[light] += 1
+        now = city.step([np.zeros((1, 4), np.int64)])
+    assert min(told[-1.0], told[1.0], told[0.0]) >= 5
