@@ -83,9 +83,9 @@ def play_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
     tested = run.cell.test_content()
     if folder.is_finished(tested):
         return
-    folder.open(run.content(), run.digest())
+    folder.open(run.content())
     scenarios = {SCENARIOS: scenario_digests(run.cell)}
-    folder.note(status=TESTING, digest=run.digest(), run=str(run), **scenarios, **machine())
+    folder.note(status=TESTING, run=str(run), **scenarios, **machine())
 
     def play_part(part: Part, worlds: range, record: Path) -> None:
         with closing(environment(run.cell, copies=1, scenarios=part.scenarios, record=record)) as env:
