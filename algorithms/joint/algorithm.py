@@ -136,7 +136,7 @@ class JointAlgorithm(Algorithm):
 
     def _await_runner(self) -> None:
         """Wait until a runner is there, for `sample_timeout_s` at most: a restart takes seconds."""
-        group, deadline = self.env_runner_group, time.monotonic() + self.config.sample_timeout_s
+        group, deadline = self.env_runner_group, time.monotonic() + (self.config.sample_timeout_s or 0.0)
         while not group.num_healthy_remote_workers() and time.monotonic() < deadline:
             time.sleep(RESTART_POLL)
             group.probe_unhealthy_env_runners()

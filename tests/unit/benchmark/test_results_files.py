@@ -1,13 +1,15 @@
 """Results on disk are whole or not there, whatever fails or is killed when."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from benchmark.experiment.config import Budget, Environment, Experiment
+from benchmark.experiment.config import Budget, Environment, Experiment, read_experiment
 from benchmark.report.provenance import circumstances
 from benchmark.results.commands import keep_command
 from benchmark.results.files import (
@@ -23,7 +25,10 @@ from benchmark.results.files import (
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import PROGRESS_COLUMNS, RunFolder
 from benchmark.running.again import evaluate_again
+from benchmark.running.driver import Driver, jobs_of
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
+
+ROOT = Path(__file__).parents[3]
 
 
 class FakeAlgo:
@@ -204,6 +209,19 @@ def test_keys_that_a_version_did_not_have_are_their_defaults(tmp_path):
     changed = {**whole, "environment": {**whole["environment"], "decision_interval": 3}}
     with pytest.raises(ResultsError, match=r"config: environment.decision_interval \(5, here 3\)"):
         folder.check(changed)
+
+
+def test_the_committed_results_are_finished(tmp_path):
+    """Whatever keys with defaults configs have got since; on a copy, since nothing may be written there."""
+    shutil.copytree(ROOT / "results" / "paper_table", tmp_path / "table")
+    experiment = read_experiment(ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo, maddpg]"])
+    driver = Driver(jobs_of(experiment), tmp_path / "table", experiment.resources)
+    assert driver.is_done
+    larger = read_experiment(
+        ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo]", "budget.agent_steps=3000000"]
+    )
+    with pytest.raises(ResultsError, match="no checkpoint to train on from"):
+        Driver(jobs_of(larger), tmp_path / "table", larger.resources)
 
 
 def test_the_config_of_a_run_that_was_killed_before_it_began_is_written_anew(tmp_path):
