@@ -69,10 +69,10 @@ class JointVector:
         self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
         self._warned = False
 
-    def reset(self, seed: int, worlds: Ints, *, episode: int = 0, stride: int = 0) -> JointStep:
+    def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
         """Start all copies; see `VectorJointEnv.reset`."""
         self._seed, self._stride = seed, stride
-        self._worlds, self._episodes = np.array(worlds, int), np.full(self.num_envs, episode)
+        self._worlds, self._episodes = np.array(worlds, int), np.zeros(self.num_envs, int)
         for b in range(self.num_envs):
             self._start_or_replace(b)
         return self._step_so_far()

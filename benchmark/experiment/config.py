@@ -16,7 +16,7 @@ from benchmark.experiment.checks import check_experiment
 from benchmark.floors import FLOORS
 from smarts.config import Fault, Section, UnfitError, read_config
 from smarts.errors import nearest_names
-from smarts.sstudio.locating import suite
+from smarts.sstudio.locating import resolved, suite
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
@@ -53,7 +53,7 @@ def _scenario(name: str) -> str:
             f"there is no scenario {name!r}, neither in the suite nor as a folder here",
             nearest_names(folder, suite()),
         )
-    return name
+    return resolved(name)
 
 
 def _address(text: str) -> str:

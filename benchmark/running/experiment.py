@@ -61,10 +61,20 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         try:
             start_ray(experiment.resources)
             with live:
-                states = driver.run()
+                states = _run(driver)
         finally:
             ray.shutdown()
         return _tell(states, root)
+
+
+def _run(driver: Driver) -> list[JobState]:
+    """Do all jobs; at Ctrl-C or SIGTERM let them save first, unless it is given once more."""
+    try:
+        return driver.run()
+    except KeyboardInterrupt:
+        print("stopping: runs save how far they are; once more ends them at once", file=sys.stderr)
+        driver.stop()
+        raise
 
 
 def check_cells(experiment: Experiment) -> None:

@@ -231,7 +231,7 @@ def trial(config: Mapping[str, Any], *, run: Run) -> None:
     # Not in the trial's own folder, which Tune copies at any time, whatever is being written there.
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
         folder = RunFolder(Path(temporary))
-        folder.open(changed.content(), changed.digest())
+        folder.open(changed.content())
         if given is not None:  # only now: with other settings, if the population has changed them
             given.to_directory(str(folder.checkpoint))
         with algorithm_of(changed) as algo:
