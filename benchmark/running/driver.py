@@ -15,8 +15,10 @@ from ray.exceptions import RayError, RayTaskError
 from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import ReferenceRun, Run, references_of, runs_of
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING, RunFolder
+from benchmark.running.importing import named_own_code
 from benchmark.running.progress import BEGINNING, WAITING, Progress
 from smarts.errors import SmartsError, shortened
+from smarts.registry import import_own
 
 ATTEMPTS = 3
 """How often a run may lose its process before it counts as failed."""
@@ -160,9 +162,11 @@ def _carry_out(job: Job, root: str) -> Iterator[Progress]:
     from benchmark.running.testing import play_reference
     from benchmark.running.training import carry_out
 
+    import_own(job.cell.imports)
     folder = RunFolder(Path(root) / job.folder)
-    if isinstance(job, Run):
-        yield from carry_out(job, folder, (Path(root) / STOP).exists)
-    else:
-        for share in play_reference(job, folder):
-            yield Progress(TESTING, share)
+    with named_own_code("the run's own code"):
+        if isinstance(job, Run):
+            yield from carry_out(job, folder, (Path(root) / STOP).exists)
+        else:
+            for share in play_reference(job, folder):
+                yield Progress(TESTING, share)

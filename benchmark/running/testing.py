@@ -76,7 +76,7 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
                 seed=EVALUATION_SEED,
             )
 
-    labels = {"algorithm": run.algorithm, "training_seed": run.seed}
+    labels = {"algorithm": run.label, "training_seed": run.seed}
     yield from _play(run.cell, folder, run.cell.evaluation.modes, labels, play_part)
 
 
@@ -95,7 +95,7 @@ def play_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
             for _ in islice(played, len(worlds)):
                 pass
 
-    labels = {"algorithm": run.policy, "training_seed": SCRIPTED_SEED}
+    labels = {"algorithm": run.label, "training_seed": SCRIPTED_SEED}
     yield from _play(run.cell, folder, (SCRIPTED,), labels, play_part)
     folder.note(status=FINISHED, tested=tested)
 
@@ -116,7 +116,7 @@ def _play(
     tables = []
     for number, part in enumerate(parts):
         labels = {**given, "task": cell.task.name, "task_traffic": cell.traffic, "mode": part.mode}
-        tables += _measured(part, folder.episodes, labels, play_part, keep=cell.evaluation.keep_episodes)
+        tables += _measured(part, folder.episodes, labels, play_part, cell)
         yield (number + 1) / len(parts)
     write_table(join_tables(tables), folder.table)
     if not cell.evaluation.keep_episodes:
@@ -128,8 +128,7 @@ def _measured(
     episodes: Path,
     labels: Mapping[str, Any],
     play_part: Callable[[Part, range, Path], None],
-    *,
-    keep: bool,
+    cell: Cell,
 ) -> Iterator[pd.DataFrame]:
     """Yield tables of a part that hold as many episodes that count as it asks for, unless too many do not.
 
@@ -143,14 +142,16 @@ def _measured(
         shutil.rmtree(record, ignore_errors=True)  # what a test left that was interrupted
         worlds = range(first, first + lacking)
         play_part(part, worlds, record)
-        table = measure_episodes(record, labels=labels, split=part.split, worlds=worlds)
+        table = measure_episodes(
+            record, labels=labels, split=part.split, metrics=cell.metrics or (), worlds=worlds
+        )
         counts = table.attrs[COUNTS]
         found = counts["measured"] + counts["void"] + len(counts["corrupted"])
         counts["incomplete"] = max(0, len(worlds) - found)  # those of which nothing was written, too
         measured += counts["measured"]
         unread |= counts["corrupted"]
         yield table
-        if keep:
+        if cell.evaluation.keep_episodes:
             _remove_others(record, worlds)
         else:
             shutil.rmtree(record)

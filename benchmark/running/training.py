@@ -13,20 +13,22 @@ import numpy as np
 from ray import cloudpickle
 from ray.tune.registry import register_env
 
-import algorithms
 from algorithms.errors import AlgorithmError
 from algorithms.joint.evaluation import evaluate
 from algorithms.joint.worlds import EVALUATION_WORLDS
 from algorithms.settings import apply
+from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TESTING, TRAINING, RunFolder
 from benchmark.running.environments import NAME, create, environment
+from benchmark.running.importing import importing_runner
 from benchmark.running.machine import machine
 from benchmark.running.played import scenario_digests
 from benchmark.running.progress import Progress
 from benchmark.running.scalars import Scalars
 from benchmark.running.testing import EVALUATION_SEED, play_test
+from smarts.registry import import_own
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints, which is what a kill can cost."""
@@ -88,7 +90,9 @@ def carry_out(
 def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
-    config = algorithms.config(run.algorithm)
+    import_own(run.cell.imports)
+    config = CONFIGS[run.algorithm]()
+    config.env_runner_cls = importing_runner(config.env_runner_cls, run.cell.imports)
     config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
     if run.resources.learner_gpus:
         config.learners(num_gpus_per_learner=run.resources.learner_gpus)
