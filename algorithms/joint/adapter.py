@@ -315,11 +315,16 @@ def _spaces(
 ) -> JointSpaces:
     blocks: list[Block] = []
     members: list[list[str]] = []
+    told = [agent for agent in names if MASK in infos.get(agent, {})]
     for agent in names:
-        # Only Discrete actions can be masked; the mask comes with the observation or with the infos.
-        masked = flattening[agent].masked or MASK in infos.get(agent, {})
-        masked = masked and isinstance(actions[agent], Discrete)
-        block = Block((), flattening[agent].leaves, actions[agent], masked)
+        leaves, action = flattening[agent].leaves, actions[agent]
+        # The mask comes with the observation or with the infos; agents that enter later are like the others.
+        masked = flattening[agent].masked or agent in told
+        masked |= agent not in infos and any(
+            (flattening[a].leaves, actions[a]) == (leaves, action) for a in told
+        )
+        # Only Discrete actions can be masked.
+        block = Block((), leaves, action, masked and isinstance(action, Discrete))
         if block in blocks:
             members[blocks.index(block)].append(agent)
         else:
