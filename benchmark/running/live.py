@@ -112,7 +112,7 @@ def _cells(state: JobState) -> list[str]:
         f"{progress.share:.0%}",
         str(progress.iteration),
         f"{progress.agent_steps_per_second:,.0f}",
-        f"{progress.returns:.2f}",
+        f"{progress.returns:z.2f}",
         f"{progress.completion:.2f}",
         f"{progress.collision:.2f}",
         f"{left / 60:.1f} min" if math.isfinite(left) else "",
