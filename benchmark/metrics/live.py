@@ -190,18 +190,16 @@ class Metric:
 
     def _episode(self, given: Any) -> Any:
         """Return what records an episode."""
-        # Dataclasses compare by content, so that they have no hash; those that inherit may be one again.
-        if isinstance(given, EpisodeLog) and hasattr(given, "record_step"):
-            name, made = (EpisodeLog, id(given)), given
-        elif isinstance(given, Hashable):
-            name, made = given, None
-        else:
+        is_log = isinstance(given, EpisodeLog)
+        if not (hasattr(given, "record_step") if is_log else isinstance(given, Hashable)):
             raise _refusal(given, "is no episode", "give an Episode(), or the number or name of one")
+        # Dataclasses compare by content, so that they have no hash; those that inherit may be one again.
+        name = (EpisodeLog, id(given)) if is_log else given
         if name not in self.episodes:
             if len(self.episodes) >= self.num_episodes:
                 problem = f"is one more than the {self.num_episodes} announced"
                 raise _refusal(given, problem, "give Metric a larger num_episodes, or log all steps as one")
-            self.episodes[name] = self.episode() if made is None else made
+            self.episodes[name] = given if is_log else self.episode()
         return self.episodes[name]
 
 
