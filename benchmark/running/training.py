@@ -81,6 +81,23 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
 def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
+    config = config_of(run)
+    config.environment(NAME, env_config={"cell": run.cell, "discount": config.gamma})
+    algo = config.build_algo()
+    with suppress(OSError):
+        Path(algo.logdir).rmdir()  # among ~/ray_results, where nothing is ever written to it
+    try:
+        yield algo
+    finally:
+        algo.stop()
+
+
+def config_of(run: Run) -> Any:
+    """Return the RLlib config of a run's algorithm, without its environment.
+
+    Raises:
+        OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
+    """
     import_own(run.cell.imports)
     config = CONFIGS[run.algorithm]()
     config.env_runner_cls = importing_runner(config.env_runner_cls, run.cell.imports)
@@ -92,15 +109,7 @@ def algorithm_of(run: Run) -> Iterator[Any]:
     if "checkpoint_replay" in config.setting_names:
         # Hundreds of megabytes a minute; a run that goes on fills its replay anew instead.
         settings.setdefault("checkpoint_replay", False)
-    config = apply(config, settings)
-    config.environment(NAME, env_config={"cell": run.cell, "discount": config.gamma})
-    algo = config.build_algo()
-    with suppress(OSError):
-        Path(algo.logdir).rmdir()  # among ~/ray_results, where nothing is ever written to it
-    try:
-        yield algo
-    finally:
-        algo.stop()
+    return apply(config, settings)
 
 
 def restore(algo: Any, checkpoint: Path) -> None:
