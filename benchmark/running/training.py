@@ -22,8 +22,8 @@ from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TESTING, TRAINING, RunFolder
 from benchmark.running.environments import NAME, create, environment
-from benchmark.running.importing import importing_runner
 from benchmark.running.machine import machine
+from benchmark.running.own_runner import own_code_runner
 from benchmark.running.played import scenario_digests
 from benchmark.running.progress import Progress
 from benchmark.running.scalars import Scalars
@@ -100,7 +100,8 @@ def config_of(run: Run) -> Any:
     """
     import_own(run.cell.imports)
     config = CONFIGS[run.algorithm]()
-    config.env_runner_cls = importing_runner(config.env_runner_cls, run.cell.imports)
+    if run.cell.imports:
+        config.env_runner_cls = own_code_runner(run.cell.imports)
     config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
     if run.resources.learner_gpus:
         config.learners(num_gpus_per_learner=run.resources.learner_gpus)

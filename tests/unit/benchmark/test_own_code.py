@@ -216,7 +216,10 @@ def test_a_file_of_the_command_line_is_as_good(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("algorithms=[dqn]", "algorithms[0]: 'dqn' needs discrete actions, and environment.action is 'Continuous'"),
+        (
+            "algorithms=[dqn]",
+            "algorithms[0]: 'dqn' needs discrete actions, and environment.action is 'Continuous'",
+        ),
         ("reference=[random]", "reference[0]: 'random' acts by lane actions"),
         ("environment.vehicle=tank", "environment.vehicle is 'tank'"),
         ("environment.vehicle_model=dinamic", "environment.vehicle_model is 'dinamic'"),
