@@ -145,6 +145,9 @@ def _actions(values: Values) -> Iterator[Fault]:
         if name in FLOORS and not is_own_name(name) and action != "Lane":
             text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
             yield Fault(("reference", number), text, "remove it, or give a scripted policy of your own")
+        if name == "yielder" and adapter == "raw":
+            text = f"{name!r} looks at the observation of adapter 'benchmark', not of {adapter!r}"
+            yield Fault(("reference", number), text, "remove it")
 
 
 def _sharing_fault(sharing: Any, agents: Any) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmark.experiment.algorithm_settings import CONFIGS
-from benchmark.experiment.config import VehicleName, read_experiment
+from benchmark.experiment.config import Experiment, VehicleName, check_whole, read_experiment
 from benchmark.experiment.runs import references_of, run_from, runs_of
 from benchmark.floors import FLOORS
 from benchmark.metrics import METRICS, Measure
@@ -232,6 +232,28 @@ def test_physics_and_actions_are_checked(tmp_path, change, said):
     file = tmp_path / "mine.yaml"
     file.write_text(f"algorithms: [ppo]\n{HEAD}environment: {{action: Continuous}}\n")
     assert any(said in problem for problem in problems_of(file, change)), problems_of(file, change)
+
+
+def test_a_policy_that_needs_the_benchmarks_observation(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"algorithms: [ppo]\n{HEAD}environment: {{adapter: raw}}\nreference: [yielder, parked]\n")
+    (problem,) = problems_of(file)
+    assert "reference[0]: 'yielder' looks at the observation of adapter 'benchmark'" in problem
+
+
+def test_experiments_made_in_python_are_checked_like_files(folder):
+    (folder / "own_python.py").write_text(POLICY)
+    given = {"algorithms": ["ppo"], "tasks": ["loop"], "imports": [str(folder / "own_python.py")]}
+    checked = check_whole(Experiment(name="x", reference=["own_python:Waits"], **given))
+    assert checked.reference == ("own_python:Waits",)
+    bad = Experiment(
+        reference=["own_python:Wait"], training={"lr": 2.0}, environment={"options": {"rewrd": 1}}, **given
+    )
+    with pytest.raises(ConfigError) as caught:
+        check_whole(bad)
+    said = str(caught.value)
+    for each in ("name: is missing", "did you mean 'Waits'", "training.lr: 2.0 is not", "no such option"):
+        assert each in said
 
 
 def test_vehicles_are_those_of_interfaces():
