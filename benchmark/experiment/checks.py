@@ -145,6 +145,9 @@ def _actions(values: Values) -> Iterator[Fault]:
         if name in FLOORS and not is_own_name(name) and action != "Lane":
             text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
             yield Fault(("reference", number), text, "remove it, or give a scripted policy of your own")
+        if name == "yielder" and adapter == "raw":
+            text = f"{name!r} looks at the observation of adapter 'benchmark', not of {adapter!r}"
+            yield Fault(("reference", number), text, "remove it")
 
 
 def _sharing_fault(sharing: Any, agents: Any) -> str:
@@ -232,8 +235,11 @@ def option_names(adapter: Any) -> list[str]:
     """Return the options that an adapter takes, those of its base classes too if it hands on what it gets."""
     found: dict[str, None] = {}
     for kind in getattr(adapter, "__mro__", (adapter,)):
-        parameters = [*signature(kind).parameters.values()][2:]
-        found |= {each.name: None for each in parameters if each.kind in BY_NAME}
+        parameters = [*signature(kind).parameters.values()]
+        named = [each.name for each in parameters if each.kind in BY_NAME]
+        # The agents and their interface come first, by name or among others.
+        takes_rest = any(each.kind == each.VAR_POSITIONAL for each in parameters)
+        found |= dict.fromkeys(named if takes_rest else named[2:])
         if all(each.kind != each.VAR_KEYWORD for each in parameters):
             break
     return [*found]
