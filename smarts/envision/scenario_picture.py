@@ -157,7 +157,7 @@ def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> N
 
 
 def draw_vehicles(axes: Axes, moment: Moment) -> None:
-    """Draw the footprint of every vehicle, with a lighter bar across its front; each ego in its own colour."""
+    """Draw the footprint of every vehicle, with a lighter bar across its front, egos in their own colours."""
     states = moment.states
     egos = {slot: EGOS[number % len(EGOS)] for number, slot in enumerate(moment.egos)}
     rows = np.flatnonzero(states.alive).tolist()

@@ -95,15 +95,46 @@ where something is new, or means something else here, it is said.
 """
 
 
+_ON_MAPS = """### What is left out of maps, or built again
+
+Such changes are warnings: the logger `smarts` has them whenever a scenario is built or found built.
+
+- OpenDRIVE: connections of roads that do not exist and signals without a type are left out. So are the
+  connections of direct junctions; netconvert guesses how lanes connect there. Other errors of netconvert, which
+  runs with `ignore-errors`, leave out what they name. Left-hand traffic is refused.
+- `.net.xml`: connections from or to lanes that do not exist are left out. Such a network, and one whose
+  junctions have no lanes inside, is built again by netconvert: edges and lanes keep their ids, and roads end a
+  little earlier where a junction gets lanes.
+- OpenStreetMap: roads are those of SUMO's type map. Race tracks (`highway=raceway`, two lanes each way unless
+  tagged otherwise, 79 km/h) and roads of unknown class (`highway=road`) are open to cars as well. Service
+  roads, tracks, fords and paths stay closed to cars and are not in the map; busways are for buses. To open
+  service roads, name a table of types of your own: `<configuration><type-files value="my.typ.xml"/>
+  </configuration>` in `map.netccfg` beside the map. Roads that lead nowhere else are removed.
+"""
+
+_ORIGINAL = """## Scenario files of the original
+
+Of the 57 files `scenario.py` in the original's folder `scenarios`, 42 play unchanged: their types, fields and
+defaults are there, and every mission gets its ego. `python -m perf.scenario_files path/to/SMARTS/scenarios` makes
+the table of all of them.
+
+| files | how many | what happens |
+|---|---|---|
+| `sumo/*` but those below; `open_drive/od_4lane` | 27 | play as written |
+"""
+
+
 def language_page() -> str:
     """Return the page as Markdown."""
     parts = [_OPENING]
     for subject, kinds in SUBJECTS.items():
         parts.append(f"## {subject}\n")
         parts += [_section(kind) for kind in kinds]
+    parts.append(_ON_MAPS)
     names = ", ".join(f"`{kind.__name__}`" for kind in NOT_IN_USE)
-    text = f"Scenario files may use them, and nothing comes of it but a warning: {names}."
+    text = f"Scenario files may use them; they have no effect but a warning: {names}."
     parts.append(f"## Without effect so far\n\n{text}\n")
+    parts.append(_ORIGINAL)
     return "\n".join(parts)
 
 
