@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from smarts.agents.interface import AgentInterface
+from smarts.errors import ScenarioError
 from smarts.sim.assembly import assemble
 from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.built import BuiltScenario
@@ -19,7 +20,7 @@ class Moment:
 
     states: VehicleStates
     egos: Sequence[int] = ()
-    """Slot of each ego's vehicle, -1 for an ego that has not entered."""
+    """Slot of the vehicle on each mission, -1 where no ego has entered."""
 
 
 def reset_moment(
@@ -27,7 +28,8 @@ def reset_moment(
 ) -> Moment:
     """Return the vehicles after the reset of an episode in which every mission has an ego.
 
-    Egos are placed, and traffic that is in their way is removed. A scenario without missions has no egos.
+    Egos are placed, and traffic that is in their way is removed. Where missions start in one place, so that
+    they are for one ego in turn, one of them has an ego; a scenario without missions has none.
 
     Args:
         built: The scenario.
@@ -38,13 +40,22 @@ def reset_moment(
     Raises:
         SmartsError: The scenario cannot be played.
     """
-    egos = len(expand(built.scenario.ego_missions or ()))
-    if not egos:
-        with traffic_run(built, traffic, seed=seed) as run:
-            for _ in run.steps(seconds):
-                pass
-            return Moment(run.states)
     played = built if traffic is None else built.with_traffic([traffic])
+    egos = len(expand(built.scenario.ego_missions or ()))
+    if egos:
+        try:
+            return _reset(played, egos, seconds, seed)
+        except ScenarioError:
+            if egos == 1:
+                raise
+            return _reset(played, 1, seconds, seed)
+    with traffic_run(built, traffic, seed=seed) as run:
+        for _ in run.steps(seconds):
+            pass
+        return Moment(run.states)
+
+
+def _reset(played: BuiltScenario, egos: int, seconds: float, seed: int) -> Moment:
     parts = assemble([played], [AgentInterface()] * egos, seed=seed)
     try:
         start = parts.schedule.start(0, 0)
@@ -52,6 +63,11 @@ def reset_moment(
         parts.simulation.reset({0: replace(start, traffic=files)})
         world = parts.scene.world
         columns = (column.copy() for _, column in world.vehicles[0].columns())
-        return Moment(VehicleStates(*columns), world.seats.slot[0, :egos].tolist())
+        missions = expand(played.scenario.ego_missions or ())
+        slots = [-1] * len(missions)
+        for seat, mission in enumerate(parts.schedule.combination(0, 0).plan.missions):
+            number = next(n for n, each in enumerate(missions) if each == mission and slots[n] < 0)
+            slots[number] = int(world.seats.slot[0, seat])
+        return Moment(VehicleStates(*columns), slots)
     finally:
         parts.simulation.close()

@@ -114,7 +114,10 @@ def crash(tmp_path_factory):
             recording.contacts.partner[0, 0] = 1
             recording.contacts.partner_generation[0, 0] = recording.world.vehicles.generation[0, 1]
         recording.step()
-        recording.events.just_done[0, 0] = False
+        if step == 1:
+            recording.events.just_done[0, 0] = False
+            recording.made.ownership.rosters[0].dismiss(0)
+            recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.VACANT, -1
     return recording.read()
 
 

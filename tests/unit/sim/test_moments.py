@@ -1,5 +1,7 @@
 """The moment that pictures of scenarios show is a reset."""
 
+import shutil
+
 import numpy as np
 import pytest
 from shapely import Polygon
@@ -49,3 +51,17 @@ def test_scenarios_without_missions_show_their_traffic(tmp_path):
     moment = reset_moment(built, None)
     assert not moment.states.alive.any()
     assert moment.egos == ()
+
+
+def test_missions_that_start_in_one_place_have_an_ego_in_turn(tmp_path):
+    source = build_scenario("loop")
+    shutil.copy(source.net_file, tmp_path / "map.net.xml")
+    edge = max(source.roads().road_edges, key=len)
+    place = f"({edge!r}, 0, 20)"
+    (tmp_path / "scenario.py").write_text(
+        "from smarts.sstudio import gen_scenario, types as t\n"
+        f"missions = [t.EndlessMission({place}), t.EndlessMission({place}, start_time=0.05)]\n"
+        "gen_scenario(t.Scenario(ego_missions=missions), output_dir='.')\n"
+    )
+    moment = reset_moment(build_scenario(tmp_path), None)
+    assert sorted(slot >= 0 for slot in moment.egos) == [False, True]
