@@ -122,7 +122,7 @@ class Setting:
         if not interfaces:
             raise InterfaceError("there are no agents", remedy="name at least one")
         return assemble(
-            [self._build(scenario) for scenario in self.scenarios],
+            [self._build(scenario, len(interfaces)) for scenario in self.scenarios],
             list(interfaces.values()),
             agents=list(interfaces),
             looked_at=self._looked_at(interfaces, sensors),
@@ -141,8 +141,8 @@ class Setting:
             if sensors is not None and name not in adapted
         }
 
-    def _build(self, scenario: str | Path) -> BuiltScenario:
-        built = build_scenario(scenario)
+    def _build(self, scenario: str | Path, egos: int) -> BuiltScenario:
+        built = build_scenario(scenario, egos=egos)
         return built if self.traffic is None else built.with_traffic(self.traffic)
 
 
