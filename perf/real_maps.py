@@ -46,8 +46,8 @@ SLOWEST = 2.5
 """Mean speed at which a vehicle comes to the end of its route in time [m/s]."""
 EXIT = 30.0
 """What is this far behind a junction is its exit [m]."""
-TURNED_BACK = 2.8
-"""From the begin of a lane to its end [rad]."""
+TURNED_BACK = 2.7
+"""From the end of a road to the begin of the next [rad]."""
 KINDS = {"sedan": VehicleKind.PASSENGER, "bus": VehicleKind.BUS, "truck": VehicleKind.TRUCK}
 PLACES = "junction", "exit", "road"
 
@@ -85,20 +85,27 @@ def load(path: Path, folder: Path) -> LaneGraph:
     return read_net(net, str(path))
 
 
-def is_turnaround(graph: LaneGraph) -> NDArray[np.bool_]:
+def turnarounds(graph: LaneGraph) -> NDArray[np.bool_]:
     """Tell which lanes lead back beside the road that they come from: vehicles would have to reverse there."""
-    first, last = graph.point_start[:-1], graph.point_start[1:] - 1
-    turn = np.abs(wrap_angle(graph.point_heading[last] - graph.point_heading[first]))
-    return graph.is_internal & (turn > TURNED_BACK)
+    found = np.zeros(len(graph.lane_ids), np.bool_)
+    for lane in np.flatnonzero(~graph.is_internal).tolist():
+        heading = graph.point_heading[graph.point_start[lane + 1] - 1]
+        for inside in graph.successors(lane).tolist():
+            target = inside
+            while graph.is_internal[target] and len(graph.successors(target)):
+                target = int(graph.successors(target)[0])
+            turn = wrap_angle(graph.point_heading[graph.point_start[target]] - heading)
+            found[inside] = graph.is_internal[inside] and abs(turn) > TURNED_BACK
+    return found
 
 
 def random_lanes(
-    graph: LaneGraph, kind: VehicleKind, generator: np.random.Generator, turnarounds: bool
+    graph: LaneGraph, kind: VehicleKind, generator: np.random.Generator, turning_back: bool
 ) -> list[int]:
     """Return lanes that follow each other, from a road lane on, without a lane change."""
     kinds = [LaneKind.CAR] + [LaneKind.BUS] * (kind == VehicleKind.BUS)
     usable = np.isin(graph.kind, kinds)
-    usable &= turnarounds | ~is_turnaround(graph)
+    usable &= turning_back | ~turnarounds(graph)
     begins = np.flatnonzero(usable & ~graph.is_internal & (graph.length > 15.0))
     best: list[int] = []
     for _ in range(20):
@@ -119,13 +126,13 @@ def random_lanes(
     return best
 
 
-def drive_all(graph: LaneGraph, name: str, routes: int, seed: int, turnarounds: bool = False) -> list[Drive]:
+def drive_all(graph: LaneGraph, name: str, routes: int, seed: int, turning_back: bool = False) -> list[Drive]:
     """Drive one vehicle along each of some random routes."""
     generator = np.random.default_rng(seed)
     kind, shape = KINDS[name], vehicle(name)
     drives = []
     for _ in range(routes):
-        lanes = random_lanes(graph, kind, generator, turnarounds)
+        lanes = random_lanes(graph, kind, generator, turning_back)
         drives.append(Drive(lanes, float(sum(graph.length[lanes]))))
     world = World(worlds=routes, capacity=1, seats=1, lanes=len(graph.lane_ids), vias=1)
     atlas = RoadAtlas([graph])

@@ -20,6 +20,8 @@ from smarts.geometry.segments import project, wrapped
 
 Floats = NDArray[np.float64]
 
+PLANNED = 1.0
+"""`Commands.window` of a plan [m]."""
 STEP = 1.0
 """Between the points of a plan [m]."""
 POINTS = 30
