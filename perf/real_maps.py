@@ -44,12 +44,15 @@ SHORTEST, LONGEST = 300.0, 600.0
 """Of routes [m]; shorter where no way leads on."""
 SLOWEST = 2.5
 """Mean speed at which a vehicle comes to the end of its route in time [m/s]."""
+STRAYED = 5.0
+"""Off its route for this long, a vehicle is on its way elsewhere: it took another lane [s]."""
 EXIT = 30.0
 """What is this far behind a junction is its exit [m]."""
 TURNED_BACK = 2.7
 """From the end of a road to the begin of the next [rad]."""
 KINDS = {"sedan": VehicleKind.PASSENGER, "bus": VehicleKind.BUS, "truck": VehicleKind.TRUCK}
 PLACES = "junction", "exit", "road"
+ENDS = *PLACES, "done", "strayed", "late"
 
 
 @dataclass
@@ -60,11 +63,13 @@ class Drive:
     length: float
     """Of the route [m]."""
     ends: str = "late"
-    """Where it left the road (one of `PLACES`), "done" or "late"."""
+    """Where it left the road (one of `PLACES`), "done", "strayed" (on another road) or "late"."""
     offset: float = 0.0
     """The largest from the middle of a lane [m]."""
     shoulder: float = 0.0
     """Share of the steps in which a corner of the footprint was off the road."""
+    strayed: int = 0
+    """Steps since it was last on its route."""
     place: str = ""
     """The lane near which it left the road, and where on it."""
     trace: list[tuple[float, ...]] = field(default_factory=list)
@@ -85,17 +90,18 @@ def load(path: Path, folder: Path) -> LaneGraph:
     return read_net(net, str(path))
 
 
-def turnarounds(graph: LaneGraph) -> NDArray[np.bool_]:
-    """Tell which lanes lead back beside the road that they come from: vehicles would have to reverse there."""
-    found = np.zeros(len(graph.lane_ids), np.bool_)
+def turnarounds(graph: LaneGraph) -> set[tuple[int, int]]:
+    """Return the links by which lanes lead back beside their own road: vehicles would have to reverse there."""
+    found = set()
     for lane in np.flatnonzero(~graph.is_internal).tolist():
         heading = graph.point_heading[graph.point_start[lane + 1] - 1]
-        for inside in graph.successors(lane).tolist():
-            target = inside
+        for onward in graph.successors(lane).tolist():
+            target = onward
             while graph.is_internal[target] and len(graph.successors(target)):
                 target = int(graph.successors(target)[0])
             turn = wrap_angle(graph.point_heading[graph.point_start[target]] - heading)
-            found[inside] = graph.is_internal[inside] and abs(turn) > TURNED_BACK
+            if abs(turn) > TURNED_BACK:
+                found.add((lane, onward))
     return found
 
 
@@ -105,7 +111,7 @@ def random_lanes(
     """Return lanes that follow each other, from a road lane on, without a lane change."""
     kinds = [LaneKind.CAR] + [LaneKind.BUS] * (kind == VehicleKind.BUS)
     usable = np.isin(graph.kind, kinds)
-    usable &= turning_back | ~turnarounds(graph)
+    excluded = set() if turning_back else turnarounds(graph)
     begins = np.flatnonzero(usable & ~graph.is_internal & (graph.length > 15.0))
     best: list[int] = []
     for _ in range(20):
@@ -113,7 +119,8 @@ def random_lanes(
         wanted = generator.uniform(SHORTEST, LONGEST)
         while way < wanted or graph.is_internal[lanes[-1]]:
             way += graph.length[lanes[-1]]
-            onward = [lane for lane in graph.successors(lanes[-1]).tolist() if usable[lane]]
+            ahead = graph.successors(lanes[-1]).tolist()
+            onward = [lane for lane in ahead if usable[lane] and (lanes[-1], lane) not in excluded]
             if not onward:
                 break
             lanes.append(int(generator.choice(onward)))
@@ -215,7 +222,11 @@ def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float)
     drive.shoulder += seats.corners_on_road[row, 0] < 4
     drive.offset = max(drive.offset, abs(float(t)))
     left = graph.length[drive.lanes[-1]] - s
-    if lane == drive.lanes[-1] and left < 0.5 * length + 3.0 and seats.remaining[row, 0] < length:
+    on_route = seats.on_route[row, 0]
+    drive.strayed = 0 if on_route else drive.strayed + 1
+    if drive.strayed * world.dt > STRAYED:
+        drive.ends = "strayed"
+    elif lane == drive.lanes[-1] and left < 0.5 * length + 3.0 and seats.remaining[row, 0] < length:
         drive.ends = "done"
     elif lane >= 0 and not len(graph.successors(lane)) and graph.length[lane] - s < 0.5 * length + 3.0:
         # Off its route, but the road has an end.
@@ -229,7 +240,7 @@ def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float)
 
 def report(title: str, drives: Sequence[Drive], each: bool) -> None:
     """Print a row of the table and, if wanted, each drive that left the road."""
-    count = {end: sum(drive.ends == end for drive in drives) for end in (*PLACES, "done", "late")}
+    count = {end: sum(drive.ends == end for drive in drives) for end in ENDS}
     off = sum(count[place] for place in PLACES)
     offsets: NDArray[np.float64] = np.array([drive.offset for drive in drives])
     shoulder = np.mean([drive.shoulder for drive in drives])
@@ -252,7 +263,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--each", action="store_true", help="name each place where a vehicle left the road")
     parser.add_argument("--turnarounds", action="store_true", help="let routes turn back on their own road")
     options = parser.parse_args(arguments)
-    heads = "".join(f"{head:>8s}" for head in ("off-road", *PLACES, "done", "late"))
+    heads = "".join(f"{head:>8s}" for head in ("off-road", *ENDS))
     print(f"{'map, vehicle, ' + str(options.routes) + ' routes':32s}{heads}{'median':>9s}{'worst m':>9s}{'corner':>9s}")
     with tempfile.TemporaryDirectory() as folder:
         for path in options.maps:

@@ -30,13 +30,18 @@ TIGHT_SHARE = 0.9
 """A lane is tight where it bends more than this share of the vehicle's sharpest curvature."""
 UNWOUND_SHARE = 0.3
 """The steering is off the lane's by more than this share of the sharpest curvature: it is still to unwind."""
+MOST_PASSED = 3
+"""Segments of the lane that one step of a plan may pass, so that it leaves no loop out."""
 ITERATIONS = 4
-SMOOTHNESS = 6.0
+SMOOTHNESS = 2.0
 """Cost of a change of the steering along the way, over squared wheelbases, at rest [m^2]."""
 SMOOTHNESS_PER_SPEED = 1.0
 """By how much it grows with the square of the speed [s^2/m^2]."""
 BOUND_COST = 3000.0
 """Of curvature beyond the sharpest, squared [m^2]."""
+EASY_OFFSET = 0.6
+FAR_COST = 10.0
+"""Of what offsets are more than `EASY_OFFSET` [m], squared, over that of offsets."""
 END_COST = 5.0
 """Of offset and heading [m] at the end of the plan, over that of a point."""
 CRAWL = 1.2
@@ -145,7 +150,7 @@ def _measure(reference: Floats, way: Floats, found: Floats) -> int:
     segment = 0
     for i in range(len(way)):
         best, best_square, best_cross = segment, np.inf, 0.0
-        for point in range(segment, min(segment + 6, len(reference) - 1)):
+        for point in range(segment, min(segment + MOST_PASSED, len(reference) - 1)):
             a, b = reference[point], reference[point + 1]
             _, square, cross = project(way[i, 0], way[i, 1], a[0], a[1], b[0], b[1])
             if square < best_square:
@@ -167,6 +172,10 @@ def _improve(bends: Floats, curvature: float, sharpest: float, smoothness: Float
         weight = END_COST if k == count - 1 else 1.0
         value[0, 0] += weight * STEP
         linear[0] += weight * STEP * found[k + 1, 0]
+        far = max(abs(found[k + 1, 0]) - EASY_OFFSET, 0.0)
+        if far > 0.0:
+            value[0, 0] += FAR_COST * STEP
+            linear[0] += math.copysign(FAR_COST * STEP * far, found[k + 1, 0])
         if k == count - 1:
             value[1, 1] += END_COST
             linear[1] += END_COST * found[k + 1, 1]
