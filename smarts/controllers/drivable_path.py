@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, wrapped
+from smarts.roads.arrays import Roads
+from smarts.roads.footprints import is_on_road
+from smarts.roads.lane_graph import LaneKind
 
 Floats = NDArray[np.float64]
 
@@ -24,8 +27,12 @@ PLANNED = 1.0
 """`Commands.window` of a plan [m]."""
 STEP = 1.0
 """Between the points of a plan [m]."""
-POINTS = 30
-"""The first of a reference that are planned."""
+RADII = 6.0
+"""Length of a plan, in turning radii of the vehicle."""
+MOST_POINTS = 46
+"""Of a plan."""
+LOOK_AHEAD = 30
+"""Points ahead among which a bend is looked for that is too tight."""
 TIGHT_SHARE = 0.9
 """A lane is tight where it bends more than this share of the vehicle's sharpest curvature."""
 UNWOUND_SHARE = 0.3
@@ -42,13 +49,18 @@ BOUND_COST = 3000.0
 EASY_OFFSET = 0.6
 FAR_COST = 10.0
 """Of what offsets are more than `EASY_OFFSET` [m], squared, over that of offsets."""
+NEAR_EDGE = 0.8
+EDGE_MARGIN = 0.4
+EDGE_COST = 100.0
+"""Of what offsets are more than `NEAR_EDGE` [m], squared, where the road ends within `EDGE_MARGIN` [m]."""
 END_COST = 5.0
 """Of offset and heading [m] at the end of the plan, over that of a point."""
 CRAWL = 1.2
 """The least speed to which a plan brakes [m/s]."""
 GAIN = 1.5
 """Acceleration that a plan reckons with [m/s^2]."""
-_LOOK_AHEAD = 4.0
+_ROAD = 1 << LaneKind.CAR | 1 << LaneKind.BUS
+_PURSUED = 4.0
 """Of the pursuit that the first guess comes from [m]."""
 
 
@@ -64,7 +76,7 @@ def is_tight(reference: Floats, curvature: float, sharpest: float) -> bool:
     here = wrapped(reference[2, 2] - reference[0, 2]) / (2.0 * STEP)
     if abs(curvature - here) > UNWOUND_SHARE * sharpest:
         return True
-    for i in range(min(POINTS, len(reference)) - 2):
+    for i in range(min(LOOK_AHEAD, len(reference)) - 2):
         if abs(wrapped(reference[i + 2, 2] - reference[i, 2])) > 2.0 * STEP * TIGHT_SHARE * sharpest:
             return True
     return False
@@ -72,6 +84,8 @@ def is_tight(reference: Floats, curvature: float, sharpest: float) -> bool:
 
 @kernel
 def plan_drivable_path(
+    roads: Roads,
+    world: int,
     reference: Floats,
     pose: tuple[float, float, float],
     curvature: float,
@@ -83,6 +97,8 @@ def plan_drivable_path(
     """Replace the first points of a reference by what the vehicle can drive, and lower their speeds to that.
 
     Args:
+        roads: The maps' lanes.
+        world: Map number.
         reference: Along the lane, with its speeds, shape (R, 4); written.
         pose: x, y [m] of the vehicle's centre and its course [rad].
         curvature: Of its course [1/m].
@@ -91,11 +107,11 @@ def plan_drivable_path(
         wheelbase: [m]
         agility: How fast it can change its curvature [1/(m s)].
     """
-    count = min(POINTS, len(reference) - 2)
+    count = min(int(RADII / (sharpest * STEP)), MOST_POINTS, len(reference) - 2)
     bends = np.empty(count)
     smoothness = np.empty(count)
     way = np.empty((count + 1, 3))
-    found = np.empty((count + 1, 2))
+    found = np.empty((count + 1, 3))
     for i in range(count):
         pace = min(reference[i, 3], math.sqrt(speed * speed + 2.0 * GAIN * STEP * i))
         smoothness[i] = SMOOTHNESS * wheelbase**2 * (1.0 + SMOOTHNESS_PER_SPEED * pace * pace)
@@ -103,6 +119,7 @@ def plan_drivable_path(
     for _ in range(ITERATIONS):
         _drive(pose, bends, way)
         _measure(reference, way, found)
+        _find_edges(roads, world, way, found)
         _improve(bends, curvature, sharpest, smoothness, found)
     _drive(pose, bends, way)
     last = _measure(reference, way, found)
@@ -119,7 +136,7 @@ def _pursue(
     for i in range(len(bends)):
         while goal < len(reference) - 1:
             dx, dy = reference[goal, 0] - x, reference[goal, 1] - y
-            if dx * dx + dy * dy >= _LOOK_AHEAD**2 and dx * math.cos(heading) + dy * math.sin(heading) > 0.0:
+            if dx * dx + dy * dy >= _PURSUED**2 and dx * math.cos(heading) + dy * math.sin(heading) > 0.0:
                 break
             goal += 1
         dx, dy = reference[goal, 0] - x, reference[goal, 1] - y
@@ -146,7 +163,7 @@ def _drive(pose: tuple[float, float, float], bends: Floats, way: Floats) -> None
 
 @kernel
 def _measure(reference: Floats, way: Floats, found: Floats) -> int:
-    """Write offset and relative heading of a way's points, shape (N + 1, 2); return the last one's segment."""
+    """Write offset and relative heading of a way's points, shape (N + 1, 3); return the last one's segment."""
     segment = 0
     for i in range(len(way)):
         best, best_square, best_cross = segment, np.inf, 0.0
@@ -159,6 +176,19 @@ def _measure(reference: Floats, way: Floats, found: Floats) -> int:
         found[i, 0] = math.copysign(math.sqrt(best_square), best_cross)
         found[i, 1] = wrapped(way[i, 2] - reference[segment, 2])
     return segment
+
+
+@kernel
+def _find_edges(roads: Roads, world: int, way: Floats, found: Floats) -> None:
+    """Write how far a way's points are beyond where they should be, near the edge of the road; else 0 [m]."""
+    for i in range(len(way)):
+        found[i, 2] = 0.0
+        offset = found[i, 0]
+        if abs(offset) > NEAR_EDGE:
+            margin = math.copysign(EDGE_MARGIN, offset)
+            x, y = way[i, 0] - margin * math.sin(way[i, 2]), way[i, 1] + margin * math.cos(way[i, 2])
+            if not is_on_road(roads, world, x, y, _ROAD, True):
+                found[i, 2] = math.copysign(abs(offset) - NEAR_EDGE, offset)
 
 
 @kernel
@@ -176,6 +206,9 @@ def _improve(bends: Floats, curvature: float, sharpest: float, smoothness: Float
         if far > 0.0:
             value[0, 0] += FAR_COST * STEP
             linear[0] += math.copysign(FAR_COST * STEP * far, found[k + 1, 0])
+        if found[k + 1, 2] != 0.0:
+            value[0, 0] += EDGE_COST * STEP
+            linear[0] += EDGE_COST * STEP * found[k + 1, 2]
         if k == count - 1:
             value[1, 1] += END_COST
             linear[1] += END_COST * found[k + 1, 1]

@@ -146,7 +146,8 @@ def _write_lane_reference(
         write_reference(roads, table, world, row, s, 0.0, speed, cap, obeys, agility, points)
     course = state.heading[b, slot] + math.atan(state.lateral_speed[b, slot] / max(abs(speed), 1.0))
     pose = state.position[b, slot, 0], state.position[b, slot, 1], course
-    plan_drivable_path(points, pose, curvature, speed, sharpest, abilities.wheelbase[kind], agility)
+    wheelbase = abilities.wheelbase[kind]
+    plan_drivable_path(roads, world, points, pose, curvature, speed, sharpest, wheelbase, agility)
     limit_speeds(points, len(points), agility)
     return True
 
