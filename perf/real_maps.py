@@ -44,7 +44,7 @@ SHORTEST, LONGEST = 300.0, 600.0
 """Of routes [m]; shorter where no way leads on."""
 SLOWEST = 2.5
 """Mean speed at which a vehicle comes to the end of its route in time [m/s]."""
-STRAYED = 5.0
+STRAYED = 20.0
 """Off its route for this long, a vehicle is on its way elsewhere: it took another lane [s]."""
 EXIT = 30.0
 """What is this far behind a junction is its exit [m]."""

@@ -39,13 +39,13 @@ UNWOUND_SHARE = 0.3
 """The steering is off the lane's by more than this share of the sharpest curvature: it is still to unwind."""
 MOST_PASSED = 3
 """Segments of the lane that one step of a plan may pass, so that it leaves no loop out."""
-ITERATIONS = 4
+ITERATIONS = 6
 SMOOTHNESS = 2.0
 """Cost of a change of the steering along the way, over squared wheelbases, at rest [m^2]."""
 SMOOTHNESS_PER_SPEED = 1.0
 """By how much it grows with the square of the speed [s^2/m^2]."""
-BOUND_COST = 3000.0
-"""Of curvature beyond the sharpest, squared [m^2]."""
+BOUND_COST = 500.0
+"""Of curvature beyond the sharpest, over the sharpest, squared."""
 EASY_OFFSET = 0.6
 FAR_COST = 10.0
 """Of what offsets are more than `EASY_OFFSET` [m], squared, over that of offsets."""
@@ -214,8 +214,9 @@ def _improve(bends: Floats, curvature: float, sharpest: float, smoothness: Float
             linear[1] += END_COST * found[k + 1, 1]
         excess = max(abs(bends[k]) - sharpest, 0.0)
         if excess > 0.0:
-            value[2, 2] += BOUND_COST
-            linear[2] += math.copysign(BOUND_COST * excess, bends[k])
+            cost = BOUND_COST / (sharpest * sharpest)
+            value[2, 2] += cost
+            linear[2] += math.copysign(cost * excess, bends[k])
         change = bends[k] - (bends[k - 1] if k > 0 else curvature)
         # The state (offset, heading, curvature) goes on as offset + h heading, heading + h curvature.
         to_bend = value[1] * STEP + value[2]
