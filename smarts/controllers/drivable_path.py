@@ -1,7 +1,7 @@
 """Compiled: the path nearest to a lane that a vehicle can drive, where the lane bends tighter than it can.
 
-The plan is the path of a vehicle's centre from where it is now: curvatures u(s) that minimise the integral of
-(offset from the lane)^2 + smoothness (du/ds)^2, with |u| below the vehicle's sharpest curvature (by a penalty).
+The plan is a path of the rear axle from where it is now: curvatures u(s) that minimise the integral of
+(offset of the centre from the lane)^2 + smoothness (du/ds)^2, with |u| below the vehicle's sharpest curvature.
 So it swings wide before a corner that is too tight, by about as much as it cuts inside. Each iteration drives
 the present curvatures exactly, measures the offsets, and solves the problem linearised about that way by one
 Riccati recursion (Gauss-Newton; Li and Todorov, ICINCO 2004). The change of curvature costs more where the
@@ -15,6 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.lane_state import Abilities
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, wrapped
 from smarts.roads.arrays import Roads
@@ -33,7 +34,7 @@ MOST_POINTS = 46
 """Of a plan."""
 LOOK_AHEAD = 30
 """Points ahead among which a bend is looked for that is too tight."""
-TIGHT_SHARE = 0.9
+TIGHT_SHARE = 0.93
 """A lane is tight where it bends more than this share of the vehicle's sharpest curvature."""
 UNWOUND_SHARE = 0.3
 """The steering is off the lane's by more than this share of the sharpest curvature: it is still to unwind."""
@@ -44,15 +45,17 @@ SMOOTHNESS = 2.0
 """Cost of a change of the steering along the way, over squared wheelbases, at rest [m^2]."""
 SMOOTHNESS_PER_SPEED = 1.0
 """By how much it grows with the square of the speed [s^2/m^2]."""
-BOUND_COST = 500.0
+BOUND_COST = 200.0
 """Of curvature beyond the sharpest, over the sharpest, squared."""
 EASY_OFFSET = 0.6
 FAR_COST = 10.0
 """Of what offsets are more than `EASY_OFFSET` [m], squared, over that of offsets."""
-NEAR_EDGE = 0.8
-EDGE_MARGIN = 0.4
+EDGE_MARGIN = 0.5
+"""Between a vehicle's centre and the edge of the road [m]."""
+LEAST_ROOM, MOST_ROOM, ROOM_STEP = 0.8, 3.2, 0.4
+"""Beside the middle of a lane, to that margin [m]."""
 EDGE_COST = 100.0
-"""Of what offsets are more than `NEAR_EDGE` [m], squared, where the road ends within `EDGE_MARGIN` [m]."""
+"""Of what offsets are more than the room [m], squared."""
 END_COST = 5.0
 """Of offset and heading [m] at the end of the plan, over that of a point."""
 CRAWL = 1.2
@@ -70,7 +73,7 @@ def is_tight(reference: Floats, curvature: float, sharpest: float) -> bool:
 
     Args:
         reference: Along the lane, shape (R, 4).
-        curvature: Of the vehicle's present course [1/m].
+        curvature: Of its rear axle's path at present [1/m].
         sharpest: That it can drive [1/m].
     """
     here = wrapped(reference[2, 2] - reference[0, 2]) / (2.0 * STEP)
@@ -90,9 +93,8 @@ def plan_drivable_path(
     pose: tuple[float, float, float],
     curvature: float,
     speed: float,
-    sharpest: float,
-    wheelbase: float,
-    agility: float,
+    kind: int,
+    abilities: Abilities,
 ) -> None:
     """Replace the first points of a reference by what the vehicle can drive, and lower their speeds to that.
 
@@ -100,35 +102,42 @@ def plan_drivable_path(
         roads: The maps' lanes.
         world: Map number.
         reference: Along the lane, with its speeds, shape (R, 4); written.
-        pose: x, y [m] of the vehicle's centre and its course [rad].
-        curvature: Of its course [1/m].
+        pose: x, y [m] of the vehicle's centre and its heading [rad].
+        curvature: Of its rear axle's path [1/m].
         speed: [m/s]
-        sharpest: The largest curvature of its course [1/m].
-        wheelbase: [m]
-        agility: How fast it can change its curvature [1/(m s)].
+        kind: A `VehicleKind`.
+        abilities: Of all kinds.
     """
+    sharpest, wheelbase, ahead = abilities.sharpest[kind], abilities.wheelbase[kind], abilities.centre_to_rear[kind]
+    rear = pose[0] - ahead * math.cos(pose[2]), pose[1] - ahead * math.sin(pose[2]), pose[2]
     count = min(int(RADII / (sharpest * STEP)), MOST_POINTS, len(reference) - 2)
     bends = np.empty(count)
     smoothness = np.empty(count)
     way = np.empty((count + 1, 3))
-    found = np.empty((count + 1, 3))
+    found = np.empty((count + 1, 4))
+    room = np.full((len(reference), 2), -1.0)
     for i in range(count):
         pace = min(reference[i, 3], math.sqrt(speed * speed + 2.0 * GAIN * STEP * i))
         smoothness[i] = SMOOTHNESS * wheelbase**2 * (1.0 + SMOOTHNESS_PER_SPEED * pace * pace)
-    _pursue(reference, pose, curvature, sharpest, bends)
+    _pursue(reference, rear, curvature, sharpest, max(_PURSUED, wheelbase), bends)
     for _ in range(ITERATIONS):
-        _drive(pose, bends, way)
+        _drive(rear, ahead, bends, way)
         _measure(reference, way, found)
-        _find_edges(roads, world, way, found)
-        _improve(bends, curvature, sharpest, smoothness, found)
-    _drive(pose, bends, way)
+        _find_edges(roads, world, reference, room, found)
+        _improve(bends, curvature, sharpest, ahead, smoothness, found)
+    _drive(rear, ahead, bends, way)
     last = _measure(reference, way, found)
-    _replace(reference, way, bends, curvature, agility, last)
+    _replace(reference, way, bends, curvature, abilities.agility[kind], ahead, last)
 
 
 @kernel
 def _pursue(
-    reference: Floats, pose: tuple[float, float, float], curvature: float, sharpest: float, bends: Floats
+    reference: Floats,
+    pose: tuple[float, float, float],
+    curvature: float,
+    sharpest: float,
+    look_ahead: float,
+    bends: Floats,
 ) -> None:
     """Write the curvatures of a vehicle that steers for a point ahead: a first guess."""
     x, y, heading = pose
@@ -136,7 +145,7 @@ def _pursue(
     for i in range(len(bends)):
         while goal < len(reference) - 1:
             dx, dy = reference[goal, 0] - x, reference[goal, 1] - y
-            if dx * dx + dy * dy >= _PURSUED**2 and dx * math.cos(heading) + dy * math.sin(heading) > 0.0:
+            if dx * dx + dy * dy >= look_ahead**2 and dx * math.cos(heading) + dy * math.sin(heading) > 0.0:
                 break
             goal += 1
         dx, dy = reference[goal, 0] - x, reference[goal, 1] - y
@@ -151,19 +160,21 @@ def _pursue(
 
 
 @kernel
-def _drive(pose: tuple[float, float, float], bends: Floats, way: Floats) -> None:
-    """Write x, y, heading of the way that some curvatures lead, shape (N + 1, 3)."""
-    way[0, 0], way[0, 1], way[0, 2] = pose
-    for i in range(len(bends)):
-        middle = way[i, 2] + 0.5 * STEP * bends[i]
-        way[i + 1, 0] = way[i, 0] + STEP * math.cos(middle)
-        way[i + 1, 1] = way[i, 1] + STEP * math.sin(middle)
-        way[i + 1, 2] = way[i, 2] + STEP * bends[i]
+def _drive(rear: tuple[float, float, float], ahead: float, bends: Floats, way: Floats) -> None:
+    """Write x, y of the centre and the heading where curvatures of the rear axle's path lead, shape (N + 1, 3)."""
+    x, y, heading = rear
+    for i in range(len(way)):
+        way[i, 0], way[i, 1] = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
+        way[i, 2] = heading
+        if i < len(bends):
+            middle = heading + 0.5 * STEP * bends[i]
+            x, y = x + STEP * math.cos(middle), y + STEP * math.sin(middle)
+            heading += STEP * bends[i]
 
 
 @kernel
 def _measure(reference: Floats, way: Floats, found: Floats) -> int:
-    """Write offset and relative heading of a way's points, shape (N + 1, 3); return the last one's segment."""
+    """Write offset and relative heading of a way's points, and the segments beside, shape (N + 1, 4); return the last."""
     segment = 0
     for i in range(len(way)):
         best, best_square, best_cross = segment, np.inf, 0.0
@@ -175,24 +186,50 @@ def _measure(reference: Floats, way: Floats, found: Floats) -> int:
         segment = best
         found[i, 0] = math.copysign(math.sqrt(best_square), best_cross)
         found[i, 1] = wrapped(way[i, 2] - reference[segment, 2])
+        found[i, 3] = segment
     return segment
 
 
 @kernel
-def _find_edges(roads: Roads, world: int, way: Floats, found: Floats) -> None:
-    """Write how far a way's points are beyond where they should be, near the edge of the road; else 0 [m]."""
-    for i in range(len(way)):
+def _find_edges(roads: Roads, world: int, reference: Floats, room: Floats, found: Floats) -> None:
+    """Write how far a way's points are nearer to the edge of the road than they should be, else 0 [m].
+
+    Args:
+        roads: The maps' lanes.
+        world: Map number.
+        reference: Along the lane, shape (R, 4).
+        room: To the right and left of its points [m], -1 where it has not been looked up; written.
+        found: See `_measure`; written.
+    """
+    for i in range(len(found)):
         found[i, 2] = 0.0
-        offset = found[i, 0]
-        if abs(offset) > NEAR_EDGE:
-            margin = math.copysign(EDGE_MARGIN, offset)
-            x, y = way[i, 0] - margin * math.sin(way[i, 2]), way[i, 1] + margin * math.cos(way[i, 2])
-            if not is_on_road(roads, world, x, y, _ROAD, True):
-                found[i, 2] = math.copysign(abs(offset) - NEAR_EDGE, offset)
+        offset, point = found[i, 0], int(found[i, 3])
+        if abs(offset) < LEAST_ROOM:
+            continue
+        side = 1 if offset > 0.0 else 0
+        if room[point, side] < 0.0:
+            room[point, side] = _room_beside(roads, world, reference[point], math.copysign(1.0, offset))
+        found[i, 2] = math.copysign(max(abs(offset) - room[point, side], 0.0), offset)
 
 
 @kernel
-def _improve(bends: Floats, curvature: float, sharpest: float, smoothness: Floats, found: Floats) -> None:
+def _room_beside(roads: Roads, world: int, point: Floats, side: float) -> float:
+    """Return how far from the middle of its lane a vehicle's centre may be on a side (1 left, -1 right) [m]."""
+    room, aside = LEAST_ROOM, LEAST_ROOM + EDGE_MARGIN + ROOM_STEP
+    while room < MOST_ROOM:
+        x = point[0] - side * aside * math.sin(point[2])
+        y = point[1] + side * aside * math.cos(point[2])
+        if not is_on_road(roads, world, x, y, _ROAD, True):
+            break
+        room += ROOM_STEP
+        aside += ROOM_STEP
+    return room
+
+
+@kernel
+def _improve(
+    bends: Floats, curvature: float, sharpest: float, ahead: float, smoothness: Floats, found: Floats
+) -> None:
     """Write better curvatures, from the offsets to which the present ones lead."""
     count = len(bends)
     feedback = np.empty((count, 4))
@@ -200,15 +237,21 @@ def _improve(bends: Floats, curvature: float, sharpest: float, smoothness: Float
     product = np.zeros((3, 3))
     for k in range(count - 1, -1, -1):
         weight = END_COST if k == count - 1 else 1.0
-        value[0, 0] += weight * STEP
-        linear[0] += weight * STEP * found[k + 1, 0]
+        slope = weight * found[k + 1, 0]
         far = max(abs(found[k + 1, 0]) - EASY_OFFSET, 0.0)
         if far > 0.0:
-            value[0, 0] += FAR_COST * STEP
-            linear[0] += math.copysign(FAR_COST * STEP * far, found[k + 1, 0])
+            weight += FAR_COST
+            slope += math.copysign(FAR_COST * far, found[k + 1, 0])
         if found[k + 1, 2] != 0.0:
-            value[0, 0] += EDGE_COST * STEP
-            linear[0] += EDGE_COST * STEP * found[k + 1, 2]
+            weight += EDGE_COST
+            slope += EDGE_COST * found[k + 1, 2]
+        # The centre's offset is the rear axle's, and what the heading makes of the way between.
+        value[0, 0] += weight * STEP
+        value[0, 1] += weight * STEP * ahead
+        value[1, 0] += weight * STEP * ahead
+        value[1, 1] += weight * STEP * ahead * ahead
+        linear[0] += slope * STEP
+        linear[1] += slope * STEP * ahead
         if k == count - 1:
             value[1, 1] += END_COST
             linear[1] += END_COST * found[k + 1, 1]
@@ -252,7 +295,13 @@ def _improve(bends: Floats, curvature: float, sharpest: float, smoothness: Float
 
 @kernel
 def _replace(
-    reference: Floats, way: Floats, bends: Floats, curvature: float, agility: float, last: int
+    reference: Floats,
+    way: Floats,
+    bends: Floats,
+    curvature: float,
+    agility: float,
+    ahead: float,
+    last: int,
 ) -> None:
     """Write a plan over the first points of a reference; what is behind it follows.
 
@@ -262,13 +311,16 @@ def _replace(
         bends: Its curvatures, shape (N,).
         curvature: Before it.
         agility: How fast the vehicle can change its curvature [1/(m s)].
+        ahead: From the rear axle to the centre [m].
         last: The segment of the reference beside its end.
     """
     count = len(bends)
     rest = reference[last + 1 :].copy()
     for i in range(count + 1):
-        reference[i, 0], reference[i, 1], reference[i, 2] = way[i]
-        change = abs(bends[min(i, count - 1)] - (bends[i - 1] if i > 0 else curvature)) / STEP
+        bend = bends[i - 1] if i > 0 else curvature
+        reference[i, 0], reference[i, 1] = way[i, 0], way[i, 1]
+        reference[i, 2] = wrapped(way[i, 2] + math.atan(ahead * bend))
+        change = abs(bends[min(i, count - 1)] - bend) / STEP
         reference[i, 3] = min(reference[i, 3], max(agility / max(change, 1e-6), CRAWL))
     end = reference[len(reference) - 1].copy()
     for i in range(count + 1, len(reference)):

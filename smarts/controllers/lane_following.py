@@ -136,18 +136,14 @@ def _write_lane_reference(
     kind, speed = state.kind[b, slot], state.speed[b, slot]
     agility, sharpest = abilities.agility[kind], abilities.sharpest[kind]
     write_reference(roads, table, world, row, s, t, speed, cap, obeys, agility, points)
-    behind = abilities.centre_to_rear[kind]
-    at_rear = math.tan(state.steering[b, a]) / abilities.wheelbase[kind]
-    curvature = at_rear / math.hypot(1.0, behind * at_rear)
+    curvature = math.tan(state.steering[b, a]) / abilities.wheelbase[kind]
     if not is_tight(points, curvature, sharpest):
         return False
     if abs(t) > TRACKED_OFFSET and not is_changing(state.change_phase[b, a]):
         # The plan itself leads back to the lane.
         write_reference(roads, table, world, row, s, 0.0, speed, cap, obeys, agility, points)
-    course = state.heading[b, slot] + math.atan(state.lateral_speed[b, slot] / max(abs(speed), 1.0))
-    pose = state.position[b, slot, 0], state.position[b, slot, 1], course
-    wheelbase = abilities.wheelbase[kind]
-    plan_drivable_path(roads, world, points, pose, curvature, speed, sharpest, wheelbase, agility)
+    pose = state.position[b, slot, 0], state.position[b, slot, 1], state.heading[b, slot]
+    plan_drivable_path(roads, world, points, pose, curvature, speed, kind, abilities)
     limit_speeds(points, len(points), agility)
     return True
 

@@ -29,7 +29,7 @@ class Abilities(NamedTuple):
     centre_to_rear: Floats
     """From the footprint's centre back to the rear axle [m]."""
     sharpest: Floats
-    """The largest curvature of the centre's path [1/m]."""
+    """The largest curvature of the rear axle's path [1/m]."""
 
     @classmethod
     def of_all(cls) -> Abilities:
@@ -42,9 +42,7 @@ class Abilities(NamedTuple):
                 agility[kind] = one.steering.rate / one.wheelbase
                 wheelbase[kind] = one.wheelbase
                 centre_to_rear[kind] = one.cog_to_rear_axle - one.centre_to_cog
-        at_rear = sharpest_curvatures()
-        sharpest = at_rear / np.hypot(1.0, centre_to_rear * np.where(np.isfinite(at_rear), at_rear, 0.0))
-        return cls(agility, wheelbase, centre_to_rear, sharpest)
+        return cls(agility, wheelbase, centre_to_rear, sharpest_curvatures())
 
 
 class LaneState(NamedTuple):
@@ -76,7 +74,6 @@ class LaneState(NamedTuple):
     right: Ints
     steering: Floats
     """Angle of each seat's front wheels [rad], shape (B, A)."""
-    lateral_speed: Floats
     abilities: Abilities
 
     @classmethod
@@ -108,7 +105,6 @@ class LaneState(NamedTuple):
             left=left,
             right=right,
             steering=seats.steering,
-            lateral_speed=vehicles.lateral_speed,
             abilities=Abilities.of_all(),
         )
 
