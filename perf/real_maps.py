@@ -11,6 +11,7 @@ end, or when the vehicle has not come there in time.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ from smarts.controllers.set import ControllerSet
 from smarts.dynamics import vehicle
 from smarts.errors import SmartsError
 from smarts.geometry.frames import wrap_angle
+from smarts.geometry.polylines import subdivide, without_repeats
 from smarts.providers.vehicle import FleetVehicles
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.compile import compile_map
@@ -46,6 +48,8 @@ SLOWEST = 2.5
 """Mean speed at which a vehicle comes to the end of its route in time [m/s]."""
 STRAYED = 20.0
 """Off its route for this long, a vehicle is on its way elsewhere: it took another lane [s]."""
+AROUND, LEAST_BEND = 25, 0.03
+"""Points of a route around a place that are its turn, where they bend by more than this [1/m]."""
 EXIT = 30.0
 """What is this far behind a junction is its exit [m]."""
 TURNED_BACK = 2.7
@@ -238,13 +242,46 @@ def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float)
     return drive.ends != "late"
 
 
-def report(title: str, drives: Sequence[Drive], each: bool) -> None:
+def needed_offset(graph: LaneGraph, drive: Drive, name: str) -> float:
+    """Return how far from the lane any path of the vehicle's centre comes in the turn where the drive ended [m].
+
+    The lane is taken for two straights and an arc of radius r that turns by phi, the path for straights and an
+    arc of the turning circle's radius R, shifted so that it is as far outside before and behind the turn as it
+    is inside in its middle: (R - r) (1 / cos(phi / 2) - 1) / (1 / cos(phi / 2) + 1) = (R - r) tan(phi / 4)^2.
+    No path is nearer to the lane; the steering turns at once.
+    """
+    shape = vehicle(name)
+    circle = math.hypot(
+        shape.wheelbase / math.tan(shape.steering.max_angle), shape.cog_to_rear_axle - shape.centre_to_cog
+    )
+    line = subdivide(without_repeats(np.concatenate([graph.centreline(lane) for lane in drive.lanes])), 1.0)
+    distance = np.hypot(*(line - drive.trace[-1][:2]).T)
+    nearest = int(distance.argmin())
+    line = line[max(nearest - AROUND, 0) : nearest + AROUND]
+    steps = np.diff(line, axis=0)
+    turns = wrap_angle(np.diff(np.arctan2(steps[:, 1], steps[:, 0])))
+    length = np.hypot(*steps.T)[1:]
+    sign = 1.0 if turns[turns > 0.0].sum() > -turns[turns < 0.0].sum() else -1.0
+    bends = sign * turns > LEAST_BEND * length
+    turn = abs(turns[bends].sum())
+    radius = length[bends].sum() / max(turn, 1e-3)
+    return max(circle - radius, 0.0) * math.tan(0.25 * min(turn, math.pi)) ** 2
+
+
+def report(graph: LaneGraph, title: str, name: str, drives: Sequence[Drive], each: bool) -> None:
     """Print a row of the table and, if wanted, each drive that left the road."""
     count = {end: sum(drive.ends == end for drive in drives) for end in ENDS}
     off = sum(count[place] for place in PLACES)
     offsets: NDArray[np.float64] = np.array([drive.offset for drive in drives])
     shoulder = np.mean([drive.shoulder for drive in drives])
-    cells = [f"{off:8d}", *(f"{count[name]:8d}" for name in count)]
+    narrow = 0
+    for drive in drives:
+        if drive.ends in PLACES:
+            needed = needed_offset(graph, drive, name)
+            half = 0.5 * float(np.mean(graph.width[drive.lanes]))
+            drive.place += f"; needs {needed:.1f} m beside the lane's middle, which has {half:.1f}"
+            narrow += needed > half
+    cells = [f"{off:8d}", f"{narrow:8d}", *(f"{count[name]:8d}" for name in count)]
     print(f"{title:32s}{''.join(cells)}{np.median(offsets):9.2f}{offsets.max():9.2f}{shoulder:9.1%}")
     for number, drive in enumerate(drives):
         if each and drive.ends != "done":
@@ -263,7 +300,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--each", action="store_true", help="name each place where a vehicle left the road")
     parser.add_argument("--turnarounds", action="store_true", help="let routes turn back on their own road")
     options = parser.parse_args(arguments)
-    heads = "".join(f"{head:>8s}" for head in ("off-road", *ENDS))
+    heads = "".join(f"{head:>8s}" for head in ("off-road", "narrow", *ENDS))
     print(f"{'map, vehicle, ' + str(options.routes) + ' routes':32s}{heads}{'median':>9s}{'worst m':>9s}{'corner':>9s}")
     with tempfile.TemporaryDirectory() as folder:
         for path in options.maps:
@@ -273,7 +310,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 sys.exit(str(error))
             for name in options.vehicle:
                 drives = drive_all(graph, name, options.routes, options.seed, options.turnarounds)
-                report(f"{path.name.partition('.')[0]} {name}", drives, options.each)
+                report(graph, f"{path.name.partition('.')[0]} {name}", name, drives, options.each)
 
 
 if __name__ == "__main__":
