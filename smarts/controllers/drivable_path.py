@@ -40,6 +40,8 @@ UNWOUND_SHARE = 0.3
 """The steering is off the lane's by more than this share of the sharpest curvature: it is still to unwind."""
 MOST_PASSED = 3
 """Segments of the lane that one step of a plan may pass, so that it leaves no loop out."""
+RESERVED = 0.92
+"""Of the sharpest curvature, what plans use; the rest is for feedback."""
 ITERATIONS = 6
 SMOOTHNESS = 2.0
 """Cost of a change of the steering along the way, over squared wheelbases, at rest [m^2]."""
@@ -108,7 +110,8 @@ def plan_drivable_path(
         kind: A `VehicleKind`.
         abilities: Of all kinds.
     """
-    sharpest, wheelbase, ahead = abilities.sharpest[kind], abilities.wheelbase[kind], abilities.centre_to_rear[kind]
+    sharpest, wheelbase = RESERVED * abilities.sharpest[kind], abilities.wheelbase[kind]
+    ahead = abilities.centre_to_rear[kind]
     rear = pose[0] - ahead * math.cos(pose[2]), pose[1] - ahead * math.sin(pose[2]), pose[2]
     count = min(int(RADII / (sharpest * STEP)), MOST_POINTS, len(reference) - 2)
     bends = np.empty(count)
