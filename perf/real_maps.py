@@ -2,10 +2,14 @@
 
     python -m perf.real_maps MAP... [--vehicle sedan bus truck] [--routes 40] [--seed 0] [--each]
 
-One vehicle at a time in Bullet, no traffic, `keep_lane` in every decision at the lanes' speed limits, from rest,
-along random routes of 300 to 600 m on lanes that are open to it, without turnarounds. A map is any file that a scenario may name. A
-route ends off the road (the event `off_road`: the footprint's centre is on no lane and in no junction), at its
-end, or when the vehicle has not come there in time.
+One vehicle at a time in Bullet, no traffic, `keep_lane` in every decision at the lanes' speed limits, from
+rest, along random routes of 300 to 600 m on lanes that are open to it, without turnarounds. A map is any file
+that a scenario may name. A drive ends off the road (the event `off_road`: the footprint's centre is on no
+lane and in no junction), at the end of its route, on another road ("strayed"), or too late.
+
+Columns: drives that ended off the road; those of them in turns so tight that no path of the vehicle's centre
+stays in the lane ("narrow"); where they ended; the median and the largest of all drives' largest offsets from
+the middle of a lane [m]; the share of steps in which a corner of the footprint was off the road.
 """
 
 from __future__ import annotations
@@ -95,7 +99,7 @@ def load(path: Path, folder: Path) -> LaneGraph:
 
 
 def turnarounds(graph: LaneGraph) -> set[tuple[int, int]]:
-    """Return the links by which lanes lead back beside their own road: vehicles would have to reverse there."""
+    """Return the links by which lanes lead back beside their own road, where vehicles have to reverse."""
     found = set()
     for lane in np.flatnonzero(~graph.is_internal).tolist():
         heading = graph.point_heading[graph.point_start[lane + 1] - 1]
@@ -243,12 +247,12 @@ def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float)
 
 
 def needed_offset(graph: LaneGraph, drive: Drive, name: str) -> float:
-    """Return how far from the lane any path of the vehicle's centre comes in the turn where the drive ended [m].
+    """Return how far from the lane any path of the vehicle's centre is in the turn where a drive ended [m].
 
-    The lane is taken for two straights and an arc of radius r that turns by phi, the path for straights and an
-    arc of the turning circle's radius R, shifted so that it is as far outside before and behind the turn as it
-    is inside in its middle: (R - r) (1 / cos(phi / 2) - 1) / (1 / cos(phi / 2) + 1) = (R - r) tan(phi / 4)^2.
-    No path is nearer to the lane; the steering turns at once.
+    The lane is taken for two straights and an arc of radius r that turns by phi, the path for two straights
+    and an arc of the turning circle's radius R, as far outside before and behind the turn as it is inside in
+    its middle: (R - r) (1 / cos(phi / 2) - 1) / (1 / cos(phi / 2) + 1) = (R - r) tan(phi / 4)^2. No path is
+    nearer to the lane, even if the steering turned at once.
     """
     shape = vehicle(name)
     circle = math.hypot(
@@ -301,7 +305,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--turnarounds", action="store_true", help="let routes turn back on their own road")
     options = parser.parse_args(arguments)
     heads = "".join(f"{head:>8s}" for head in ("off-road", "narrow", *ENDS))
-    print(f"{'map, vehicle, ' + str(options.routes) + ' routes':32s}{heads}{'median':>9s}{'worst m':>9s}{'corner':>9s}")
+    title = f"map, vehicle, {options.routes} routes"
+    print(f"{title:32s}{heads}{'median':>9s}{'worst m':>9s}{'corner':>9s}")
     with tempfile.TemporaryDirectory() as folder:
         for path in options.maps:
             try:

@@ -1,11 +1,12 @@
 """Compiled: the path nearest to a lane that a vehicle can drive, where the lane bends tighter than it can.
 
 The plan is a path of the rear axle from where it is now: curvatures u(s) that minimise the integral of
-(offset of the centre from the lane)^2 + smoothness (du/ds)^2, with |u| below the vehicle's sharpest curvature.
-So it swings wide before a corner that is too tight, by about as much as it cuts inside. Each iteration drives
+(offset of the centre from the lane)^2 + smoothness (du/ds)^2, with |u| below what the lock allows. Offsets
+cost more where they are large, and most near the edge of the road. So a vehicle swings wide before a turn that
+is too tight, by about as much as it cuts inside, and further where the road is wider. Each iteration drives
 the present curvatures exactly, measures the offsets, and solves the problem linearised about that way by one
-Riccati recursion (Gauss-Newton; Li and Todorov, ICINCO 2004). The change of curvature costs more where the
-vehicle is faster, since its steering's rate is bounded; what it still takes, the speed is lowered to.
+Riccati recursion (Gauss-Newton; Li and Todorov, ICINCO 2004). A change of curvature costs more where the
+vehicle is faster, since its steering's rate is bounded; the speed is lowered to what the change still needs.
 """
 
 from __future__ import annotations
@@ -164,7 +165,7 @@ def _pursue(
 
 @kernel
 def _drive(rear: tuple[float, float, float], ahead: float, bends: Floats, way: Floats) -> None:
-    """Write x, y of the centre and the heading where curvatures of the rear axle's path lead, shape (N + 1, 3)."""
+    """Write x, y of the centre and the heading on the way of some curvatures, shape (N + 1, 3)."""
     x, y, heading = rear
     for i in range(len(way)):
         way[i, 0], way[i, 1] = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
@@ -177,7 +178,10 @@ def _drive(rear: tuple[float, float, float], ahead: float, bends: Floats, way: F
 
 @kernel
 def _measure(reference: Floats, way: Floats, found: Floats) -> int:
-    """Write offset and relative heading of a way's points, and the segments beside, shape (N + 1, 4); return the last."""
+    """Write where a way's points are beside a reference, shape (N + 1, 4); return the last one's segment.
+
+    The columns are offset [m], relative heading [rad], what `_find_edges` writes, and the segment.
+    """
     segment = 0
     for i in range(len(way)):
         best, best_square, best_cross = segment, np.inf, 0.0
@@ -217,7 +221,7 @@ def _find_edges(roads: Roads, world: int, reference: Floats, room: Floats, found
 
 @kernel
 def _room_beside(roads: Roads, world: int, point: Floats, side: float) -> float:
-    """Return how far from the middle of its lane a vehicle's centre may be on a side (1 left, -1 right) [m]."""
+    """Return how far from a lane's middle a vehicle's centre may be on a side (1 left, -1 right) [m]."""
     room, aside = LEAST_ROOM, LEAST_ROOM + EDGE_MARGIN + ROOM_STEP
     while room < MOST_ROOM:
         x = point[0] - side * aside * math.sin(point[2])
@@ -233,60 +237,24 @@ def _room_beside(roads: Roads, world: int, point: Floats, side: float) -> float:
 def _improve(
     bends: Floats, curvature: float, sharpest: float, ahead: float, smoothness: Floats, found: Floats
 ) -> None:
-    """Write better curvatures, from the offsets to which the present ones lead."""
+    """Write better curvatures, from the offsets to which the present ones lead; see the module.
+
+    The state of the linearised problem is by how much the rear axle's offset, its heading and the curvature
+    differ from the present plan's. The cost of a state x is x'Vx + 2v'x; V and v are reckoned from the end.
+    """
     count = len(bends)
     feedback = np.empty((count, 4))
     value, linear = np.zeros((3, 3)), np.zeros(3)
-    product = np.zeros((3, 3))
+    value[1, 1], linear[1] = END_COST, END_COST * found[count, 1]
     for k in range(count - 1, -1, -1):
-        weight = END_COST if k == count - 1 else 1.0
-        slope = weight * found[k + 1, 0]
-        far = max(abs(found[k + 1, 0]) - EASY_OFFSET, 0.0)
-        if far > 0.0:
-            weight += FAR_COST
-            slope += math.copysign(FAR_COST * far, found[k + 1, 0])
-        if found[k + 1, 2] != 0.0:
-            weight += EDGE_COST
-            slope += EDGE_COST * found[k + 1, 2]
-        # The centre's offset is the rear axle's, and what the heading makes of the way between.
-        value[0, 0] += weight * STEP
-        value[0, 1] += weight * STEP * ahead
-        value[1, 0] += weight * STEP * ahead
-        value[1, 1] += weight * STEP * ahead * ahead
-        linear[0] += slope * STEP
-        linear[1] += slope * STEP * ahead
-        if k == count - 1:
-            value[1, 1] += END_COST
-            linear[1] += END_COST * found[k + 1, 1]
-        excess = max(abs(bends[k]) - sharpest, 0.0)
+        _add_offset_cost(found[k + 1], END_COST if k == count - 1 else 1.0, ahead, value, linear)
+        excess = abs(bends[k]) - sharpest
         if excess > 0.0:
             cost = BOUND_COST / (sharpest * sharpest)
             value[2, 2] += cost
             linear[2] += math.copysign(cost * excess, bends[k])
         change = bends[k] - (bends[k - 1] if k > 0 else curvature)
-        # The state (offset, heading, curvature) goes on as offset + h heading, heading + h curvature.
-        to_bend = value[1] * STEP + value[2]
-        curving = smoothness[k] / STEP + to_bend[1] * STEP + to_bend[2]
-        slope = smoothness[k] / STEP * change + linear[1] * STEP + linear[2]
-        gain_0, gain_1 = to_bend[0], to_bend[0] * STEP + to_bend[1]
-        gain_2 = to_bend[1] * STEP + to_bend[2]
-        feedback[k] = gain_0, gain_1, gain_2, slope
-        feedback[k] /= -curving
-        for i in range(3):
-            product[i, 0] = value[i, 0]
-            product[i, 1] = value[i, 0] * STEP + value[i, 1]
-            product[i, 2] = value[i, 1] * STEP + value[i, 2]
-        for j in range(3):
-            value[0, j] = product[0, j]
-            value[1, j] = STEP * product[0, j] + product[1, j]
-            value[2, j] = STEP * product[1, j] + product[2, j]
-        linear[2] += STEP * linear[1]
-        linear[1] += STEP * linear[0]
-        gains = (gain_0, gain_1, gain_2)
-        for i in range(3):
-            linear[i] -= gains[i] * slope / curving
-            for j in range(3):
-                value[i, j] -= gains[i] * gains[j] / curving
+        _go_back(smoothness[k] / STEP, change, value, linear, feedback[k])
     aside, turn, bend = 0.0, 0.0, 0.0
     for k in range(count):
         row = feedback[k]
@@ -294,6 +262,56 @@ def _improve(
         aside += STEP * turn
         turn += STEP * bend
         bends[k] += bend
+
+
+@kernel
+def _add_offset_cost(found: Floats, weight: float, ahead: float, value: Floats, linear: Floats) -> None:
+    """Add the cost of the centre's offset at one point; see `_measure` and `_improve`."""
+    offset = found[0]
+    slope = weight * offset
+    far = abs(offset) - EASY_OFFSET
+    if far > 0.0:
+        weight += FAR_COST
+        slope += math.copysign(FAR_COST * far, offset)
+    if found[2] != 0.0:
+        weight += EDGE_COST
+        slope += EDGE_COST * found[2]
+    # The centre's offset is the rear axle's, and what the heading makes of the way between.
+    value[0, 0] += weight * STEP
+    value[0, 1] += weight * STEP * ahead
+    value[1, 0] += weight * STEP * ahead
+    value[1, 1] += weight * STEP * ahead * ahead
+    linear[0] += slope * STEP
+    linear[1] += slope * STEP * ahead
+
+
+@kernel
+def _go_back(smoothness: float, change: float, value: Floats, linear: Floats, feedback: Floats) -> None:
+    """Turn the cost behind a step into the cost before it, and write the best change of curvature there.
+
+    A state (offset, heading, curvature) goes on to (offset + h heading, heading + h curvature, curvature),
+    where the curvature is the changed one and h is `STEP`.
+    """
+    to_bend = value[1] * STEP + value[2]
+    gains = np.empty(3)
+    gains[0], gains[1] = to_bend[0], to_bend[0] * STEP + to_bend[1]
+    gains[2] = to_bend[1] * STEP + to_bend[2]
+    curving = smoothness + gains[2]
+    slope = smoothness * change + linear[1] * STEP + linear[2]
+    for j in range(3):
+        value[j, 2] += STEP * value[j, 1]
+        value[j, 1] += STEP * value[j, 0]
+    for j in range(3):
+        value[2, j] += STEP * value[1, j]
+        value[1, j] += STEP * value[0, j]
+    linear[2] += STEP * linear[1]
+    linear[1] += STEP * linear[0]
+    for i in range(3):
+        feedback[i] = -gains[i] / curving
+        linear[i] += feedback[i] * slope
+        for j in range(3):
+            value[i, j] += feedback[i] * gains[j]
+    feedback[3] = -slope / curving
 
 
 @kernel

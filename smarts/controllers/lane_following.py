@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_path
+from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
 from smarts.controllers.lane_state import LaneState
 from smarts.controllers.leaders import heed_leaders

@@ -50,7 +50,14 @@ class ControllerSet:
         self._neutral = Neutral(scene, speeds)
         types = np.array([int(controller.action) for controller in self._controllers], np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
-        self._part = bind(part_by_type, scene.world.seats.state, types, self._commands.mode, self._commands.window, self._chosen)
+        self._part = bind(
+            part_by_type,
+            scene.world.seats.state,
+            types,
+            self._commands.mode,
+            self._commands.window,
+            self._chosen,
+        )
 
     def command(self, world: World, actions: Actions, rows: Bools) -> Commands:
         """Return what the vehicles of all active seats are to do in this step."""

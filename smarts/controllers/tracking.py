@@ -67,7 +67,20 @@ _NONE = int(CommandMode.NONE)
 
 @kernel
 def drive(
-    cars, states, bodies, controls, mode, actuators, reference, length, windows, slips, memory, shown, dt, rows
+    cars,
+    states,
+    bodies,
+    controls,
+    mode,
+    actuators,
+    reference,
+    length,
+    windows,
+    slips,
+    memory,
+    shown,
+    dt,
+    rows,
 ):
     """Write the controls of vehicles for one sub-step, as their commands say.
 
