@@ -312,7 +312,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             try:
                 graph = load(path, Path(folder))
             except SmartsError as error:
-                sys.exit(str(error))
+                print(error, file=sys.stderr)
+                sys.exit(2)
             for name in options.vehicle:
                 drives = drive_all(graph, name, options.routes, options.seed, options.turnarounds)
                 report(graph, f"{path.name.partition('.')[0]} {name}", name, drives, options.each)

@@ -2,11 +2,12 @@
 
 The plan is a path of the rear axle from where it is now: curvatures u(s) that minimise the integral of
 (offset of the centre from the lane)^2 + smoothness (du/ds)^2, with |u| below what the lock allows. Offsets
-cost more where they are large, and most near the edge of the road. So a vehicle swings wide before a turn that
-is too tight, by about as much as it cuts inside, and further where the road is wider. Each iteration drives
-the present curvatures exactly, measures the offsets, and solves the problem linearised about that way by one
-Riccati recursion (Gauss-Newton; Li and Todorov, ICINCO 2004). A change of curvature costs more where the
-vehicle is faster, since its steering's rate is bounded; the speed is lowered to what the change still needs.
+cost more where they are large, and most near the edge of the road. So a vehicle swings wide before a turn
+that is too tight, by about as much as it cuts inside, and further where the road is wider. Each iteration
+drives the present curvatures exactly, measures the offsets, and solves the problem linearised about that way
+by one Riccati recursion (Gauss-Newton; Li and Todorov, ICINCO 2004). A change of curvature costs more where
+the vehicle is faster, since its steering's rate is bounded; the speed is lowered to what the change still
+needs.
 """
 
 from __future__ import annotations
