@@ -152,3 +152,17 @@ def test_one_iteration_solves_the_linearised_problem():
     expected = bends + np.linalg.lstsq(np.array(rows), np.array(wanted), rcond=None)[0]
     part._improve(bends, curvature, sharpest, ahead, smoothness, found)
     assert bends == pytest.approx(expected, abs=1e-9)
+
+
+def test_across_the_opposite_lane_a_vehicle_keeps_steering_for_its_own(rig):
+    roads = {"east": [(0.0, 0.0), (400.0, 0.0)], "west": [(400.0, 3.2), (0.0, 3.2)]}
+    graph = maps.graph_of({name: maps.Road(points) for name, points in roads.items()})
+    own = graph.lane_number("east", 0)
+    driven = rig([agent(50.0, 2.7, speed=4.0, route=("east",))], graph=graph)
+    driven.act(4.0, 0.0)
+    driven.step()
+    driven.seats.target_lane[0, 0] = own
+    driven.step(60)
+    assert driven.seats.target_lane[0, 0] == own
+    assert driven.world.vehicles.lane[0, 0] == own
+    assert abs(driven.position[1]) < 0.3
