@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from smarts.dynamics import FLAT_TYRE, MODELS, TYRE_MODELS, Fleet
 from smarts.dynamics.chassis import SHELL_SINK
 from smarts.dynamics.layout import GRAVITY
+from smarts.dynamics.wheel import LEAST_FRICTION
 from smarts.types.streams import Purpose, stream
 
 Floats = NDArray[np.float64]
@@ -83,15 +84,23 @@ def stored_energy(fleet: Fleet, model: str) -> Floats:
     if model == "kinematic":
         return np.zeros(len(fleet._cars))
     if model == "dynamic":
-        return bristle_energy(fleet)
+        return bristle_energy(fleet, by_axle=True)
     spinning = 0.5 * (fleet._cars["wheel_inertia"] * fleet._states["spin"] ** 2).sum(1)
-    return bristle_energy(fleet) + suspension_energy(fleet) + shell_energy(fleet) + spinning
+    return bristle_energy(fleet, by_axle=False) + suspension_energy(fleet) + shell_energy(fleet) + spinning
 
 
-def bristle_energy(fleet: Fleet) -> Floats:
-    """Return the most that each vehicle's bristles can give back [J], shape (E,)."""
+def bristle_energy(fleet: Fleet, *, by_axle: bool) -> Floats:
+    """Return the most that each vehicle's bristles can give back [J], shape (E,).
+
+    Args:
+        fleet: The vehicles.
+        by_axle: Whether both tyres of an axle have the mean of their grips, as those of single tracks.
+    """
     cars, states = fleet._cars, fleet._states
-    grip = np.maximum(fleet._road[:, :4] * states["grip_factor"], 0.01) * states["load"]
+    grip = fleet._road[:, :4] * states["grip_factor"]
+    if by_axle:
+        grip = grip.reshape(-1, 2, 2).mean(2).repeat(2, axis=1)
+    grip = np.maximum(grip, LEAST_FRICTION) * states["load"]
     excess = states["load"] / cars["nominal_load"] - 1.0
     magic = (cars["tyre_model"] == TYRE_MODELS.index("pacejka"))[:, None]
     total = np.zeros(len(cars))
