@@ -72,3 +72,11 @@ $(SYSTEM):
 $(INSTALLED): pyproject.toml constraints.txt | $(SYSTEM)
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev,learn]'
 	@touch $@
+
+# TorchRL is tied to versions of torch and brings five more packages: it is not in the constraints.
+TORCHRL := torchrl==0.14.1 tensordict==0.14.3
+
+.PHONY: nightly
+nightly: $(INSTALLED)  ## run the examples whose libraries are not installed by default
+	$(BIN)/pip install --quiet --constraint constraints.txt $(TORCHRL)
+	for example in examples/nightly/*.py; do $(BIN)/python "$$example" || exit 1; done

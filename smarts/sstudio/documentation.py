@@ -90,8 +90,10 @@ gen_scenario(
 )
 ```
 
-(With `map.*.xml` of `scenarios/intersection` as its map.) Names and defaults of fields are the original's;
-where something is new, or means something else here, it is said.
+(With `map.*.xml` of `scenarios/intersection` as its map.) The file prints nothing by itself;
+`smarts-bench scenario build my_scenario` runs it, in some seconds, and says which traffic there is and where
+the build lies. Names and defaults of fields are the original's; where something is new, or means something
+else here, it is said.
 """
 
 

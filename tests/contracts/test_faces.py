@@ -69,8 +69,9 @@ def test_gymnasium(scenario, adapter):
         env.close()
 
 
-def test_rllib(scenario):
-    env = RLlibHiWayEnv({"scenarios": [scenario], "agent_specs": 2, "seed": 1, "headless": True})
+@pytest.mark.parametrize("masks", [{}, {"action_mask": True}], ids=["default", "action_mask"])
+def test_rllib(scenario, masks):
+    env = RLlibHiWayEnv({"scenarios": [scenario], "agent_specs": 2, "seed": 1, "headless": True, **masks})
     try:
         check_multiagent_environments(env)
     finally:

@@ -1,0 +1,17 @@
+"""The environment of one agent keeps the rules of Stable-Baselines3."""
+
+import pytest
+from stable_baselines3.common.env_checker import check_env
+
+from smarts.env import SingleHiWayEnv
+
+
+@pytest.mark.parametrize("action_mask", [False, True])
+@pytest.mark.parametrize("scenario", ["intersection", "double_merge", "two_way"])
+@pytest.mark.filterwarnings("error::UserWarning")
+def test_single(scenario, action_mask):
+    env = SingleHiWayEnv([scenario], action_mask=action_mask)
+    try:
+        check_env(env)
+    finally:
+        env.close()
