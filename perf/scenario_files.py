@@ -3,8 +3,8 @@
     python -m perf.scenario_files path/to/SMARTS/scenarios
 
 Every `scenario.py` below the folder is built, beside itself where that can be written, and reset once with an
-ego for every mission (with one, where missions start in one place). The table has a row for each: "plays", "plays, but" with the builder's warnings, or the
-error. It ends with how many of each there are.
+ego for every mission (with one, where missions start in one place). The table has a row for each: "plays",
+"plays, but" with the builder's warnings, or the error. It ends with how many of each there are.
 """
 
 from __future__ import annotations

@@ -117,8 +117,8 @@ Such changes are warnings of the logger `smarts`, whenever a scenario is built o
 _ORIGINAL = """## Scenario files of the original
 
 Of the 57 files `scenario.py` in the original's folder `scenarios`, 26 play as they are written, 16 with
-a warning that says what is missing, and 15 do not play. `python -m perf.scenario_files path/to/SMARTS/scenarios` builds and resets
-each, and prints the table of all.
+a warning that says what is missing, and 15 do not play. `python -m perf.scenario_files
+path/to/SMARTS/scenarios` builds and resets each, and prints the table of all.
 
 | files | how many | what happens | why |
 |---|---|---|---|
