@@ -283,7 +283,7 @@ class JointConfig(AlgorithmConfig):
             )
         if self.evaluation_interval and self.evaluation_duration_unit != "episodes":
             self._value_error("evaluation_duration_unit must be 'episodes': parts of episodes have no return")
-        if self.gru:
+        if self.gru and not self.in_evaluation:  # RLlib's copy for evaluation has fragments of one step
             self._check_recurrence()
 
     def _check_recurrence(self) -> None:
