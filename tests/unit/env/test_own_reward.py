@@ -18,7 +18,7 @@ def play(reward, decisions=60, adapter="benchmark", agents=2, scenario="loop"):
         alive = env.reset(5).alive.copy()
         for _ in range(decisions):
             step = env.step([np.zeros((2, agents), np.int64)])
-            yield alive, step
+            yield alive, step._replace(rewards=step.rewards.copy())  # which the next step writes over
             alive = step.alive.copy()
     finally:
         env.close()
@@ -95,7 +95,7 @@ def test_weights_are_added():
     assert paper.any()
     np.testing.assert_array_equal(own, paper)
     weighted, both = (
-        np.array([step.rewards for _, step in play(reward, 80, agents=4, scenario="two_way")])
+        np.array([step.rewards for _, step in play(reward, 160, agents=4, scenario="two_way")])
         for reward in ({"goal": 5.0, "collision": -7.0}, PaperAndGoal)
     )
     assert {*np.unique(weighted)} >= {-7.0, 0.0, 5.0}
