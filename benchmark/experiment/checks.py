@@ -246,17 +246,21 @@ def option_names(adapter: Any) -> list[str]:
 
 
 def _scenarios(values: Values) -> Iterator[Fault]:
-    from smarts.sstudio.build import suite, traffic_of  # here: reports need no builder
+    from smarts.sstudio.build import read_scenario, suite  # here: reports need no builder
+    from smarts.sstudio.episodes import check_egos
 
-    traffic = values.get("traffic")
+    traffic, agents = values.get("traffic"), _section(values, "environment").get("agents", 4)
     for key, name in _places(values.get("tasks")):
         try:
-            known = traffic_of(name)
+            scenario = read_scenario(name)
+            if isinstance(agents, int):
+                check_egos(scenario.ego_missions or (), agents, name)
         except UnknownNameError:
             continue  # the model says so
         except SmartsError as error:
             yield Fault(key, error.problem, error.remedy)
             continue
+        known = scenario.traffic or {}
         if not known:
             yield Fault(
                 key, f"{name} is no scenario with traffic to choose from", nearest_names(name, suite())

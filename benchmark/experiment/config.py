@@ -18,7 +18,7 @@ from benchmark.floors import FLOORS
 from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read_config, shown
 from smarts.errors import nearest_names
 from smarts.registry import is_own_name
-from smarts.sstudio.locating import suite
+from smarts.sstudio.locating import resolved, suite
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
@@ -60,7 +60,7 @@ def _scenario(name: str) -> str:
             f"there is no scenario {name!r}, neither in the suite nor as a folder here",
             nearest_names(folder, suite()),
         )
-    return name
+    return resolved(name)
 
 
 def _address(text: str) -> str:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from benchmark.experiment.config import Budget, Environment, Evaluation, Experiment, Resources, Task, name_of
 from smarts.config import ConfigError, fitted
 from smarts.registry import file_name
+from smarts.sstudio.locating import resolved
 
 REFERENCE = "reference"
 """Folder of the scripted policies' results, among those of the algorithms."""
@@ -102,10 +105,6 @@ class Run:
             **self.cell.own_content(),
         }
 
-    def digest(self) -> str:
-        """Return a digest of all that its training depends on."""
-        return digest_of(self.content())
-
 
 def run_from(content: Mapping[str, Any]) -> Run:
     """Return the run of a `Run.content()`, to be tested again; its test is the default one.
@@ -165,14 +164,26 @@ class ReferenceRun:
             **self.cell.own_content(),
         }
 
-    def digest(self) -> str:
-        """Return a digest of the content."""
-        return digest_of(self.content())
+
+def completed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a `content()` with the defaults of keys that the version which wrote it did not have.
+
+    Sections that do not fit their model stay as they are.
+    """
+    found = json.loads(json.dumps(content))  # tuples as the lists that files have
+    for name, model in (("environment", Environment), ("budget", Budget)):
+        with suppress(ConfigError, TypeError):
+            found |= {name: fitted(found[name], model).model_dump(mode="json")} if name in found else {}
+    if isinstance(names := found.get("scenarios"), list):
+        # Earlier versions wrote paths as the user gave them.
+        found["scenarios"] = [resolved(name) if os.sep in str(name) else name for name in names]
+    return found
 
 
-def digest_of(content: Mapping[str, Any]) -> str:
-    """Return a digest of what runs keep beside their results."""
-    return hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=8).hexdigest()
+def is_larger(budget: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether a budget of a `completed` content is larger than another one, and in nothing smaller."""
+    limits = [[each.get(name) or inf for name in Budget.model_fields] for each in (budget, other)]
+    return limits[0] != limits[1] and all(one >= two for one, two in zip(*limits, strict=True))
 
 
 def cells_of(experiment: Experiment) -> list[Cell]:

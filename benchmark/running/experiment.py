@@ -64,10 +64,20 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         try:
             start_ray(experiment.resources)
             with live:
-                states = driver.run()
+                states = _run(driver)
         finally:
             ray.shutdown()
         return _tell(states, root)
+
+
+def _run(driver: Driver) -> list[JobState]:
+    """Do all jobs; at Ctrl-C or SIGTERM let them save first, unless it is given once more."""
+    try:
+        return driver.run()
+    except KeyboardInterrupt:
+        print("stopping: runs save how far they are; once more ends them at once", file=sys.stderr)
+        driver.stop()
+        raise
 
 
 def check_cells(experiment: Experiment) -> None:
@@ -78,7 +88,8 @@ def check_cells(experiment: Experiment) -> None:
     """
     for cell in cells_of(experiment):
         for scenario in cell.task.scenarios:
-            build_scenario(scenario).with_traffic([cell.traffic]).episodes(cell.environment.agents)
+            egos = cell.environment.agents
+            build_scenario(scenario, egos=egos).with_traffic([cell.traffic]).episodes(egos)
         for _ in held_out_of(cell):
             pass  # built and read, rather than after hours of training
     _check_own_code(experiment)

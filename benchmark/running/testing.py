@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -23,6 +23,8 @@ from benchmark.results.run_folder import FINISHED, SCENARIOS, TESTING, RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.machine import machine
 from benchmark.running.played import held_out_of, scenario_digests
+from smarts.errors import RecordError
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
 EVALUATION_SEED = 42
 """Root seed of validation and test, the same for all runs: their episodes begin alike."""
@@ -83,9 +85,9 @@ def play_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
     tested = run.cell.test_content()
     if folder.is_finished(tested):
         return
-    folder.open(run.content(), run.digest())
+    folder.open(run.content())
     scenarios = {SCENARIOS: scenario_digests(run.cell)}
-    folder.note(status=TESTING, digest=run.digest(), run=str(run), **scenarios, **machine())
+    folder.note(status=TESTING, run=str(run), **scenarios, **machine())
 
     def play_part(part: Part, worlds: range, record: Path) -> None:
         with closing(environment(run.cell, copies=1, scenarios=part.scenarios, record=record)) as env:
@@ -149,7 +151,9 @@ def _measured(
         measured += counts["measured"]
         unread |= counts["corrupted"]
         yield table
-        if not cell.evaluation.keep_episodes:
+        if cell.evaluation.keep_episodes:
+            _remove_others(record, worlds)
+        else:
             shutil.rmtree(record)
         first, lacking = worlds.stop, part.episodes - measured
         if lacking <= 0:
@@ -161,3 +165,11 @@ def _measured(
             place=str(episodes / part.name),
             remedy="with fewer agents or less traffic, fewer begin with vehicles inside each other",
         )
+
+
+def _remove_others(record: Path, worlds: range) -> None:
+    """Remove recordings of other worlds, which are played while the last of these are still under way."""
+    for episode in episodes_in(record):
+        with suppress(RecordError):  # a damaged one is named by the table, and stays
+            if int(RecordedEpisode(episode).facts["world"]) not in worlds:
+                shutil.rmtree(episode)
