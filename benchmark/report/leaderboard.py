@@ -11,6 +11,7 @@ import pandas as pd
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import SCRIPTED
+from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.protocol import described, differing_scenarios, protocol_of
@@ -19,6 +20,7 @@ from benchmark.report.values import MODES, Value, by_key, measure_cells
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.statistics import interquartile_mean
+from smarts.registry import is_own_name
 
 SCRIPTED_PARADIGM, OTHER_PARADIGM = "reference policy", "other"
 """Paradigms of scripted policies and of algorithms that the registry does not know."""
@@ -40,11 +42,18 @@ class Place:
     is_tied: bool
     completion: Value
     collision: Value
+    own: tuple[Value, ...] = ()
+    """Of `Leaderboard.own_metrics`."""
 
     @property
     def label(self) -> str:
         """Name of the algorithm."""
         return algorithm_label(self.algorithm)
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        """What its line shows."""
+        return self.completion, self.collision, *self.own
 
     @property
     def cell(self) -> str:
@@ -85,6 +94,8 @@ class Leaderboard:
     summaries: tuple[Summary, ...]
     """By protocol and completion."""
     problems: tuple[str, ...]
+    own_metrics: tuple[str, ...] = ()
+    """Users' own metrics that an experiment has measured; shown, and without a say in ranks."""
 
 
 def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard:
@@ -102,15 +113,19 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
     parts = [_labelled(results, name) for name, results in experiments.items()]
     table = pd.concat(parts, ignore_index=True)
     letters = {text: _letters(number) for number, text in enumerate(dict.fromkeys(table["protocol"]))}
+    own = tuple(
+        name for name in METRICS if is_own_name(name) and set(METRICS[name].columns) <= set(table.columns)
+    )
     places: list[Place] = []
     for protocol, letter in letters.items():
-        places += _places(table[table["protocol"] == protocol], letter, mode)
+        places += _places(table[table["protocol"] == protocol], letter, mode, own)
     return Leaderboard(
         mode=mode,
         protocols=dict(zip(letters.values(), described([*letters]), strict=True)),
         places=tuple(places),
         summaries=tuple(summary for letter in letters.values() for summary in _summaries(places, letter)),
         problems=(*_problems(experiments), *differing_scenarios(_named(experiments))),
+        own_metrics=own,
     )
 
 
@@ -158,10 +173,10 @@ def _letters(number: int) -> str:
     return (_letters(high - 1) if high else "") + string.ascii_uppercase[low]
 
 
-def _places(table: Frame, letter: str, mode: str) -> list[Place]:
+def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Place]:
     """Return the places under one protocol."""
     table = table[table["mode"].isin([mode, SCRIPTED])]
-    values = by_key(measure_cells(table.assign(algorithm=table["entry"]), RANKED_BY))
+    values = by_key(measure_cells(table.assign(algorithm=table["entry"]), [*RANKED_BY, *own]))
     differing = differences(table, mode, column="entry")
     scripted = set(table.loc[table["is_scripted"], "entry"])
     places = []
@@ -191,6 +206,7 @@ def _places(table: Frame, letter: str, mode: str) -> list[Place]:
                     standing.rank if standing else None,
                     standing is not None and standing.is_tied,
                     *figures[entry],
+                    own=tuple(values[entry, task, traffic, found[entry], name] for name in own),
                 )
             )
     return places

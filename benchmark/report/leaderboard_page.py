@@ -39,12 +39,14 @@ def leaderboard_page(board: Leaderboard) -> str:
     means: list[Column] = [
         (METRICS[name].label, f"Interquartile mean of: {METRICS[name].meaning}", False) for name in RANKED_BY
     ]
+    own: list[Column] = [(METRICS[name].label, METRICS[name].meaning, False) for name in board.own_metrics]
     columns: list[Column] = [
         ("cell", "Task and traffic", True),
         *several,
         ("rank", "In the cell, among the same protocol", False),
         *(ALGORITHM, EXPERIMENT, PARADIGM),
         *rates,
+        *own,
         ("seeds", "Of training", False),
         ("episodes", "Of the test, all seeds together", False),
     ]
@@ -68,5 +70,5 @@ def leaderboard_page(board: Leaderboard) -> str:
         tasks=[(name, task_label(name)) for name in dict.fromkeys(each.task for each in places)],
         traffics=[(name, traffic_label(name)) for name in dict.fromkeys(each.traffic for each in places)],
         paradigms=[(name, name) for name in sorted({each.paradigm for each in places})],
-        metrics=[METRICS[name] for name in RANKED_BY],
+        metrics=[METRICS[name] for name in (*RANKED_BY, *board.own_metrics)],
     )

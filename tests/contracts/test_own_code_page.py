@@ -50,6 +50,10 @@ def test_the_page_trains_tests_and_reports(folder):
     compared = finish(begin("compare", *sides, "--metric", "my_code.metric:WAITING"))
     assert compared[0] == 0, compared[2]
     assert "my_code.metric:WAITING" in compared[1]
+    page = folder / "board.html"
+    listed = finish(begin("leaderboard", str(root), "--out", str(page)))
+    assert listed[0] == 0, listed[2]
+    assert "Waiting" in page.read_text()
 
 
 def test_runners_of_environments_import_it_too(folder):
