@@ -104,13 +104,16 @@ class Driver:
 
     def stop(self) -> None:
         """Let runs that train save, for at most `STOP_SECONDS`; the others have nothing to save."""
-        deadline = time.monotonic() + STOP_SECONDS
-        (self._root / STOP).touch()
-        while time.monotonic() < deadline:
-            training = [stream for stream, state in self._under_way.items() if state.status == TRAINING]
-            if not training:
-                return
-            self._listen(training)
+        deadline, file = time.monotonic() + STOP_SECONDS, self._root / STOP
+        file.touch()
+        try:
+            while (training := self._training()) and time.monotonic() < deadline:
+                self._listen(training)
+        finally:
+            file.unlink(missing_ok=True)
+
+    def _training(self) -> list[Any]:
+        return [stream for stream, state in self._under_way.items() if state.status == TRAINING]
 
     def _listen(self, streams: Sequence[Any]) -> None:
         """Take in a message of one of the jobs, if there is one within a second."""

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import signal
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -161,11 +162,17 @@ def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(experimen
         process = start(*command)
         wait_for(partial(has_trained_on, run, len(lines)), process)
         assert progress(run)[: len(lines)] == lines
+    stop = experiment.parent / "results/tiny/.stop"
+    assert not stop.exists()
+    (worker,) = workers(process.pid)
+    os.kill(worker, signal.SIGSTOP)  # so that it never saves
     process.send_signal(signal.SIGTERM)
-    wait_for(lambda: (experiment.parent / "results/tiny/.stop").exists(), process)
+    wait_for(stop.exists, process)
     process.send_signal(signal.SIGTERM)
-    assert finish(process)[0] == 130  # at once
-    assert not (experiment.parent / "results/tiny/.stop").exists()
+    assert finish(process)[0] == 130
+    assert not stop.exists()
+    with suppress(ProcessLookupError):
+        os.kill(worker, signal.SIGKILL)
 
 
 def workers(driver):
