@@ -43,7 +43,7 @@ def episode(tmp_path_factory):
         recording.step()
         if step == 14:
             recording.events.just_done[0, 0] = False
-            recording.made.ownership.rosters[0].dismiss(0)
+            recording.made.world.registry.dismiss(0, 0)
             recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.VACANT, -1
     return recording.read()
 
