@@ -57,7 +57,7 @@ def collect() -> dict[str, dict[str, Any]]:
     """Return the settings of all algorithms, from their configs."""
     import algorithms  # here, since it loads torch and ray
 
-    return {name: _of(algorithms.config(name)) for name in ALGORITHMS}
+    return {name: defaults_of_config(algorithms.config(name)) for name in ALGORITHMS}
 
 
 def apply(config: Any, chosen: dict[str, Any]) -> Any:
@@ -67,7 +67,8 @@ def apply(config: Any, chosen: dict[str, Any]) -> Any:
     return config.env_runners(**{name: chosen[name] for name in OF_RUNNERS if name in chosen})
 
 
-def _of(config: Any) -> dict[str, Any]:
+def defaults_of_config(config: Any) -> dict[str, Any]:
+    """Return the value of each setting of a fresh config as plain data."""
     names = (*config.setting_names, *OF_RUNNERS)
     return {name: _plain(getattr(config, name)) for name in sorted(names)}
 

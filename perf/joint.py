@@ -72,7 +72,7 @@ class NullVector:
         self.final = Final(np.arange(COPIES), self.seen)
         self.t = 0
 
-    def reset(self, seed, worlds, *, episode=0, stride=0):
+    def reset(self, seed, worlds, *, stride=0):
         """Begin episodes."""
         self.t = 0
         return JointStep(self.seen, self.ones, self.no, self.no, ~self.no, self.no[:, 0])

@@ -86,6 +86,10 @@ class UnknownNameError(SmartsError):
     """A name that is not in a registry."""
 
 
+class OwnCodeError(SmartsError):
+    """Code of the user's cannot be imported, is not what it should be, or raises; names its file and line."""
+
+
 def nearest_names(name: str, known: Iterable[str]) -> str:
     """Return a remedy that offers the known names closest to `name`."""
     known = sorted(known)

@@ -1,12 +1,42 @@
-"""Registries: names of parts that are imported only when one is asked for."""
+"""Registries: names of parts that are imported only when one is asked for; `module:Class` of own code.
+
+Own code is named as in `my_package.my_module:MyClass`. Its module is installed, or made importable by
+`import_own`; a name is resolved when it is asked for, in whatever process that is.
+"""
 
 from __future__ import annotations
 
+import functools
 import importlib
-from collections.abc import Iterator, Mapping
-from typing import Any
+import importlib.util
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType, TracebackType
+from typing import Any, TypeVar
 
-from smarts.errors import UnknownNameError, nearest_names
+from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names, shown
+
+OWN_NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
+"""`module:Class`; everything else is a registered name."""
+
+Called = TypeVar("Called", bound=Callable[..., Any])
+
+
+def is_own_name(name: str) -> bool:
+    """Return whether a name is a `module:Class`."""
+    return OWN_NAME.fullmatch(name) is not None
+
+
+def file_name(name: str) -> str:
+    """Return a name for files and folders: of `my_module:MyClass` it is `my_module-MyClass`.
+
+    Others stay as they are. Python's names have no "-", so different names stay different.
+    """
+    return name.replace(":", "-")
 
 
 class Registry(Mapping[str, Any]):
@@ -15,30 +45,272 @@ class Registry(Mapping[str, Any]):
     Args:
         kind: What the parts are, for errors: "sensor".
         places: "module:attribute" of each name.
+        adopt: Checks what a `module:Class` of a user's stands for, and returns the part, under that name.
+            It raises a ValueError that says what is wrong, as "has no method 'act'". None: there are only the
+            registered parts.
+
+    Own parts that have been asked for are listed behind the registered ones.
     """
 
-    def __init__(self, kind: str, places: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        kind: str,
+        places: Mapping[str, str],
+        adopt: Callable[[str, Any], Any] | None = None,
+    ) -> None:
         self.kind = kind
         self._places = dict(places)
+        self._adopt = adopt
+        self._own: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
         """Import and return a part.
 
         Raises:
             UnknownNameError: There is none of this name; the remedy names the nearest ones.
+            OwnCodeError: It is a `module:Class` that cannot be imported, or is not such a part.
         """
-        if name not in self._places:
+        if name in self._own:
+            return self._own[name]
+        if name in self._places:
+            module, _, attribute = self._places[name].partition(":")
+            return getattr(importlib.import_module(module), attribute)
+        if self._adopt is None or not is_own_name(name):
             raise UnknownNameError(
                 f"there is no {self.kind} {name!r}", remedy=nearest_names(name, self._places)
             )
-        module, _, attribute = self._places[name].partition(":")
-        return getattr(importlib.import_module(module), attribute)
+        self._own[name] = adopted(self.kind, name, self._adopt)
+        return self._own[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._places
+        return name in self._places or name in self._own
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._places)
+        return iter((*self._places, *self._own))
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self._places) + len(self._own)
+
+
+def adopted(kind: str, name: str, adopt: Callable[[str, Any], Any]) -> Any:
+    """Import `module:Class` and return what `adopt` makes of it.
+
+    Raises:
+        OwnCodeError: It cannot be imported, or `adopt` raises; names the file and line of the user's code.
+    """
+    found = load_own(name, kind)
+    try:
+        return adopt(name, found)
+    except ValueError as error:
+        if place := place_of(error):
+            raise own_error(error, f"{kind} {name!r}", place) from error
+        raise OwnCodeError(f"{name!r} is no {kind}: it {error}", place=_defined_at(name, found)) from error
+    except SmartsError:
+        raise
+    except Exception as error:  # whatever a constructor of the user's raises
+        raise own_error(error, f"{kind} {name!r}", place_of(error) or _defined_at(name, found)) from error
+
+
+def load_own(name: str, kind: str = "part") -> Any:
+    """Import what a `module:Class` names.
+
+    Args:
+        name: Of the part.
+        kind: What it should be, for errors.
+
+    Raises:
+        OwnCodeError: There is no such module or nothing of that name in it, or importing it raises.
+    """
+    module_name, _, path = name.partition(":")
+    if module_name.partition(".")[0] == "__main__":
+        raise OwnCodeError(
+            f"{kind} {name!r} is in the script that runs, which other processes cannot import",
+            remedy="put it into a file of its own",
+        )
+    found: Any = _import(module_name, kind, name)
+    file = str(getattr(found, "__file__", None) or module_name)
+    for attribute in path.split("."):
+        if not hasattr(found, attribute):
+            known = [each for each in vars(found) if not each.startswith("_")] if path else []
+            raise OwnCodeError(
+                f"there is no {attribute!r} for the {kind} {name!r}",
+                place=file,
+                remedy=nearest_names(attribute, known),
+            )
+        found = getattr(found, attribute)
+    return found
+
+
+def _import(module: str, kind: str, name: str) -> ModuleType:
+    _remember_root(module)
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+            raise own_error(error, f"importing the {kind} {name!r}", place_of(error)) from error
+        raise OwnCodeError(
+            f"there is no module {error.name!r} for the {kind} {name!r}",
+            place=str(_OWN_ROOTS.get(module.partition(".")[0], "")),
+            remedy="install it, or give its file or folder: --import PATH, or `imports: [PATH]`",
+        ) from error
+    except (Exception, SystemExit) as error:
+        raise own_error(error, f"importing the {kind} {name!r}", place_of(error)) from error
+
+
+def own_error(error: BaseException, doing: str, place: str) -> OwnCodeError:
+    """Return the error for what a user's code raised.
+
+    Args:
+        error: That.
+        doing: What raised: "the metric 'my_file:MY_METRIC'".
+        place: File and line.
+    """
+    text = str(error.msg if isinstance(error, SyntaxError) else error)
+    said = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    return OwnCodeError(f"{doing} raises {said}", place=place)
+
+
+def guarded(function: Called, doing: str) -> Called:
+    """Return a function of a user's whose errors name its file and line.
+
+    Raises:
+        OwnCodeError: Whatever it raises, but for errors of this project.
+    """
+
+    @functools.wraps(function)
+    def call(*values: Any, **named: Any) -> Any:
+        try:
+            return function(*values, **named)
+        except SmartsError:
+            raise
+        except Exception as error:
+            raise own_error(error, doing, place_of(error) or _last_line(error)) from error
+
+    return call  # type: ignore[return-value]
+
+
+_OWN_ROOTS: dict[str, Path] = {}
+"""Top-level module of own code -> its file or folder."""
+_GIVEN: dict[str, Path] = {}
+"""Those among them that `import_own` has made importable."""
+
+
+class _GivenFinder(MetaPathFinder):
+    """Finds the files and folders that users have given, and nothing beside them."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return where a given module is (importlib)."""
+        place = _GIVEN.get(fullname)
+        if place is None or path is not None:
+            return None
+        if place.is_file():
+            return importlib.util.spec_from_file_location(fullname, place)
+        init = place / "__init__.py"
+        if init.is_file():
+            return importlib.util.spec_from_file_location(
+                fullname, init, submodule_search_locations=[str(place)]
+            )
+        spec = ModuleSpec(fullname, None, is_package=True)
+        spec.submodule_search_locations = [str(place)]
+        return spec
+
+
+_FINDER = _GivenFinder()
+
+
+def import_own(paths: Iterable[str | Path]) -> None:
+    """Make Python files and folders importable: `x.py` as module `x`, a folder `x` as package `x`.
+
+    Nothing else beside them becomes importable, and nothing is imported yet. A path may be given again.
+
+    Raises:
+        OwnCodeError: A path is no Python file or folder, or its name cannot be imported or is taken.
+    """
+    for given in paths:
+        path = Path(given).absolute()
+        name = path.stem if path.suffix == ".py" else path.name
+        if not path.exists() or (path.is_file() and path.suffix != ".py"):
+            raise OwnCodeError("there is no such Python file or folder", place=str(given))
+        if not name.isidentifier():
+            raise OwnCodeError(
+                f"{name!r} cannot be the name of a module",
+                place=str(given),
+                remedy="rename it: letters, digits and '_'",
+            )
+        if _GIVEN.get(name) != path:
+            _check_free(name, path)
+        _GIVEN[name] = _OWN_ROOTS[name] = path
+    if _GIVEN and _FINDER not in sys.meta_path:
+        sys.meta_path.insert(0, _FINDER)
+
+
+def _check_free(name: str, path: Path) -> None:
+    """Raise if a module of another place has the name already."""
+    try:
+        spec = importlib.util.find_spec(name)
+    except ValueError:  # of modules without a spec, such as __main__
+        spec = getattr(sys.modules.get(name), "__spec__", None)
+    if spec is None:
+        return
+    there = _place_of_spec(spec)
+    if there is None or there.resolve() != path.resolve():
+        raise OwnCodeError(
+            f"the name {name!r} is taken by {there or 'a module of Python'}",
+            place=str(path),
+            remedy="rename the file or folder",
+        )
+
+
+def _remember_root(module: str) -> None:
+    top = module.partition(".")[0]
+    try:
+        spec = importlib.util.find_spec(top)
+    except (ValueError, ImportError):
+        spec = None
+    place = None if spec is None else _place_of_spec(spec)
+    if place is not None:
+        _OWN_ROOTS.setdefault(top, place)
+
+
+def _place_of_spec(spec: ModuleSpec) -> Path | None:
+    """Return a module's file, or a package's folder; None of what is built in."""
+    if spec.submodule_search_locations:
+        return Path(next(iter(spec.submodule_search_locations)))
+    return Path(spec.origin) if spec.has_location and spec.origin else None
+
+
+def place_of(error: BaseException) -> str:
+    """Return file and line of own code where an error was raised, "FILE:LINE"; "" if it is not from there.
+
+    Of several places the innermost counts. A syntax error is where it says.
+    """
+    if isinstance(error, SyntaxError) and error.filename and error.filename.endswith(".py"):
+        return f"{error.filename}:{error.lineno}"
+    places = [
+        f"{file}:{line}"
+        for file, line in _lines(error.__traceback__)
+        if any(Path(file).is_relative_to(root) for root in _OWN_ROOTS.values())
+    ]
+    return places[-1] if places else ""
+
+
+def _last_line(error: BaseException) -> str:
+    lines = [*_lines(error.__traceback__)]
+    return ":".join(map(str, lines[-1])) if lines else ""
+
+
+def _lines(traceback: TracebackType | None) -> Iterator[tuple[str, int]]:
+    while traceback is not None:
+        yield traceback.tb_frame.f_code.co_filename, traceback.tb_lineno
+        traceback = traceback.tb_next
+
+
+def _defined_at(name: str, found: Any) -> str:
+    """Return where a part is defined, as near as can be told."""
+    code = getattr(found, "__code__", None)
+    if code is not None:
+        return f"{code.co_filename}:{code.co_firstlineno}"
+    module = sys.modules.get(name.partition(":")[0])
+    return f"{getattr(module, '__file__', None) or module}: {shown(found)}"

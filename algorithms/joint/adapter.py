@@ -69,10 +69,10 @@ class JointVector:
         self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
         self._warned = False
 
-    def reset(self, seed: int, worlds: Ints, *, episode: int = 0, stride: int = 0) -> JointStep:
+    def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
         """Start all copies; see `VectorJointEnv.reset`."""
         self._seed, self._stride = seed, stride
-        self._worlds, self._episodes = np.array(worlds, int), np.full(self.num_envs, episode)
+        self._worlds, self._episodes = np.array(worlds, int), np.zeros(self.num_envs, int)
         for b in range(self.num_envs):
             self._start_or_replace(b)
         return self._step_so_far()
@@ -315,11 +315,16 @@ def _spaces(
 ) -> JointSpaces:
     blocks: list[Block] = []
     members: list[list[str]] = []
+    told = [agent for agent in names if MASK in infos.get(agent, {})]
     for agent in names:
-        # Only Discrete actions can be masked; the mask comes with the observation or with the infos.
-        masked = flattening[agent].masked or MASK in infos.get(agent, {})
-        masked = masked and isinstance(actions[agent], Discrete)
-        block = Block((), flattening[agent].leaves, actions[agent], masked)
+        leaves, action = flattening[agent].leaves, actions[agent]
+        # The mask comes with the observation or with the infos; agents that enter later are like the others.
+        masked = flattening[agent].masked or agent in told
+        masked |= agent not in infos and any(
+            (flattening[a].leaves, actions[a]) == (leaves, action) for a in told
+        )
+        # Only Discrete actions can be masked.
+        block = Block((), leaves, action, masked and isinstance(action, Discrete))
         if block in blocks:
             members[blocks.index(block)].append(agent)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ logger = logging.getLogger(__name__)
 
 IDENTITY = "joint_identity"
 KILLED = "num_hung_env_runners_killed"
+RESTART_POLL = 0.2
+"""Time between two looks whether a lost runner is back [s]."""
 
 
 class JointAlgorithm(Algorithm):
@@ -43,7 +46,6 @@ class JointAlgorithm(Algorithm):
 
     def setup(self, config: JointConfig) -> None:  # type: ignore[override]
         """Build runners, then check the spaces, then build networks (RLlib)."""
-        self._silent = 0
         super().setup(config)
 
     @property
@@ -55,17 +57,13 @@ class JointAlgorithm(Algorithm):
 
     def training_step(self) -> None:
         """Sample with the newest weights, then learn (RLlib)."""
-        replies = self._ask()
+        replies = self._replies()
         self.metrics.aggregate([reply.metrics for reply in replies], key=ENV_RUNNER_RESULTS)
         rollouts: list[JointRollout] = []
         for reply in sorted(replies, key=lambda r: r.worker):
             if isinstance(reply.rollout, AlgorithmError):
                 raise reply.rollout
             rollouts.append(reply.rollout)
-        if not rollouts:
-            self._count_silence()
-            return
-        self._silent = 0
         steps = {NUM_ENV_STEPS_SAMPLED_LIFETIME: self._steps()}
         data: Any = JointRollout.concat(rollouts)
         if self.config.num_learners:
@@ -119,6 +117,30 @@ class JointAlgorithm(Algorithm):
             return super().restore_env_runners(env_runner_group)
         return env_runner_group.probe_unhealthy_env_runners()
 
+    def _replies(self) -> list[Reply]:
+        """Return at least one runner's reply; while all are lost, wait for those that Ray restarts.
+
+        Raises:
+            RunnerFailure: No request was answered, however often it was repeated.
+        """
+        requests = self.config.max_silent_iterations
+        for _ in range(requests):
+            if replies := self._ask():
+                return replies
+            self._await_runner()
+        raise RunnerFailure(
+            f"no environment runner has answered {requests} requests",
+            place="environment runners",
+            remedy="see their logs; raise `sample_timeout_s` if fragments take longer",
+        )
+
+    def _await_runner(self) -> None:
+        """Wait until a runner is there, for `sample_timeout_s` at most: a restart takes seconds."""
+        group, deadline = self.env_runner_group, time.monotonic() + (self.config.sample_timeout_s or 0.0)
+        while not group.num_healthy_remote_workers() and time.monotonic() < deadline:
+            time.sleep(RESTART_POLL)
+            group.probe_unhealthy_env_runners()
+
     def _ask(self) -> list[Reply]:
         """Return the replies of runners that answer in time; others are killed and come back."""
         group = self.env_runner_group
@@ -157,15 +179,6 @@ class JointAlgorithm(Algorithm):
 
     def _steps(self) -> int:
         return int(self.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME), default=0))
-
-    def _count_silence(self) -> None:
-        self._silent += 1
-        if self._silent >= self.config.max_silent_iterations:
-            raise RunnerFailure(
-                f"no environment runner has answered for {self._silent} iterations",
-                place="environment runners",
-                remedy="see their logs; raise `sample_timeout_s` if fragments take longer",
-            )
 
     def _identity(self) -> dict[str, Any]:
         return {**self.config.identity(), **self.spec.describe()}

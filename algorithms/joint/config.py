@@ -55,7 +55,7 @@ class JointConfig(AlgorithmConfig):
         grad_clip: Largest gradient norm of each network, or None.
         reward_scale: Factor on rewards before learning; metrics show unscaled returns.
         max_env_failures: Failures of one copy without a completed episode in between that stop the run.
-        max_silent_iterations: Iterations without any runner's answer that stop the run.
+        max_silent_iterations: Requests in a row without any runner's answer that stop the run.
         torch_threads: Threads that torch uses for acting and learning in each process.
         evaluate_sampled: Greedy evaluations also play the same episodes with sampled actions, below
             `sampled/`.
@@ -283,7 +283,7 @@ class JointConfig(AlgorithmConfig):
             )
         if self.evaluation_interval and self.evaluation_duration_unit != "episodes":
             self._value_error("evaluation_duration_unit must be 'episodes': parts of episodes have no return")
-        if self.gru:
+        if self.gru and not self.in_evaluation:  # RLlib's copy for evaluation has fragments of one step
             self._check_recurrence()
 
     def _check_recurrence(self) -> None:

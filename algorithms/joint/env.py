@@ -127,13 +127,13 @@ class VectorJointEnv(Protocol):
     num_envs: int
     spaces: JointSpaces
 
-    def reset(self, seed: int, worlds: Ints, *, episode: int = 0, stride: int = 0) -> JointStep:
+    def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
         """Start all copies.
 
         Args:
-            seed: Root seed. An episode is a function of (seed, world, episode) alone.
+            seed: Root seed, 0 to 2**63 - 1. An episode is a function of it, the world and how many the copy
+                has played since this call.
             worlds: World of each copy, shape (B,).
-            episode: Number of the first episode in each copy.
             stride: 0: the next episode of a copy is the next one of its world. Else it is the same episode of
                 the world that lies `stride` further: a fixed list of worlds is dealt to the copies.
         """

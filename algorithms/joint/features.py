@@ -53,9 +53,9 @@ class WithMeanActions:
         self._alive: Bools = np.zeros(self._means.shape[:2], bool)
         self._neighbours = torch.zeros(*self._alive.shape, self._alive.shape[1], dtype=torch.bool)
 
-    def reset(self, seed: int, worlds: Ints, *, episode: int = 0, stride: int = 0) -> JointStep:
+    def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
         """Start all copies, nobody having done anything; see `VectorJointEnv.reset`."""
-        step = self._env.reset(seed, worlds, episode=episode, stride=stride)
+        step = self._env.reset(seed, worlds, stride=stride)
         self._means = np.zeros_like(self._means)
         return self._shown(step)
 

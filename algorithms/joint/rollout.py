@@ -122,7 +122,7 @@ class JointRollout:
         final: True next observations of lives that end in mid-fragment, leading axis (K,); `final.alive`
             tells who is still seen in them.
         final_at: Places (t, b) of the final rows, shape (K, 2).
-        source: (worker, incarnation, copy) of each copy, shape (B, 3).
+        source: (worker, restart_id, copy) of each copy, shape (B, 3).
         start: Number of steps each copy had made before this fragment, (B,).
 
     A plain object on purpose: RLlib would take a dict or a tuple apart.

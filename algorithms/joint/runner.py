@@ -52,6 +52,8 @@ SPEC = "__joint__"
 SAMPLERS = "samplers"
 """Key of states that belong to one process each; all others ignore them."""
 FAILED_COPIES = "num_failed_env_copies_lifetime"
+LARGEST_RESTART_ID = 2**63 - 1
+"""Rollouts keep the number in an array of int64; steps never get there."""
 
 
 class Reply(NamedTuple):
@@ -154,7 +156,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         Raises:
             SpaceError: `env` has other agents or spaces.
         """
-        evaluator = self._new_sampler(self._evaluation_env(env), incarnation=0, seed=seed)
+        evaluator = self._new_sampler(self._evaluation_env(env), restart_id=0, seed=seed)
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)._replace(explore=explore)
         with torch_threads(self.config.torch_threads):
             return evaluator.episodes(worlds, exploration, on_step)
@@ -260,15 +262,15 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 self.env = self._new_env()
             # Ray restarts an actor with its first arguments, so only the steps made so far tell a restarted
             # runner from a new one; it must not replay its predecessor's episodes and noise.
-            steps = self.num_env_steps_sampled_lifetime
+            restart_id = min(self.num_env_steps_sampled_lifetime, LARGEST_RESTART_ID)
             callbacks = EpisodeCallbacks(self)
-            self._sampler = self._new_sampler(self.env, incarnation=steps, listener=callbacks or None)
+            self._sampler = self._new_sampler(self.env, restart_id, listener=callbacks or None)
         return self._sampler
 
     def _new_sampler(
         self,
         env: VectorJointEnv,
-        incarnation: int,
+        restart_id: int,
         *,
         seed: int | None = None,
         listener: Listener | None = None,
@@ -280,7 +282,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             self._policies,  # type: ignore[arg-type]
             self.spec,
             seed=(self.config.seed or 0) if seed is None else seed,
-            source=(worker, incarnation),
+            source=(worker, restart_id),
             max_failures=self.config.max_env_failures,
             listener=listener,
         )

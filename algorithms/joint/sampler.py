@@ -108,7 +108,8 @@ class Sampler:
         policies: What acts.
         spec: Agents and groups.
         seed: Root seed of the episodes.
-        source: (worker, incarnation), marks the rollouts.
+        source: (worker, restart_id), marks the rollouts. A sampler with another `restart_id` plays other
+            episodes with other random actions; 0 plays those of `seed` itself.
         max_failures: Failures of one copy without a completed episode in between before the run is stopped.
         listener: Who is told about the episodes.
     """
@@ -135,9 +136,7 @@ class Sampler:
 
     def begin(self, worlds: Ints, *, stride: int = 0) -> None:
         """Start all copies in new episodes; see `VectorJointEnv.reset`."""
-        incarnation = self._source[1]
-        # A restarted runner must not replay the episodes of its predecessor.
-        step = self.env.reset(self._seed, worlds, episode=incarnation << 20, stride=stride)
+        step = self.env.reset(_restarted(self._seed, self._source[1]), worlds, stride=stride)
         step = self._finite_start(step)
         self._see(self._remember(step, self._empty_memories()))
         fresh = _fresh_progress(self.env.num_envs, len(self._spec.agents))
@@ -238,6 +237,8 @@ class Sampler:
         self._source = state["source"]
         self.env.set_state(state["env"])  # type: ignore[attr-defined]
         self._now, self.progress = _copied(state["now"]), copy.deepcopy(state["progress"])
+        if self._listener is not None:
+            self._listener.started(np.arange(self.env.num_envs))
 
     def _worlds(self, expected: Ints) -> Ints:
         """Return a copy of the worlds that are played, as expected unless the environment tells."""
@@ -397,6 +398,13 @@ def _fresh_progress(copies: int, agents: int) -> Progress:
 
 def _copied(view: View) -> View:
     return View.concat([view, view[:0]], 0)
+
+
+def _restarted(seed: int, restart_id: int) -> int:
+    """Return the root seed, in [0, 2**63), of episodes that are not those before the restart."""
+    if not restart_id:
+        return seed
+    return int(np.random.SeedSequence(seed, spawn_key=(restart_id,)).generate_state(1, np.uint64)[0] >> 1)
 
 
 def _mixed(*numbers: int) -> int:

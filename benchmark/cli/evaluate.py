@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from benchmark.cli.run import Import
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -27,6 +29,7 @@ def evaluate(
         Path | None,
         typer.Option(help="Folder for the table and the recorded episodes; else neither is kept."),
     ] = None,
+    import_: Import = None,
 ) -> None:
     """Test the policy of RUN and print all metrics with 95% intervals."""
     modes = _modes(mode)
@@ -45,6 +48,7 @@ def evaluate(
             modes=modes,
             checkpoint=checkpoint,
             out=out,
+            imports=import_ or (),
         )
         return 0
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from benchmark.cli.run import Import
 from benchmark.results.files import ResultsError, try_writing, write_whole
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
 
@@ -47,6 +48,7 @@ def floors(
     record: Annotated[
         Path | None, typer.Option(help="Folder to record the episodes to.", show_default=False)
     ] = None,
+    import_: Import = None,
 ) -> None:
     """Play scripted drivers in the benchmark's scenarios and say how they end.
 
@@ -54,12 +56,16 @@ def floors(
     """
     from benchmark.floors import FLOORS, SUMO_DRIVER
     from benchmark.floors.run import play
+    from smarts.registry import file_name, import_own, is_own_name
     from smarts.sstudio.locating import locate
 
+    import_own(import_ or ())
     known = (*FLOORS, SUMO_DRIVER)
     chosen = policies or known
     for policy in chosen:
-        if policy not in known:
+        if is_own_name(policy):
+            FLOORS[policy]
+        elif policy not in known:
             raise UnknownNameError(f"there is no floor {policy!r}", remedy=nearest_names(policy, known))
     for name in scenario or SCENARIOS:
         locate(name)
@@ -68,7 +74,7 @@ def floors(
     table = None if out is None else Table(out)
     for policy in chosen:
         for name in scenario or SCENARIOS:
-            folder = None if record is None else record / policy / Path(name).name
+            folder = None if record is None else record / file_name(policy) / Path(name).name
             for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
                 typer.echo(_shown(tally))
                 if table is not None:

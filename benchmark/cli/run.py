@@ -16,14 +16,23 @@ Set = Annotated[
         metavar="KEY=VALUE",
     ),
 ]
+Import = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--import",
+        help="Python file or folder of your own, for names such as my_file:MyClass; may be repeated.",
+        metavar="PATH",
+        show_default=False,
+    ),
+]
 Out = Annotated[Path, typer.Option(help="Folder of all results; the experiment's own is in it.")]
 
 
-def run(config: Config, set_: Set = None, out: Out = Path("results")) -> None:
+def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Path("results")) -> None:
     """Train, test and report what CONFIG says. After any interruption the same command goes on."""
     from benchmark.experiment.config import read_experiment
 
-    experiment = read_experiment(config, set_ or ())
+    experiment = read_experiment(config, set_ or (), import_ or ())
     root = out / experiment.name
     # At once: loading Ray, building scenarios and starting Ray take a while.
     typer.echo(f"{experiment.name}: building scenarios and going through {root}", err=True)

@@ -5,59 +5,146 @@ The checks look at values as files give them. What does not fit the models is le
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from inspect import signature
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from inspect import Parameter, signature
 from math import isfinite
 from typing import Any
 
-from algorithms.joint.ranges import COUNT
-from algorithms.settings import OF_RUNNERS, settings
-from algorithms.settings import values as setting_values
-from benchmark.experiment.algorithm_settings import type_fault
+from algorithms.registry import ALGORITHMS, Actions
+from algorithms.settings import settings
+from benchmark.experiment.algorithm_settings import CONFIGS, defaults_of, entry_of, limits_of, type_fault
+from benchmark.floors import FLOORS
 from smarts.config import Fault
-from smarts.errors import SmartsError, UnknownNameError, nearest_names
+from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
+from smarts.registry import Registry, import_own, is_own_name
 from smarts.types.seats import agent_names
 
 Values = Mapping[str, Any]
+ADAPTER_NAMES = ("benchmark", "raw")
+"""Adapters whose agents have the action space of `environment.action`."""
+BY_NAME = (Parameter.KEYWORD_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
 DRAWS = ("uniform", "loguniform", "randint")
 """What a search may draw from: all with a lower and an upper bound, whole ones without the upper one."""
 
 
 def check_experiment(values: Values) -> Iterator[Fault]:
-    """Yield what is wrong with an experiment's values, beside what its model says."""
-    yield from _settings(values)
-    yield from _searched(values)
+    """Yield what is wrong with an experiment's values, beside what its model says.
+
+    Own code is imported: what is named as `module:Class` is there then, and is what it should be.
+    """
+    try:
+        import_own(_texts(values.get("imports")))
+    except OwnCodeError as error:
+        yield Fault(("imports",), *_words(error))
+        return
+    broken = yield from _own_names(values)
+    sound = {**values, "algorithms": [n for n in _texts(values.get("algorithms")) if n not in broken]}
+    yield from _settings(sound)
+    yield from _searched(sound)
+    yield from _actions(sound)
     yield from _adapter(_section(values, "environment"))
     yield from _scenarios(values)
 
 
+def _own_names(values: Values) -> Generator[Fault, None, set[str]]:
+    """Resolve the names of own code; yield a fault for each that cannot be, and return those."""
+    broken: set[str] = set()
+    for key in ("algorithms", "metrics", "reference"):
+        given = values.get(key)
+        for number, name in enumerate(given if isinstance(given, list) else ()):
+            if not isinstance(name, str) or not is_own_name(name):
+                continue
+            try:
+                _registry_of(key)[name]
+            except OwnCodeError as error:
+                broken.add(name)
+                yield Fault((key, number), *_words(error))
+    return broken
+
+
+def _registry_of(key: str) -> Registry:
+    if key != "metrics":
+        return {"algorithms": CONFIGS, "reference": FLOORS}[key]
+    from benchmark.metrics.registry import METRICS  # here: loading pandas takes longer than most checks
+
+    return METRICS
+
+
+def _words(error: SmartsError) -> tuple[str, str]:
+    """Return problem and remedy of an error, as of a fault."""
+    return (f"{error.place}: {error.problem}" if error.place else error.problem), error.remedy
+
+
 def _settings(values: Values) -> Iterator[Fault]:
-    known = settings()
-    names = [name for name in _texts(values.get("algorithms")) if name in known]
+    names = _known_algorithms(values)
     common, own = _section(values, "training"), _section(values, "settings")
     found: dict[tuple[str, ...], str] = {}
     for algorithm in names:
         mine = _section(own, algorithm)
-        for name in known[algorithm]:
+        for name in defaults_of(algorithm):
             section, key = (mine, ("settings", algorithm)) if name in mine else (common, ("training",))
-            fault = _fault(algorithm, name, section[name], values) if name in section else None
+            is_typed = algorithm in ALGORITHMS or section is common  # by the model already
+            fault = "" if is_typed or name not in section else type_fault(algorithm, name, section[name])
+            fault = fault or (_fault(algorithm, name, section[name], values) if name in section else "")
             if fault:
                 found[(*key, name)] = fault
     for key, text in found.items():
         yield Fault(key, text)
-    every = {name for defaults in known.values() for name in defaults}
-    used = {name for algorithm in names for name in known[algorithm]}
+    yield from _unknown_settings(own)
+    every = {name for defaults in settings().values() for name in defaults}
+    used = {name for algorithm in names for name in defaults_of(algorithm)}
     for name in sorted((common.keys() & every) - used) if names else ():
         yield Fault(("training", name), f"none of the algorithms has {name}", "remove it")
+
+
+def _known_algorithms(values: Values) -> list[str]:
+    return [name for name in _texts(values.get("algorithms")) if name in ALGORITHMS or is_own_name(name)]
+
+
+def _unknown_settings(own: Values) -> Iterator[Fault]:
+    """Yield sections of algorithms that there are not, and settings that algorithms of one's own have not."""
+    for algorithm in own:
+        if algorithm in ALGORITHMS:
+            continue
+        if not is_own_name(algorithm):
+            remedy = nearest_names(algorithm, ALGORITHMS)
+            yield Fault(("settings",), f"there is no key settings.{algorithm}", remedy)
+            continue
+        try:
+            known = defaults_of(algorithm)
+        except OwnCodeError as error:
+            yield Fault(("settings", algorithm), *_words(error))
+            continue
+        for name in sorted(_section(own, algorithm).keys() - known.keys()):
+            remedy = nearest_names(name, known)
+            yield Fault(("settings", algorithm, name), f"{algorithm!r} has no such setting", remedy)
 
 
 def _fault(algorithm: str, name: str, value: Any, values: Values) -> str:
     """Return why an algorithm's setting cannot have a value, whose type is right; nothing if it can."""
     if name == "sharing":
         return _sharing_fault(value, _section(values, "environment").get("agents", 4))
-    limits = COUNT if name in OF_RUNNERS else setting_values()[algorithm].get(name)
+    limits = limits_of(algorithm, name)
     fault = limits.fault(value) if limits else None
     return f"{value!r} is {fault}" if fault else ""
+
+
+def _actions(values: Values) -> Iterator[Fault]:
+    """Yield algorithms and scripted policies that cannot act as the environment's agents do."""
+    environment = _section(values, "environment")
+    action, adapter = environment.get("action", "Lane"), environment.get("adapter", "benchmark")
+    if adapter in ADAPTER_NAMES:  # actions of an own adapter are known when it is made
+        kind = Actions.DISCRETE if action == "Lane" else Actions.CONTINUOUS
+        for number, name in enumerate(_known_algorithms(values)):
+            entry = entry_of(name)
+            if not entry.acts_in(kind):
+                fitting = ", ".join(each for each, other in ALGORITHMS.items() if other.acts_in(kind))
+                text = f"{name!r} needs {entry.actions} actions, and environment.action is {action!r}"
+                yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
+    for number, name in enumerate(_texts(values.get("reference"))):
+        if name in FLOORS and not is_own_name(name) and action != "Lane":
+            text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
+            yield Fault(("reference", number), text, "remove it, or give a scripted policy of your own")
 
 
 def _sharing_fault(sharing: Any, agents: Any) -> str:
@@ -76,14 +163,14 @@ def _sharing_fault(sharing: Any, agents: Any) -> str:
 
 
 def _searched(values: Values) -> Iterator[Fault]:
-    known = settings()
     for algorithm in _texts(values.get("algorithms"))[:1]:
         for name, given in _section(_section(values, "tune"), "parameters").items():
             key = ("tune", "parameters", name)
-            if algorithm not in known:
+            if algorithm not in _known_algorithms(values):
                 continue
-            if name not in known[algorithm]:
-                yield Fault(key, f"{algorithm!r} has no such setting", nearest_names(name, known[algorithm]))
+            known = defaults_of(algorithm)
+            if name not in known:
+                yield Fault(key, f"{algorithm!r} has no such setting", nearest_names(name, known))
                 continue
             for inner, value in _ends(given):
                 if isinstance(value, Fault):
@@ -122,24 +209,34 @@ def _adapter(environment: Values) -> Iterator[Fault]:
         return  # loading Gymnasium for the names of adapters takes a quarter of the time of all checks
     from smarts.env.adapters import ADAPTERS  # here: reports need no environments
 
-    if name not in ADAPTERS:
-        yield Fault(
-            ("environment", "adapter"), f"there is no adapter {name!r}", nearest_names(name, ADAPTERS)
-        )
-        return
-    if not options:
+    if not options and name in ADAPTERS:
         return  # loading an adapter takes half a second
-    known = [*signature(ADAPTERS[name]).parameters][2:]
+    try:
+        known = option_names(ADAPTERS[name])
+    except SmartsError as error:
+        yield Fault(("environment", "adapter"), *_words(error))
+        return
     for option in sorted(options.keys() - set(known)):
         remedy = nearest_names(option, known)
         yield Fault(("environment", "options", option), f"adapter {name!r} has no such option", remedy)
     if "reward" in options and "reward" in known:
-        from smarts.env.adapters.reward import given_weights
+        from smarts.env.adapters.own_reward import check_reward
 
         try:
-            given_weights(options["reward"])
+            check_reward(options["reward"])
         except SmartsError as error:
-            yield Fault(("environment", "options", "reward"), error.problem, error.remedy)
+            yield Fault(("environment", "options", "reward"), *_words(error))
+
+
+def option_names(adapter: Any) -> list[str]:
+    """Return the options that an adapter takes, those of its base classes too if it hands on what it gets."""
+    found: dict[str, None] = {}
+    for kind in getattr(adapter, "__mro__", (adapter,)):
+        parameters = [*signature(kind).parameters.values()][2:]
+        found |= {each.name: None for each in parameters if each.kind in BY_NAME}
+        if all(each.kind != each.VAR_KEYWORD for each in parameters):
+            break
+    return [*found]
 
 
 def _scenarios(values: Values) -> Iterator[Fault]:

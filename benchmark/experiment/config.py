@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from algorithms import settings as algorithm_settings
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm
+from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm, defaults_of
 from benchmark.experiment.checks import check_experiment
 from benchmark.floors import FLOORS
 from smarts.config import Fault, Section, UnfitError, read_config
 from smarts.errors import nearest_names
-from smarts.sstudio.locating import suite
+from smarts.registry import is_own_name
+from smarts.sstudio.locating import resolved, suite
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
@@ -34,16 +35,21 @@ def _name(text: str) -> str:
     return text
 
 
-def _algorithm(name: str) -> str:
-    if name not in ALGORITHMS:
-        raise UnfitError(f"there is no algorithm {name!r}", nearest_names(name, ALGORITHMS))
-    return name
+def _named(kind: str, known: Iterable[str]) -> Callable[[str], str]:
+    """Return a check that a name is a registered one, or a `module:Class`, which later checks resolve."""
+
+    def check(name: str) -> str:
+        if name not in [*known] and not is_own_name(name):
+            raise UnfitError(f"there is no {kind} {name!r}", nearest_names(name, known))
+        return name
+
+    return check
 
 
-def _floor(name: str) -> str:
-    if name not in FLOORS:
-        raise UnfitError(f"there is no reference policy {name!r}", nearest_names(name, FLOORS))
-    return name
+def _metric(name: str) -> str:
+    from benchmark.metrics.registry import METRICS  # here: loads pandas, and most files choose none
+
+    return _named("metric", METRICS)(name)
 
 
 def _scenario(name: str) -> str:
@@ -53,7 +59,7 @@ def _scenario(name: str) -> str:
             f"there is no scenario {name!r}, neither in the suite nor as a folder here",
             nearest_names(folder, suite()),
         )
-    return name
+    return resolved(name)
 
 
 def _address(text: str) -> str:
@@ -86,8 +92,9 @@ def _sorted(values: tuple[str, ...]) -> tuple[str, ...]:
 
 
 FolderName = Annotated[str, AfterValidator(_name)]
-Algorithm = Annotated[str, AfterValidator(_algorithm)]
-Reference = Annotated[str, AfterValidator(_floor)]
+Algorithm = Annotated[str, AfterValidator(_named("algorithm", ALGORITHMS))]
+Reference = Annotated[str, AfterValidator(_named("reference policy", FLOORS))]
+Metric = Annotated[str, AfterValidator(_metric)]
 Scenario = Annotated[str, AfterValidator(_scenario)]
 
 
@@ -127,20 +134,52 @@ Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT, A
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], SEVERAL, DISTINCT]
 Algorithms = Annotated[tuple[Algorithm, ...], SEVERAL, DISTINCT]
 References = Annotated[tuple[Reference, ...], Field(strict=False), DISTINCT]
+Metrics = Annotated[tuple[Metric, ...], SEVERAL, DISTINCT]
+Imports = Annotated[tuple[str, ...], Field(strict=False), DISTINCT]
+Wheels = Annotated[tuple[Annotated[int, Field(ge=0, le=3)], ...], Field(strict=False), DISTINCT]
+VehicleName = Literal["generic_sedan", "sedan", "passenger", "bus", "coach", "truck", "motorcycle"]
+# All but Empty, by which agents do nothing.
+ActionName = Literal[
+    "Continuous",
+    "Lane",
+    "ActuatorDynamic",
+    "LaneWithContinuousSpeed",
+    "TargetPose",
+    "Trajectory",
+    "MultiTargetPose",
+    "MPC",
+    "TrajectoryWithTime",
+    "Direct",
+    "RelativeTargetPose",
+]
 Tasks = Annotated[tuple[Task, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)]
 
 
 class Environment(Section):
-    """How agents see, act and are paid; the same for all algorithms."""
+    """How agents see, act and drive, and what their reward is; the same for all algorithms."""
 
     agents: Annotated[int, Field(ge=1, le=64)] = 4
     """Learning agents in each simulation."""
     decision_interval: Annotated[int, Field(ge=1, le=50)] = 5
     """Simulation steps of 0.1 s from one decision to the next."""
     adapter: str = "benchmark"
-    """What agents observe and do: a name of smarts.env.adapters."""
+    """What agents observe and do: a name of smarts.env.adapters, or module:Class of an own adapter."""
     options: dict[str, Any] = Field(default_factory=dict)
-    """Options of the adapter, such as `reward: paper`."""
+    """Options of the adapter, such as `reward: paper`, `reward: {goal: 1, collision: -1}`, or
+    `reward: module:Class`, a class or function of one's own."""
+    action: ActionName = "Lane"
+    """How agents act: a name of ActionSpaceType. Lane is discrete, all others are continuous."""
+    vehicle: VehicleName = "generic_sedan"
+    """What agents drive; the first three are the same car."""
+    vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
+    """How it moves: as a rigid body on tyres, or as a cheaper single-track model."""
+    tyre_model: Literal["pacejka", "linear"] = "pacejka"
+    """What its tyres are like."""
+    flat_tyres: Wheels = ()
+    """Which are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
+    friction: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
+    """Of the road under agents' vehicles, where the scenario has no patch of another: ice has about 0.1, a
+    wet road 0.5; null: dry asphalt, 0.9."""
 
 
 class Budget(Section):
@@ -206,8 +245,11 @@ class Experiment(Section):
     """Of its folder in `results/`; by default the file's."""
     description: str = ""
     """A line for the report."""
+    imports: Imports = ()
+    """Python files and folders in which module:Class below is found: x.py is module x, a folder x is package
+    x. Relative to this file, or else to the working directory."""
     algorithms: Algorithms
-    """Names, as `smarts-bench algorithms` lists them."""
+    """Names, as `smarts-bench algorithms` lists them, or module:Class of an own algorithm's config."""
     tasks: Tasks
     """What is driven: a scenario's name, or {name: ..., scenarios: [...]} for one policy on several."""
     traffic: Names = (EMPTY_ROADS, "random_social_vehicles")
@@ -221,33 +263,62 @@ class Experiment(Section):
     environment: Environment = Environment()
     budget: Budget = Budget()
     evaluation: Evaluation = Evaluation()
+    metrics: Metrics | None = None
+    """What is measured and reported: names, or module:NAME of a Measure of one's own; null: all that are
+    registered. Collision and completion rate always are."""
     reference: References = ()
-    """Scripted policies that are tested in the same way and shown below the table."""
+    """Scripted policies that are tested in the same way and shown below the table: names, or module:Class."""
     resources: Resources = Resources()
     tune: Tune | None = None
 
     def settings_of(self, algorithm: str) -> dict[str, Any]:
-        """Return the settings of an algorithm that the file gives."""
-        known = algorithm_settings.settings()[algorithm]
+        """Return the settings of an algorithm that the file gives.
+
+        Raises:
+            OwnCodeError: A `module:Class` cannot be imported.
+        """
+        known = defaults_of(algorithm)
         common = self.training.model_dump(exclude_unset=True)
-        own = getattr(self.settings, algorithm, None)
-        return {name: value for name, value in common.items() if name in known} | (
-            own.model_dump(exclude_unset=True) if own else {}
-        )
+        own = self.settings.model_dump(exclude_unset=True).get(algorithm)
+        return {name: value for name, value in common.items() if name in known} | (own or {})
 
 
-def read_experiment(file: Path, overrides: Iterable[str] = ()) -> Experiment:
+def read_experiment(
+    file: Path, overrides: Iterable[str] = (), imports: Iterable[str | Path] = ()
+) -> Experiment:
     """Return an experiment file's content.
+
+    Args:
+        file: The file.
+        overrides: Values that go before the file's, as in "budget.minutes=5".
+        imports: Python files and folders of one's own beside those that the file names.
 
     Raises:
         ConfigError: With all of its mistakes.
     """
+    given = [str(Path(path).absolute()) for path in imports]
 
     def check(values: Mapping[str, Any]) -> Iterator[Fault]:
         if not values.get("name") and not NAME.fullmatch(file.stem):
             remedy = "give the experiment another one: name: ..."
             yield Fault((), f"the file's name {file.stem!r} cannot name a folder", remedy)
-        yield from check_experiment(values)
+        yield from check_experiment(
+            {**values, "imports": [*_found_beside(values.get("imports"), file), *given]}
+        )
 
     experiment = read_config(file, Experiment, tuple(overrides), check)
-    return experiment if experiment.name else experiment.model_copy(update={"name": file.stem})
+    found = (*_found_beside(list(experiment.imports), file), *given)
+    changes: dict[str, Any] = {} if experiment.name else {"name": file.stem}
+    if found:
+        changes["imports"] = tuple(dict.fromkeys(found))
+    return experiment.model_copy(update=changes)
+
+
+def _found_beside(imports: Any, file: Path) -> list[str]:
+    """Return the absolute paths of a file's imports, relative to its folder, or else to the working one."""
+    paths = [Path(path) for path in imports if isinstance(path, str)] if isinstance(imports, list) else []
+    beside = [file.absolute().parent / path for path in paths]
+    return [
+        os.path.normpath(there if there.exists() else path.absolute())
+        for path, there in zip(paths, beside, strict=True)
+    ]

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from benchmark.experiment.config import Budget, Environment, Evaluation, Experiment, Resources, Task, name_of
 from smarts.config import ConfigError, fitted
+from smarts.registry import file_name
+from smarts.sstudio.locating import resolved
 
 REFERENCE = "reference"
 """Folder of the scripted policies' results, among those of the algorithms."""
@@ -30,6 +34,10 @@ class Cell:
     evaluation: Evaluation
     copies: int
     """Simulations side by side."""
+    metrics: tuple[str, ...] | None = None
+    """What tests measure; None: all that are registered."""
+    imports: tuple[str, ...] = ()
+    """Files and folders of own code, absolute, which every process that plays the cell has to import."""
 
     def __str__(self) -> str:
         return f"{self.task.name}, {self.traffic}"
@@ -42,11 +50,16 @@ class Cell:
     def test_content(self) -> dict[str, Any]:
         """Return what a test of the cell consists of, as it is kept with its results."""
         evaluation = self.evaluation
-        return {
+        content: dict[str, Any] = {
             "episodes": evaluation.episodes,
             "modes": list(evaluation.modes),
             "held_out_episodes": evaluation.held_out_episodes,
         }
+        return content if self.metrics is None else {**content, "metrics": list(self.metrics)}
+
+    def own_content(self) -> dict[str, Any]:
+        """Return where the own code of a run is, as it is kept with its results; nothing without any."""
+        return {"imports": list(self.imports)} if self.imports else {}
 
 
 @dataclass(frozen=True)
@@ -67,7 +80,12 @@ class Run:
     @property
     def folder(self) -> Path:
         """Where its results are, in the experiment's folder."""
-        return Path(self.algorithm, self.cell.folder, f"seed_{self.seed}")
+        return training_folder(self.algorithm, self.cell, self.seed)
+
+    @property
+    def label(self) -> str:
+        """The algorithm's name in folders and tables; see `file_name`."""
+        return file_name(self.algorithm)
 
     def content(self) -> dict[str, Any]:
         """Return all that its training depends on, as it is kept beside its results."""
@@ -84,11 +102,8 @@ class Run:
             "validation_episodes": evaluation.validation_episodes,
             "env_runners": self.resources.env_runners,
             "copies": self.resources.copies,
+            **self.cell.own_content(),
         }
-
-    def digest(self) -> str:
-        """Return a digest of all that its training depends on."""
-        return digest_of(self.content())
 
 
 def run_from(content: Mapping[str, Any]) -> Run:
@@ -108,6 +123,7 @@ def run_from(content: Mapping[str, Any]) -> Run:
                 fitted(content["environment"], Environment),
                 evaluation,
                 content["copies"],
+                imports=tuple(content.get("imports", ())),
             ),
             content["seed"],
             content["settings"],
@@ -131,7 +147,12 @@ class ReferenceRun:
     @property
     def folder(self) -> Path:
         """Where its results are, in the experiment's folder."""
-        return Path(REFERENCE, self.policy, self.cell.folder)
+        return Path(REFERENCE, self.label, self.cell.folder)
+
+    @property
+    def label(self) -> str:
+        """The policy's name in folders and tables; see `file_name`."""
+        return file_name(self.policy)
 
     def content(self) -> dict[str, Any]:
         """Return all that its test depends on, but for its extent."""
@@ -140,22 +161,43 @@ class ReferenceRun:
             "scenarios": list(self.cell.task.scenarios),
             "traffic": self.cell.traffic,
             "environment": self.cell.environment.model_dump(mode="json"),
+            **self.cell.own_content(),
         }
 
-    def digest(self) -> str:
-        """Return a digest of the content."""
-        return digest_of(self.content())
+
+def completed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a `content()` with the defaults of keys that the version which wrote it did not have.
+
+    Sections that do not fit their model stay as they are.
+    """
+    found = json.loads(json.dumps(content))  # tuples as the lists that files have
+    for name, model in (("environment", Environment), ("budget", Budget)):
+        with suppress(ConfigError, TypeError):
+            found |= {name: fitted(found[name], model).model_dump(mode="json")} if name in found else {}
+    if isinstance(names := found.get("scenarios"), list):
+        # Earlier versions wrote paths as the user gave them.
+        found["scenarios"] = [resolved(name) if os.sep in str(name) else name for name in names]
+    return found
 
 
-def digest_of(content: Mapping[str, Any]) -> str:
-    """Return a digest of what runs keep beside their results."""
-    return hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=8).hexdigest()
+def is_larger(budget: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether a budget of a `completed` content is larger than another one, and in nothing smaller."""
+    limits = [[each.get(name) or inf for name in Budget.model_fields] for each in (budget, other)]
+    return limits[0] != limits[1] and all(one >= two for one, two in zip(*limits, strict=True))
 
 
 def cells_of(experiment: Experiment) -> list[Cell]:
     """Return the columns of an experiment's table."""
     return [
-        Cell(task, traffic, experiment.environment, experiment.evaluation, experiment.resources.copies)
+        Cell(
+            task,
+            traffic,
+            experiment.environment,
+            experiment.evaluation,
+            experiment.resources.copies,
+            experiment.metrics,
+            experiment.imports,
+        )
         for traffic in experiment.traffic
         for task in experiment.tasks
     ]
@@ -163,11 +205,22 @@ def cells_of(experiment: Experiment) -> list[Cell]:
 
 def runs_of(experiment: Experiment) -> Iterator[Run]:
     """Yield the trainings of an experiment, the first seed of everything first: so a table fills early."""
+    for algorithm, cell, seed in trainings_of(experiment):
+        settings = experiment.settings_of(algorithm)
+        yield Run(algorithm, cell, seed, settings, experiment.budget, experiment.resources)
+
+
+def trainings_of(experiment: Experiment) -> Iterator[tuple[str, Cell, int]]:
+    """Yield algorithm, cell and seed of each run, without a look at settings: own code is not imported."""
     for seed in experiment.seeds:
         for cell in cells_of(experiment):
             for algorithm in experiment.algorithms:
-                settings = experiment.settings_of(algorithm)
-                yield Run(algorithm, cell, seed, settings, experiment.budget, experiment.resources)
+                yield algorithm, cell, seed
+
+
+def training_folder(algorithm: str, cell: Cell, seed: int) -> Path:
+    """Return where the results of a run are, in the experiment's folder."""
+    return Path(file_name(algorithm), cell.folder, f"seed_{seed}")
 
 
 def references_of(experiment: Experiment) -> list[ReferenceRun]:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import Experiment
 from benchmark.floors import FLOORS
+from benchmark.metrics import METRICS
 from smarts.config import EXTENDS
 
+OWN = r"^[\w.]+:[\w.]+$"
+"""Names of own code, "module:Class"."""
 FILE = Path(__file__).parents[2] / "configs" / "schema.json"
 
 
@@ -24,10 +28,19 @@ def schema() -> dict[str, Any]:
     }
     # A task may be the name of its scenario, and a file that extends another need not say everything.
     properties["tasks"]["items"] = {"anyOf": [{"type": "string"}, properties["tasks"]["items"]]}
-    properties["algorithms"]["items"] = {"enum": sorted(ALGORITHMS)}
-    properties["reference"]["items"] = {"enum": sorted(FLOORS)}
+    properties["algorithms"]["items"] = _names(ALGORITHMS)
+    properties["reference"]["items"] = _names(FLOORS)
+    properties["metrics"]["anyOf"][0]["items"] = _names(METRICS)
+    sections = found["$defs"]["SettingsByAlgorithm"]
+    sections["patternProperties"] = {OWN: sections.pop("additionalProperties")}
+    sections["additionalProperties"] = False
     found.pop("required", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
+
+
+def _names(known: Iterable[str]) -> dict[str, Any]:
+    """Return the schema of a registered name, or of "module:Class"."""
+    return {"anyOf": [{"enum": sorted(known)}, {"type": "string", "pattern": OWN}]}
 
 
 def text() -> str:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,8 +91,8 @@ def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_world: int) -
     """Yield one episode of each world after the other, with every agent driven by a policy.
 
     Args:
-        env: With one simulation and the benchmark's observation.
-        policy: A name of `FLOORS`.
+        env: With one simulation, and what the policy can see and do.
+        policy: A name of `FLOORS`, or `module:Class` of a user's own.
         seed: Of the run.
         first_world: The world of the first episode.
 
@@ -103,7 +103,7 @@ def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_world: int) -
     now = env.reset(seed, np.array([first_world]), stride=1)
     start = _begin(drivers, env)
     while True:
-        now = env.step([_actions(drivers, now)])
+        now = env.step(_actions(drivers, now, env))
         for error in now.failed.values():
             place = f"{start.scenario}, world {start.world}"
             raise TrafficError("the traffic failed", place=place) from error
@@ -119,13 +119,20 @@ def _begin(drivers: Sequence[Floor], env: VectorHiWayEnv) -> EpisodeStart:
     return start
 
 
-def _actions(drivers: Sequence[Floor], now: VectorStep) -> NDArray[np.int64]:
-    """Return the actions of all who are alive, shape (1, N)."""
-    (leaves,), (mask,) = now.observations, now.masks
-    masks = np.ones((*now.alive.shape, len(LaneAction)), np.bool_) if mask is None else mask
-    actions = np.zeros(now.alive.shape, np.int64)
-    for agent in np.flatnonzero(now.alive[0]).tolist():
-        actions[0, agent] = drivers[agent].act(leaves[""][0, agent], masks[0, agent])
+def _actions(drivers: Sequence[Floor], now: VectorStep, env: VectorHiWayEnv) -> list[NDArray]:
+    """Return the actions of all who are alive, for each block of agents, shape (1, n, ...)."""
+    actions, first = [], 0
+    for block, leaves, mask in zip(env.spaces.blocks, now.observations, now.masks, strict=True):
+        shape = (1, len(block.agents), *(block.action.shape or ()))
+        chosen = np.zeros(shape, block.action.dtype)
+        for place in np.flatnonzero(now.alive[0, first : first + len(block.agents)]).tolist():
+            seen = {name: leaf[0, place] for name, leaf in leaves.items()}
+            legal = np.ones(len(LaneAction), np.bool_) if mask is None else mask[0, place]
+            # The only array is not called anything; where there is more, a policy gets all of them by name.
+            driver: Any = drivers[first + place]
+            chosen[0, place] = driver.act(seen[""] if [*seen] == [""] else seen, legal)
+        actions.append(chosen)
+        first += len(block.agents)
     return actions
 
 

@@ -12,11 +12,14 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from benchmark.metrics.episode_data import EpisodeData
 from benchmark.metrics.generalization import SPLITS
-from benchmark.metrics.registry import METRICS
-from smarts.errors import MapError, RecordError, SmartsError
+from benchmark.metrics.measure import Columns, Measure
+from benchmark.metrics.registry import ALWAYS, METRICS
+from smarts.errors import MapError, OwnCodeError, RecordError, SmartsError
+from smarts.registry import is_own_name
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.types.events import Outcome
 
@@ -49,7 +52,7 @@ def measure_episodes(
         folder: Of the store; not one episode's.
         labels: Further columns, the same in all rows: algorithm, training_seed, mode ...
         split: "train" or "held_out": see generalization.
-        metrics: Names, by default all.
+        metrics: Names, by default all that are registered; the two of `ALWAYS` are measured in any case.
         worlds: Of which episodes are measured; others count nowhere. By default all.
 
     Returns:
@@ -61,13 +64,15 @@ def measure_episodes(
     Raises:
         RecordError: The folder is not there, or the split is unknown.
         UnknownNameError: A metric is unknown.
+        OwnCodeError: A user's metric raises, lacks a column, or writes one that is another's.
     """
     folder = Path(folder)
     if split not in SPLITS:
         raise RecordError(f"there is no split '{split}'", remedy=f"choose one of {', '.join(SPLITS)}")
     if not folder.is_dir():
         raise RecordError("there is no such folder of episodes", place=str(folder))
-    measures = [METRICS[name] for name in metrics or METRICS]
+    chosen = metrics or [name for name in METRICS if not is_own_name(name)]
+    measures = [METRICS[name] for name in dict.fromkeys((*ALWAYS, *chosen))]
     counts: dict[str, Any] = {"measured": 0, "void": 0, "incomplete": 0, "corrupted": {}}
     parts = []
     for path in episodes_in(folder):
@@ -93,7 +98,7 @@ def measure_episodes(
     return table
 
 
-def _rows(episode: EpisodeData, measures: Iterable[Any], labels: Mapping[str, Any]) -> pd.DataFrame:
+def _rows(episode: EpisodeData, measures: Iterable[Measure], labels: Mapping[str, Any]) -> pd.DataFrame:
     facts, agents = episode.facts, episode.agents
     scenario, _, variation = str(facts["scenario"]).partition("@")
     is_void = bool(facts["is_void"])
@@ -114,10 +119,30 @@ def _rows(episode: EpisodeData, measures: Iterable[Any], labels: Mapping[str, An
         "agents": took_part.astype(float),
     }
     for measure in measures:
-        found = {} if is_void else measure.measure(episode)
+        found = None if is_void else measure.measure(episode)
         for name in measure.columns:
-            columns[name] = np.where(took_part, found[name], np.nan) if found else np.nan
+            written = np.nan if found is None else _column(measure, found, name, took_part)
+            if name in columns and not np.array_equal(columns[name], written, equal_nan=True):
+                raise OwnCodeError(
+                    f"the metric {measure.name!r} writes another {name!r} than what has that name already",
+                    place=measure.name,
+                    remedy="give its column a name of its own",
+                )
+            columns[name] = written
     return pd.DataFrame(columns, index=pd.RangeIndex(episode.count))
+
+
+def _column(measure: Measure, found: Columns, name: str, took_part: NDArray[np.bool_]) -> NDArray:
+    """Return a column of an episode, NaN for agents that took no part."""
+    try:
+        values = np.broadcast_to(np.asarray(found[name], float), took_part.shape)
+    except (KeyError, TypeError, ValueError) as error:
+        raise OwnCodeError(
+            f"the metric {measure.name!r} gives no column {name!r} of a number for each agent",
+            place=measure.name,
+            remedy="return all of its `columns`, each of shape (A,)",
+        ) from error
+    return np.where(took_part, values, np.nan)
 
 
 def write_table(table: pd.DataFrame, path: Path) -> None:

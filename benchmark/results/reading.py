@@ -11,16 +11,17 @@ from typing import Any
 import pandas as pd
 
 from benchmark.experiment.config import Experiment
-from benchmark.experiment.runs import SCRIPTED_SEED, references_of, runs_of
-from benchmark.metrics import join_tables
+from benchmark.experiment.runs import SCRIPTED_SEED, references_of, training_folder, trainings_of
+from benchmark.metrics import METRICS, join_tables
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
-from benchmark.results.commands import earlier_commands, last_experiment
+from benchmark.results.commands import EXPERIMENT, earlier_commands, last_experiment
 from benchmark.results.files import ResultsError, read_mapping
 from benchmark.results.known import known_facts, known_progress
 from benchmark.results.run_folder import FINISHED, SCENARIOS, RunFolder
 from benchmark.results.run_tables import LABELS, Names, names_of, read_run_table
-from smarts.errors import SmartsError
+from smarts.errors import OwnCodeError, SmartsError
+from smarts.registry import file_name, import_own, is_own_name
 
 NOT_BEGUN, UNREADABLE = "not begun", "unreadable"
 """States of runs beside those in run.json."""
@@ -115,6 +116,8 @@ def read_results(root: Path) -> Results:
     experiment = last_experiment(root, problems)
     commands, parts = earlier_commands(root, problems)
     every = [*parts, experiment] if experiment else parts
+    for each in every:
+        _load_metrics(each, problems)
     expected = {run.place: run for each in every for run in _expected(each)}
     found = {run.place: run for run in _found(root, problems)}
     if experiment is None and not found:
@@ -138,16 +141,25 @@ def _reasons(problems: Mapping[str, str]) -> str:
     return "".join(f"; {name}: {reason}" for name, reason in problems.items())
 
 
+def _load_metrics(experiment: Experiment, problems: dict[str, str]) -> None:
+    """Import an experiment's own metrics, so that they are listed; those that cannot be are named."""
+    own = [name for name in experiment.metrics or () if is_own_name(name)]
+    try:
+        import_own(experiment.imports if own else ())
+        for name in own:
+            METRICS[name]
+    except OwnCodeError as error:
+        problems[f"metrics of {EXPERIMENT}"] = f"{error.place}: {error.problem}; own metrics are left out"
+
+
 def _expected(experiment: Experiment) -> Iterator[RunResult]:
-    for run in runs_of(experiment):
-        cell = run.cell
-        yield RunResult(
-            run.algorithm, cell.task.name, cell.traffic, run.seed, run.folder.as_posix(), NOT_BEGUN
-        )
+    for algorithm, cell, seed in trainings_of(experiment):
+        place = training_folder(algorithm, cell, seed).as_posix()
+        yield RunResult(file_name(algorithm), cell.task.name, cell.traffic, seed, place, NOT_BEGUN)
     for each in references_of(experiment):
         cell = each.cell
         place = each.folder.as_posix()
-        yield RunResult(each.policy, cell.task.name, cell.traffic, SCRIPTED_SEED, place, NOT_BEGUN)
+        yield RunResult(each.label, cell.task.name, cell.traffic, SCRIPTED_SEED, place, NOT_BEGUN)
 
 
 def _found(root: Path, problems: dict[str, str]) -> Iterator[RunResult]:

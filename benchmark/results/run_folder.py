@@ -13,7 +13,6 @@ episodes/        the recorded test episodes, if they are kept
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from typing import Any
 
 import yaml
 
-from benchmark.experiment.runs import digest_of
+from benchmark.experiment.runs import completed, is_larger
 from benchmark.results.files import (
     ResultsError,
     first_line,
@@ -42,7 +41,9 @@ CONTINUED = "continued"
 """In run.json: what each continuation was made with, as the file itself says it of the beginning."""
 SCENARIOS = "scenarios"
 """In run.json: name -> digest of each scenario that the run is of, as built; earlier versions have none."""
-CONFIG_REMEDY = "bring it back from a copy, or remove it: while run.json is there, it is made again"
+CONFIG_REMEDY = "bring it back from a copy, or remove the run's folder to begin anew"
+BUDGET = "budget"
+"""Key of a run's content in which it may grow."""
 UNSET = "default"
 """What a value is shown as that is in one config only."""
 FINISHED, TRAINING, TESTING = "finished", "training", "testing"
@@ -115,35 +116,39 @@ class RunFolder:
             return error.problem
         return ""
 
-    def check(self, content: Mapping[str, Any], digest: str) -> None:
-        """See that here is nothing, or a part of this run.
+    def check(self, content: Mapping[str, Any]) -> None:
+        """See that here is nothing, or a part of this run, perhaps with a smaller budget.
 
         Args:
             content: All that the run's training depends on.
-            digest: Of the content.
 
         Raises:
-            ResultsError: Here are the results of another run or of an unknown one, or they are damaged.
+            ResultsError: Here are the results of another run or of an unknown one, or they are damaged; or
+                the budget is larger, and there is no checkpoint to train on from.
         """
-        found = self._digest()
-        if found in (None, digest):
+        there, here = self._content(), completed(content)
+        if there is None:
             return
-        differences = self._differences(content) or f"{found}, this one is {digest}"
-        raise ResultsError(
-            f"here are results of a run with another config: {differences}",
-            place=str(self.config),
-            remedy="give the experiment another name or --out, or remove the folder to begin anew",
-        )
+        is_extended = _is_extended(here, there)
+        differing = _differing(*({**each, BUDGET: None} if is_extended else each for each in (there, here)))
+        if differing:
+            raise ResultsError(
+                f"here are results of a run with another config: {differing}",
+                place=str(self.config),
+                remedy="give the experiment another name or --out, or remove the folder to begin anew "
+                "(with a larger budget and all else as it is, the run trains on)",
+            )
+        if is_extended and self.status in (TESTING, FINISHED) and not self._is_there(self.checkpoint):
+            raise ResultsError(
+                f"there is no checkpoint to train on from with a larger budget: {_differing(there, here)}",
+                place=str(self.checkpoint),
+                remedy="bring it back from a copy, or give the experiment another name or --out",
+            )
 
-    def _differences(self, content: Mapping[str, Any]) -> str:
-        """Return in words which values differ from those in config.yaml; nothing where it cannot be read."""
-        try:
-            there = _flat(self.read_config())
-        except ResultsError:
-            return ""
-        here = _flat(json.loads(json.dumps(content)))
-        names = [name for name in {**there, **here} if there.get(name, UNSET) != here.get(name, UNSET)]
-        return ", ".join(f"{name} ({there.get(name, UNSET)}, here {here.get(name, UNSET)})" for name in names)
+    def is_extended(self, content: Mapping[str, Any]) -> bool:
+        """Return whether this run is here with a smaller budget."""
+        there = self._content()
+        return there is not None and _is_extended(completed(content), there)
 
     def changed_scenarios(self, digests: Mapping[str, str]) -> list[str]:
         """Return the scenarios that were something else to this run; what it has not recorded is left out.
@@ -154,20 +159,16 @@ class RunFolder:
         known = read_mapping(self.run).get(SCENARIOS, {}) if self.run.exists() else {}
         return [name for name, digest in digests.items() if known.get(name, digest) != digest]
 
-    def _digest(self) -> str | None:
-        """Return the digest of the config that what is here was made with; None if here is nothing."""
-        if self.run.exists():
-            return read_mapping(self.run).get("digest")
-        if not self.checkpoint.exists() and not previous_of(self.checkpoint).exists():
-            return None
-        # Somebody has removed a damaged run.json.
-        if not self.config.exists():
-            raise ResultsError(
-                "here is a checkpoint, but neither run.json nor config.yaml that says of what run",
-                place=str(self.path),
-                remedy="bring one of the two back, or remove the folder to begin anew",
-            )
-        return digest_of(self.read_config())
+    def _content(self) -> dict[str, Any] | None:
+        """Return the config that what is here was made with, completed; None if here is nothing."""
+        # A checkpoint without a run.json: it was damaged, and the user removed it.
+        is_begun = bool(read_mapping(self.run)) if self.run.exists() else self._is_there(self.checkpoint)
+        return completed(self.read_config()) if is_begun else None
+
+    @staticmethod
+    def _is_there(folder: Path) -> bool:
+        """Return whether a folder is there, or can be recovered."""
+        return folder.exists() or previous_of(folder).exists()
 
     def read_config(self) -> dict[str, Any]:
         """Return the content of config.yaml.
@@ -184,13 +185,15 @@ class RunFolder:
             raise ResultsError("holds no keys and values", place=str(self.config), remedy=CONFIG_REMEDY)
         return content
 
-    def open(self, content: Mapping[str, Any], digest: str) -> None:
+    def open(self, content: Mapping[str, Any]) -> None:
         """Begin the run, or make sure that what is here is a part of it; see `check`."""
-        self.check(content, digest)
+        self.check(content)
         with named_failures(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
+        if is_extended := self.is_extended(content):
+            self.note(status=TRAINING)  # first: if killed in between, the run is not taken for finished
         # What is here without a run.json is of a run that was killed before it began, perhaps another one.
-        if not self.run.exists() or not self.config.exists():
+        if is_extended or not self.run.exists():
             text = yaml.safe_dump(dict(content), sort_keys=False)
             write_whole(self.config, lambda file: file.write_text(text, encoding="utf-8"))
         recover_folder(self.checkpoint)
@@ -285,6 +288,19 @@ def _write_lines(file: Path, lines: Sequence[Mapping[str, Any]]) -> None:
         writer = csv.DictWriter(out, PROGRESS_COLUMNS)
         writer.writeheader()
         writer.writerows(lines)
+
+
+def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
+    """Return whether the budget of a completed content is larger than another's, if both have one."""
+    budgets = [each.get(BUDGET) for each in (here, there)]
+    return all(isinstance(budget, dict) for budget in budgets) and is_larger(*budgets)  # type: ignore[arg-type]
+
+
+def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Return in words which values differ, nothing if none does."""
+    one, two = _flat(there), _flat(here)
+    names = [name for name in {**one, **two} if one.get(name, UNSET) != two.get(name, UNSET)]
+    return ", ".join(f"{name} ({one.get(name, UNSET)}, here {two.get(name, UNSET)})" for name in names)
 
 
 def _flat(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:

@@ -14,13 +14,15 @@ import pandas as pd
 from benchmark.experiment.config import Evaluation, Task, name_of
 from benchmark.experiment.runs import Run, run_from
 from benchmark.metrics import read_table
-from benchmark.results.files import ResultsError
+from benchmark.results.files import ResultsError, read_mapping
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
+from benchmark.running.importing import named_own_code
 from benchmark.running.played import scenario_digests
 from benchmark.running.testing import play_test
 from benchmark.running.training import algorithm_of, restore
 from smarts.config import fitted
+from smarts.registry import import_own
 from smarts.sstudio.build import build_scenario
 
 
@@ -33,6 +35,7 @@ def evaluate_again(
     modes: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled"),
     checkpoint: Literal["last", "best"] = "last",
     out: Path | None = None,
+    imports: Sequence[str | Path] = (),
 ) -> pd.DataFrame:
     """Return the table of a test of a run's policy; see `benchmark.metrics.compute`.
 
@@ -44,11 +47,13 @@ def evaluate_again(
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
         out: Folder that keeps the table and the recorded episodes; not a run's.
+        imports: Files and folders of own code, by default those that the run was trained with.
 
     Raises:
         ResultsError: There is no run, or it has no such checkpoint, or that is damaged; or `out` is a run's.
         SmartsError: A scenario or its traffic does not exist (a `ConfigError` where one has a wrong name).
         CheckpointError: The checkpoint does not fit the run's config.
+        OwnCodeError: Own code cannot be imported, or raises.
     """
     folder = RunFolder(path)
     if out is not None and RunFolder(out).run.exists():
@@ -57,7 +62,7 @@ def evaluate_again(
             place=str(out),
             remedy="give another --out",
         )
-    trained = read_run(folder)
+    trained = read_run(folder, imports)
     run = _changed(trained, scenarios, traffic, episodes, modes, keep=out is not None)
     for scenario in run.cell.task.scenarios:
         build_scenario(scenario).with_traffic([run.cell.traffic]).episodes(run.cell.environment.agents)
@@ -70,7 +75,11 @@ def evaluate_again(
             f"the run has no {checkpoint} checkpoint", place=str(path), remedy="train it further"
         )
     start_ray(run.resources)
-    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary, algorithm_of(run) as algo:
+    with (
+        tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary,
+        named_own_code("the run's own code"),
+        algorithm_of(run) as algo,
+    ):
         restore(algo, kept)
         answer = RunFolder(out or Path(temporary))
         for _ in play_test(run, answer, algo):
@@ -78,14 +87,24 @@ def evaluate_again(
         return read_table(answer.table)
 
 
-def read_run(folder: RunFolder) -> Run:
-    """Return the run whose results are in a folder.
+def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
+    """Return the run whose results are in a folder, with its own code importable.
+
+    Args:
+        folder: The run's.
+        imports: Files and folders of own code, by default those that the run was trained with.
 
     Raises:
         ResultsError: There is none, or its config is damaged.
+        OwnCodeError: A file or folder of own code is not there any more.
     """
     try:
-        return run_from(folder.read_config())
+        run = run_from(folder.read_config())
+        tested = read_mapping(folder.run).get("tested", {}) if folder.run.exists() else {}
+        metrics = tuple(tested["metrics"]) if "metrics" in tested else None
+        own = tuple(str(Path(path).absolute()) for path in imports) or run.cell.imports
+        import_own(own)
+        return replace(run, cell=replace(run.cell, imports=own, metrics=metrics))
     except (ResultsError, ValueError) as error:
         reason = error.problem if isinstance(error, ResultsError) else error
         raise ResultsError(

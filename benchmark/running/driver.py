@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -13,12 +14,19 @@ from ray.exceptions import RayError, RayTaskError
 
 from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import ReferenceRun, Run, references_of, runs_of
-from benchmark.results.run_folder import FINISHED, TESTING, RunFolder
+from benchmark.results.run_folder import FINISHED, TESTING, TRAINING, RunFolder
+from benchmark.running.importing import named_own_code
 from benchmark.running.progress import BEGINNING, WAITING, Progress
 from smarts.errors import SmartsError, shortened
+from smarts.registry import import_own
 
 ATTEMPTS = 3
 """How often a run may lose its process before it counts as failed."""
+
+STOP = ".stop"
+"""File in an experiment's folder that tells its runs to save and end: all machines of a cluster see it."""
+STOP_SECONDS = 60.0
+"""Time for runs to save: an iteration, a validation and a checkpoint."""
 
 Job = Run | ReferenceRun
 
@@ -65,10 +73,12 @@ class Driver:
         self.states = [JobState(job) for job in jobs]
         self._root, self._resources, self._show = root.absolute(), resources, show
         self._waiting: deque[JobState] = deque()
+        self._under_way: dict[Any, JobState] = {}
         for state in self.states:
             folder = RunFolder(self._root / state.job.folder)
-            folder.check(state.job.content(), state.job.digest())
-            if folder.is_finished(state.job.cell.test_content()):
+            content = state.job.content()
+            folder.check(content)
+            if folder.is_finished(state.job.cell.test_content()) and not folder.is_extended(content):
                 state.status = FINISHED
             else:
                 self._waiting.append(state)
@@ -81,20 +91,33 @@ class Driver:
     def run(self) -> list[JobState]:
         """Do all jobs; return their states, in which a job that cannot be done says why."""
         parallel = self._resources.parallel or self._fitting()
-        under_way: dict[Any, JobState] = {}
+        (self._root / STOP).unlink(missing_ok=True)
         self._show(self.states)
-        while self._waiting or under_way:
-            while self._waiting and len(under_way) < parallel:
+        while self._waiting or self._under_way:
+            while self._waiting and len(self._under_way) < parallel:
                 state = self._waiting.popleft()
                 self._begin(state)
-                under_way[state.updates] = state
-            ready, _ = ray.wait([*under_way], num_returns=1, timeout=1.0)
-            for stream in ready:
-                state = under_way[stream]
-                if not self._take(state):
-                    del under_way[stream]
+                self._under_way[state.updates] = state
+            self._listen([*self._under_way])
             self._show(self.states)
         return self.states
+
+    def stop(self) -> None:
+        """Let runs that train save, for at most `STOP_SECONDS`; the others have nothing to save."""
+        deadline = time.monotonic() + STOP_SECONDS
+        (self._root / STOP).touch()
+        while time.monotonic() < deadline:
+            training = [stream for stream, state in self._under_way.items() if state.status == TRAINING]
+            if not training:
+                return
+            self._listen(training)
+
+    def _listen(self, streams: Sequence[Any]) -> None:
+        """Take in a message of one of the jobs, if there is one within a second."""
+        ready, _ = ray.wait([*streams], num_returns=1, timeout=1.0)
+        for stream in ready:
+            if not self._take(self._under_way[stream]):
+                del self._under_way[stream]
 
     def _fitting(self) -> int:
         needed = 1 + self._resources.env_runners
@@ -139,9 +162,11 @@ def _carry_out(job: Job, root: str) -> Iterator[Progress]:
     from benchmark.running.testing import play_reference
     from benchmark.running.training import carry_out
 
+    import_own(job.cell.imports)
     folder = RunFolder(Path(root) / job.folder)
-    if isinstance(job, Run):
-        yield from carry_out(job, folder)
-    else:
-        for share in play_reference(job, folder):
-            yield Progress(TESTING, share)
+    with named_own_code("the run's own code"):
+        if isinstance(job, Run):
+            yield from carry_out(job, folder, (Path(root) / STOP).exists)
+        else:
+            for share in play_reference(job, folder):
+                yield Progress(TESTING, share)

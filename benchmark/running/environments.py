@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from inspect import signature
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from benchmark.experiment.checks import option_names
+from benchmark.experiment.config import Environment
 from benchmark.experiment.runs import Cell
+from benchmark.running.importing import named_own_code
+from smarts.agents.interface import AgentInterface
 from smarts.env.adapters import ADAPTERS
+from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.env.vector import VectorHiWayEnv
+from smarts.registry import import_own
 from smarts.sim.assembly import Options
+from smarts.types.actions import ActionSpaceType
+from smarts.types.seats import agent_names
 
 NAME = "smarts-bench"
 """Of the training environment among RLlib's."""
@@ -37,22 +49,54 @@ def environment(
         SmartsError: A scenario cannot be built, or an option is wrong.
     """
     given = cell.environment
+    import_own(cell.imports)
     return VectorHiWayEnv(
         copies or cell.copies,
         list(scenarios or cell.task.scenarios),
-        agents=given.agents,
+        agents=dict.fromkeys(agent_names(given.agents), interface_of(given)),
         decision_interval=given.decision_interval,
         adapter=given.adapter,
         adapter_options={**_discounted(given.adapter, discount), **given.options},
-        simulation=Options(record=record),
+        simulation=Options(record=record, friction=given.friction),
         traffic=[cell.traffic],
+    )
+
+
+def interface_of(given: Environment) -> AgentInterface:
+    """Return how each agent of an experiment acts and what it drives; the rest is as in the benchmark."""
+    return benchmark_interface(
+        action=ActionSpaceType[given.action],
+        vehicle_class=given.vehicle,
+        vehicle_model=given.vehicle_model,
+        tyre_model=given.tyre_model,
+        flat_tyres=given.flat_tyres,
     )
 
 
 def _discounted(adapter: str, discount: float | None) -> dict[str, float]:
     """Return the option that tells an adapter the learner's discount, if it wants to know."""
-    takes_it = "discount" in signature(ADAPTERS[adapter]).parameters
-    return {} if discount is None or not takes_it else {"discount": discount}
+    if discount is None or "discount" not in option_names(ADAPTERS[adapter]):
+        return {}
+    return {"discount": discount}
+
+
+def try_environment(cell: Cell) -> Any:
+    """Play one decision in a cell's environment, and return its spaces.
+
+    Raises:
+        SmartsError: It cannot be made or played; of own code, with its file and line.
+    """
+    with named_own_code("the environment's own code"), closing(environment(cell, copies=1)) as env:
+        env.reset()
+        env.step([_some_actions(block) for block in env.spaces.blocks])
+        return env.spaces
+
+
+def _some_actions(block: Any) -> NDArray:
+    """Return an action for each agent of a block, shape (1, n, ...)."""
+    space = block.action
+    actions = np.zeros((1, len(block.agents), *(space.shape or ())), space.dtype)
+    return np.clip(actions, space.low, space.high) if isinstance(space, Box) else actions + space.start
 
 
 def create(config: Any) -> Any:

@@ -12,6 +12,8 @@ from types import FrameType
 
 import ray
 
+from algorithms.joint.spec import JointSpec
+from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.config import Experiment
 from benchmark.experiment.runs import Run, cells_of
 from benchmark.results.commands import keep_command
@@ -23,6 +25,7 @@ from benchmark.running.exit_codes import FAILED, INTERRUPTED
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests
+from smarts.registry import is_own_name
 from smarts.sstudio.build import build_scenario
 
 
@@ -61,10 +64,20 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         try:
             start_ray(experiment.resources)
             with live:
-                states = driver.run()
+                states = _run(driver)
         finally:
             ray.shutdown()
         return _tell(states, root)
+
+
+def _run(driver: Driver) -> list[JobState]:
+    """Do all jobs; at Ctrl-C or SIGTERM let them save first, unless it is given once more."""
+    try:
+        return driver.run()
+    except KeyboardInterrupt:
+        print("stopping: runs save how far they are; once more ends them at once", file=sys.stderr)
+        driver.stop()
+        raise
 
 
 def check_cells(experiment: Experiment) -> None:
@@ -78,6 +91,27 @@ def check_cells(experiment: Experiment) -> None:
             build_scenario(scenario).with_traffic([cell.traffic]).episodes(cell.environment.agents)
         for _ in held_out_of(cell):
             pass  # built and read, rather than after hours of training
+    _check_own_code(experiment)
+
+
+def _check_own_code(experiment: Experiment) -> None:
+    """Play a decision with an own adapter or reward, and see that the algorithms can act in its environment.
+
+    Raises:
+        OwnCodeError: It cannot be made, or raises.
+        SpaceError: An algorithm does not handle the adapter's actions or observations.
+    """
+    given = experiment.environment
+    own = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
+    if not any(map(is_own_name, own)):
+        return
+    # Here, so that the driver's process loads the simulation for own code only.
+    from benchmark.running.environments import try_environment
+
+    spaces = try_environment(cells_of(experiment)[0])
+    if is_own_name(given.adapter):
+        for algorithm in experiment.algorithms:
+            CONFIGS[algorithm]().check(JointSpec.build(spaces))
 
 
 def check_scenarios(driver: Driver, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:

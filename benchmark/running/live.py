@@ -91,10 +91,10 @@ def _line(state: JobState) -> str:
     if state.status == TESTING:
         return text
     _, _, _, iteration, speed, returns, completion, collision, left = _cells(state)
-    return (
-        f"{text}, iteration {iteration}, {speed} steps/s, return {returns}, completion {completion}, "
-        f"collision {collision}" + (f", {left} left" if left else "")
-    )
+    text += f", iteration {iteration}, {speed} steps/s"
+    outcomes = {"return": returns, "completion": completion, "collision": collision}
+    text += "".join(f", {name} {value}" for name, value in outcomes.items() if value)
+    return f"{text}, {left} left" if left else text
 
 
 def _cells(state: JobState) -> list[str]:
@@ -112,8 +112,10 @@ def _cells(state: JobState) -> list[str]:
         f"{progress.share:.0%}",
         str(progress.iteration),
         f"{progress.agent_steps_per_second:,.0f}",
-        f"{progress.returns:.2f}",
-        f"{progress.completion:.2f}",
-        f"{progress.collision:.2f}",
+        # Nothing before the first episode has ended.
+        *(
+            f"{value:.2f}" if math.isfinite(value) else ""
+            for value in (progress.returns, progress.completion, progress.collision)
+        ),
         f"{left / 60:.1f} min" if math.isfinite(left) else "",
     ]

@@ -22,7 +22,7 @@ from ray import tune
 from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.basic_variant import BasicVariantGenerator
 
-from algorithms.settings import settings
+from benchmark.experiment.algorithm_settings import defaults_of
 from benchmark.experiment.checks import DRAWS
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, runs_of
@@ -31,6 +31,7 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
 from benchmark.running.experiment import check_cells, goes_on, tell_interruption
+from benchmark.running.importing import named_own_code
 from benchmark.running.training import Training, algorithm_of
 from smarts.errors import SmartsError, nearest_names, shortened
 
@@ -137,7 +138,7 @@ def _tell(found: tune.ResultGrid, section: Tune, root: Path) -> int:
     """Write and print the table of trials, and say which failed."""
     results = found.get_dataframe()
     for error in found.errors:
-        print(f"error: {shortened(str(error))}", file=sys.stderr)
+        print(f"error: {shortened(str(getattr(error, 'cause', None) or error))}", file=sys.stderr)
     if section.metric in results:
         settings_columns = [name for name in results if name.startswith("config/")]
         shown = [*settings_columns, *dict.fromkeys((section.metric, *MEASURES))]
@@ -231,10 +232,10 @@ def trial(config: Mapping[str, Any], *, run: Run) -> None:
     # Not in the trial's own folder, which Tune copies at any time, whatever is being written there.
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary:
         folder = RunFolder(Path(temporary))
-        folder.open(changed.content(), changed.digest())
+        folder.open(changed.content())
         if given is not None:  # only now: with other settings, if the population has changed them
             given.to_directory(str(folder.checkpoint))
-        with algorithm_of(changed) as algo:
+        with named_own_code("the trial's own code"), algorithm_of(changed) as algo:
             training = Training(changed, folder, algo)
             for progress in training.go():
                 if progress.validation is not None:
@@ -256,10 +257,10 @@ def _section(experiment: Experiment) -> Tune:
         )
     algorithm = experiment.algorithms[0]
     for name in experiment.tune.parameters:
-        if name not in settings()[algorithm]:
+        if name not in defaults_of(algorithm):
             raise SweepError(
                 f"{algorithm!r} has no setting {name!r}",
                 place="tune.parameters",
-                remedy=nearest_names(name, settings()[algorithm]),
+                remedy=nearest_names(name, defaults_of(algorithm)),
             )
     return experiment.tune

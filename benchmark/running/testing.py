@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -23,6 +23,8 @@ from benchmark.results.run_folder import FINISHED, SCENARIOS, TESTING, RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.machine import machine
 from benchmark.running.played import held_out_of, scenario_digests
+from smarts.errors import RecordError
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
 EVALUATION_SEED = 42
 """Root seed of validation and test, the same for all runs: their episodes begin alike."""
@@ -74,7 +76,7 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
                 seed=EVALUATION_SEED,
             )
 
-    labels = {"algorithm": run.algorithm, "training_seed": run.seed}
+    labels = {"algorithm": run.label, "training_seed": run.seed}
     yield from _play(run.cell, folder, run.cell.evaluation.modes, labels, play_part)
 
 
@@ -83,9 +85,9 @@ def play_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
     tested = run.cell.test_content()
     if folder.is_finished(tested):
         return
-    folder.open(run.content(), run.digest())
+    folder.open(run.content())
     scenarios = {SCENARIOS: scenario_digests(run.cell)}
-    folder.note(status=TESTING, digest=run.digest(), run=str(run), **scenarios, **machine())
+    folder.note(status=TESTING, run=str(run), **scenarios, **machine())
 
     def play_part(part: Part, worlds: range, record: Path) -> None:
         with closing(environment(run.cell, copies=1, scenarios=part.scenarios, record=record)) as env:
@@ -93,7 +95,7 @@ def play_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
             for _ in islice(played, len(worlds)):
                 pass
 
-    labels = {"algorithm": run.policy, "training_seed": SCRIPTED_SEED}
+    labels = {"algorithm": run.label, "training_seed": SCRIPTED_SEED}
     yield from _play(run.cell, folder, (SCRIPTED,), labels, play_part)
     folder.note(status=FINISHED, tested=tested)
 
@@ -114,7 +116,7 @@ def _play(
     tables = []
     for number, part in enumerate(parts):
         labels = {**given, "task": cell.task.name, "task_traffic": cell.traffic, "mode": part.mode}
-        tables += _measured(part, folder.episodes, labels, play_part, keep=cell.evaluation.keep_episodes)
+        tables += _measured(part, folder.episodes, labels, play_part, cell)
         yield (number + 1) / len(parts)
     write_table(join_tables(tables), folder.table)
     if not cell.evaluation.keep_episodes:
@@ -126,8 +128,7 @@ def _measured(
     episodes: Path,
     labels: Mapping[str, Any],
     play_part: Callable[[Part, range, Path], None],
-    *,
-    keep: bool,
+    cell: Cell,
 ) -> Iterator[pd.DataFrame]:
     """Yield tables of a part that hold as many episodes that count as it asks for, unless too many do not.
 
@@ -141,14 +142,18 @@ def _measured(
         shutil.rmtree(record, ignore_errors=True)  # what a test left that was interrupted
         worlds = range(first, first + lacking)
         play_part(part, worlds, record)
-        table = measure_episodes(record, labels=labels, split=part.split, worlds=worlds)
+        table = measure_episodes(
+            record, labels=labels, split=part.split, metrics=cell.metrics or (), worlds=worlds
+        )
         counts = table.attrs[COUNTS]
         found = counts["measured"] + counts["void"] + len(counts["corrupted"])
         counts["incomplete"] = max(0, len(worlds) - found)  # those of which nothing was written, too
         measured += counts["measured"]
         unread |= counts["corrupted"]
         yield table
-        if not keep:
+        if cell.evaluation.keep_episodes:
+            _remove_others(record, worlds)
+        else:
             shutil.rmtree(record)
         first, lacking = worlds.stop, part.episodes - measured
         if lacking <= 0:
@@ -160,3 +165,11 @@ def _measured(
             place=str(episodes / part.name),
             remedy="with fewer agents or less traffic, fewer begin with vehicles inside each other",
         )
+
+
+def _remove_others(record: Path, worlds: range) -> None:
+    """Remove recordings of other worlds, which are played while the last of these are still under way."""
+    for episode in episodes_in(record):
+        with suppress(RecordError):  # a damaged one is named by the table, and stays
+            if int(RecordedEpisode(episode).facts["world"]) not in worlds:
+                shutil.rmtree(episode)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -13,20 +13,22 @@ import numpy as np
 from ray import cloudpickle
 from ray.tune.registry import register_env
 
-import algorithms
 from algorithms.errors import AlgorithmError
 from algorithms.joint.evaluation import evaluate
 from algorithms.joint.worlds import EVALUATION_WORLDS
 from algorithms.settings import apply
+from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TESTING, TRAINING, RunFolder
 from benchmark.running.environments import NAME, create, environment
+from benchmark.running.importing import importing_runner
 from benchmark.running.machine import machine
 from benchmark.running.played import scenario_digests
 from benchmark.running.progress import Progress
 from benchmark.running.scalars import Scalars
 from benchmark.running.testing import EVALUATION_SEED, play_test
+from smarts.registry import import_own
 
 CHECKPOINT_SECONDS = 60.0
 """Time between checkpoints, which is what a kill can cost."""
@@ -44,8 +46,15 @@ class State:
     """Completion and collision of the best validation."""
 
 
-def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
+def carry_out(
+    run: Run, folder: RunFolder, is_stopped: Callable[[], bool] = lambda: False
+) -> Iterator[Progress]:
     """Train and test, from where the folder says it was interrupted; nothing if it is finished.
+
+    Args:
+        run: What to do.
+        folder: Of its results.
+        is_stopped: Asked before each iteration whether to save the training and return.
 
     Yields:
         Where the run is, after each iteration.
@@ -55,18 +64,20 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
         AlgorithmError: The settings do not fit the environment, or training cannot go on.
     """
     tested = run.cell.test_content()
-    if folder.is_finished(tested):
+    if folder.is_finished(tested) and not folder.is_extended(run.content()):
         return
-    folder.open(run.content(), run.digest())
+    folder.open(run.content())
     circumstances = {"begun": _now(), **machine()}
     scenarios = {SCENARIOS: scenario_digests(run.cell)}
     if folder.status is None:
-        folder.note(status=TRAINING, digest=run.digest(), run=str(run), **scenarios, **circumstances)
+        folder.note(status=TRAINING, run=str(run), **scenarios, **circumstances)
     else:
         folder.note_continuation(circumstances)
     with algorithm_of(run) as algo:
         training = Training(run, folder, algo)
-        yield from training.go()
+        yield from training.go(is_stopped)
+        if training.ended_by is None:
+            return
         folder.note(status=TESTING, **{ENDED_BY: training.ended_by})
         began = time.monotonic()
         for share in play_test(run, folder, algo):
@@ -79,7 +90,9 @@ def carry_out(run: Run, folder: RunFolder) -> Iterator[Progress]:
 def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
-    config = algorithms.config(run.algorithm)
+    import_own(run.cell.imports)
+    config = CONFIGS[run.algorithm]()
+    config.env_runner_cls = importing_runner(config.env_runner_cls, run.cell.imports)
     config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
     if run.resources.learner_gpus:
         config.learners(num_gpus_per_learner=run.resources.learner_gpus)
@@ -141,6 +154,8 @@ class Training:
         else:
             restore(algo, folder.checkpoint)
             self._state = State(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})
+            # Fewer than were made if the budget has grown since: the others lie in what is added.
+            self._state = replace(self._state, validations=min(self._due_validations(), kept["validations"]))
         folder.begin_progress(self._state.iteration)
         self._scalars = Scalars(folder.tensorboard, folder.read_progress())
 
@@ -156,14 +171,17 @@ class Training:
             return None
         return "agent_steps" if self._state.agent_steps >= self._run.budget.agent_steps else "minutes"
 
-    def go(self) -> Iterator[Progress]:
-        """Train until the budget is used up; yields after each iteration."""
+    def go(self, is_stopped: Callable[[], bool] = lambda: False) -> Iterator[Progress]:
+        """Train until the budget is used up, or stopped: then save; yields after each iteration."""
         with closing(self._scalars):
-            yield from self._go()
+            yield from self._go(is_stopped)
 
-    def _go(self) -> Iterator[Progress]:
+    def _go(self, is_stopped: Callable[[], bool]) -> Iterator[Progress]:
         saved = time.monotonic()
         while self._share() < 1:
+            if is_stopped():
+                self._folder.save(self._folder.checkpoint, self._algo, asdict(self._state))
+                return
             progress, line = self._iterate()
             validation = self._validate() if self._is_validation_due() else None
             line |= {f"validation_{name}": value for name, value in (validation or {}).items()}
@@ -217,8 +235,11 @@ class Training:
         }
 
     def _is_validation_due(self) -> bool:
-        wanted = self._run.cell.evaluation.validations
-        return self._share() * wanted >= self._state.validations + 1
+        return self._due_validations() > self._state.validations
+
+    def _due_validations(self) -> int:
+        """Return how many validations belong to the share of the budget that is used up."""
+        return int(self._share() * self._run.cell.evaluation.validations)
 
     def _validate(self) -> Mapping[str, float]:
         """Play the validation's episodes, and keep the policy if it is the best so far."""
@@ -240,8 +261,7 @@ class Training:
                 [episode.returns.mean() for episode in counted],
             )
         )
-        done = int(self._share() * self._run.cell.evaluation.validations)
-        self._state = replace(self._state, validations=done)
+        self._state = replace(self._state, validations=self._due_validations())
         best = self._state.best
         if counted and (best is None or (completion, -collision) > (best[0], -best[1])):
             self._state = replace(self._state, best=(completion, collision))

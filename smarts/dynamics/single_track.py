@@ -38,23 +38,77 @@ def advance_kinematic(cars, states, bodies, controls, road, poses, dt, rows, beg
         end: The sub-step before which to stop.
     """
     for row in rows:
-        car, state, body = cars[row], states[row], bodies[row]
-        heading, speed, _, _ = planar_motion(body)
-        load_front, load_rear = _axle_loads(car, 0.0)
-        grip_front = _axle_tyre(car, state, FRONT, load_front, road[row, 0:2])[0]
-        grip_rear = _axle_tyre(car, state, REAR, load_rear, road[row, 2:4])[0]
         for substep in range(begin, end):
-            steer(car, state, controls[row, 2], dt)
-            front = _axle_request(car, state, FRONT, load_front, grip_front, controls[row], speed)
-            rear = _axle_request(car, state, REAR, load_rear, grip_rear, controls[row], speed)
-            gain = dt * (front[0] + rear[0] - car.drag * abs(speed) * speed) / car.mass
-            speed = _resist(speed + gain, dt * (front[1] + rear[1]) / car.mass)
-            yaw_rate = speed * math.tan(state.steering) / (car.cog_to_front_axle + car.cog_to_rear_axle)
-            _move(body, heading, speed, car.cog_to_rear_axle * yaw_rate, yaw_rate, dt)
-            heading += dt * yaw_rate
-            record_pose(car, body, poses[row, substep])
-            _show_axle(car, state, FRONT, load_front, speed, _net(front, speed), 0.0)
-            _show_axle(car, state, REAR, load_rear, speed, _net(rear, speed), 0.0)
+            _advance_kinematic(cars[row], states[row], bodies[row], controls[row], road[row], dt)
+            record_pose(cars[row], bodies[row], poses[row, substep])
+
+
+@kernel
+def _advance_kinematic(car, state, body, controls, road, dt):
+    """Advance one kinematic vehicle by one sub-step.
+
+    The state is the speed v of the rear axle's centre, which is the body's velocity along its heading.
+    Neither axle slips sideways, so the yaw rate is v k with the curvature k = tan(steering) / wheelbase, and
+    the kinetic energy is M v^2 / 2 with the mass M = m + (m l_r^2 + I_z) k^2. The side forces that hold the
+    axles in their tracks act across the wheels' velocities and do no work: turning the steering changes M and
+    leaves the energy as it is. Forces along the wheels change v by virtual work; the front wheels roll at
+    v / cos(steering).
+    """
+    heading, speed, _, _ = planar_motion(body)
+    before = _rolling_mass(car, state.steering)
+    steer(car, state, controls[2], dt)
+    mass = _rolling_mass(car, state.steering)
+    speed *= math.sqrt(before / mass)
+
+    load_front, load_rear = _axle_loads(car, 0.0)
+    grip_front = _axle_tyre(car, state, FRONT, load_front, road[0:2])[0]
+    grip_rear = _axle_tyre(car, state, REAR, load_rear, road[2:4])[0]
+    cos = math.cos(state.steering)
+    front = _axle_request(car, state, FRONT, load_front, grip_front, controls, speed / cos)
+    rear = _axle_request(car, state, REAR, load_rear, grip_rear, controls, speed)
+    curvature = math.tan(state.steering) / (car.cog_to_front_axle + car.cog_to_rear_axle)
+    # The centre of gravity is faster than the rear axle, and drag acts there.
+    faster = 1.0 + (car.cog_to_rear_axle * curvature) ** 2
+    slowing = car.drag * abs(speed) * faster * math.sqrt(faster)
+    speed = (speed + dt * (front[0] / cos + rear[0]) / mass) / (1.0 + dt * slowing / mass)
+    speed = _resist(speed, dt * (front[1] / cos + rear[1]) / mass)
+    _follow_circle(car, body, heading, speed, curvature, dt)
+    _show_axle(car, state, FRONT, load_front, speed / cos, _net(front, speed), 0.0)
+    _show_axle(car, state, REAR, load_rear, speed, _net(rear, speed), 0.0)
+
+
+@kernel
+def _rolling_mass(car, steering):
+    """Return the mass [kg] that has a kinematic vehicle's kinetic energy at its rear axle's speed."""
+    curvature = math.tan(steering) / (car.cog_to_front_axle + car.cog_to_rear_axle)
+    lever = car.cog_to_rear_axle
+    return car.mass + (car.mass * lever * lever + car.inertia[2]) * curvature * curvature
+
+
+@kernel
+def _follow_circle(car, body, heading, speed, curvature, dt):
+    """Move a body whose rear axle rolls along a circle, and write its velocities there.
+
+    Args:
+        car: Parameters.
+        body: Written.
+        heading: At the beginning [rad].
+        speed: Of the rear axle's centre [m/s].
+        curvature: Of its circle, positive to the left [1/m].
+        dt: [s].
+    """
+    yaw_rate, lever = speed * curvature, car.cog_to_rear_axle
+    half = 0.5 * dt * yaw_rate
+    # The chord of the arc; below 1e-8 its length is that of the arc to the last bit.
+    chord = dt * speed * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
+    body[0] += chord * math.cos(heading + half) - lever * math.cos(heading)
+    body[1] += chord * math.sin(heading + half) - lever * math.sin(heading)
+    heading += 2.0 * half
+    cos, sin = math.cos(heading), math.sin(heading)
+    body[0] += lever * cos
+    body[1] += lever * sin
+    _set_velocity(body, cos, sin, speed, lever * yaw_rate, yaw_rate)
+    _set_heading(body, heading)
 
 
 @kernel
@@ -104,7 +158,7 @@ def _advance_dynamic(car, state, body, controls, road, dt):
     vx -= dt * (front_loss * cos + rear_loss) / car.mass
     vy -= dt * front_loss * sin / car.mass
     yaw_rate -= dt * front_loss * lever / car.inertia[2]
-    _move(body, heading, vx, vy, yaw_rate, dt)
+    _slide(body, heading, vx, vy, yaw_rate, dt)
     rolling = vx * cos + vy * sin + lever * yaw_rate
     _show_axle(car, state, FRONT, load_front, rolling, front[0] - front_loss, front_y)
     _show_axle(car, state, REAR, load_rear, vx, rear[0] - rear_loss, rear_y)
@@ -226,15 +280,29 @@ def _axle_side_force(car, state, wheel, tyre, force_x, vx, vy, dt):
 
 
 @kernel
-def _move(body, heading, vx, vy, yaw_rate, dt):
-    """Write velocities given in the body's frame at `heading`, and the pose that they lead to after `dt`."""
-    cos, sin = math.cos(heading), math.sin(heading)
-    body[7], body[8], body[9] = vx * cos - vy * sin, vx * sin + vy * cos, 0.0
-    body[10], body[11], body[12] = 0.0, 0.0, yaw_rate
+def _slide(body, heading, vx, vy, yaw_rate, dt):
+    """Move a body by one sub-step at velocities given in its frame at `heading`, where the sub-step begins.
+
+    The velocity in the world stays what it is while the body turns below it: in the body's frame that is the
+    term v x yaw rate of the equations of motion, which does no work.
+    """
+    _set_velocity(body, math.cos(heading), math.sin(heading), vx, vy, yaw_rate)
     body[0] += dt * body[7]
     body[1] += dt * body[8]
-    half = 0.5 * (heading + dt * yaw_rate)
-    body[3], body[4], body[5], body[6] = 0.0, 0.0, math.sin(half), math.cos(half)
+    _set_heading(body, heading + dt * yaw_rate)
+
+
+@kernel
+def _set_velocity(body, cos, sin, vx, vy, yaw_rate):
+    """Write a planar velocity, given forward and left of a heading with cosine `cos` and sine `sin`."""
+    body[7], body[8], body[9] = vx * cos - vy * sin, vx * sin + vy * cos, 0.0
+    body[10], body[11], body[12] = 0.0, 0.0, yaw_rate
+
+
+@kernel
+def _set_heading(body, heading):
+    """Write an upright body's heading [rad]."""
+    body[3], body[4], body[5], body[6] = 0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading)
 
 
 @kernel

@@ -12,15 +12,24 @@ if TYPE_CHECKING:
     from smarts.env.parallel import hiway_parallel_env
     from smarts.env.rllib import RLlibHiWayEnv
     from smarts.env.single import SingleHiWayEnv
+    from smarts.env.single_vector import SingleHiWayVectorEnv
     from smarts.env.vector import VectorHiWayEnv
 
-__all__ = ["HiWayEnv", "RLlibHiWayEnv", "SingleHiWayEnv", "VectorHiWayEnv", "hiway_parallel_env"]
+__all__ = [
+    "HiWayEnv",
+    "RLlibHiWayEnv",
+    "SingleHiWayEnv",
+    "SingleHiWayVectorEnv",
+    "VectorHiWayEnv",
+    "hiway_parallel_env",
+]
 
 # Imported when asked for: not everybody has Ray.
 _PLACES = {
     "HiWayEnv": "smarts.env.hiway",
     "RLlibHiWayEnv": "smarts.env.rllib",
     "SingleHiWayEnv": "smarts.env.single",
+    "SingleHiWayVectorEnv": "smarts.env.single_vector",
     "VectorHiWayEnv": "smarts.env.vector",
     "hiway_parallel_env": "smarts.env.parallel",
 }
@@ -37,4 +46,8 @@ def __getattr__(name: str) -> Any:
 gymnasium.register(
     "hiway-v0", entry_point="smarts.env.hiway:HiWayEnv", disable_env_checker=True, order_enforce=False
 )
-gymnasium.register("hiway-single-v0", entry_point="smarts.env.single:SingleHiWayEnv")
+gymnasium.register(
+    "hiway-single-v0",
+    entry_point="smarts.env.single:SingleHiWayEnv",
+    vector_entry_point="smarts.env.single_vector:SingleHiWayVectorEnv",
+)

@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.agents.checks import check_truth
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
@@ -18,7 +19,7 @@ from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.env.adapters import ADAPTERS
 from smarts.env.adapters.actions import action_of, remedy_of
 from smarts.env.adapters.benchmark import benchmark_interface
-from smarts.env.adapters.protocol import ArrayAdapter, Served
+from smarts.env.adapters.protocol import MASK, ArrayAdapter, Served
 from smarts.env.batch import Batch, EpisodeKey, Transition
 from smarts.env.setting_checks import (
     LONGEST_DECISION,
@@ -38,6 +39,9 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.interface import Field
 from smarts.types.seats import agent_names
 from smarts.types.streams import check_seed
+
+ALONE = "observation"
+"""Name of a field that is the whole observation where it is the only one."""
 
 Agents = int | Mapping[str, AgentSpec | AgentInterface]
 """The learning agents: how many of the benchmark's, or what each is like by its name."""
@@ -62,6 +66,8 @@ class Setting:
     simulation: Options = field(default_factory=Options)
     traffic: Sequence[str] | None = None
     """The variations of the scenarios' traffic that are played, by default all."""
+    action_mask: bool = False
+    """Whether observations by name hold the mask too; it is in the infos anyway."""
 
     def __post_init__(self) -> None:
         check_scenarios(self.scenarios)
@@ -71,6 +77,7 @@ class Setting:
         check_whole("decision_interval", self.decision_interval, 1, LONGEST_DECISION)
         check_seed(self.seed, "seed")
         check_instance("simulation", self.simulation, Options, "smarts.sim.assembly.Options(...)")
+        check_truth("action_mask", self.action_mask)
         check_options(_maker(self.adapter), self.adapter_options)
 
     def interfaces(self) -> dict[str, AgentInterface]:
@@ -147,10 +154,31 @@ class Group:
     columns: slice
     """Of the egos."""
     adapter: ArrayAdapter
+    fields: tuple[Field, ...]
+    """What an observation of one of them by name consists of."""
     observation: Space
+    """A Box if that is the field "observation" alone, else a Dict."""
     action: Space
     kind: ActionSpaceType
     """How their interfaces say that they act."""
+
+    def observe(self, row: int, place: int) -> Any:
+        """Return a copy of one agent's observation, an element of the space `observation`."""
+        arrays = {field.name: self.adapter.observations[field.name] for field in self.fields}
+        # Without the ellipsis a field of a single number would not be an array.
+        return assembled({name: array[row, place, ...].copy() for name, array in arrays.items()})
+
+    def action_mask(self) -> NDArray[np.bool_] | None:
+        """Return which discrete actions are legal, shape (B, G, actions), None if the adapter does not say.
+
+        Where none is, as for agents that do not act, it is the first one: masked logits stay finite.
+        """
+        mask = self.adapter.observations.get(MASK)
+        if mask is None:
+            return None
+        legal = mask.astype(np.bool_)
+        legal[..., 0] |= ~legal.any(axis=-1)
+        return legal
 
 
 class ArrayWorlds:
@@ -223,29 +251,26 @@ def box_of(field: Field) -> Box:
     return Box(float(field.low), float(field.high), field.shape, dtype)
 
 
-def space_of(fields: Sequence[Field]) -> Dict:
-    """Return the space of an agent's observation; fields named "a/b" are in a space of their own, "a"."""
-    spaces: dict[str, Any] = {}
-    for each in fields:
-        *path, name = each.name.split("/")
-        inner = spaces
-        for part in path:
-            inner = inner.setdefault(part, {})
-        inner[name] = box_of(each)
-    return _dict_space(spaces)
+def assembled(parts: Mapping[str, Any]) -> Any:
+    """Return the parts of an observation as one: "observation" itself if it is alone, else a tree of dicts.
 
-
-def nested(arrays: Mapping[str, NDArray], row: int, agent: int) -> dict[str, Any]:
-    """Return a copy of one agent's observation as an element of `space_of` its fields."""
-    observation: dict[str, Any] = {}
-    for full_name, array in arrays.items():
+    A part named "a/b" is "b" in a dict of its own, "a".
+    """
+    if [*parts] == [ALONE]:
+        return parts[ALONE]
+    tree: dict[str, Any] = {}
+    for full_name, part in parts.items():
         *path, name = full_name.split("/")
-        inner = observation
-        for part in path:
-            inner = inner.setdefault(part, {})
-        # Without the ellipsis a field of a single number would not be an array.
-        inner[name] = array[row, agent, ...].copy()
-    return observation
+        inner = tree
+        for step in path:
+            inner = inner.setdefault(step, {})
+        inner[name] = part
+    return tree
+
+
+def space_of(tree: Space | Mapping[str, Any]) -> Space:
+    """Return the space of what `assembled` makes, out of what it makes of the parts' spaces."""
+    return tree if isinstance(tree, Space) else Dict({name: space_of(part) for name, part in tree.items()})
 
 
 def _blocks(actions: Any) -> Sequence[ArrayLike] | NDArray | None:
@@ -280,12 +305,6 @@ def _taken(group: Group, given: ArrayLike, chosen: NDArray[np.bool_]) -> NDArray
         remedy = remedy_of(group.kind, group.action)
         values[row, column] = numbers_of(each[row, column], wanted[2:], place=whose, remedy=remedy)
     return values
-
-
-def _dict_space(spaces: Mapping[str, Any]) -> Dict:
-    return Dict(
-        {name: _dict_space(space) if isinstance(space, dict) else space for name, space in spaces.items()}
-    )
 
 
 def _maker(adapter: Adapter) -> Callable[..., ArrayAdapter]:
@@ -336,8 +355,9 @@ def _groups(
             interfaces=tuple(members.values()),
         )
         adapter = make(served, interface, **setting.adapter_options)
+        fields = tuple(field for field in adapter.fields if setting.action_mask or field.name != MASK)
         # One object for all agents of a group: PettingZoo asks for it, and learners compare by identity.
-        spaces = space_of(adapter.fields), adapter.action_space
-        groups.append(Group(tuple(members), columns, adapter, *spaces, served.action))
+        spaces = space_of(assembled({field.name: box_of(field) for field in fields})), adapter.action_space
+        groups.append(Group(tuple(members), columns, adapter, fields, *spaces, served.action))
         first = columns.stop
     return groups

@@ -82,8 +82,11 @@ def hiway_parallel_env(
     adapter_options: Mapping[str, Any] | None = None,
     simulation: Options | None = None,
     traffic: Sequence[str] | None = None,
+    action_mask: bool = False,
 ) -> ParallelHiWayEnv:
     """Return a simulation as a PettingZoo parallel environment.
+
+    Each info has the agent's "action_mask" if it chooses among lane actions.
 
     Args:
         scenarios: Folders, or names of the suite; they are played in a seeded order.
@@ -95,6 +98,7 @@ def hiway_parallel_env(
         adapter_options: Its options, such as `{"reward": "paper"}`.
         simulation: Options of the simulation.
         traffic: The variations of the scenarios' traffic that are played, by default all.
+        action_mask: Whether observations hold the mask too: `{"observation": ..., "action_mask": ...}`.
 
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
@@ -109,5 +113,6 @@ def hiway_parallel_env(
             adapter_options={} if adapter_options is None else adapter_options,
             simulation=Options() if simulation is None else simulation,
             traffic=traffic,
+            action_mask=action_mask,
         )
     )

@@ -47,9 +47,13 @@ def setting_of(config: Mapping[str, Any]) -> Setting:
 class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
     """A simulation as RLlib's `MultiAgentEnv`.
 
+    Observations of the benchmark's agents are vectors, which RLlib's own networks take. The mask of their
+    lane actions is in the infos; with `action_mask=True` it is in the observations too, which are then dicts.
+
     Args:
         config: `scenarios`, `agent_specs` (specs or interfaces by name, or how many agents of the benchmark),
-            `seed`, and whatever else `smarts.env.arrays.Setting` has. `headless` is without effect.
+            `seed`, `action_mask`, and whatever else `smarts.env.arrays.Setting` has. `headless` is without
+            effect.
 
     Raises:
         SmartsError: The configuration is not what it has to be.

@@ -32,6 +32,7 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         adapter_options: Its options, such as `{"reward": "paper"}`.
         simulation: Options of the simulation.
         traffic: The variations of the scenarios' traffic that are played, by default all.
+        action_mask: Whether observations hold the mask of the lane actions too, which is in each info.
 
     Raises:
         SmartsError: A scenario or the agent is not what it has to be.
@@ -50,6 +51,7 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         adapter_options: Mapping[str, Any] | None = None,
         simulation: Options | None = None,
         traffic: Sequence[str] | None = None,
+        action_mask: bool = False,
     ) -> None:
         self._world = SoloWorld(
             Setting(
@@ -61,6 +63,7 @@ class SingleHiWayEnv(NotCopied, gym.Env):
                 adapter_options={} if adapter_options is None else adapter_options,
                 simulation=Options() if simulation is None else simulation,
                 traffic=traffic,
+                action_mask=action_mask,
             )
         )
         (self._agent,) = self._world.possible_agents

@@ -13,8 +13,8 @@ from smarts.agents.options import InterfaceError
 from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.controllers.lane_actions import lane_action_number
 from smarts.env.adapters.actions import action_of, action_space, encode_one, remedy_of
-from smarts.env.adapters.protocol import Served
-from smarts.env.arrays import ArrayWorlds, Group, Setting, nested
+from smarts.env.adapters.protocol import MASK, Served
+from smarts.env.arrays import ArrayWorlds, Group, Setting
 from smarts.env.batch import Batch, EpisodeKey, Transition
 from smarts.env.observation import Observation
 from smarts.env.onlooker import Onlooker
@@ -106,7 +106,8 @@ class SoloWorld:
         self._worlds.reset({0: self._episodes.next(seed)})
         self._worlds.batch.dispatch()
         agents = self.agents
-        return {name: self._observation(name) for name in agents}, {name: {} for name in agents}
+        infos = self._with_masks({name: {} for name in agents})
+        return {name: self._observation(name) for name in agents}, infos
 
     def annotate(self, name: str, values: Mapping[str, ArrayLike]) -> None:
         """Add to the record what agents have to say about their next actions; nothing if nothing is recorded.
@@ -236,9 +237,21 @@ class SoloWorld:
             rewards,
             of_acted(transition.terminated),
             of_acted(transition.truncated),
-            infos,
+            self._with_masks(infos),
             bool(transition.finished[0]),
         )
+
+    def _with_masks(self, infos: dict[str, Any]) -> dict[str, Any]:
+        """Return infos with the masks of the agents whose action spaces these are about."""
+        masks = [group.action_mask() for group in self._worlds.groups]
+        for name, info in infos.items():
+            group, place = self._groups[name]
+            mask = masks[self._worlds.groups.index(group)]
+            # An info adapter may return anything.
+            if mask is not None and not self._has(name, "action") and isinstance(info, Mapping):
+                # As `Discrete.sample(mask)` takes it.
+                infos[name] = {**info, MASK: mask[0, place].astype(np.int8)}
+        return infos
 
     def _observation(self, name: str) -> Any:
         if self._has(name, "observation"):
@@ -246,7 +259,7 @@ class SoloWorld:
             self._check_seen(name, seen)
             return seen
         group, place = self._groups[name]
-        return nested(group.adapter.observations, 0, place)
+        return group.observe(0, place)
 
     def _check_seen(self, name: str, seen: Any) -> None:
         """Refuse what an adapter makes of the first observation, if the agent's space does not have it."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.options import InterfaceError
 from smarts.env.adapters.protocol import MASK
-from smarts.env.arrays import Adapter, Agents, ArrayWorlds, Group, Setting, box_of
+from smarts.env.arrays import ALONE, Adapter, Agents, ArrayWorlds, Group, Setting, box_of
 from smarts.env.batch import EpisodeKey, Transition
 from smarts.env.not_copied import NotCopied
 from smarts.env.setting_checks import check_whole
@@ -323,7 +323,7 @@ class VectorHiWayEnv(NotCopied):
         return tuple(_leaves(group) for group in self._worlds.groups)
 
     def _masks(self) -> tuple[Bools | None, ...]:
-        return tuple(_mask(group) for group in self._worlds.groups)
+        return tuple(group.action_mask() for group in self._worlds.groups)
 
     def _final(self, rows: Ints) -> Final:
         """Return copies: the reset overwrites the observations."""
@@ -345,24 +345,15 @@ class VectorHiWayEnv(NotCopied):
 
 def _leaves(group: Group) -> dict[str, NDArray]:
     arrays = {name: array for name, array in group.adapter.observations.items() if name != MASK}
-    return {"": arrays["observation"]} if [*arrays] == ["observation"] else arrays
-
-
-def _mask(group: Group) -> Bools | None:
-    mask = group.adapter.observations.get(MASK)
-    if mask is None:
-        return None
-    legal = mask.astype(np.bool_)
-    legal[..., 0] |= ~legal.any(axis=-1)
-    return legal
+    return {"": arrays[ALONE]} if [*arrays] == [ALONE] else arrays
 
 
 def _block(group: Group) -> Block:
     fields = {field.name: field for field in group.adapter.fields if field.name != MASK}
     spaces = {name: box_of(field) for name, field in fields.items()}
-    if [*spaces] == ["observation"]:
-        spaces = {"": spaces["observation"]}
+    if [*spaces] == [ALONE]:
+        spaces = {"": spaces[ALONE]}
     action = group.action
     if not isinstance(action, Box | Discrete):
         raise SmartsError(f"the action space {action} is not of arrays", place=", ".join(group.agents))
-    return Block(group.agents, spaces, action, _mask(group) is not None)
+    return Block(group.agents, spaces, action, group.action_mask() is not None)

@@ -21,14 +21,21 @@ __all__ = ["DRY", "RoadSurfaces"]
 class RoadSurfaces:
     """The patches of each map.
 
-    Where patches overlap, the later in the list counts; where there is none, the road is dry.
+    Where patches overlap, the later in the list counts; where there is none, the road has one friction.
 
     Args:
         patches: Of each map, in the atlas's order.
         maps: The maps.
+        friction: Of the road outside of patches.
     """
 
-    def __init__(self, patches: Sequence[Sequence[RoadSurfacePatch]], maps: Sequence[LaneGraph]) -> None:
+    def __init__(
+        self,
+        patches: Sequence[Sequence[RoadSurfacePatch]],
+        maps: Sequence[LaneGraph],
+        friction: float = DRY,
+    ) -> None:
+        self._friction = friction
         rows: list[tuple[float, float, float]] = []
         counts, ring_counts, rings = [], [], []
         for of_map, graph in zip(patches, maps, strict=True):
@@ -52,7 +59,7 @@ class RoadSurfaces:
             world.step,
             world.dt,
             fleet.wheels.position,
-            DRY,
+            self._friction,
             self._patch_start,
             self._patch,
             self._ring_start,

@@ -20,7 +20,7 @@ from smarts.errors import SmartsError
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.providers.traffic_engines import traffic_of
 from smarts.providers.vehicle import SUBSTEPS, FleetVehicles
-from smarts.providers.vehicle_surface import RoadSurfaces
+from smarts.providers.vehicle_surface import DRY, RoadSurfaces
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
 from smarts.roads.seat_routes import SeatRoutes
@@ -60,8 +60,8 @@ class Options:
     """How a simulation is run.
 
     Raises:
-        SmartsError: A step is longer than the tyres' bristles take in `SUBSTEPS` parts, or none at all; or a
-            path has no points.
+        SmartsError: A step is longer than the tyres' bristles take in `SUBSTEPS` parts, or none at all; a
+            path has no points; or the friction is out of its range.
     """
 
     dt: float = 0.1
@@ -72,6 +72,8 @@ class Options:
     """Where episodes are written to; None: nowhere."""
     traffic_engine: str | None = None
     """Which of `TRAFFIC_ENGINES` drives the traffic; None: the one that the scenario names."""
+    friction: float | None = None
+    """Of the road under agents' vehicles where the scenario has no patch, 0.05 to 2; None: dry, 0.9."""
 
     def __post_init__(self) -> None:
         if not 0.001 <= self.dt <= LONGEST_SUBSTEP * SUBSTEPS:
@@ -79,6 +81,12 @@ class Options:
                 f"a step of {self.dt} s",
                 place="Options.dt",
                 remedy=f"give 0.001 to {LONGEST_SUBSTEP * SUBSTEPS} s, for which tyres are made",
+            )
+        if self.friction is not None and not 0.05 <= self.friction <= 2.0:
+            raise SmartsError(
+                f"a friction of {self.friction}",
+                place="Options.friction",
+                remedy="give 0.05 to 2; ice has about 0.1, a wet road 0.5, dry asphalt 0.9",
             )
         if isinstance(self.path, bool) or not isinstance(self.path, int) or self.path < 1:
             raise InterfaceError(
@@ -168,7 +176,7 @@ def assemble(
     scene = _scene(schedule, worlds, len(interfaces), len(others), options)
     seated = [*interfaces, *others.values()]
     with ExitStack() as on_failure:
-        vehicles = _vehicles(scene, seated, schedule)
+        vehicles = _vehicles(scene, seated, schedule, options)
         on_failure.callback(vehicles.close)
         traffic = traffic_of(schedule.engines, scene.world, schedule.maps)
         on_failure.callback(traffic.close)
@@ -191,11 +199,15 @@ def _scene(schedule: Schedule, worlds: int, egos: int, others: int, options: Opt
     return Scene(world, atlas, SeatRoutes(atlas, worlds, seats))
 
 
-def _vehicles(scene: Scene, interfaces: Sequence[AgentInterface], schedule: Schedule) -> FleetVehicles:
+def _vehicles(
+    scene: Scene, interfaces: Sequence[AgentInterface], schedule: Schedule, options: Options
+) -> FleetVehicles:
+    friction = DRY if options.friction is None else options.friction
+    has_surfaces = any(schedule.surfaces) or options.friction is not None
     return FleetVehicles(
         scene.world,
         [interface.vehicle_model for interface in interfaces],
-        surfaces=RoadSurfaces(schedule.surfaces, schedule.maps) if any(schedule.surfaces) else None,
+        surfaces=RoadSurfaces(schedule.surfaces, schedule.maps, friction) if has_surfaces else None,
         tyres=[interface.tyre_model for interface in interfaces],
         flat_tyres={seat: interface.flat_tyres for seat, interface in enumerate(interfaces)},
     )

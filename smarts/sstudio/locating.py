@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from smarts.errors import ScenarioError, UnknownNameError, nearest_names
+from smarts.errors import ScenarioError, SmartsError, UnknownNameError, nearest_names
 from smarts.sstudio.encoding import digest
 
 SCRIPT = "scenario.py"
@@ -83,6 +83,22 @@ def locate(path: str | Path) -> Location:
         file = found.resolve()
         return Location(file.name.split(".")[0], file.parent, variation, map_file=file.name)
     raise _unknown(text)
+
+
+def resolved(name: str) -> str:
+    """Return a scenario's name as it means the same from every folder.
+
+    That is the name in the suite, also for a path to the suite's own folder; of other folders and map files
+    the absolute path; of what does not exist, `name`. A variation stays.
+    """
+    try:
+        found = locate(name)
+    except SmartsError:
+        return name
+    mark = "" if found.variation is None else f"{VARIATION_MARK}{found.variation}"
+    if found.map_file is None and found.directory.parent == SUITE and found.name in suite():
+        return f"{found.name}{mark}"
+    return f"{found.directory / (found.map_file or '')}{mark}"
 
 
 def suite() -> dict[str, str]:

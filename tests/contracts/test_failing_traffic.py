@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface, AgentSpec, AgentType
-from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.env import (
+    HiWayEnv,
+    RLlibHiWayEnv,
+    SingleHiWayEnv,
+    SingleHiWayVectorEnv,
+    VectorHiWayEnv,
+    hiway_parallel_env,
+)
 from smarts.errors import TrafficError
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
@@ -123,3 +130,23 @@ def test_many_at_once_count_the_failure_and_go_on(doomed, tmp_path):
         if facts["is_void"] and FAILURE in facts["remark"]
     }
     assert said == failures
+
+
+def test_gymnasiums_vector_environment_cuts_the_episode_short(doomed):
+    env = SingleHiWayVectorEnv(3, [doomed])
+    try:
+        last, _ = env.reset(seed=1)
+        cut = np.zeros(3, bool)
+        for _ in range(60):
+            seen, rewards, terminated, truncated, infos = env.step(np.zeros(3, int))
+            outcomes = infos["final_info"]["outcome"] if "final_info" in infos else [None] * 3
+            for number in np.flatnonzero([outcome == "void" for outcome in outcomes]):
+                cut[number] = True
+                assert truncated[number]
+                assert not terminated[number]
+                assert rewards[number] == 0.0
+                np.testing.assert_array_equal(infos["final_obs"][number], last[number])
+            last = seen
+        assert cut.all()
+    finally:
+        env.close()

@@ -6,12 +6,12 @@ from collections.abc import Collection
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.spaces import Discrete, Space
+from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.agents.interface import AgentInterface
-from smarts.env.adapters.actions import encode_array
+from smarts.env.adapters.actions import action_space, encode_array
 from smarts.env.adapters.features import (
     FEATURES,
     Driving,
@@ -20,9 +20,9 @@ from smarts.env.adapters.features import (
     write_features,
     write_stack,
 )
+from smarts.env.adapters.own_reward import Reward, make_rewards
 from smarts.env.adapters.picture import Pictures
 from smarts.env.adapters.protocol import MASK, Served
-from smarts.env.adapters.reward import Rewards, Weights
 from smarts.env.adapters.situation import (
     SITUATION,
     write_arrival_order,
@@ -30,7 +30,6 @@ from smarts.env.adapters.situation import (
     write_mask,
     write_situation,
 )
-from smarts.errors import SmartsError
 from smarts.geometry.binding import bind
 from smarts.sim.columns import columns_of
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
@@ -45,6 +44,7 @@ MAX_STEPS = 1000
 """Time limit of the benchmark's agents [steps of 0.1 s]."""
 REST = 20.0
 """How long they may stand [s]."""
+_MASK = Field(MASK, (len(LaneAction),), np.int8, 0, 1, "", "which lane actions are legal")
 
 
 def benchmark_interface(**changes: Any) -> AgentInterface:
@@ -63,6 +63,8 @@ def benchmark_interface(**changes: Any) -> AgentInterface:
 class BenchmarkAdapter:
     """Observations of 203 numbers (with four agents), four lane actions of which some are masked.
 
+    Agents that act by another type have that type's action space and no mask.
+
     The vector holds the features of three decisions, oldest first (`smarts.env.adapters.features` says which
     they are; at first, three times those of the first one), then which of the agents one is. Then, not in the
     paper, the light of its lane, how long it has stood and which lane changes are due: without them an agent
@@ -73,17 +75,18 @@ class BenchmarkAdapter:
     Args:
         served: The agents.
         interface: Theirs.
-        reward: Name of the weights in `rewards.yaml`, or the weights themselves, also as a dict.
+        reward: Name of the weights in `rewards.yaml`, or the weights themselves, also as a dict; or an own
+            reward (`smarts.env.adapters.own_reward`), or `module:Class` of it.
         discount: By which the learner discounts a decision, if not as in the weights.
         image: Whether there is a grey picture from above, "image", beside the vector "observation".
         image_size: Its rows and columns.
         image_resolution: Side of its pixels [m].
 
     Raises:
-        SmartsError: The agents do not act by lanes, or the picture is not possible.
+        SmartsError: The picture is not possible.
     """
 
-    action: ClassVar[ActionSpaceType | None] = ActionSpaceType.Lane
+    action: ClassVar[ActionSpaceType | None] = None
     sensors: ClassVar[Collection[str] | None] = ()
 
     def __init__(
@@ -91,34 +94,28 @@ class BenchmarkAdapter:
         served: Served,
         interface: AgentInterface,
         *,
-        reward: Weights = "benchmark",
+        reward: Reward = "benchmark",
         discount: float | None = None,
         image: bool = False,
         image_size: int = 64,
         image_resolution: float = 1.0,
     ) -> None:
-        if served.action != self.action:
-            raise SmartsError(
-                f"the benchmark's agents act by {ActionSpaceType.Lane.name}, not by {served.action.name}",
-                place=", ".join(served.agents),
-                remedy="set `action` of their AgentInterface to ActionSpaceType.Lane, or use adapter 'raw'",
-            )
         world, agents = served.scene.world, len(served.agents)
         size = FRAMES * FEATURES + agents + SITUATION
         self._pictures = Pictures(served, image_size, image_resolution, FRAMES) if image else None
         self.fields = (
             Field("observation", (size,), np.float32, -1.0, 1.0, "", "features of three decisions"),
             *([self._pictures.field] if self._pictures else []),
-            Field(MASK, (len(LaneAction),), np.int8, 0, 1, "", "which lane actions are legal"),
+            *([_MASK] if served.action == ActionSpaceType.Lane else []),
         )
-        self.action_space: Space = Discrete(len(LaneAction))
+        self.action_space: Space = action_space(served.action)
         self.observations = {field.name: field.allocate(world.worlds, agents) for field in self.fields}
         self._served = served
         self._features = np.zeros((world.worlds, agents, FEATURES), np.float32)
         self._is_new = np.ones((world.worlds, agents), np.bool_)
         each = served.interfaces or (interface,) * agents
         self._patience = np.array([_patience(one, world.dt) for one in each])
-        self._rewards = Rewards(served, reward, discount)
+        self._rewards = make_rewards(served, reward, discount)
         self.rewards = self._rewards.values
         self._bind()
 
@@ -149,7 +146,8 @@ class BenchmarkAdapter:
         self._write_situation(chosen)
         self._write_arrival_order(chosen)
         self._write_identity(chosen)
-        self._write_mask(chosen)
+        if self._write_mask is not None:
+            self._write_mask(chosen)
 
     def _bind(self) -> None:
         """Hand the kernels what stays the same."""
@@ -168,7 +166,8 @@ class BenchmarkAdapter:
         tickets = seats.state, seats.ticket, seats.ticket_junction
         self._write_arrival_order = bind(write_arrival_order, agents, *tickets, vectors)
         self._write_identity = bind(write_identity, FRAMES * FEATURES, vectors)
-        self._write_mask = bind(write_mask, agents, seats.legal, self.observations[MASK])
+        mask = self.observations.get(MASK)
+        self._write_mask = None if mask is None else bind(write_mask, agents, seats.legal, mask)
 
 
 def _patience(interface: AgentInterface, dt: float) -> float:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
 from smarts.env.adapters.actions import action_space, encode_array
+from smarts.env.adapters.own_reward import Reward, make_rewards
 from smarts.env.adapters.protocol import MASK, Served
-from smarts.env.adapters.reward import Rewards, Weights
 from smarts.sensors.suite import sensors_of
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 from smarts.types.frame import Frame, Readings
@@ -29,7 +29,8 @@ class RawAdapter:
     Args:
         served: The agents.
         interface: Theirs; they have the same sensors with the same options.
-        reward: Name of the weights in `rewards.yaml`, or the weights themselves, also as a dict.
+        reward: Name of the weights in `rewards.yaml`, or the weights themselves, also as a dict; or an own
+            reward (`smarts.env.adapters.own_reward`), or `module:Class` of it.
         discount: By which the learner discounts a decision, if not as in the weights.
     """
 
@@ -41,11 +42,11 @@ class RawAdapter:
         served: Served,
         interface: AgentInterface,
         *,
-        reward: Weights = "route_metres",
+        reward: Reward = "route_metres",
         discount: float | None = None,
     ) -> None:
         self._served = served
-        self._rewards = Rewards(served, reward, discount)
+        self._rewards = make_rewards(served, reward, discount)
         self.rewards = self._rewards.values
         fields = {
             (sensor, field.name): replace(field, name=f"{sensor}/{field.name}")

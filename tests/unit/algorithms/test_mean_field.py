@@ -300,7 +300,7 @@ class Spins:
         for shift, axis in ((1, 0), (-1, 0), (1, 1), (-1, 1)):
             self.links[place.ravel(), np.roll(place, shift, axis).ravel()] = True
 
-    def reset(self, seed, worlds, *, episode=0, stride=0):
+    def reset(self, seed, worlds, *, stride=0):
         return self._stand(np.zeros((self.num_envs, self.side**2), np.float32))
 
     def step(self, actions):

@@ -237,7 +237,7 @@ def test_a_config_of_something_else_is_named(tmp_path):
 def test_a_run_file_without_keys_is_named(tmp_path, content):
     folder = RunFolder(tmp_path)
     folder.run.write_text(content)
-    for look in (lambda: folder.check({}, "digest"), lambda: folder.status):
+    for look in (lambda: folder.check({}), lambda: folder.status):
         with pytest.raises(ResultsError, match=r"run\.json: holds no keys") as caught:
             look()
         assert "remove it" in caught.value.remedy

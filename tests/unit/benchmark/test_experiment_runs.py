@@ -14,6 +14,7 @@ from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import cells_of
 from benchmark.metrics import compute, read_table
 from benchmark.running.played import held_out_of
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from tests.commands import begin, finish, wait_for
 from tests.scalar_files import read_scalars
 
@@ -116,18 +117,49 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     assert len(read_table(run / "episodes.parquet")) == 2 * 2
     assert len(progress(run)) == len(lines)
 
+    assert finish(start(experiment, "--set", "budget.agent_steps=18000"))[0] == 0
+    longer = progress(run)
+    assert longer[: len(lines)] == lines
+    steps = [int(line["agent_steps"]) for line in longer]
+    assert steps[-1] >= 18000 > steps[-2] > steps[len(lines) - 1]
+    # Those at 6,000 and 12,000, and of two in 18,000 the second.
+    assert sum(line["validation_completion"] != "" for line in longer) == 3
+    facts = json.loads((run / "run.json").read_text())
+    assert (facts["status"], facts["ended_by"], facts["tested"]["episodes"]) == ("finished", "agent_steps", 3)
+    assert len(read_table(run / "episodes.parquet")) == 2 * 6
+    code, _, err = finish(start(experiment))
+    assert code == 2
+    assert "another config: budget.agent_steps (18000, here 12000)" in err
 
-def test_a_worker_that_is_killed_is_replaced_and_sigterm_says_how_to_go_on(experiment):
+
+def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(experiment):
     run = experiment.parent / "results/tiny/ppo/loop/no_social_vehicles/seed_3"
-    process = start(experiment, "--set", "reference=[]", "--set", "budget.agent_steps=1000000")
+    command = (experiment, "--set", "reference=[]", "--set", "budget.agent_steps=1000000")
+    process = start(*command)
     wait_for(lambda: (run / "progress.csv").exists() and len(progress(run)) >= 2, process)
     (worker,) = workers(process.pid)
     os.kill(worker, signal.SIGKILL)
     wait_for(lambda: len(found := workers(process.pid)) == 1 and found != [worker], process)
+    known = len(progress(run))
+    wait_for(lambda: len(progress(run)) > max(known, 3), process)
+    for _ in range(2):
+        process.send_signal(signal.SIGTERM)
+        code, _, err = finish(process)
+        assert code == 130
+        assert "the same command goes on" in err
+        lines = progress(run)
+        # The validations, of which each saves, are half a million steps away.
+        kept = json.loads((run / "checkpoint" / "training.json").read_text())
+        assert kept["iteration"] == len(lines)
+        assert kept["agent_steps"] == int(lines[-1]["agent_steps"])
+        process = start(*command)
+        wait_for(lambda known=len(lines): len(progress(run)) > known, process)
+        assert progress(run)[: len(lines)] == lines
     process.send_signal(signal.SIGTERM)
-    code, _, err = finish(process)
-    assert code == 130
-    assert "the same command goes on" in err
+    wait_for(lambda: (experiment.parent / "results/tiny/.stop").exists(), process)
+    process.send_signal(signal.SIGTERM)
+    assert finish(process)[0] == 130  # at once
+    assert not (experiment.parent / "results/tiny/.stop").exists()
 
 
 def workers(driver):
@@ -218,6 +250,20 @@ def test_a_damaged_checkpoint_is_named_and_the_other_one_can_be_tested(held_out,
     code, _, err = finish(begin(*short, "--checkpoint", "best"))
     assert code == 2
     assert "the checkpoint does not fit: algorithm" in err
+
+
+def test_recordings_are_those_that_were_asked_for(held_out, tmp_path):
+    run, out = held_out[0] / "ppo/double_merge/no_social_vehicles/seed_3", tmp_path / "again"
+    code, _, err = finish(begin("evaluate", str(run), "--episodes", "3", "--out", str(out)))
+    assert code == 0, err
+    for mode in ("greedy", "sampled"):
+        kept = episodes_in(out / "episodes" / f"{mode}-double_merge")
+        assert len(kept) == 3  # two simulations begin a fourth
+        assert {int(RecordedEpisode(path).facts["world"]) for path in kept} == {
+            2_000_000,
+            2_000_001,
+            2_000_002,
+        }
 
 
 def test_a_test_that_is_interrupted_says_so_and_leaves_no_table(held_out, tmp_path):

@@ -40,6 +40,8 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert lines("training", training) == []
     monkeypatch.setattr(live, "SECONDS", 0.0)
     assert lines("training", training) == [expected]
+    begun = Progress("training", 0.25, 1, 750, 30.0, 25.0)
+    assert lines("training", begun) == [f"{NAME}: training 25%, iteration 1, 25 steps/s, 1.5 min left"]
     assert lines("testing", Progress("testing", 0.25)) == [f"{NAME}: testing 25%"]
     assert lines("failed", error="[red] no") == [f"{NAME}: failed: [red] no"]
     assert lines("failed", error="[red] no") == []

@@ -1,14 +1,15 @@
 """Results on disk are whole or not there, whatever fails or is killed when."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from benchmark.experiment.config import Experiment
-from benchmark.experiment.runs import digest_of
+from benchmark.experiment.config import Budget, Environment, Experiment, read_experiment
 from benchmark.report.provenance import circumstances
 from benchmark.results.commands import keep_command
 from benchmark.results.files import (
@@ -24,7 +25,10 @@ from benchmark.results.files import (
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import PROGRESS_COLUMNS, RunFolder
 from benchmark.running.again import evaluate_again
+from benchmark.running.driver import Driver, jobs_of
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
+
+ROOT = Path(__file__).parents[3]
 
 
 class FakeAlgo:
@@ -128,66 +132,132 @@ def test_a_second_writer_is_refused_and_a_dead_one_is_not_in_the_way(tmp_path):
 
 def test_results_of_another_config_are_refused(tmp_path):
     folder = RunFolder(tmp_path / "run")
-    folder.open({"a": 1}, "digest-1")
-    folder.note(status="training", digest="digest-1")
-    folder.open({"a": 1}, "digest-1")
+    folder.open({"a": 1})
+    folder.note(status="training")
+    folder.open({"a": 1})
     with pytest.raises(ResultsError, match=r"a run with another config: a \(1, here 2\)\n"):
-        folder.open({"a": 2}, "digest-2")
+        folder.open({"a": 2})
 
 
 def test_a_refusal_names_the_values_that_differ(tmp_path):
     folder = RunFolder(tmp_path / "run")
-    there = {"seed": 1, "budget": {"agent_steps": 3000, "minutes": None}, "settings": {"lr": 0.1}}
-    here = {"seed": 1, "budget": {"agent_steps": 9000, "minutes": None}, "settings": {"gamma": 0.9}}
-    folder.open(there, digest_of(there))
-    folder.note(digest=digest_of(there))
+    there = {"seed": 1, "budget": {"agent_steps": 9000, "minutes": None}, "settings": {"lr": 0.1}}
+    here = {"seed": 1, "budget": {"agent_steps": 3000, "minutes": None}, "settings": {"gamma": 0.9}}
+    folder.open(there)
+    folder.note(status="training")
     with pytest.raises(ResultsError) as caught:
-        folder.check(here, digest_of(here))
+        folder.check(here)
     assert caught.value.problem.partition("config: ")[2].split(", settings.") == [
-        "budget.agent_steps (3000, here 9000)",
+        "budget.agent_steps (9000, here 3000)",
         "lr (0.1, here default)",
         "gamma (default, here 0.9)",
     ]
-    folder.config.unlink()
-    with pytest.raises(ResultsError, match=f"{digest_of(there)}, this one is {digest_of(here)}"):
-        folder.check(here, digest_of(here))
+
+
+@pytest.mark.parametrize(
+    ("there", "here", "fits"),
+    [
+        ((9000, None), (9001, None), True),
+        ((9000, None), (8999, None), False),
+        ((9000, 2.0), (9000, 2.5), True),
+        ((9000, 2.0), (9000, 1.5), False),
+        ((9000, 2.0), (9000, None), True),
+        ((9000, None), (9000, 2.0), False),
+        ((9000, 2.0), (9001, 1.0), False),
+    ],
+)
+def test_a_budget_may_grow_and_nothing_else_may_change(tmp_path, there, here, fits):
+    contents = [
+        {"seed": 1, "budget": dict(zip(("agent_steps", "minutes"), each, strict=True))}
+        for each in (there, here)
+    ]
+    folder = RunFolder(tmp_path / "run")
+    folder.open(contents[0])
+    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
+    folder.note(status="finished")
+    with pytest.raises(ResultsError, match="seed"):
+        folder.check({**contents[1], "seed": 2})
+    if not fits:
+        with pytest.raises(ResultsError, match=r"another config: budget\."):
+            folder.open(contents[1])
+        return
+    assert folder.is_extended(contents[1])
+    folder.open(contents[1])
+    assert folder.status == "training"
+    assert folder.read_config() == contents[1]
+    assert not folder.is_extended(contents[1])
+
+
+def test_a_larger_budget_needs_a_checkpoint_to_train_on_from(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    folder.open({"budget": {"agent_steps": 1}})
+    folder.note(status="finished")
+    folder.check({"budget": {"agent_steps": 1}})
+    with pytest.raises(ResultsError) as caught:
+        folder.check({"budget": {"agent_steps": 2}})
+    assert caught.value.place == str(folder.checkpoint)
+
+
+def test_keys_that_a_version_did_not_have_are_their_defaults(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    whole = {"environment": Environment().model_dump(mode="json"), "budget": Budget().model_dump(mode="json")}
+    first = {"environment": {"agents": 4}, "budget": {"agent_steps": whole["budget"]["agent_steps"]}}
+    folder.open(first)
+    folder.note(status="finished")
+    folder.check(whole)
+    assert not folder.is_extended(whole)
+    changed = {**whole, "environment": {**whole["environment"], "decision_interval": 3}}
+    with pytest.raises(ResultsError, match=r"config: environment.decision_interval \(5, here 3\)"):
+        folder.check(changed)
+
+
+def test_the_committed_results_are_finished(tmp_path):
+    """Whatever keys with defaults configs have got since; on a copy, since nothing may be written there."""
+    shutil.copytree(ROOT / "results" / "paper_table", tmp_path / "table")
+    experiment = read_experiment(ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo, maddpg]"])
+    driver = Driver(jobs_of(experiment), tmp_path / "table", experiment.resources)
+    assert driver.is_done
+    larger = read_experiment(
+        ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo]", "budget.agent_steps=3000000"]
+    )
+    with pytest.raises(ResultsError, match="no checkpoint to train on from"):
+        Driver(jobs_of(larger), tmp_path / "table", larger.resources)
 
 
 def test_the_config_of_a_run_that_was_killed_before_it_began_is_written_anew(tmp_path):
     folder = RunFolder(tmp_path / "run")
-    folder.open({"a": 1}, "digest-1")
-    folder.open({"a": 2}, "digest-2")
-    folder.note(status="training", digest="digest-2")
+    folder.open({"a": 1})
+    folder.open({"a": 2})
+    folder.note(status="training")
     assert folder.read_config() == {"a": 2}
 
 
 def test_a_checkpoint_without_its_run_file_still_belongs_to_its_config(tmp_path):
     folder = RunFolder(tmp_path / "run")
     content = {"a": 1, "rate": [[0, 1e-05]], "minutes": None}
-    folder.open(content, digest_of(content))
+    folder.open(content)
     folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
-    folder.open(content, digest_of(content))
+    folder.open(content)
     with pytest.raises(ResultsError, match="a run with another config"):
-        folder.open({"a": 2}, digest_of({"a": 2}))
+        folder.open({"a": 2})
 
 
 @pytest.mark.parametrize("killed_while_saving", [False, True])
-def test_a_checkpoint_of_a_config_that_is_not_known_is_not_gone_on_with(tmp_path, killed_while_saving):
+@pytest.mark.parametrize("has_run_file", [False, True])
+def test_a_checkpoint_of_a_config_that_is_not_known_is_not_used(tmp_path, killed_while_saving, has_run_file):
     folder = RunFolder(tmp_path / "run")
-    content = {"a": 1}
-    folder.open(content, digest_of(content))
+    folder.open({"a": 1})
     folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
     folder.config.unlink()
+    if has_run_file:
+        folder.note(status="training")
     if killed_while_saving:
         folder.checkpoint.rename(previous_of(folder.checkpoint))
     before = sorted(folder.path.rglob("*"))
-    with pytest.raises(ResultsError, match="a checkpoint, but neither run") as caught:
-        folder.open(content, digest_of(content))
-    assert "remove the folder" in caught.value.remedy
+    with pytest.raises(ResultsError) as caught:
+        folder.open({"a": 1})
+    assert caught.value.place == str(folder.config)
     assert sorted(folder.path.rglob("*")) == before
-    folder.note(digest=digest_of(content))
-    folder.open(content, digest_of(content))
-    assert folder.read_config() == content
 
 
 def test_a_damaged_config_says_what_to_do(tmp_path):
@@ -196,7 +266,7 @@ def test_a_damaged_config_says_what_to_do(tmp_path):
         folder.config.write_text(text)
         with pytest.raises(ResultsError) as caught:
             folder.read_config()
-        assert "made again" in caught.value.remedy
+        assert "remove the run's folder" in caught.value.remedy
 
 
 def test_a_checkpoint_that_does_not_say_how_far_training_was_is_refused(tmp_path):
@@ -244,11 +314,11 @@ def test_what_a_run_goes_on_with_is_kept_beside_what_it_began_with(tmp_path):
 
 def test_a_damaged_run_file_is_named(tmp_path):
     folder = RunFolder(tmp_path / "run")
-    folder.open({}, "d")
-    folder.note(status="training", digest="d")
+    folder.open({})
+    folder.note(status="training")
     folder.run.write_text('{"status": "fin')
     with pytest.raises(ResultsError, match=r"run\.json: cannot be read"):
-        folder.open({}, "d")
+        folder.open({})
 
 
 def test_lines_after_the_checkpoint_are_made_again(tmp_path):

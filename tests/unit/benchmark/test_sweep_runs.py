@@ -2,10 +2,13 @@
 
 import csv
 import json
+import os
+import shutil
 import signal
 
 import pytest
 
+from smarts.sstudio.locating import SUITE
 from tests.commands import begin, finish, wait_for
 
 # Three starts of Ray and four trainings, of which each has to load everything: minutes on a busy machine.
@@ -13,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(3000)]
 
 SEARCH = """
 algorithms: [ppo]
-tasks: [loop]
+tasks: [{scenario}]
 traffic: [no_social_vehicles]
 seeds: [3]
 training: {sharing: all, rollout_fragment_length: 16}
@@ -33,7 +36,10 @@ def results_of(root):
 
 def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
     file = tmp_path / "search.yaml"
-    file.write_text(SEARCH)
+    mine = tmp_path / "mine"
+    shutil.copytree(SUITE / "loop", mine, ignore=shutil.ignore_patterns("build"))
+    # From where commands are given; Tune's trials have working directories of their own.
+    file.write_text(SEARCH.replace("{scenario}", os.path.relpath(mine, SUITE.parent)))
     root = tmp_path / "results" / "search"
     command = ("sweep", str(file), "--out", str(tmp_path / "results"))
     first = begin(*command)

@@ -63,7 +63,7 @@ def test_minutes_are_those_of_training_over_a_restart(tmp_path, clock):
     file.write_text(TINY)
     (run,) = runs_of(read_experiment(file))
     folder = RunFolder(tmp_path / "run")
-    folder.open(run.content(), run.digest())
+    folder.open(run.content())
 
     def one(algo):
         algo.train = clock.slow(TRAINING, algo.train)

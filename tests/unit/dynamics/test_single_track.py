@@ -25,6 +25,45 @@ def test_stands_still_under_the_brake(rig, model):
     assert car.speed == pytest.approx(0.0, abs=1e-9)
 
 
+TYPES = ("passenger", "bus", "coach", "truck", "motorcycle")
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_kinematic_yaw_rate_is_the_rear_axles_speed_times_tan_steering_over_wheelbase(name):
+    record, count, draw = vehicle(name), 50, stream(4, Purpose.STARTS)
+    with Fleet(1, count) as fleet:
+        for row in range(count):
+            speed, angle = draw.uniform(-10.0, 40.0), draw.uniform(-0.5, 0.5)
+            fleet.spawn(row, name, (0.0, 0.0), 0.3 * row, speed, steering=angle, model="kinematic")
+        for _ in range(100):
+            motion = fleet.step(draw.uniform(-1.0, 1.0, (count, 3)))
+            speed, aside = motion.velocity.T
+            # The rear axle has the body's velocity forward, and none to the side.
+            assert aside == pytest.approx(motion.yaw_rate * record.cog_to_rear_axle, rel=1e-9, abs=1e-12)
+            expected = speed * np.tan(motion.steering) / record.wheelbase
+            assert motion.yaw_rate == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_kinematic_rear_axle_rolls_on_the_circle_of_its_steering(rig, name):
+    """At any speed; nothing slows it."""
+    record, angle = vehicle(name), 0.35
+    radius = record.wheelbase / math.tan(angle)
+    for speed in (3.0, -3.0, 25.0):
+        car = rig(name, speed=speed, steering=angle, model="kinematic")
+        car.fleet._cars["rolling_resistance"] = car.fleet._cars["drag"] = 0.0
+        back = record.cog_to_rear_axle - record.centre_to_cog
+        middle = -back * np.array([1.0, 0.0]) + [0.0, radius]
+        for step in range(40):
+            car.once(0.0, 0.0, angle / record.steering.max_angle)
+            x, y, heading = car.fleet.motion.substeps[0].T
+            rear = np.stack([x - back * np.cos(heading), y - back * np.sin(heading)])
+            turned = speed / radius * (0.1 * step + 0.01 * np.arange(1, 11))
+            circle = middle[:, None] + radius * np.stack([np.sin(turned), -np.cos(turned)])
+            assert rear == pytest.approx(circle, abs=1e-9)
+        assert car.speed == pytest.approx(speed, rel=1e-12)
+
+
 def test_steady_cornering_is_the_linear_theory(rig):
     """Yaw rate = v delta / (L + K v^2) with the understeer gradient of Rajamani (2012), equation 3.3."""
     speed, car, record = 15.0, vehicle("passenger"), pack("passenger", "linear")

@@ -58,7 +58,7 @@ def test_one_agent_by_its_spec_beside_one_by_arrays(closing, make):
     infos = {}
     for _ in range(8):
         assert SPACE.contains(observations["b"])
-        np.testing.assert_array_equal(observations["a"]["observation"], same["a"]["observation"])
+        np.testing.assert_array_equal(observations["a"], same["a"])
         observations, rewards, _, _, infos = env.step({"a": 0, "b": 1})
         same, expected, *_ = plain.step({"a": 0, "b": 0})
         assert rewards["a"] == expected["a"]

@@ -5,15 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from smarts.dynamics import MotionError
+from smarts.dynamics import MotionError, vehicle
 from smarts.errors import ActionError
 from smarts.providers.vehicle_surface import RoadSurfaces
+from smarts.sensors.accelerometer import AccelerationAndJerk
+from smarts.sensors.ego_vehicle_state import EgoVehicleState
 from smarts.sstudio import types as t
 from smarts.types.actions import CommandMode
 from smarts.types.seats import SeatState
 from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from tests import maps
+from tests.unit.sensors.seeing import seen
 from tests.vehicle_stage import ego
 from tests.worlds import Car
 
@@ -33,6 +36,34 @@ def test_writes_rows_and_tracks(stage, model):
     assert seats.travelled[0, 0] == pytest.approx(vehicles.position[0, 0, 0] - 20.0)
     # Traffic is another's to move.
     assert vehicles.position[0, 1].tolist() == [300.0, 3.2]
+
+
+def test_sensors_of_a_kinematic_vehicle_in_a_bend(stage):
+    """By hand: the rear axle at v along the heading, the yaw rate r = v tan(steering) / L, and the
+    centre of gravity l_r before it.
+
+    Steered from straight on to full lock, then held there.
+    """
+    driven, record = stage([ego(speed=6.0)], model="kinematic"), vehicle("passenger")
+    driven.actuate(throttle=0.1, steering=1.0)
+    previous, turning = np.array([6.0, 0.0]), 0.0
+    for _ in range(30):
+        driven.step()
+        state, motion = seen(EgoVehicleState(), driven.made), seen(AccelerationAndJerk(), driven.made)
+        v, heading, steering = (float(state[name]) for name in ("speed", "heading", "steering"))
+        rate = v * math.tan(steering) / record.wheelbase
+        assert state["yaw_rate"] == pytest.approx(rate, rel=1e-6)
+        forward, left = (
+            np.array([math.cos(heading), math.sin(heading)]),
+            np.array([-math.sin(heading), math.cos(heading)]),
+        )
+        velocity = v * forward + rate * record.cog_to_rear_axle * left
+        assert state["linear_velocity"] == pytest.approx(velocity, abs=1e-5)
+        assert motion["linear_acceleration"] == pytest.approx((velocity - previous) / 0.1, abs=1e-4)
+        assert motion["angular_acceleration"] == pytest.approx((rate - turning) / 0.1, abs=1e-4)
+        previous, turning = velocity, rate
+    assert steering == pytest.approx(record.steering.max_angle)
+    assert rate > 1.0
 
 
 class TestHandOver:

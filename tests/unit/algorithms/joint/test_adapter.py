@@ -173,3 +173,31 @@ def test_leaves_without_a_flag_are_found():
     check_vector_env(JointVector(lambda b: Leaver(), 2), steps=10)
     with pytest.raises(SpaceError, match="gone without having terminated"):
         check_vector_env(Silent(lambda b: Leaver(), 2), steps=10)
+
+
+class Latecomer(Game):
+    """Masks are in the infos; agent 1 enters with the first step. Action 1 is always illegal."""
+
+    length = 4
+
+    def reset(self, *, seed=None, options=None):
+        observations, _ = super().reset(seed=seed)
+        return {"agent_0": observations["agent_0"]}, self.infos(["agent_0"])
+
+    def step(self, action_dict):
+        self.t += 1
+        over = {"__all__": self.t == self.length}
+        rewards = dict.fromkeys(action_dict, 0.0)
+        return self.observe(), rewards, {"__all__": False}, over, self.infos(self.agents)
+
+    def infos(self, agents):
+        return {a: {"action_mask": np.array([1, 0], np.int8)} for a in agents}
+
+
+def test_who_enters_later_is_masked_like_those_of_equal_spaces():
+    env = JointVector(lambda b: Latecomer(), 1)
+    (block,) = env.spaces.blocks
+    assert block.agents == ("agent_0", "agent_1")
+    assert block.masked
+    assert env.reset(0, np.array([0])).masks[0][0].tolist() == [[True, False], [True, True]]
+    assert env.step((np.zeros((1, 2), np.int64),)).masks[0][0].tolist() == [[True, False]] * 2

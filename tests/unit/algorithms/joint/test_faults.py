@@ -60,7 +60,7 @@ class Unsound:
     spaces = JointSpaces((Block(("agent",), {"": Box(0.0, 1.0, (1,), np.float32)}, Discrete(2)),))
     fails, never_begins = 12, (13, 14)
 
-    def reset(self, seed, worlds, *, episode=0, stride=0):
+    def reset(self, seed, worlds, *, stride=0):
         self.worlds, self.stride, self.t = np.array(worlds), stride, np.zeros(2, int)
         return self._stand()
 

@@ -1,0 +1,195 @@
+"""Gymnasium's `VectorEnv`: many simulations with one learning agent each, stepped together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from smarts.agents.checks import check_truth
+from smarts.agents.interface import AgentInterface
+from smarts.agents.spec import AgentSpec
+from smarts.controllers.action_numbers import refusal
+from smarts.env.adapters.protocol import MASK
+from smarts.env.arrays import ALONE, Adapter, assembled, space_of
+from smarts.env.not_copied import NotCopied
+from smarts.env.vector import VectorHiWayEnv, VectorStep
+from smarts.errors import SmartsError
+from smarts.sim.assembly import Options
+from smarts.types.events import Outcome
+from smarts.types.streams import check_seed
+
+Bools = NDArray[np.bool_]
+Leaves = Mapping[str, NDArray]
+
+_VOID = Outcome.VOID.name.lower()
+_OUTCOMES = [outcome.name.lower() for outcome in Outcome if outcome != Outcome.NONE]
+
+
+class SingleHiWayVectorEnv(NotCopied, VectorEnv):
+    """What `gymnasium.make_vec("smarts.env:hiway-single-v0", num_envs, ...)` returns.
+
+    A simulation is reset in the step in which its episode ends (`AutoresetMode.SAME_STEP`): the observation
+    is the first of the next episode; `infos["final_obs"]` and `infos["final_info"]` hold the last observation
+    and the outcome. Simulation i plays what world i of `VectorHiWayEnv` does, and simulation 0 what
+    `SingleHiWayEnv` does. If the traffic of a simulation fails, its episode is truncated with outcome "void",
+    reward 0 and the observation before as its last one.
+
+    Args:
+        num_envs: How many simulations.
+        scenarios: Folders, or names of the suite; they are played in a seeded order.
+        agent: Its spec (without adapters of its own) or interface; by default, that of the benchmark.
+        seed: Of the run, until `reset` gives another.
+        decision_interval: Steps of 0.1 s from one decision to the next.
+        adapter: Observation and reward: a name of `smarts.env.adapters.ADAPTERS`, or a class.
+        adapter_options: Its options, such as `{"reward": "paper"}`.
+        simulation: Options of the simulation.
+        traffic: The variations of the scenarios' traffic that are played, by default all.
+        action_mask: Whether observations hold the mask of the lane actions too, which is in the infos.
+
+    Raises:
+        SmartsError: A scenario or the agent is not what it has to be.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int,
+        scenarios: Sequence[str | Path],
+        agent: AgentSpec | AgentInterface | None = None,
+        *,
+        seed: int = 42,
+        decision_interval: int = 5,
+        adapter: Adapter = "benchmark",
+        adapter_options: Mapping[str, Any] | None = None,
+        simulation: Options | None = None,
+        traffic: Sequence[str] | None = None,
+        action_mask: bool = False,
+    ) -> None:
+        self.closed = True  # what `__del__` finds if the next lines raise
+        check_truth("action_mask", action_mask)
+        self._env = VectorHiWayEnv(
+            num_envs,
+            scenarios,
+            1 if agent is None else {"agent-0": agent},
+            seed=seed,
+            decision_interval=decision_interval,
+            adapter=adapter,
+            adapter_options=adapter_options,
+            simulation=simulation,
+            traffic=traffic,
+        )
+        self.num_envs = num_envs
+        (block,) = self._env.spaces.blocks
+        self._shows_mask = action_mask and block.masked
+        spaces: dict[str, Any] = {name or ALONE: space for name, space in block.observation.items()}
+        if self._shows_mask and isinstance(block.action, Discrete):
+            spaces[MASK] = Box(0, 1, (int(block.action.n),), np.int8)
+        self.single_observation_space = space_of(assembled(spaces))
+        self.single_action_space = block.action
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._seen: Any = None
+        self.closed = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin the next episodes, or with a seed the first ones of that seed.
+
+        Raises:
+            SmartsError: `seed` is not a number, or only some simulations are to be reset.
+        """
+        if seed is not None:
+            check_seed(seed, "reset")
+        if options and "reset_mask" in options:
+            raise SmartsError(
+                "reset_mask is given", place="reset", remedy="leave it out: simulations reset themselves"
+            )
+        super().reset(seed=seed, options=options)
+        played = [start.episode for start in self._env.episodes]
+        first = 0 if seed is not None or not played else 1 + max(played)
+        step = self._env.reset(seed, episode=first)
+        self._seen = self._observations(step.observations[0], step.masks[0])
+        return self._seen, self._infos(step)
+
+    def step(self, actions: ArrayLike) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
+        """Carry out a decision in all simulations, and reset those whose episode ends with it.
+
+        Args:
+            actions: An element of `action_space`.
+
+        Raises:
+            ActionError: An action is not in the space, or they are not an array of its shape.
+            SmartsError: The environment was closed, or never reset.
+        """
+        step = self._env.step([self._checked(actions)[:, None]])
+        failed = np.zeros(self.num_envs, np.bool_)
+        failed[[*step.failed]] = True
+        infos = self._infos(step)
+        if step.reset.any() or failed.any():
+            infos |= self._final_infos(step, failed)
+        self._seen = self._observations(step.observations[0], step.masks[0])
+        rewards = step.rewards[:, 0].astype(np.float64)
+        return self._seen, rewards, step.terminated[:, 0].copy(), step.truncated[:, 0] | failed, infos
+
+    def close_extras(self, **_: Any) -> None:
+        """Give back what the simulations hold."""
+        self._env.close()
+
+    def _checked(self, actions: ArrayLike) -> NDArray:
+        try:
+            values = np.asarray(actions)
+        except (TypeError, ValueError, RuntimeError):
+            values = np.empty(0)
+        if values.shape != self.action_space.shape:
+            remedy = f"give an array of shape {self.action_space.shape}, such as action_space.sample()"
+            raise refusal(actions, f"is not an action of each of {self.num_envs}", "actions", remedy)
+        return values
+
+    def _observations(self, leaves: Leaves, mask: Bools | None) -> Any:
+        """Return copies of arrays of shape (B or K, 1, ...) as one batch of observations."""
+        parts = {name or ALONE: array[:, 0].copy() for name, array in leaves.items()}
+        if self._shows_mask and mask is not None:
+            parts[MASK] = mask[:, 0].astype(np.int8)
+        return assembled(parts)
+
+    def _infos(self, step: VectorStep) -> dict[str, Any]:
+        (mask,) = step.masks
+        everywhere = np.ones(self.num_envs, np.bool_)
+        return {} if mask is None else {MASK: mask[:, 0].astype(np.int8), f"_{MASK}": everywhere}
+
+    def _final_infos(self, step: VectorStep, failed: Bools) -> dict[str, Any]:
+        """Return last observations and outcomes, as `gymnasium.vector.SyncVectorEnv` lays infos out."""
+        observations = np.full(self.num_envs, None, object)
+        outcomes = np.full(self.num_envs, None, object)
+        for row in np.flatnonzero(failed).tolist():
+            observations[row], outcomes[row] = _pick(self._seen, row), _VOID
+        if step.final is not None:
+            ended = self._observations(step.final.observations[0], step.final.masks[0])
+            for place, row in enumerate(step.final.rows.tolist()):
+                shares = step.metrics[row]
+                observations[row] = _pick(ended, place)
+                outcomes[row] = next(each for each in _OUTCOMES if shares[each])
+        over = step.reset | failed
+        final_info = {"outcome": outcomes, "_outcome": over}
+        return {
+            "final_obs": observations,
+            "_final_obs": over,
+            "final_info": final_info,
+            "_final_info": over.copy(),
+        }
+
+
+def _pick(observations: Any, row: int) -> Any:
+    """Return one observation of a batch."""
+    if isinstance(observations, Mapping):
+        return {name: _pick(part, row) for name, part in observations.items()}
+    return observations[row]

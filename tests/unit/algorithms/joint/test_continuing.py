@@ -1,0 +1,188 @@
+"""Training that is continued at any number of lifetime steps: restored, killed, restarted, never replayed."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+from ray.rllib.callbacks.callbacks import RLlibCallback
+
+import algorithms
+from algorithms.joint.sampler import Sampler
+from tests.games.games import Cues
+from tests.games.null import NullVector
+
+pytestmark = pytest.mark.usefixtures("cluster")
+
+REPLAY = {"learning_starts": 16, "batch_size": 8, "capacity": 400, "checkpoint_replay": False}
+FAMILIES = {
+    "ppo": {"epochs": 1},
+    "pg": {},
+    "dqn": REPLAY,
+    "networked_q": REPLAY,
+}
+RECURRENT = {"gru": 4, "sequence_length": 8}
+
+
+def config_of(name, env=NullVector, runners=0, **settings):
+    config = algorithms.config(name).environment(env).debugging(seed=3)
+    config.env_runners(num_env_runners=runners, num_envs_per_env_runner=2, rollout_fragment_length=16)
+    return config.training(**{"hidden": (8,), **FAMILIES.get(name, {}), **settings})
+
+
+@pytest.fixture
+def build():
+    built = []
+
+    def build(config, checkpoint=None):
+        algo = config.build_algo()
+        built.append(algo)
+        if checkpoint is not None:
+            algo.restore_from_path(str(checkpoint))
+        return algo
+
+    yield build
+    for algo in built:
+        algo.stop()
+
+
+def lifetime(node, steps):
+    """Return a state in which every count of a lifetime is this one."""
+    if not isinstance(node, dict):
+        return node
+    if "lifetime_sum" in node:
+        return {**node, "lifetime_sum": float(steps)}
+    return {key: lifetime(value, steps) for key, value in node.items()}
+
+
+def aged(build, config, steps, folder):
+    """Save a training of so many steps; return its folder."""
+    algo = build(config)
+    algo.train()
+    state = algo.get_state()
+    algo.set_state({**state, "metrics_logger": lifetime(state["metrics_logger"], steps)})
+    assert int(algo.runner_state()["num_env_steps_sampled_lifetime"]) == int(float(steps))
+    algo.save_to_path(str(folder))
+    return folder
+
+
+def starts(algo):
+    """Return how the episodes of each environment runner began."""
+    group = algo.env_runner_group
+    local = not algo.config.num_env_runners
+    return group.foreach_env_runner(lambda runner: runner.env.begun, local_env_runner=local)
+
+
+def weights(algo):
+    state = algo.learner_group.get_state()["learner"]["rl_module"]
+    return {f"{m}/{name}": np.array(x) for m, part in state.items() for name, x in part.items()}
+
+
+@pytest.mark.parametrize("steps", [2**11, 2**31, 2**40, 2**53, 2**63 - 1024, 2**63, 10**30])
+def test_no_number_of_steps_is_too_large_to_continue(build, tmp_path, steps):
+    folder = aged(build, config_of("ppo"), steps, tmp_path / "saved")
+    first, again = build(config_of("ppo"), folder), build(config_of("ppo"), folder)
+    for algo in (first, again):
+        algo.train()
+        algo.train()
+    ((began, *more),) = starts(first)
+    assert not more
+    assert 0 <= began[0] < 2**63
+    assert began[0] != 3  # the predecessor's
+    assert began[1:] == (0, 1, 0)
+    assert starts(again) == [[began]]
+    one, other = weights(first), weights(again)
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+
+
+def test_training_from_the_beginning_plays_the_seed_itself(build):
+    algo = build(config_of("ppo"))
+    algo.train()
+    assert starts(algo) == [[(3, 0, 1, 0)]]
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("pg", {}),
+        ("dqn", {}),
+        ("networked_q", {}),
+        ("ppo", RECURRENT),
+        ("dqn", RECURRENT),
+    ],
+    ids=["whole trajectories", "replay", "networked", "recurrent", "replay of sequences"],
+)
+def test_every_family_continues(build, tmp_path, name, settings):
+    config = config_of(name, **settings)
+    folder = aged(build, config, 2**40, tmp_path / "saved")
+    algo = type(build(config)).from_checkpoint(str(folder))
+    before = weights(algo)
+    for _ in range(3):
+        result = algo.train()
+    after = weights(algo)
+    assert any(not np.array_equal(before[each], after[each]) for each in before)
+    assert result["env_runners"]["num_env_steps_sampled_lifetime"] == 2**40 + 3 * 2 * 16
+    algo.stop()
+
+
+def test_each_restart_begins_other_episodes(build, tmp_path):
+    config, folder, seeds = config_of("ppo"), None, []
+    for number in range(4):
+        algo = build(config, folder)
+        algo.train()
+        seeds += [seed for seed, *_ in starts(algo)[0]]
+        folder = tmp_path / str(number)
+        algo.save_to_path(str(folder))
+    assert len({*seeds}) == 4
+
+
+def test_a_rollout_names_its_restart_and_links_to_nothing_before(build, tmp_path, monkeypatch):
+    folder = aged(build, config_of("pg"), 2**63, tmp_path / "saved")
+    algo, seen = build(config_of("pg"), folder), []
+    fragment = Sampler.fragment
+    monkeypatch.setattr(Sampler, "fragment", lambda *given: seen.append(fragment(*given)) or seen[-1])
+    algo.train()
+    algo.train()
+    assert [rollout.source.tolist() for rollout in seen] == [[[0, 2**63 - 1, 0], [0, 2**63 - 1, 1]]] * 2
+    assert [rollout.start.tolist() for rollout in seen] == [[0, 0], [16, 16]]
+
+
+def processes(algo):
+    return algo.env_runner_group.foreach_env_runner(lambda runner: os.getpid(), local_env_runner=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [2**40, 2**63])
+def test_a_remote_runner_is_restored_killed_and_restarted(build, tmp_path, steps):
+    config = config_of("ppo", runners=1)
+    folder = aged(build, config, steps, tmp_path / "saved")
+    algo = build(config, folder)
+    algo.train()
+    ((restored,),) = starts(algo)
+    assert restored[0] != 3
+    algo.train()
+    os.kill(processes(algo)[0], signal.SIGKILL)
+    result = algo.train()["env_runners"]  # waits for the only runner
+    if steps < 2**53:  # beyond, floating-point counts stand still
+        assert result["num_env_steps_sampled_lifetime"] == steps + 3 * 2 * 16
+    ((restarted,),) = starts(algo)
+    assert restarted[1:] == restored[1:]
+    if steps < 2**53:
+        assert restarted[0] not in (3, restored[0])
+
+
+class Counting(RLlibCallback):
+    """Counts the episodes that it hears of."""
+
+    def on_episode_end(self, *, metrics_logger, **_):
+        metrics_logger.log_value("heard", 1, reduce="lifetime_sum")
+
+
+def test_callbacks_hear_of_episodes_that_were_open_when_training_was_saved(build, tmp_path):
+    """The games' copies are saved as they stand, in mid-episode."""
+    config = config_of("ppo", Cues).callbacks(Counting)
+    algo = build(config)
+    algo.train()
+    algo.save_to_path(str(tmp_path / "saved"))
+    algo = build(config, tmp_path / "saved")
+    assert algo.train()["env_runners"]["heard"] >= 2

@@ -1,0 +1,229 @@
+"""Derivatives of both single-track models against published equations, written here in plain NumPy.
+
+Kinematic: R. Rajamani, Vehicle Dynamics and Control, 2nd ed. 2012, section 2.2, and the kinematic single
+track of CommonRoad's vehicle models (Althoff, Koschi, Manzinger, IV 2017), whose state is the rear axle's
+speed. Dynamic: Rajamani, section 2.3 (the plane's equations of motion, and their linear form 2.31), with the
+Magic Formula of Pacejka, Tire and Vehicle Dynamics, 3rd ed. 2012, section 4.3.2, and the friction ellipse.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.dynamics import TYRE_MODELS, Fleet, vehicle
+from smarts.dynamics.layout import AIR_DENSITY, GRAVITY
+from smarts.dynamics.wheel import BREAKAWAY_SPEED
+from smarts.types.streams import Purpose, stream
+
+TYPES = ("passenger", "bus", "coach", "truck", "motorcycle")
+STEP = 1e-6
+"""Of the derivatives [s]: errors are some 1e-9 by rounding and 1e-4 by truncation, in m/s^2."""
+FRONT, REAR = 0, 2
+
+
+class Car:
+    """A vehicle's parameters from its file, by the names of the books."""
+
+    def __init__(self, name):
+        record = vehicle(name)
+        self.record, self.tyre = record, record.tyre
+        self.m, self.iz = record.mass, record.inertia[2]
+        self.lf, self.lr, self.wheelbase = record.cog_to_front_axle, record.cog_to_rear_axle, record.wheelbase
+        self.air = 0.5 * AIR_DENSITY * record.drag_area
+        lever = {FRONT: self.lr, REAR: self.lf}
+        self.axle = {FRONT: record.front, REAR: record.rear}
+        self.static = {end: 0.5 * self.m * GRAVITY * lever[end] / self.wheelbase for end in lever}
+        self.nominal = {
+            end: self.tyre.nominal_load * record.tyre_scale * self.axle[end].tyres for end in lever
+        }
+
+    def loads(self, push):
+        """Loads of one front and one rear wheel while the tyres push forward with `push` [N]."""
+        moved = 0.5 * push * self.record.cog_height / self.wheelbase
+        return {FRONT: self.static[FRONT] - moved, REAR: self.static[REAR] + moved}
+
+    def grip(self, end, load, friction, curve):
+        """Largest force of a wheel, the road's friction being that of the longitudinal one at static load."""
+        x = self.tyre.longitudinal
+        at_rest = x.pdx1 + x.pdx2 * (self.static[end] / self.nominal[end] - 1.0)
+        first, second = (x.pdx1, x.pdx2) if curve == "x" else (self.tyre.lateral.pdy1, self.tyre.lateral.pdy2)
+        return friction / at_rest * (first + second * (load / self.nominal[end] - 1.0)) * load
+
+    def cornering_stiffness(self, end, load):
+        y = self.tyre.lateral
+        return -y.pky1 * self.nominal[end] * math.sin(y.pky4 * math.atan(load / (y.pky2 * self.nominal[end])))
+
+    def side_force(self, end, load, friction, slip, tyres):
+        """One wheel's force to the left at a slip (tangent of the slip angle)."""
+        if tyres == "linear":
+            return np.clip(
+                self.cornering_stiffness(end, self.static[end]) * slip, *(friction * load * np.array([-1, 1]))
+            )
+        y, largest = self.tyre.lateral, self.grip(end, load, friction, "y")
+        c, e = y.pcy1, min(y.pey1 + y.pey2 * min(load / self.nominal[end] - 1.0, 1.0), 1.0)
+        x = self.cornering_stiffness(end, load) / (c * largest) * slip
+        return largest * math.sin(c * math.atan(x - e * (x - math.atan(x))))
+
+    def is_stretched(self, end, load, friction, slip, sliding):
+        """Whether the model's bristle is as long as it gets: far beyond the peak, at low sliding speeds.
+
+        There the model leaves the steady Magic Formula on purpose, see `smarts.dynamics.wheel`.
+        """
+        largest, stiffness = self.grip(end, load, friction, "y"), self.cornering_stiffness(end, load)
+        return abs(stiffness * slip / largest) > 1.0 + abs(sliding) / BREAKAWAY_SPEED
+
+    def largest_x(self, end, load, friction, tyres):
+        return friction * load if tyres == "linear" else self.grip(end, load, friction, "x")
+
+    def forces_along(self, end, throttle, brake, load, speed):
+        """Drive and resisting force of an axle."""
+        drive = self.record.drive
+        push = throttle * min(drive.force, drive.power / max(abs(speed), 1e-9)) * self.axle[end].drive_share
+        rolling = 2.0 * self.tyre.rolling_resistance * load
+        return push, 2.0 * brake * self.axle[end].brake_torque / self.tyre.radius + rolling
+
+
+def planar(fleet):
+    """Heading, velocity forward and left, yaw rate of the only vehicle."""
+    body = fleet.body(0)
+    heading = 2.0 * math.atan2(body[5], body[6])
+    forward, left = (
+        np.array([math.cos(heading), math.sin(heading)]),
+        np.array([-math.sin(heading), math.cos(heading)]),
+    )
+    return heading, body[7:9] @ forward, body[7:9] @ left, body[12], body[0:2].copy()
+
+
+def derivatives(fleet, controls):
+    """Rates of heading, forward and left velocity, yaw rate and position; the vehicle is removed then."""
+    before = planar(fleet)
+    fleet.step(np.array([controls]))
+    after = planar(fleet)
+    fleet.despawn(0)
+    rates = [(new - old) / STEP for old, new in zip(before[:4], after[:4], strict=True)]
+    return *rates, (after[4] - before[4]) / STEP
+
+
+@pytest.fixture
+def fleet():
+    with Fleet(1, 1, step=STEP, substeps=1) as made:
+        yield made
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_kinematic_model(fleet, name):
+    car, draw = Car(name), stream(11, Purpose.STARTS)
+    for _ in range(500):
+        speed, heading = draw.uniform(0.5, 30.0) * draw.choice([-1.0, 1.0]), draw.uniform(-3.0, 3.0)
+        angle = draw.uniform(-0.95, 0.95) * car.record.steering.max_angle
+        turning = draw.choice([-1.0, 0.0, 1.0])
+        throttle, brake = (
+            (draw.uniform(0.0, 0.2), 0.0) if draw.random() < 0.5 else (0.0, draw.uniform(0.0, 0.2))
+        )
+        fleet.spawn(0, name, (3.0, 4.0), heading, speed, steering=angle, model="kinematic")
+        command = turning if turning else angle / car.record.steering.max_angle
+        turn, accelerating, _, _, moving = derivatives(fleet, (throttle, brake, command))
+        # Rajamani 2.2, of the centre of gravity with side slip beta; CommonRoad's state is the rear axle's v.
+        beta = math.atan(car.lr * math.tan(angle) / car.wheelbase)
+        v = speed / math.cos(beta)
+        assert moving == pytest.approx([v * math.cos(heading + beta), v * math.sin(heading + beta)], abs=3e-4)
+        assert turn == pytest.approx(v * math.cos(beta) * math.tan(angle) / car.wheelbase, abs=1e-4)
+        # Both take v's rate as given. Here it follows from the work of the forces: d/dt (m V^2 + I r^2) / 2.
+        k = math.tan(angle) / car.wheelbase
+        k_rate = turning * car.record.steering.rate / (car.wheelbase * math.cos(angle) ** 2)
+        mass = car.m * (1.0 + (car.lr * k) ** 2) + car.iz * k * k
+        mass_rate = 2.0 * (car.m * car.lr**2 + car.iz) * k * k_rate
+        rolling = speed / math.cos(angle)
+        power = -car.air * abs(v) ** 3
+        for end, along in ((FRONT, rolling), (REAR, speed)):
+            push, resisting = car.forces_along(end, throttle, brake, car.static[end], along)
+            power += push * along - resisting * abs(along)
+        expected = (power - 0.5 * mass_rate * speed**2) / (mass * speed)
+        assert accelerating == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("tyres", TYRE_MODELS)
+@pytest.mark.parametrize("name", TYPES)
+def test_dynamic_model(fleet, name, tyres):
+    car, draw = Car(name), stream(12, Purpose.STARTS)
+    slid = compared = 0
+    for _ in range(500):
+        vx, vy, r = draw.uniform(8.0, 35.0), draw.uniform(-4.0, 4.0), draw.uniform(-0.8, 0.8)
+        angle, friction = draw.uniform(-0.3, 0.3), draw.choice([0.3, 0.6, 0.9])
+        throttle, brake = (
+            (draw.uniform(0.0, 0.1), 0.0) if draw.random() < 0.5 else (0.0, draw.uniform(0.0, 0.05))
+        )
+        pushed = draw.uniform(-0.1, 0.1) * car.m * GRAVITY
+        load = car.loads(pushed)
+        cos, sin = math.cos(angle), math.sin(angle)
+        front_y = vy + car.lf * r
+        along = {FRONT: vx * cos + front_y * sin, REAR: vx}
+        slip = {FRONT: (vx * sin - front_y * cos) / along[FRONT], REAR: (car.lr * r - vy) / vx}
+        aside = {FRONT: front_y * cos - vx * sin, REAR: vy - car.lr * r}
+        if any(car.is_stretched(end, load[end], friction, slip[end], aside[end]) for end in aside):
+            continue
+        compared += 1
+        fleet.spawn(0, name, (0.0, 0.0), 0.7, 10.0, model="dynamic", tyres=tyres, steering=angle)
+        fleet.road.friction[:] = friction
+        body, state = fleet._bodies[0], fleet._states[0]
+        body[7:9] = vx * math.cos(0.7) - vy * math.sin(0.7), vx * math.sin(0.7) + vy * math.cos(0.7)
+        body[12] = r
+        # Tyres that have settled, and the push that has moved the load.
+        state["force_x"] = 0.25 * pushed
+        for end in (FRONT, REAR):
+            at = car.static[end] if tyres == "linear" else load[end]
+            stiffness = car.cornering_stiffness(end, at)
+            settled = stiffness * slip[end] / fleet._cars["carcass_y"][0, end]
+            state["deflection_y"][end : end + 2] = settled
+        command = angle / car.record.steering.max_angle
+        turn, ax, ay, yawing, moving = derivatives(fleet, (throttle, brake, command))
+        fx, fy = {}, {}
+        for end in (FRONT, REAR):
+            push, resisting = car.forces_along(end, throttle, brake, load[end], along[end])
+            fx[end] = push - resisting
+            used = abs(fx[end]) / (2.0 * car.largest_x(end, load[end], friction, tyres))
+            lateral = 2.0 * car.side_force(end, load[end], friction, slip[end], tyres)
+            fy[end] = lateral * math.sqrt(1.0 - used**2)
+            slid += abs(lateral) > 1.5 * friction * load[end]
+        drag = car.air * math.hypot(vx, vy)
+        # Rajamani 2.3; the velocity's components turn with the vehicle.
+        forward = fx[REAR] + fx[FRONT] * cos - fy[FRONT] * sin - drag * vx
+        across = fy[REAR] + fy[FRONT] * cos + fx[FRONT] * sin - drag * vy
+        moment = car.lf * (fy[FRONT] * cos + fx[FRONT] * sin) - car.lr * fy[REAR]
+        assert ax == pytest.approx(forward / car.m + vy * r, abs=5e-3)
+        assert ay == pytest.approx(across / car.m - vx * r, abs=5e-3)
+        assert yawing == pytest.approx(moment / car.iz, abs=5e-3)
+        assert turn == pytest.approx(r, abs=1e-4)
+        course = 0.7 + math.atan2(vy, vx)
+        assert moving == pytest.approx(
+            math.hypot(vx, vy) * np.array([math.cos(course), math.sin(course)]), abs=1e-4
+        )
+    assert compared > 300
+    assert slid > 25, "some tyres are near their limit"
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_dynamic_model_in_small_motions_is_the_linear_one(fleet, name):
+    """Rajamani, equation 2.31: side slip and yaw rate with cornering stiffnesses of whole axles."""
+    car, draw = Car(name), stream(13, Purpose.STARTS)
+    front, rear = (2.0 * car.cornering_stiffness(end, car.static[end]) for end in (FRONT, REAR))
+    for _ in range(100):
+        v, (vy, r, angle) = draw.uniform(10.0, 30.0), draw.uniform(-1e-3, 1e-3, 3)
+        moment = car.lf * front - car.lr * rear
+        matrix = np.array(
+            [
+                [-(front + rear) / (car.m * v), -v - moment / (car.m * v)],
+                [-moment / (car.iz * v), -(car.lf**2 * front + car.lr**2 * rear) / (car.iz * v)],
+            ]
+        )
+        expected = matrix @ [vy, r] + np.array([front / car.m, car.lf * front / car.iz]) * angle
+        fleet.spawn(0, name, (0.0, 0.0), 0.0, v, model="dynamic", tyres="linear", steering=angle)
+        fleet._cars["rolling_resistance"] = fleet._cars["drag"] = 0.0
+        fleet._bodies[0, 8], fleet._bodies[0, 12] = vy, r
+        for end, slip in ((FRONT, angle - (vy + car.lf * r) / v), (REAR, (car.lr * r - vy) / v)):
+            stiffness = car.cornering_stiffness(end, car.static[end])
+            settled = stiffness * slip / fleet._cars["carcass_y"][0, end]
+            fleet._states["deflection_y"][0, end : end + 2] = settled
+        _, _, ay, yawing, _ = derivatives(fleet, (0.0, 0.0, angle / car.record.steering.max_angle))
+        assert [ay, yawing] == pytest.approx(expected.tolist(), abs=1e-5, rel=1e-3)

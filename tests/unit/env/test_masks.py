@@ -1,0 +1,142 @@
+"""Masks of lane actions in the environments by name: in the infos, on request in the observations too."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Dict, Discrete
+
+from algorithms.joint.adapter import JointVector
+from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
+from smarts.agents.options import InterfaceError
+from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.env.adapters.benchmark import benchmark_interface
+
+RIGHT = 3
+SEED = 3
+PLAIN = benchmark_interface()
+
+
+@pytest.fixture
+def closing():
+    made = []
+
+    def keep(env):
+        made.append(env)
+        return env
+
+    yield keep
+    for env in made:
+        env.close()
+
+
+def made(kind, **options):
+    """Return an environment with four agents of the benchmark."""
+    if kind == "parallel":
+        return hiway_parallel_env(["double_merge"], 4, **options)
+    return RLlibHiWayEnv({"scenarios": ["double_merge"], "agent_specs": 4, **options})
+
+
+@pytest.mark.parametrize("kind", ["parallel", "rllib"])
+@pytest.mark.parametrize("in_observations", [False, True])
+def test_observations_and_masks_are_those_of_the_vector_environment(closing, kind, in_observations):
+    options = {"action_mask": True} if in_observations else {}
+    env = closing(made(kind, **options))
+    vector = closing(VectorHiWayEnv(1, ["double_merge"], 4))
+    observations, infos = env.reset(seed=SEED)
+    there: Any = vector.reset(SEED)
+    ended, masked = set(), 0
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        seen, masks = there.observations[0][""], there.masks[0]
+        if there.reset.any():
+            seen, masks = there.final.observations[0][""], there.final.masks[0]
+        for name, observation in observations.items():
+            place = vector.agents.index(name)
+            assert env.observation_spaces[name].contains(observation)
+            mask = infos[name]["action_mask"]
+            np.testing.assert_array_equal(mask, masks[0, place])
+            assert mask[env.action_spaces[name].sample(mask)]  # NumPy's type is the one that Gymnasium takes
+            masked += mask.sum() < 4
+            if in_observations:
+                np.testing.assert_array_equal(observation["action_mask"], mask)
+                observation = observation["observation"]
+            np.testing.assert_array_equal(observation, seen[0, place])
+        if there.reset.any():
+            break
+        actions = rng.integers(0, 4, 4)
+        chosen = {name: actions[vector.agents.index(name)] for name in observations}
+        observations, _, terminated, _, infos = env.step(chosen)
+        ended |= {name for name, is_over in terminated.items() if is_over and name != "__all__"}
+        there = vector.step([actions[None]])
+    assert ended
+    assert masked > 10
+
+
+def test_spaces(closing):
+    size = 3 * 65 + 1 + 4
+    env = closing(SingleHiWayEnv(["loop"]))
+    assert env.observation_space == Box(-1.0, 1.0, (size,), np.float32)
+    env = closing(SingleHiWayEnv(["loop"], action_mask=True))
+    assert env.observation_space == Dict(
+        {"observation": Box(-1.0, 1.0, (size,), np.float32), "action_mask": Box(0, 1, (4,), np.int8)}
+    )
+    env = closing(SingleHiWayEnv(["loop"], adapter_options={"image": True, "image_size": 8}))
+    assert isinstance(env.observation_space, Dict)
+    assert env.observation_space.spaces.keys() == {"observation", "image"}
+    steered = AgentInterface(action=ActionSpaceType.Continuous)
+    env = closing(SingleHiWayEnv(["loop"], steered, adapter="raw", action_mask=True))
+    assert "action_mask" not in env.observation_space.spaces
+    assert env.reset()[1] == {}
+    with pytest.raises(InterfaceError, match="action_mask"):
+        SingleHiWayEnv(["loop"], action_mask="yes")  # type: ignore[arg-type]
+
+
+def test_an_illegal_lane_change_is_keep_lane(closing):
+    """There is no lane to the right."""
+    changing, keeping = closing(SingleHiWayEnv(["loop"])), closing(SingleHiWayEnv(["loop"]))
+    _, info = changing.reset(seed=SEED)
+    keeping.reset(seed=SEED)
+    for _ in range(30):
+        illegal = int(np.flatnonzero(info["action_mask"] == 0)[-1])
+        assert illegal == RIGHT
+        *one, info = changing.step(illegal)
+        *other, _ = keeping.step(0)
+        np.testing.assert_array_equal(one[0], other[0])
+        assert one[1:] == other[1:]
+
+
+def test_who_has_which_adapters_of_its_own(closing):
+    """A mask is about the action space: an action adapter does away with it, the other adapters do not."""
+    specs = {
+        "sees": AgentSpec(
+            interface=PLAIN,
+            observation_adapter=lambda seen: np.zeros(1, np.float32),
+            observation_space=Box(0, 1, (1,), np.float32),
+            info_adapter=lambda seen, reward, info: {"mine": 1},
+        ),
+        "acts": AgentSpec(interface=PLAIN, action_adapter=lambda _: 0, action_space=Discrete(2)),
+        "says": AgentSpec(interface=PLAIN, info_adapter=lambda seen, reward, info: None),
+    }
+    env = closing(hiway_parallel_env(["intersection"], specs))
+    _, infos = env.reset(seed=SEED)
+    assert {name: [*info] for name, info in infos.items()} == {
+        "sees": ["action_mask"],
+        "acts": [],
+        "says": ["action_mask"],
+    }
+    *_, infos = env.step(dict.fromkeys(specs, 0))
+    assert infos["sees"].keys() == {"mine", "action_mask"}
+    assert "action_mask" not in infos["acts"]
+    assert infos["says"] is None
+
+
+@pytest.mark.parametrize("options", [{}, {"action_mask": True}])
+def test_our_algorithms_get_the_same_from_either(closing, options):
+    env = closing(JointVector(lambda b: made("rllib", **options), 1))
+    vector = closing(VectorHiWayEnv(1, ["double_merge"], 4))
+    (block,), (expected,) = env.spaces.blocks, vector.spaces.blocks
+    assert block.masked
+    assert (block.observation, block.action) == (expected.observation, expected.action)
+    step = env.reset(0, np.array([0]))
+    assert 0 < step.masks[0].sum() < step.masks[0].size

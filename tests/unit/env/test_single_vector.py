@@ -1,0 +1,150 @@
+"""Gymnasium's `VectorEnv` for one agent, against Gymnasium's own of single environments."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+
+from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
+from smarts.agents.options import InterfaceError
+from smarts.env import SingleHiWayVectorEnv
+from smarts.errors import ActionError, SmartsError
+
+ID = "smarts.env:hiway-single-v0"
+SHORT = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=40)
+STEERED = AgentInterface(action=ActionSpaceType.Continuous, max_episode_steps=40)
+KINDS = {
+    "benchmark": {},
+    "mask": {"action_mask": True},
+    "pictures": {"adapter_options": {"image": True, "image_size": 8}},
+    "raw": {"agent": STEERED, "adapter": "raw"},
+}
+
+
+def assert_equal(given: Any, expected: Any) -> None:
+    if isinstance(expected, dict):
+        assert given.keys() == expected.keys()
+        for name, part in expected.items():
+            assert_equal(given[name], part)
+    else:
+        np.testing.assert_array_equal(given, expected)
+
+
+def row(observations: Any, number: int) -> Any:
+    if isinstance(observations, dict):
+        return {name: row(part, number) for name, part in observations.items()}
+    return observations[number]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_first_simulation_is_what_gymnasium_makes_of_a_single_one(kind):
+    options: dict[str, Any] = {"agent": SHORT, "scenarios": ["two_way", "intersection"], **KINDS[kind]}
+    same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    env: Any = gym.make_vec(ID, num_envs=2, **options)
+    other: Any = gym.make_vec(ID, num_envs=1, vectorization_mode="sync", vector_kwargs=same_step, **options)
+    try:
+        assert env.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
+        assert env.single_observation_space == other.single_observation_space
+        assert env.single_action_space == other.single_action_space
+        assert env.observation_space == batch_space(env.single_observation_space, 2)
+        assert env.action_space == batch_space(env.single_action_space, 2)
+        env.action_space.seed(1)
+        ended = []
+        for seed in (3, None):
+            (seen, infos), (expected, _) = env.reset(seed=seed), other.reset(seed=seed)
+            for _ in range(20):
+                assert env.observation_space.contains(seen)
+                assert_equal(row(seen, 0), row(expected, 0))
+                actions = env.action_space.sample()
+                seen, rewards, *dones, infos = env.step(actions)
+                expected, others, *ends, facts = other.step(actions[:1])
+                assert rewards[0] == others[0]
+                assert [done[0] for done in dones] == [end[0] for end in ends]
+                assert infos.get("action_mask", [None])[0] == pytest.approx(
+                    facts.get("action_mask", [None])[0]
+                )
+                over = dones[0] | dones[1]
+                assert ("final_obs" in infos) == over.any()
+                if over.any():
+                    np.testing.assert_array_equal(infos["_final_obs"], over)
+                    np.testing.assert_array_equal(infos["_final_info"], over)
+                    np.testing.assert_array_equal(infos["final_info"]["_outcome"], over)
+                    assert [each is not None for each in infos["final_obs"]] == over.tolist()
+                if over[0]:
+                    ended.append(infos["final_info"]["outcome"][0])
+                    assert_equal(infos["final_obs"][0], facts["final_obs"][0])
+                    assert ended[-1] == facts["final_info"]["outcome"][0]
+        assert len(ended) >= 4
+        assert "time_out" in ended
+    finally:
+        env.close()
+        other.close()
+
+
+def test_simulations_differ_and_seeds_repeat():
+    env = SingleHiWayVectorEnv(2, ["intersection"], seed=7)
+    try:
+        first, _ = env.reset()
+        second, _ = env.reset()
+        again, _ = env.reset(seed=7)
+        assert_equal(again, first)
+        assert (first != second).any(axis=1).all()
+        assert (first[0] != first[1]).any()
+    finally:
+        env.close()
+
+
+def test_statistics_of_gymnasium():
+    env = RecordEpisodeStatistics(SingleHiWayVectorEnv(2, ["loop"], SHORT))
+    try:
+        env.reset(seed=1)
+        total, lengths = np.zeros(2), []
+        for _ in range(8):
+            _, rewards, _, truncated, infos = env.step(np.zeros(2, int))
+            total += rewards
+            if truncated.any():
+                lengths += infos["episode"]["l"].tolist()
+                np.testing.assert_allclose(infos["episode"]["r"], total, rtol=1e-6)
+        assert lengths == [8, 8]
+    finally:
+        env.close()
+
+
+def test_arrays_stay_as_they_were_returned():
+    env = SingleHiWayVectorEnv(2, ["loop"], action_mask=True)
+    try:
+        kept: Any = env.reset(seed=1)
+        before = repr(kept)
+        env.step(np.zeros(2, int))
+        assert repr(kept) == before
+    finally:
+        env.close()
+
+
+def test_what_is_refused():
+    with pytest.raises(InterfaceError, match="action_mask"):
+        SingleHiWayVectorEnv(1, ["loop"], action_mask=1)  # type: ignore[arg-type]
+    adapted = AgentSpec(interface=SHORT, reward_adapter=lambda seen, reward: reward)
+    with pytest.raises(InterfaceError, match="reward"):
+        SingleHiWayVectorEnv(1, ["loop"], adapted)
+    env = SingleHiWayVectorEnv(2, ["loop"])
+    with pytest.raises(SmartsError, match="no episode"):
+        env.step(np.zeros(2, int))
+    with pytest.raises(SmartsError, match=r"\[1, 2\]"):
+        env.reset(seed=[1, 2])  # type: ignore[arg-type]
+    with pytest.raises(SmartsError, match="reset_mask"):
+        env.reset(options={"reset_mask": np.array([True, False])})
+    env.reset()
+    for wrong in (0, [0, 0, 0], [[0], [0]], {}, [0, [1, 2]]):
+        with pytest.raises(ActionError, match=r"\(2,\)"):
+            env.step(wrong)  # type: ignore[arg-type]
+    with pytest.raises(ActionError, match="simulation 1"):
+        env.step([0, 4])
+    env.close()
+    env.close()
+    with pytest.raises(SmartsError, match="closed"):
+        env.step([0, 0])
