@@ -25,6 +25,7 @@ from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.sstudio.sumo_writer import sumo_traffic
 from smarts.sstudio.validation import validate
 from smarts.types.streams import Purpose, stream
+from smarts.types.traffic import TRAFFIC_ENGINES
 
 
 def write_artefacts(
@@ -51,7 +52,7 @@ def write_artefacts(
     (folder / "traffic").mkdir()
     traffic, notes = {}, _notes(description)
     for name, described in (scenario.traffic or {}).items():
-        if described.engine == "SUMO":
+        if described.engine in TRAFFIC_ENGINES:
             traffic[name], more = _write_traffic(folder, name, described, roads, seed)
             notes += more
     _write_json(folder / SCENARIO, encode(replace(scenario, held_out=None)))

@@ -5,14 +5,19 @@ import dataclasses
 import numpy as np
 import pytest
 
+from smarts.agents import AgentInterface
+from smarts.errors import UnknownNameError
 from smarts.providers.traffic_engines import EnginesByEpisode, traffic_of
+from smarts.sim.assembly import Options, assemble
 from smarts.sstudio.build import build_scenario
+from smarts.types.actions import ActionSpaceType
 from smarts.types.episode import EpisodeStart
 from smarts.types.streams import traffic_seed
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
+from tests.unit.sstudio.sources import scenario, write_cross
 
 SCENARIO, TRAFFIC = "intersection", "random_social_vehicles"
 LIMIT, CAPACITY = 40, 48
@@ -296,6 +301,45 @@ def test_two_engines_share_a_simulation(case, second):
         assert np.min(counts) > 0
     finally:
         other.close()
+
+
+@pytest.fixture(scope="module")
+def of_both(tmp_path_factory):
+    """Return a scenario with two traffics, each for an engine of its own."""
+    folder = write_cross(tmp_path_factory.mktemp("scenarios") / "both")
+    traffic = ", ".join(
+        f'"{name}": t.Traffic(flows=[flow(rate=1800)], engine="{name}", warm_up=20)'
+        for name in TRAFFIC_ENGINES
+    )
+    folder.joinpath("scenario.py").write_text(
+        scenario(f"traffic={{{traffic}}}, ego_missions=[t.Mission(south_north)]")
+    )
+    return build_scenario(folder)
+
+
+@pytest.mark.parametrize("wanted", [None, *TRAFFIC_ENGINES])
+def test_the_scenario_chooses_and_the_options_overrule(of_both, wanted):
+    options = Options(traffic_engine=wanted)
+    parts = assemble([of_both], [AgentInterface(action=ActionSpaceType.Lane)], worlds=4, options=options)
+    try:
+        starts = {row: parts.schedule.start(0, episode=row) for row in range(4)}
+        assert all(start.engine == (wanted or start.traffic_name) for start in starts.values())
+        assert {start.engine for start in starts.values()} == ({wanted} if wanted else {*TRAFFIC_ENGINES})
+        parts.simulation.reset(starts)
+        for _ in range(20):
+            frame = parts.simulation.step(parts.actions, np.ones(4, bool), np.ones((4, 1), bool))
+            assert not frame.failures
+        vehicles = frame.world.vehicles
+        assert (vehicles.alive & (vehicles.owner == Owner.TRAFFIC)).any(axis=1).all()
+    finally:
+        parts.simulation.close()
+
+
+def test_an_unknown_engine_is_refused_with_the_names_that_are_near(of_both):
+    with pytest.raises(UnknownNameError) as refused:
+        assemble([of_both], [AgentInterface()], options=Options(traffic_engine="SUM"))
+    assert "'SUM'" in str(refused.value)
+    assert "SUMO" in refused.value.remedy
 
 
 def test_each_episode_is_driven_by_the_engine_that_it_names(built):

@@ -459,6 +459,16 @@ def test_clearing_a_place_in_mid_episode(world, country):
     assert sorted(world.names()) == ["ego", "s1", "s2"]
 
 
+def test_nobody_departs_onto_a_vehicle_that_enters_in_the_same_step(world, country):
+    late = '<vehicle id="{}" depart="5" departPos="{}" departSpeed="0"><route edges="ab"/></vehicle>'
+    world.reset(country.road(late.format("near", 200) + late.format("far", 400)))
+    world.step(50)
+    assert not world.names()
+    world.admit(197.5, RIGHT, 0.0, 0.0)
+    world.step()
+    assert sorted(world.names()) == ["ego", "far"]
+
+
 def test_many_egos_among_busy_traffic_never_upset_sumo(world, country):
     """Egos that drive through everything, at any angle, on and off the road."""
     world.reset(country.cross())
