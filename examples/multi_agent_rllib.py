@@ -1,10 +1,9 @@
-"""RLlib's own PPO on the intersection, four agents with one policy; then the same by our PPO."""
+"""RLlib's own PPO on the intersection, by two remote runners, four agents with one policy; then our PPO."""
 
 from typing import Any
 
 import ray
 from ray.rllib.algorithms.ppo import PPOConfig
-from ray.rllib.connectors.env_to_module import FlattenObservations
 from ray.tune import register_env
 
 import algorithms
@@ -13,20 +12,12 @@ from smarts.env import RLlibHiWayEnv, VectorHiWayEnv
 ENV_CONFIG = {"scenarios": ["intersection"], "agent_specs": 4, "seed": 42, "headless": True}
 
 
-def flattened(env: Any, spaces: Any = None, device: Any = None) -> Any:
-    """Return what makes vectors of observations: RLlib's stock networks take no dicts."""
-    return FlattenObservations(multi_agent=True)
-
-
 def stock(batch: int = 400) -> dict[str, Any]:
     """Train RLlib's PPO for an iteration; return its results."""
     config = (
         PPOConfig()
         .environment(RLlibHiWayEnv, env_config=ENV_CONFIG)
-        .env_runners(
-            num_env_runners=0,
-            env_to_module_connector=flattened,
-        )
+        .env_runners(num_env_runners=2)
         .multi_agent(policies={"shared"}, policy_mapping_fn=lambda agent, episode, **_: "shared")
         .training(train_batch_size=batch, minibatch_size=batch // 4, num_epochs=2)
     )

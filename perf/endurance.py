@@ -5,7 +5,7 @@
 Trains an algorithm of each family at the intersection through `smarts-bench run`, beyond `--steps`
 agent-steps. Then its driver gets SIGKILL, the same command gets SIGTERM, the next one loses its environment
 runner, and trains on to the end of the budget. Prints the agent-steps at each interruption, and those that
-training continued from. `pbt` is a population-based search, in which a trial has to take over the other's policy.
+training continued from. `pbt` is a population-based search: one trial has to take over the other's policy.
 Exits with 1 if any training lost more than what was made since its checkpoint, or did not end.
 """
 
@@ -40,6 +40,8 @@ ROW = "{:<16} {:>17} {:>17} {:>17} {:>10} {:>7}  {}"
 LOST = "ray::JointEnvRunner"
 VALIDATIONS = 5
 """Of which each saves a checkpoint."""
+UPDATE = 64 * 8 * 4 * 5
+"""Most agent-steps of one update: PPO's fragment, simulations, agents, simulation steps of a decision."""
 
 
 @dataclass
@@ -117,13 +119,11 @@ def endure(name: str, steps: int, root: Path) -> tuple[str, bool]:
     after = training.steps()
     code = training.process.wait(PATIENCE)
     facts = json.loads((training.run / "run.json").read_text())
-    end, ending = (
-        training.steps(),
-        f"{facts['status']}, budget used: {facts.get('ended_by')}, exit code {code}",
-    )
-    is_well = killed[0] - killed[1] <= 1.5 * steps / VALIDATIONS and stopped[0] == stopped[1] and code == 0
+    is_kept = killed[0] - killed[1] <= 1.5 * steps / VALIDATIONS + UPDATE and stopped[0] == stopped[1]
     cells = [f"{one:,} > {two:,}" for one, two in (killed, stopped, (before, after))]
-    return ROW.format(name, *cells, f"{end:,}", len(facts["continued"]), ending), is_well
+    ending = f"{facts['status']}, budget used: {facts.get('ended_by')}, exit code {code}"
+    row = ROW.format(name, *cells, f"{training.steps():,}", len(facts["continued"]), ending)
+    return row, is_kept and code == 0
 
 
 def exploit(name: str, steps: int, root: Path) -> tuple[str, bool]:

@@ -12,8 +12,8 @@ Stored is at most, from the vehicle's state:
 
 - in a tyre's bristle, whose force grows with its deflection e as k e and never beyond the tyre's largest
   force F: k e^2 / 2 up to e = F / k, then F (e - F / (2 k));
-- in Bullet, in the suspension: a wheel's spring and the axle's roll stiffness; and in the height of the
-  centre of gravity. Both are counted from where the vehicle rests;
+- in Bullet, in the suspension: a wheel's spring and the axle's roll stiffness; in the shell of a vehicle that
+  has tipped over; and in the height of the centre of gravity. All are counted from where the vehicle rests;
 - in Bullet, in the spin of its wheels.
 
 Ends with exit code 1 if a vehicle gained energy.
@@ -22,6 +22,7 @@ Ends with exit code 1 if a vehicle gained energy.
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.dynamics import FLAT_TYRE, MODELS, TYRE_MODELS, Fleet
+from smarts.dynamics.chassis import SHELL_SINK
 from smarts.dynamics.layout import GRAVITY
 from smarts.types.streams import Purpose, stream
 
@@ -83,7 +85,7 @@ def stored_energy(fleet: Fleet, model: str) -> Floats:
     if model == "dynamic":
         return bristle_energy(fleet)
     spinning = 0.5 * (fleet._cars["wheel_inertia"] * fleet._states["spin"] ** 2).sum(1)
-    return bristle_energy(fleet) + suspension_energy(fleet) + spinning
+    return bristle_energy(fleet) + suspension_energy(fleet) + shell_energy(fleet) + spinning
 
 
 def bristle_energy(fleet: Fleet) -> Floats:
@@ -123,6 +125,18 @@ def suspension_energy(fleet: Fleet) -> Floats:
         difference = compression[:, left] - compression[:, left + 1]
         energy += 0.5 * cars["roll_spring"][:, left] * difference**2
     return energy + cars["mass"] * GRAVITY * (bodies[:, 2] - cars["cog_height"])
+
+
+def shell_energy(fleet: Fleet) -> Floats:
+    """Return what the shell's corners hold of a vehicle that has tipped over [J], shape (E,)."""
+    cars, bodies = fleet._cars, fleet._bodies
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    corners = signs * cars["half_size"][:, None, :]
+    corners[:, :, 0] -= cars["centre_to_cog"][:, None]
+    corners[:, :, 2] += cars["box_height"][:, None]
+    height = bodies[:, 2, None] + np.einsum("eck,ek->ec", corners, _axes(bodies)[:, :, 2])
+    stiffness = cars["mass"] * GRAVITY / (4.0 * SHELL_SINK)
+    return 0.5 * stiffness * (np.minimum(height, 0.0) ** 2).sum(1)
 
 
 def _axes(bodies: Floats) -> Floats:

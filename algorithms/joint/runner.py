@@ -93,7 +93,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         """Create the copies, unless this is the local runner beside remote ones."""
         if self._has_env():
             self.env: VectorJointEnv | None = self._new_env()
-            self.spec = JointSpec.build(self.env.spaces, self.config.sharing, self.config.carried)
+            self.spec = self._spec_of(self.env)
         else:
             self.spec = self._given_spaces[SPEC][0]  # type: ignore[index]
 
@@ -288,17 +288,21 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         )
 
     def _evaluation_env(self, given: VectorJointEnv | None) -> VectorJointEnv:
-        """Return the environment given if it fits, by default one that is kept for evaluation."""
+        """Return the environment given, as the agents see it, by default one that is kept for evaluation."""
         if given is None:
             self._own_evaluation_env = self._own_evaluation_env or self._new_env()
             return self._own_evaluation_env
-        if given.spaces != self.spec.spaces:
+        env = self.config.adapt(given)
+        if self._spec_of(env).spaces != self.spec.spaces:
             raise SpaceError(
                 f"the environment has {given.spaces}, the policies were made for {self.spec.spaces}",
                 place=type(given).__name__,
                 remedy="evaluate with the agents, adapter and options of the training",
             )
-        return given
+        return env
+
+    def _spec_of(self, env: VectorJointEnv) -> JointSpec:
+        return JointSpec.build(env.spaces, self.config.sharing, self.config.carried)
 
     def _sample_fragment(self, steps: int) -> JointRollout:
         sampler = self._training_sampler()

@@ -48,6 +48,8 @@ class Interruptible(TyperGroup):
             signal.signal(signal.SIGINT, interrupt)
         try:
             return super().invoke(ctx)
+        except typer.Exit:  # a RuntimeError of a command that has said all that there is to say
+            raise
         except BaseException as error:
             # While kernels are compiled, Ctrl-C is lost in LLVM, and comes out as that there is no kernel.
             if isinstance(error, KeyboardInterrupt) or (is_interrupted and isinstance(error, RuntimeError)):

@@ -36,6 +36,7 @@ def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv
         told_apart,
     )
     from benchmark.report.ranking import RANKED_BY
+    from benchmark.report.values import csv_number
     from benchmark.results.files import write_whole
 
     first, second = told_apart(read_side(a), read_side(b))
@@ -51,7 +52,7 @@ def compare(a: Side, b: Side, metric: Metrics = None, mode: Mode = "greedy", csv
     for line in scenarios_apart(first, second):
         typer.echo(f"note: {line}", err=True)
     if csv is not None:
-        text = found.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+        text = found.to_csv(index=False, float_format=csv_number, lineterminator="\n")
         write_whole(csv, lambda file: file.write_text(text, encoding="utf-8"))
     typer.echo(_shown(found))
     for note in dict.fromkeys(filter(None, found["note"])):
@@ -86,8 +87,8 @@ def _line(row: dict[Any, Any]) -> list[str]:
     known = row["low"] == row["low"]
     return [
         *(str(row[name]) for name in ("first", "second", "task", "task_traffic", "metric")),
-        f"{row['value']:+.3f}" if row["value"] == row["value"] else "n/a",
-        f"[{row['low']:+.3f}, {row['high']:+.3f}]" if known else "no interval",
+        f"{row['value']:+z.3f}" if row["value"] == row["value"] else "n/a",
+        f"[{row['low']:+z.3f}, {row['high']:+z.3f}]" if known else "no interval",
         str(row["pairs"]),
         f"{row['first_seeds']} / {row['second_seeds']}",
         *(f"{row[name]:.3f}" if is_compared else "" for name in ("p_value", "corrected")),

@@ -68,8 +68,8 @@ def _show(table: pd.DataFrame) -> None:
         rows = group.to_dict("records")
         typer.echo(f"{name}: {rows[0]['n']} agent-episodes")
         for row in rows:
-            interval = f"[{row['low']:.3f}, {row['high']:.3f}]" if row["low"] == row["low"] else ""
-            value = f"{row['value']:.3f}" if row["value"] == row["value"] else "n/a"
+            interval = f"[{row['low']:z.3f}, {row['high']:z.3f}]" if row["low"] == row["low"] else ""
+            value = f"{row['value']:z.3f}" if row["value"] == row["value"] else "n/a"
             typer.echo(f"  {row['metric']:<24} {value:>8}  {interval:<18} {row['note']}".rstrip())
 
 

@@ -1,10 +1,16 @@
 """The paper's programmatic interface: `Metric` counts while a simulation runs.
 
     metric = Metric(num_episodes=10)
-    for episode in range(10):
-        ...
-        metric.log_step(observations, actions, rewards, dones, infos, episode=episode)
+    for _ in range(10):
+        episode = Episode()
+        while ...:
+            ...
+            metric.log_step(observations, actions, rewards, dones, infos, episode=episode)
     metric.compute()
+
+An episode is an `Episode` object, which takes each step in, or the number or name of one; `Metric` then makes
+the object. Agents that still drive when nothing more is logged have timed out: the caller's loop was their
+time limit, and the outcomes add up to 1.
 
 It knows what agents are told: how they ended, their rewards, the way to the goal, their actions. So it has
 collision and completion rate, the outcome shares, safety (its first term), control diversity (of lane
@@ -16,18 +22,18 @@ and decisions per second. The others need the paths of other vehicles: record th
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from benchmark.metrics.control_diversity import LEAST_COMMANDS, split_entropy
 from benchmark.metrics.registry import METRICS
-from smarts.errors import SmartsError
+from smarts.errors import SmartsError, shown
 from smarts.types.actions import LaneAction
 from smarts.types.events import Outcome
 
-ALL = "__all__"
+TIME_OUT = Outcome.TIME_OUT.name.lower()
 
 MEASURED = (
     "collision_rate",
@@ -47,6 +53,9 @@ MEASURED = (
     "decision_rate",
 )
 """Metrics that observations, rewards and infos suffice for."""
+
+UNFINISHED = "unfinished"
+"""Share of agents that still drove when logging stopped; they are among those that timed out."""
 
 
 @dataclass
@@ -72,7 +81,7 @@ class EpisodeLog:
 
 @dataclass
 class Episode(EpisodeLog):
-    """An episode that is being played; inherit to keep more of it."""
+    """An episode that is being played; inherit to keep more of it. It records what `log_step` is given."""
 
     def record_step(self, **step: Any) -> None:
         """Take in one decision.
@@ -114,7 +123,7 @@ class Metric:
     def __init__(self, num_episodes: int = 1) -> None:
         self.num_episodes = num_episodes
         self.episodes: dict[Hashable, Any] = {}
-        """An object of the class `episode` for each."""
+        """The objects that record, by name; those that the caller made by their places in memory."""
 
     def log_step(
         self,
@@ -123,7 +132,7 @@ class Metric:
         rewards: Mapping[str, float] | None = None,
         dones: Mapping[str, bool] | None = None,
         infos: Mapping[str, Mapping[str, Any]] | None = None,
-        episode: Hashable = 0,
+        episode: EpisodeLog | Hashable = 0,
     ) -> None:
         """Take in one decision of all agents.
 
@@ -131,22 +140,15 @@ class Metric:
             observations: After it, by agent.
             actions: That led to it; None if they are not at hand.
             rewards: For it.
-            dones: Whose episode has ended: terminated or truncated.
+            dones: Whose episode has ended: terminated or truncated. `terminateds` alone will do where infos
+                say the outcome, as those of all environments of `smarts.env` do.
             infos: `HiWayEnv`'s, with outcome and observation object.
-            episode: Number or other name of the episode.
+            episode: An `Episode`, or the number or name of one.
 
         Raises:
-            SmartsError: There are more episodes than were announced.
+            SmartsError: There are more episodes than were announced, or this is none.
         """
-        if episode not in self.episodes:
-            if len(self.episodes) >= self.num_episodes:
-                raise SmartsError(
-                    f"episode {episode!r} is one more than the {self.num_episodes} announced",
-                    place="Metric.log_step",
-                    remedy="give Metric a larger num_episodes, or log all steps of an episode under one name",
-                )
-            self.episodes[episode] = self.episode()
-        self.episodes[episode].record_step(
+        self._episode(episode).record_step(
             observations=observations,
             actions=actions,
             rewards=rewards or {},
@@ -173,14 +175,36 @@ class Metric:
         }
 
     def compute(self) -> dict[str, float]:
-        """Return each metric over all agents that have ended, NaN where there is nothing to measure."""
-        logs = [log for episode in self.episodes.values() for log in episode.agents.values() if log.outcome]
-        rows = [self.columns(log) for log in logs]
+        """Return each metric and `UNFINISHED`, NaN where there is nothing to measure.
+
+        May be called while episodes are played: agents that still drive count as timed out, for now.
+        """
+        logs = [log for episode in self.episodes.values() for log in episode.agents.values()]
+        rows = [self.columns(log if log.outcome else replace(log, outcome=TIME_OUT)) for log in logs]
         names = {name for row in rows for name in row}
         totals = {name: np.array(sum(row[name] for row in rows)) for name in names}
         if not rows:
-            return dict.fromkeys(MEASURED, float("nan"))
-        return {name: float(METRICS[name].value(totals)) for name in MEASURED}
+            return dict.fromkeys((*MEASURED, UNFINISHED), float("nan"))
+        found = {name: float(METRICS[name].value(totals)) for name in MEASURED}
+        return found | {UNFINISHED: sum(not log.outcome for log in logs) / len(logs)}
+
+    def _episode(self, given: Any) -> Any:
+        """Return what records an episode."""
+        is_log = isinstance(given, EpisodeLog)
+        if not (hasattr(given, "record_step") if is_log else isinstance(given, Hashable)):
+            raise _refusal(given, "is no episode", "give an Episode(), or the number or name of one")
+        # Dataclasses compare by content, so that they have no hash; those that inherit may be one again.
+        name = (EpisodeLog, id(given)) if is_log else given
+        if name not in self.episodes:
+            if len(self.episodes) >= self.num_episodes:
+                problem = f"is one more than the {self.num_episodes} announced"
+                raise _refusal(given, problem, "give Metric a larger num_episodes, or log all steps as one")
+            self.episodes[name] = given if is_log else self.episode()
+        return self.episodes[name]
+
+
+def _refusal(episode: Any, problem: str, remedy: str) -> SmartsError:
+    return SmartsError(f"episode {shown(episode, 100)} {problem}", place="Metric.log_step", remedy=remedy)
 
 
 def _outcome_of(seen: Any) -> str:

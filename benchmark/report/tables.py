@@ -102,7 +102,7 @@ def _entry(
     if found is None:
         return None
     numbers = [notes.setdefault(note, len(notes) + 1) for note in found.note.split("; ") if note]
-    sort = f"{found.value:.6g}" if found.is_known else ""
+    sort = f"{found.value:z.6g}" if found.is_known else ""
     return Entry(found.text, found.interval, found.count_text, sort, tuple(numbers))
 
 
@@ -147,8 +147,8 @@ def _differences(report: Report) -> Iterator[list[str]]:
             METRICS[row["metric"]].label,
             algorithm_label(row["first"]),
             algorithm_label(row["second"]),
-            f"{row['value']:+.2f}" if math.isfinite(row["value"]) else "n/a",
-            f"[{row['low']:+.2f}, {row['high']:+.2f}]" if is_known else "",
+            f"{row['value']:+z.2f}" if math.isfinite(row["value"]) else "n/a",
+            f"[{row['low']:+z.2f}, {row['high']:+z.2f}]" if is_known else "",
             *(f"{row[name]:.3f}" if math.isfinite(row[name]) else "" for name in ("p_value", "corrected")),
             str(row["pairs"]),
             algorithm_label(row["wins"]) if row["wins"] else "",

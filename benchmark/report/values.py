@@ -76,12 +76,12 @@ class Value:
     @property
     def text(self) -> str:
         """The value as it is shown everywhere."""
-        return f"{self.value:.{self.digits}f}" if self.is_known else "n/a"
+        return f"{self.value:z.{self.digits}f}" if self.is_known else "n/a"
 
     @property
     def interval(self) -> str:
         """The interval as it is shown everywhere, empty without one."""
-        return f"[{self.low:.{self.digits}f}, {self.high:.{self.digits}f}]" if self.has_interval else ""
+        return f"[{self.low:z.{self.digits}f}, {self.high:z.{self.digits}f}]" if self.has_interval else ""
 
 
 Key = tuple[str, str, str, str, str]
@@ -113,6 +113,11 @@ def measure_cells(table: Frame, metrics: Sequence[str] = ()) -> Frame:
         kind="stable",
     )
     return answer[[*COLUMNS]].reset_index(drop=True)
+
+
+def csv_number(number: float) -> str:
+    """Return a number as CSV files have it: six figures, and no negative zero."""
+    return f"{number:z.6g}"
 
 
 def _present(table: Frame) -> list[str]:

@@ -13,6 +13,7 @@ from benchmark.report.figures import KINDS, draw_all
 from benchmark.report.html import report_page
 from benchmark.report.latex import main_table
 from benchmark.report.markdown import report_text
+from benchmark.report.values import csv_number
 from benchmark.results.files import ResultsError, replace_folder
 from benchmark.results.reading import read_results
 
@@ -63,8 +64,10 @@ def report_files(report: Report) -> dict[str, bytes]:
 
 def values_csv(values: Frame) -> str:
     """Return a row for each algorithm, cell, mode and metric; n/a is empty, and its note says why."""
-    terms = ["; ".join(f"{name}={value:.6g}" for name, value in each.items()) for each in values["terms"]]
-    return values.assign(terms=terms).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    terms = [
+        "; ".join(f"{name}={csv_number(value)}" for name, value in each.items()) for each in values["terms"]
+    ]
+    return values.assign(terms=terms).to_csv(index=False, float_format=csv_number, lineterminator="\n")
 
 
 def differences_csv(report: Report) -> str:
@@ -76,7 +79,9 @@ def differences_csv(report: Report) -> str:
         named = found.drop(columns="wins").assign(better=better).rename(columns={"pairs": "starts"})
         named.insert(0, "mode", mode)
         parts.append(named)
-    return pd.concat(parts, ignore_index=True).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    return pd.concat(parts, ignore_index=True).to_csv(
+        index=False, float_format=csv_number, lineterminator="\n"
+    )
 
 
 def _check_free(folder: Path) -> None:

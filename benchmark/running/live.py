@@ -114,7 +114,7 @@ def _cells(state: JobState) -> list[str]:
         f"{progress.agent_steps_per_second:,.0f}",
         # Nothing before the first episode has ended.
         *(
-            f"{value:.2f}" if math.isfinite(value) else ""
+            f"{value:z.2f}" if math.isfinite(value) else ""
             for value in (progress.returns, progress.completion, progress.collision)
         ),
         f"{left / 60:.1f} min" if math.isfinite(left) else "",

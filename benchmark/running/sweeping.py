@@ -25,8 +25,8 @@ from ray.tune.search.basic_variant import BasicVariantGenerator
 from benchmark.experiment.algorithm_settings import defaults_of
 from benchmark.experiment.checks import DRAWS
 from benchmark.experiment.config import Experiment, Tune
-from benchmark.experiment.runs import Run, runs_of
-from benchmark.results.files import ResultsError, locked, read_json, write_json, write_whole
+from benchmark.experiment.runs import Run, completed, runs_of
+from benchmark.results.files import ResultsError, locked, read_mapping, write_json, write_whole
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
@@ -97,15 +97,21 @@ def _stoppable() -> Iterator[Event]:
 
 def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
     """See that the folder's search is this one: Tune would go on with its own settings without a word."""
-    content = json.loads(json.dumps({"run": run.content(), "tune": section.model_dump(mode="json")}))
+    content = {"run": run.content(), "tune": section.model_dump(mode="json")}
     if not file.exists():
         write_json(file, content)
-    elif read_json(file) != content:
+    elif _completed(read_mapping(file)) != _completed(content):
         raise ResultsError(
             "here is a search with another config",
             place=str(file),
             remedy="give the experiment another name or --out, or remove the folder to begin anew",
         )
+
+
+def _completed(content: Mapping[str, Any]) -> Any:
+    """Return the content of search.json with the defaults of keys that an earlier version lacked."""
+    kept = json.loads(json.dumps(content))
+    return {name: completed(part) if name == "run" else part for name, part in kept.items()}
 
 
 def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tune.Tuner:

@@ -1,12 +1,24 @@
 """Searches: what the section `tune` of a file becomes, and what is refused before anything starts."""
 
+import json
+
 import pytest
 from ray import tune
 from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.sample import Float, Integer
 
 from benchmark.experiment.config import Tune, read_experiment
-from benchmark.running.sweeping import SweepError, scheduler_of, space_of, sweep, the_run, within_bounds
+from benchmark.experiment.runs import runs_of
+from benchmark.results.files import ResultsError
+from benchmark.running.sweeping import (
+    SweepError,
+    _keep_to_one_search,
+    scheduler_of,
+    space_of,
+    sweep,
+    the_run,
+    within_bounds,
+)
 from smarts.errors import SmartsError
 
 ONE = "algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
@@ -20,6 +32,22 @@ def experiment(tmp_path):
         return read_experiment(file, overrides)
 
     return read
+
+
+def test_a_search_of_an_earlier_version_is_gone_on_with(experiment, tmp_path):
+    """Its file lacks keys that have got defaults since."""
+    file, section = tmp_path / "search.json", Tune(parameters={"lr": [0.1, 0.2]})
+    (run,) = runs_of(experiment())
+    _keep_to_one_search(file, run, section)
+    kept = json.loads(file.read_text())
+    del kept["run"]["environment"]["decision_interval"]
+    file.write_text(json.dumps(kept))
+    _keep_to_one_search(file, run, section)
+    (other,) = runs_of(experiment("environment.decision_interval=3"))
+    for changed in ((other, section), (run, Tune(parameters={"lr": [0.1, 0.3]}))):
+        with pytest.raises(ResultsError) as caught:
+            _keep_to_one_search(file, *changed)
+        assert caught.value.place == str(file)
 
 
 def test_lists_are_grids_and_draws_keep_their_bounds():

@@ -40,6 +40,19 @@ def test_ctrl_c_is_one_line_and_130(work):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def handled():
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        print("saved")
+        raise typer.Exit(130) from None
+
+
+def test_a_command_that_has_taken_ctrl_c_itself_has_the_last_word():
+    ended = CliRunner().invoke(commands_of(handled), ["work"])
+    assert (ended.exit_code, ended.stderr, ended.stdout) == (130, "", "saved\n")
+
+
 def test_an_error_without_ctrl_c_is_an_error():
     def fail():
         raise RuntimeError("no memory")

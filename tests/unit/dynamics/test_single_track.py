@@ -6,6 +6,7 @@ import pytest
 from smarts.dynamics import Fleet, vehicle
 from smarts.dynamics.layout import GRAVITY, pack
 from smarts.types.streams import Purpose, stream
+from tests.unit.dynamics.by_hand import TYPES
 
 
 @pytest.mark.parametrize("model", ["dynamic", "kinematic"])
@@ -23,9 +24,6 @@ def test_stands_still_under_the_brake(rig, model):
     car.drive(10.0, brake=1.0)
     assert np.linalg.norm(car.position - before) < 1e-3
     assert car.speed == pytest.approx(0.0, abs=1e-9)
-
-
-TYPES = ("passenger", "bus", "coach", "truck", "motorcycle")
 
 
 @pytest.mark.parametrize("name", TYPES)

@@ -1,69 +1,16 @@
-"""The simulator rows of the project's yardsticks, and cases that a page of paper settles."""
+"""The simulator rows of the project's yardsticks, and cases that a page of paper settles.
+
+Stopping distances have a file of their own, `test_stopping.py`.
+"""
 
 import math
 
 import numpy as np
 import pytest
 
-from smarts.dynamics import FLAT_TYRE, TYRE_MODELS, Fleet, vehicle
+from smarts.dynamics import FLAT_TYRE, Fleet, vehicle
 from smarts.dynamics.layout import GRAVITY
-
-TYPES = ("passenger", "bus", "coach", "truck", "motorcycle")
-
-
-@pytest.mark.parametrize("tyres", TYRE_MODELS)
-@pytest.mark.parametrize("friction", [0.9, 0.4])
-def test_stopping_distance_with_abs(rig, friction, tyres):
-    """The passenger car; heavy vehicles miss the yardstick on a dry road, see below."""
-    distance = rig(speed=20.0, friction=friction, tyres=tyres).stop()
-    assert distance == pytest.approx(20.0**2 / (2.0 * friction * GRAVITY), rel=0.03)
-
-
-HEAVY = ("bus", "coach", "truck")
-
-
-@pytest.mark.parametrize("name", HEAVY)
-def test_heavy_vehicles_stop_as_a_slippery_road_allows(rig, name):
-    assert rig(name, speed=20.0, friction=0.4).stop() == pytest.approx(20.0**2 / (0.8 * GRAVITY), rel=0.03)
-
-
-@pytest.mark.parametrize("name", HEAVY)
-def test_heavy_vehicles_stop_as_their_front_brakes_allow_on_a_dry_road(rig, name):
-    """Misses the yardstick "within 3% of v^2 / (2 mu g) for mu = 0.9": their brakes are for a road of 0.8.
-
-    By hand: the front brakes give their torque and no more, the rear wheels what load is left to them:
-    m a = torque / radius + mu (static rear load - m a height / wheelbase), and rolling resistance and drag
-    (with the mean square of the speed over the distance, half of the first) help.
-    """
-    car = vehicle(name)
-    grip, height = 0.9, car.cog_height / car.wheelbase
-    front = 2.0 * car.front.brake_torque / car.tyre.radius
-    rear_share = car.cog_to_front_axle / car.wheelbase
-    helped = car.tyre.rolling_resistance * GRAVITY + 0.6 * car.drag_area * 0.5 * 20.0**2 / car.mass
-    braking = (front / car.mass + grip * GRAVITY * rear_share + helped) / (1.0 + grip * height)
-    front_load = car.mass * (GRAVITY * (1.0 - rear_share) + braking * height)
-    rear_load = car.mass * GRAVITY - front_load
-    assert front < grip * front_load, "the front brakes are the limit"
-    assert 2.0 * car.rear.brake_torque / car.tyre.radius > grip * rear_load, "and the rear ones are not"
-    distance = rig(name, speed=20.0, friction=grip).stop()
-    assert distance == pytest.approx(20.0**2 / (2.0 * braking), rel=0.015)
-    assert distance > 1.03 * 20.0**2 / (2.0 * grip * GRAVITY)
-
-
-@pytest.mark.parametrize(("friction", "kept"), [(0.9, 0.70), (0.4, 0.63)])
-def test_locked_wheels_stop_as_late_as_the_tyre_set_says(rig, friction, kept):
-    """Misses the yardstick "over 40% longer" at 0.9, where it is 37%; holds it at 0.4, where it is 49%.
-
-    The tyre set settles it: sliding at full slip it keeps 70% of its peak at 0.9 and 63% at 0.4, so that the
-    locked wheels alone would stop 1 / 0.70 and 1 / 0.63 times as late. Drag, which does not lock, and the
-    last metre, where the bristle holds, give back up to 6%.
-    """
-    with_abs, without = rig(speed=20.0, friction=friction), rig(speed=20.0, friction=friction)
-    without.fleet.set_assistance(0, abs=False, traction_control=False)
-    late = without.stop() / with_abs.stop()
-    assert 0.93 / kept < late < 1.0 / kept
-    assert late > (1.4 if friction == 0.4 else 1.35)
-    assert without.fleet.wheels.spin[0] == pytest.approx(0.0, abs=1e-6)
+from tests.unit.dynamics.by_hand import TYPES
 
 
 @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])

@@ -8,9 +8,13 @@ import pytest
 from ray.rllib.callbacks.callbacks import RLlibCallback
 
 import algorithms
+from algorithms.errors import SpaceError
+from algorithms.joint.adapter import JointVector
+from algorithms.joint.evaluation import evaluate
 from algorithms.joint.sampler import Sampler
+from algorithms.joint.worlds import REPORTED_WORLDS
 from tests.games.games import Cues
-from tests.games.null import NullVector
+from tests.games.null import LENGTH, NullVector
 
 pytestmark = pytest.mark.usefixtures("cluster")
 
@@ -169,6 +173,19 @@ def test_a_remote_runner_is_restored_killed_and_restarted(build, tmp_path, steps
     assert restarted[1:] == restored[1:]
     if steps < 2**53:
         assert restarted[0] not in (3, restored[0])
+
+
+@pytest.mark.parametrize(("name", "settings"), [("ppo", {}), ("ppo", RECURRENT), ("mf_q", {})])
+def test_policies_with_leaves_of_their_own_are_evaluated_in_a_given_environment(build, name, settings):
+    """As the benchmark validates and tests: what memories and neighbours add is not the environment's."""
+    algo = build(config_of(name, **settings))
+    algo.train()
+    episodes = evaluate(algo, 3, env=NullVector())
+    assert [(each.world - REPORTED_WORLDS, each.length) for each in episodes] == [
+        (number, LENGTH) for number in range(3)
+    ]
+    with pytest.raises(SpaceError):
+        evaluate(algo, 3, env=JointVector(lambda b: Cues(), 2))
 
 
 class Counting(RLlibCallback):
