@@ -69,6 +69,8 @@ class LanePaths:
 
     def poses(self, path: Ints, s: Floats, t: Floats) -> Floats:
         """Return x, y [m], heading [rad] of places on paths, shape (N, 3): `s` along, `t` to the left [m]."""
+        if not len(path):
+            return np.zeros((0, 3))
         station = self._start[path] + np.clip(s, 0.0, self.length[path])
         x, y, heading = (np.interp(station, self._points[:, 0], self._points[:, n]) for n in (1, 2, 3))
         return np.column_stack([x - t * np.sin(heading), y + t * np.cos(heading), wrap_angle(heading)])

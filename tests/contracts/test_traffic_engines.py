@@ -253,6 +253,19 @@ def test_there_and_back_is_one_write_and_no_jump(case):
     assert one.vehicles.route[1, slot] >= 0
 
 
+def test_empty_roads_stay_empty(case, built):
+    one = case(2)
+    empty = [dataclasses.replace(one.start(row), traffic=built.traffic_files(None)) for row in range(2)]
+    one.engine.reset(one.world, {})
+    one.reset(row_0=empty[0], row_1=empty[1])
+    one.step(20)
+    assert not one.vehicles.alive.any()
+    slot = one.put(0, one.roads.lane_number("north_in", 0), 20.0)
+    one.step(2)
+    assert np.flatnonzero(one.vehicles.alive[0]).tolist() == [slot]
+    assert not one.engine.is_full.any()
+
+
 def test_a_place_off_the_roads_is_refused_with_its_reason(case):
     one = case(2)
     one.reset()
