@@ -81,7 +81,7 @@ def violations(file: Path, imports: set[str]) -> list[str]:
             found.append(f"{imported}: only {THIRD_PARTY[top]} may import it")
         if there in (here, *TOPS) or there not in LAYER | {ALIASES: 0}:
             continue
-        if here in TOPS:
+        if here in TOPS and here not in LAYER:
             found.append(f"{imported}: {here} itself holds nothing")
         elif there == ALIASES:
             found.append(f"{imported}: aliases are for scenario files only")

@@ -213,6 +213,15 @@ class Sampler:
             playing = self._worlds(playing)
         return [finished[world] for world in worlds.tolist() if world in finished]
 
+    def choose(self, exploration: Exploration) -> tuple[np.ndarray, ...]:
+        """Return actions for where the copies stand, per block, in the environment's units."""
+        return self._in_env_units([chosen.actions.numpy() for chosen in self._act(self._view(), exploration)])
+
+    def carry_out(self, actions: tuple[np.ndarray, ...]) -> None:
+        """Step the environment by what `choose` returned."""
+        self._step(actions)
+        self.take_episodes()
+
     def take_episodes(self) -> list[Episode]:
         """Return the episodes that ended since the last call."""
         ended, self.progress.ended = self.progress.ended, []

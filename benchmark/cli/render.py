@@ -14,6 +14,11 @@ from smarts.errors import SmartsError
 if TYPE_CHECKING:
     from smarts.sim.episode_files import RecordedEpisode
 
+PICTURES_PER_SECOND = 10
+"""Of a film, unless told otherwise."""
+END_SHOWN = 2.0
+"""How much longer a film shows its last picture [s]."""
+
 
 def render(
     episode: Annotated[Path, typer.Argument(help="Folder of a recorded episode.", show_default=False)],
@@ -33,7 +38,7 @@ def render(
     every: Annotated[
         int | None,
         typer.Option(
-            help="Steps from one picture of a film to the next; by default 2.",
+            help="Steps from one picture of a film to the next; by default so many that it has 10 a second.",
             show_default=False,
             min=1,
             max=10**9,
@@ -53,10 +58,11 @@ def render(
     is_still = out.suffix.lower() in STILL
     film = {"--begin": begin, "--end": end, "--every": every, "--speed": speed}
     _check_options(out, {"--at": at} if not is_still else film)
-    every, speed = 2 if every is None else every, 1.0 if speed is None else speed
+    speed = 1.0 if speed is None else speed
     if not math.isfinite(speed):
         raise SmartsError(f"the speed is {speed:g}", place="--speed", remedy="give a number from 0.01")
     picture = EpisodePicture(_open(episode), pixels=width)
+    every = max(1, round(speed / (PICTURES_PER_SECOND * picture.dt))) if every is None else every
     if is_still:
         last = picture.steps if at is None else _step_at(at, picture.dt, picture.steps, "--at")
         write_still(picture.image(last), out)
@@ -69,9 +75,11 @@ def render(
         raise SmartsError(
             f"nothing lies between {begin:g} s and {last * picture.dt:g} s", place="--begin, --end"
         )
-    # The last one always, since it shows how it ended.
     steps = [*range(first, last, every), last]
-    write_moving(picture.images(steps), out, every * picture.dt / speed)
+    seconds = every * picture.dt / speed
+    # The last one stays, since it shows how all agents ended.
+    held = [last] * round(END_SHOWN / seconds)
+    write_moving(picture.images([*steps, *held]), out, seconds)
     typer.echo(f"{out}: {len(steps)} pictures, {first * picture.dt:.1f} to {last * picture.dt:.1f} s")
 
 

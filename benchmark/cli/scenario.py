@@ -12,7 +12,6 @@ from smarts.errors import SmartsError
 
 if TYPE_CHECKING:
     from smarts.sstudio.built import BuiltScenario
-    from smarts.types.vehicles import VehicleStates
 
 app = typer.Typer(help="List, build, show and run scenarios.", no_args_is_help=True)
 
@@ -94,12 +93,16 @@ def show(
     everything: Annotated[bool, typer.Option("--all", help="Draw the whole suite on one sheet.")] = False,
     traffic: Traffic = None,
     seconds: Annotated[
-        float, typer.Option(help="Moment of the traffic to draw, in seconds.", min=0.0, max=DAY)
+        float,
+        typer.Option(
+            help="How long traffic flows before the reset that is drawn, in seconds.", min=0.0, max=DAY
+        ),
     ] = 0.0,
     seed: Seed = 42,
 ) -> None:
-    """Draw map, lanes, missions, flows, bubbles and a moment of traffic to a picture."""
+    """Draw map, lanes, missions, flows, bubbles and the vehicles after a reset to a picture."""
     from smarts.envision.scenario_picture import scenario_picture, scenario_sheet
+    from smarts.sim.moments import reset_moment
     from smarts.sstudio.build import build_scenario
 
     names = _chosen(scenarios, everything)
@@ -108,7 +111,7 @@ def show(
     for name in names:
         built = build_scenario(name)
         chosen = _traffic_of(built, traffic)
-        pictures.append((built, chosen, _moment(built, chosen, seconds, seed)))
+        pictures.append((built, chosen, reset_moment(built, chosen, seconds=seconds, seed=seed)))
     if len(pictures) == 1:
         scenario_picture(pictures[0], out)
     else:
@@ -130,6 +133,7 @@ def run(
     from rich.progress import track
 
     from smarts.envision.scenario_picture import scenario_picture
+    from smarts.sim.moments import Moment
     from smarts.sim.traffic_run import traffic_run
     from smarts.sstudio.build import build_scenario
 
@@ -155,7 +159,7 @@ def run(
         + (f"; {steps / stepping:,.0f} steps/s" if most else "; there is no traffic in it")
     )
     if out is not None:
-        scenario_picture((built, chosen, traffic_now.states), out)
+        scenario_picture((built, chosen, Moment(traffic_now.states)), out)
         typer.echo(f"wrote {out}")
 
 
@@ -177,15 +181,6 @@ def _traffic_of(built: BuiltScenario, wanted: str | None) -> str | None:
         built.traffic_files(wanted)
         return wanted
     return next(reversed(built.traffic), None)
-
-
-def _moment(built: BuiltScenario, traffic: str | None, seconds: float, seed: int) -> VehicleStates:
-    from smarts.sim.traffic_run import traffic_run
-
-    with traffic_run(built, traffic, seed=seed) as run:
-        for _ in run.steps(seconds):
-            pass
-        return run.states
 
 
 def _check_picture(out: Path) -> None:

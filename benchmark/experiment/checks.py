@@ -145,6 +145,9 @@ def _actions(values: Values) -> Iterator[Fault]:
         if name in FLOORS and not is_own_name(name) and action != "Lane":
             text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
             yield Fault(("reference", number), text, "remove it, or give a scripted policy of your own")
+        if name == "yielder" and adapter == "raw":
+            text = f"{name!r} looks at the observation of adapter 'benchmark', not of {adapter!r}"
+            yield Fault(("reference", number), text, "remove it")
 
 
 def _sharing_fault(sharing: Any, agents: Any) -> str:
@@ -232,25 +235,32 @@ def option_names(adapter: Any) -> list[str]:
     """Return the options that an adapter takes, those of its base classes too if it hands on what it gets."""
     found: dict[str, None] = {}
     for kind in getattr(adapter, "__mro__", (adapter,)):
-        parameters = [*signature(kind).parameters.values()][2:]
-        found |= {each.name: None for each in parameters if each.kind in BY_NAME}
+        parameters = [*signature(kind).parameters.values()]
+        named = [each.name for each in parameters if each.kind in BY_NAME]
+        # The agents and their interface come first, by name or among others.
+        takes_rest = any(each.kind == each.VAR_POSITIONAL for each in parameters)
+        found |= dict.fromkeys(named if takes_rest else named[2:])
         if all(each.kind != each.VAR_KEYWORD for each in parameters):
             break
     return [*found]
 
 
 def _scenarios(values: Values) -> Iterator[Fault]:
-    from smarts.sstudio.build import suite, traffic_of  # here: reports need no builder
+    from smarts.sstudio.build import read_scenario, suite  # here: reports need no builder
+    from smarts.sstudio.episodes import check_egos
 
-    traffic = values.get("traffic")
+    traffic, agents = values.get("traffic"), _section(values, "environment").get("agents", 4)
     for key, name in _places(values.get("tasks")):
         try:
-            known = traffic_of(name)
+            scenario = read_scenario(name)
+            if isinstance(agents, int):
+                check_egos(scenario.ego_missions or (), agents, name)
         except UnknownNameError:
             continue  # the model says so
         except SmartsError as error:
             yield Fault(key, error.problem, error.remedy)
             continue
+        known = scenario.traffic or {}
         if not known:
             yield Fault(
                 key, f"{name} is no scenario with traffic to choose from", nearest_names(name, suite())

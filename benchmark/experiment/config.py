@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -14,7 +15,7 @@ from algorithms.registry import ALGORITHMS
 from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm, defaults_of
 from benchmark.experiment.checks import check_experiment
 from benchmark.floors import FLOORS
-from smarts.config import Fault, Section, UnfitError, read_config
+from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read_config, shown
 from smarts.errors import nearest_names
 from smarts.registry import is_own_name
 from smarts.sstudio.locating import resolved, suite
@@ -312,6 +313,24 @@ def read_experiment(
     if found:
         changes["imports"] = tuple(dict.fromkeys(found))
     return experiment.model_copy(update=changes)
+
+
+def check_whole(experiment: Experiment) -> Experiment:
+    """Return an experiment made in Python, checked as a file would be, with absolute imports.
+
+    Raises:
+        ConfigError: With all of its mistakes.
+    """
+    imports = tuple(str(Path(path).absolute()) for path in experiment.imports)
+    # As a file has it, so that it is checked alike.
+    values = {**json.loads(experiment.model_dump_json(exclude_unset=True)), "imports": [*imports]}
+    faults = [*check_experiment(values)]
+    if not experiment.name:
+        faults.insert(0, Fault(("name",), "is missing", "give the experiment one: name=..."))
+    if faults:
+        problems = [Problem("", f"{shown(fault.key)}: {fault.text}", fault.remedy) for fault in faults]
+        raise ConfigError(problems)
+    return experiment.model_copy(update={"imports": imports} if imports else {})
 
 
 def _found_beside(imports: Any, file: Path) -> list[str]:

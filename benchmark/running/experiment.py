@@ -88,7 +88,8 @@ def check_cells(experiment: Experiment) -> None:
     """
     for cell in cells_of(experiment):
         for scenario in cell.task.scenarios:
-            build_scenario(scenario).with_traffic([cell.traffic]).episodes(cell.environment.agents)
+            egos = cell.environment.agents
+            build_scenario(scenario, egos=egos).with_traffic([cell.traffic]).episodes(egos)
         for _ in held_out_of(cell):
             pass  # built and read, rather than after hours of training
     _check_own_code(experiment)

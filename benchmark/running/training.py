@@ -22,8 +22,8 @@ from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TESTING, TRAINING, RunFolder
 from benchmark.running.environments import NAME, create, environment
-from benchmark.running.importing import importing_runner
 from benchmark.running.machine import machine
+from benchmark.running.own_runner import own_code_runner
 from benchmark.running.played import scenario_digests
 from benchmark.running.progress import Progress
 from benchmark.running.scalars import Scalars
@@ -90,18 +90,7 @@ def carry_out(
 def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
-    import_own(run.cell.imports)
-    config = CONFIGS[run.algorithm]()
-    config.env_runner_cls = importing_runner(config.env_runner_cls, run.cell.imports)
-    config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
-    if run.resources.learner_gpus:
-        config.learners(num_gpus_per_learner=run.resources.learner_gpus)
-    config.debugging(seed=run.seed, log_level="ERROR")
-    settings = dict(run.settings)
-    if "checkpoint_replay" in config.setting_names:
-        # Hundreds of megabytes a minute; a run that goes on fills its replay anew instead.
-        settings.setdefault("checkpoint_replay", False)
-    config = apply(config, settings)
+    config = config_of(run)
     config.environment(NAME, env_config={"cell": run.cell, "discount": config.gamma})
     algo = config.build_algo()
     with suppress(OSError):
@@ -110,6 +99,27 @@ def algorithm_of(run: Run) -> Iterator[Any]:
         yield algo
     finally:
         algo.stop()
+
+
+def config_of(run: Run) -> Any:
+    """Return the RLlib config of a run's algorithm, without its environment.
+
+    Raises:
+        OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
+    """
+    import_own(run.cell.imports)
+    config = CONFIGS[run.algorithm]()
+    if run.cell.imports:
+        config.env_runner_cls = own_code_runner(run.cell.imports)
+    config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
+    if run.resources.learner_gpus:
+        config.learners(num_gpus_per_learner=run.resources.learner_gpus)
+    config.debugging(seed=run.seed, log_level="ERROR")
+    settings = dict(run.settings)
+    if "checkpoint_replay" in config.setting_names:
+        # Hundreds of megabytes a minute; a run that goes on fills its replay anew instead.
+        settings.setdefault("checkpoint_replay", False)
+    return apply(config, settings)
 
 
 def restore(algo: Any, checkpoint: Path) -> None:

@@ -1,6 +1,16 @@
 """YAML files to typed models: every mistake at once, each with its file, line and remedy."""
 
-from smarts.config.problems import ConfigError, Problem, UnfitError
+from smarts.config.problems import ConfigError, Problem, UnfitError, shown
 from smarts.config.reading import EXTENDS, Fault, Section, fitted, read_config
 
-__all__ = ["EXTENDS", "ConfigError", "Fault", "Problem", "Section", "UnfitError", "fitted", "read_config"]
+__all__ = [
+    "EXTENDS",
+    "ConfigError",
+    "Fault",
+    "Problem",
+    "Section",
+    "UnfitError",
+    "fitted",
+    "read_config",
+    "shown",
+]

@@ -74,10 +74,18 @@ def steered_lane(
     farthest = (LOST_CHANGING if is_changing(state.change_phase[b, a]) else LOST) * roads.lane_width[
         table.lane[row]
     ]
-    if abs(t) > farthest and here >= 0:
+    if abs(t) > farthest and here >= 0 and _is_along(roads, state, b, slot, first_lane + here):
         row = row_of(table, world, route, first_lane + here, first_lane, hint)
         s, t = place_on_lane(roads, table.lane[row], x, y)
     return row, s, t
+
+
+@kernel
+def _is_along(roads: Roads, state: LaneState, b: int, slot: int, lane: int) -> bool:
+    """Tell whether a vehicle points along its lane, which it does not where it swings wide across another."""
+    s = state.lane_position[b, slot]
+    point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
+    return math.cos(state.heading[b, slot] - centre_at(roads, point, s)[2]) > 0.0
 
 
 @kernel

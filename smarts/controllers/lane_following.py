@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_path
 from smarts.controllers.lane_changes import is_changing, latch
-from smarts.controllers.lane_path import write_reference
+from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
 from smarts.controllers.lane_state import LaneState
 from smarts.controllers.leaders import heed_leaders
 from smarts.controllers.led_path import write_led_reference
@@ -56,6 +57,7 @@ def follow_lanes(
     mode: NDArray[np.int8],
     reference: NDArray[np.float64],
     length: NDArray[np.int32],
+    window: NDArray[np.float64],
 ) -> None:
     """Write the references of chosen seats.
 
@@ -73,6 +75,7 @@ def follow_lanes(
         mode: Written, see `Commands`, shape (B, A).
         reference: Written, shape (B, A, R, 4).
         length: Written, shape (B, A).
+        window: Written, see `Commands`, shape (B, A).
     """
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
@@ -99,18 +102,50 @@ def follow_lanes(
             state.desired_speed[b, slot] = desired
             points = reference[b, a]
             speed = state.speed[b, slot]
-            obeys, agility = manner != BY_SPEED, state.agility[state.kind[b, slot]]
+            obeys = manner != BY_SPEED
             if is_led:
                 # The lane that it steers for will be the one that it is in when the curve is behind it.
                 state.target_lane[b, a], state.change_phase[b, a] = -1, _NO_CHANGE
                 write_led_reference(roads, table, state, guide, b, a, cap, obeys, points)
             else:
-                write_reference(roads, table, state.map[b], row, s, t, speed, cap, obeys, agility, points)
+                if _write_lane_reference(roads, table, state, b, a, row, s, t, cap, obeys, points):
+                    window[b, a] = PLANNED
             if manner == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
             elif manner == NEUTRAL:
                 heed_leaders(state, b, slot, points)
             length[b, a] = len(points)
+
+
+@kernel
+def _write_lane_reference(
+    roads: Roads,
+    table: RouteTable,
+    state: LaneState,
+    b: int,
+    a: int,
+    row: int,
+    s: float,
+    t: float,
+    cap: float,
+    obeys: bool,
+    points: NDArray[np.float64],
+) -> bool:
+    """Write the points along a lane, or near it where it is too tight; tell whether they were planned so."""
+    slot, world, abilities = state.slot[b, a], state.map[b], state.abilities
+    kind, speed = state.kind[b, slot], state.speed[b, slot]
+    agility, sharpest = abilities.agility[kind], abilities.sharpest[kind]
+    write_reference(roads, table, world, row, s, t, speed, cap, obeys, agility, points)
+    curvature = math.tan(state.steering[b, a]) / abilities.wheelbase[kind]
+    if not is_tight(points, curvature, sharpest):
+        return False
+    if abs(t) > TRACKED_OFFSET and not is_changing(state.change_phase[b, a]):
+        # The plan itself leads back to the lane.
+        write_reference(roads, table, world, row, s, 0.0, speed, cap, obeys, agility, points)
+    pose = state.position[b, slot, 0], state.position[b, slot, 1], state.heading[b, slot]
+    plan_drivable_path(roads, world, points, pose, curvature, speed, kind, abilities)
+    limit_speeds(points, len(points), agility)
+    return True
 
 
 @kernel
@@ -186,5 +221,5 @@ class LaneFollowing:
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the reference along each chosen seat's lane; see `Controller`."""
-        command = out.mode, out.reference, out.reference_length
+        command = out.mode, out.reference, out.reference_length, out.window
         self._follow(chosen, actions.fresh, actions.values, actions.legal, *command)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.model_predictive import sharpest_curvatures
 from smarts.dynamics import vehicle, vehicle_names
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
@@ -16,6 +17,32 @@ Bools = NDArray[np.bool_]
 Bytes = NDArray[np.int8]
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
+
+
+class Abilities(NamedTuple):
+    """What each `VehicleKind` can drive, shape (K,) each."""
+
+    agility: Floats
+    """How fast it can change its curvature, for its steering's rate [1/(m s)]."""
+    wheelbase: Floats
+    """[m]"""
+    centre_to_rear: Floats
+    """From the footprint's centre back to the rear axle [m]."""
+    sharpest: Floats
+    """The largest curvature of the rear axle's path [1/m]."""
+
+    @classmethod
+    def of_all(cls) -> Abilities:
+        """Return those of all kinds; what cannot drive has no bounds."""
+        known, kinds = vehicle_names(), len(VehicleKind)
+        agility, wheelbase, centre_to_rear = np.full(kinds, np.inf), np.ones(kinds), np.zeros(kinds)
+        for kind in VehicleKind:
+            if kind.name.lower() in known:
+                one = vehicle(kind.name.lower())
+                agility[kind] = one.steering.rate / one.wheelbase
+                wheelbase[kind] = one.wheelbase
+                centre_to_rear[kind] = one.cog_to_rear_axle - one.centre_to_cog
+        return cls(agility, wheelbase, centre_to_rear, sharpest_curvatures())
 
 
 class LaneState(NamedTuple):
@@ -45,8 +72,9 @@ class LaneState(NamedTuple):
     left: Ints
     """Lane to the left in the same direction, numbered across all maps, -1 for none, shape (L,)."""
     right: Ints
-    agility: Floats
-    """How fast each `VehicleKind` can change its curvature, for its steering's rate [1/(m s)], shape (K,)."""
+    steering: Floats
+    """Angle of each seat's front wheels [rad], shape (B, A)."""
+    abilities: Abilities
 
     @classmethod
     def of(cls, scene: Scene) -> LaneState:
@@ -76,7 +104,8 @@ class LaneState(NamedTuple):
             desired_speed=vehicles.desired_speed,
             left=left,
             right=right,
-            agility=agilities(),
+            steering=seats.steering,
+            abilities=Abilities.of_all(),
         )
 
 
@@ -89,14 +118,3 @@ def neighbours(atlas: RoadAtlas) -> tuple[Ints, Ints]:
         raised = [np.where(lanes < 0, -1, lanes + base) for lanes, base in zip(beside, bases, strict=True)]
         found.append(np.concatenate(raised).astype(np.int32))
     return found[0], found[1]
-
-
-def agilities() -> Floats:
-    """Return `LaneState.agility`."""
-    known = vehicle_names()
-    found = np.full(len(VehicleKind), np.inf)
-    for kind in VehicleKind:
-        if kind.name.lower() in known:
-            parameters = vehicle(kind.name.lower())
-            found[kind] = parameters.steering.rate / parameters.wheelbase
-    return found

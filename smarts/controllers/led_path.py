@@ -41,7 +41,7 @@ def write_led_reference(
     world, slot = state.map[b], state.slot[b, a]
     first_lane = roads.lane_base[world]
     lane = first_lane + guide.lane[b, a]
-    agility = state.agility[state.kind[b, slot]]
+    agility = state.abilities.agility[state.kind[b, slot]]
     control = curve_into(roads, guide.begin[b, a], lane, guide.s[b, a])
     stations = stations_of(control)
     x, y = state.position[b, slot]

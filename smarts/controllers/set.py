@@ -13,7 +13,7 @@ from smarts.controllers.protocol import Controller
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+from smarts.types.actions import KINKED, Actions, ActionSpaceType, CommandMode, Commands
 from smarts.types.seats import NEITHER, ChangePhase, SeatState
 from smarts.types.world import World
 
@@ -50,7 +50,14 @@ class ControllerSet:
         self._neutral = Neutral(scene, speeds)
         types = np.array([int(controller.action) for controller in self._controllers], np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
-        self._part = bind(part_by_type, scene.world.seats.state, types, self._commands.mode, self._chosen)
+        self._part = bind(
+            part_by_type,
+            scene.world.seats.state,
+            types,
+            self._commands.mode,
+            self._commands.window,
+            self._chosen,
+        )
 
     def command(self, world: World, actions: Actions, rows: Bools) -> Commands:
         """Return what the vehicles of all active seats are to do in this step."""
@@ -81,7 +88,14 @@ class ControllerSet:
 
 @kernel
 def part_by_type(
-    state: Bytes, types: Bytes, mode: Bytes, chosen: Bools, kind: Bytes, given: Bools, rows: Bools
+    state: Bytes,
+    types: Bytes,
+    mode: Bytes,
+    window: Floats,
+    chosen: Bools,
+    kind: Bytes,
+    given: Bools,
+    rows: Bools,
 ) -> int:
     """Say which active seats of some simulations each controller is to command.
 
@@ -89,6 +103,7 @@ def part_by_type(
         state: `SeatState` of all seats, shape (B, A).
         types: Action types of the K controllers, shape (K,).
         mode: Of the commands, shape (B, A); written: none for all seats of these simulations.
+        window: Of the commands, shape (B, A); written: the usual one.
         chosen: Written, shape (K + 1, B, A); the last is for those who have not acted yet.
         kind: How the seats act, shape (B, A).
         given: Who has acted, shape (B, A).
@@ -103,7 +118,7 @@ def part_by_type(
         if not rows[b]:
             continue
         for a in range(state.shape[1]):
-            mode[b, a] = _NONE
+            mode[b, a], window[b, a] = _NONE, KINKED
             if state[b, a] != _ACTIVE:
                 continue
             if not given[b, a]:

@@ -66,7 +66,22 @@ _NONE = int(CommandMode.NONE)
 
 
 @kernel
-def drive(cars, states, bodies, controls, mode, actuators, reference, length, slips, memory, shown, dt, rows):
+def drive(
+    cars,
+    states,
+    bodies,
+    controls,
+    mode,
+    actuators,
+    reference,
+    length,
+    windows,
+    slips,
+    memory,
+    shown,
+    dt,
+    rows,
+):
     """Write the controls of vehicles for one sub-step, as their commands say.
 
     Args:
@@ -78,6 +93,7 @@ def drive(cars, states, bodies, controls, mode, actuators, reference, length, sl
         actuators: Shape (E, 3), see `Commands`.
         reference: Shape (E, R, 4), see `Commands`.
         length: Points of each reference, shape (E,).
+        windows: See `Commands`, shape (E,).
         slips: Whether the vehicle's tyres slip sideways, shape (E,).
         memory: Shape (E, MEMORY); written.
         shown: Written: the controls again, shape (E, 3).
@@ -95,6 +111,7 @@ def drive(cars, states, bodies, controls, mode, actuators, reference, length, sl
                 pose,
                 reference[row],
                 length[row],
+                windows[row],
                 slips[row],
                 memory[row],
                 controls[row],
@@ -142,11 +159,14 @@ def _sum(rows, count):
 
 
 @kernel
-def _track(car, state, motion, pose, reference, length, slips, memory, controls, dt):
+def _track(car, state, motion, pose, reference, length, window, slips, memory, controls, dt):
     """Write the controls of one vehicle that follows a reference; see the module."""
     heading, vx, _, _ = motion
     segment, share, offset = _foot(reference, length, pose[0], pose[1])
-    controls[2] = _steering(car, heading, vx, reference, length, segment, share, offset, slips, memory, dt)
+    window = max(window, 0.3 * max(abs(vx), LEAST_SPEED))
+    controls[2] = _steering(
+        car, heading, vx, reference, length, segment, share, offset, window, slips, memory, dt
+    )
     _hold_speed(car, vx, reference, length, segment, share, memory, controls, dt)
 
 
@@ -186,7 +206,7 @@ def _heading_ahead(reference, length, segment, share, distance):
 
 
 @kernel
-def _steering(car, heading, vx, reference, length, segment, share, offset, slips, memory, dt):
+def _steering(car, heading, vx, reference, length, segment, share, offset, window, slips, memory, dt):
     """Return the steering in [-1, 1] of the lock."""
     speed = max(abs(vx), LEAST_SPEED)
     wheelbase = car.cog_to_front_axle + car.cog_to_rear_axle
@@ -202,7 +222,6 @@ def _steering(car, heading, vx, reference, length, segment, share, offset, slips
     # steering is late, and follows with the vehicle's own lag.
     centre_to_rear = car.cog_to_rear_axle - car.centre_to_cog
     ahead = STEERING_DELAY * speed
-    window = max(4.0, 0.3 * speed)
     here = _heading_ahead(reference, length, segment, share, 0.0)
     first = _heading_ahead(reference, length, segment, share, ahead)
     last = _heading_ahead(reference, length, segment, share, ahead + window)

@@ -78,7 +78,7 @@ class Setting:
         check_seed(self.seed, "seed")
         check_instance("simulation", self.simulation, Options, "smarts.sim.assembly.Options(...)")
         check_truth("action_mask", self.action_mask)
-        check_options(_maker(self.adapter), self.adapter_options)
+        check_options(maker_of(self.adapter), self.adapter_options)
 
     def interfaces(self) -> dict[str, AgentInterface]:
         """Return the agents' interfaces by name.
@@ -122,7 +122,7 @@ class Setting:
         if not interfaces:
             raise InterfaceError("there are no agents", remedy="name at least one")
         return assemble(
-            [self._build(scenario) for scenario in self.scenarios],
+            [self._build(scenario, len(interfaces)) for scenario in self.scenarios],
             list(interfaces.values()),
             agents=list(interfaces),
             looked_at=self._looked_at(interfaces, sensors),
@@ -141,8 +141,8 @@ class Setting:
             if sensors is not None and name not in adapted
         }
 
-    def _build(self, scenario: str | Path) -> BuiltScenario:
-        built = build_scenario(scenario)
+    def _build(self, scenario: str | Path, egos: int) -> BuiltScenario:
+        built = build_scenario(scenario, egos=egos)
         return built if self.traffic is None else built.with_traffic(self.traffic)
 
 
@@ -188,7 +188,7 @@ class ArrayWorlds:
     """
 
     def __init__(self, setting: Setting) -> None:
-        make = _maker(setting.adapter)
+        make = maker_of(setting.adapter)
         # Callables that say nothing may look at everything.
         sensors = getattr(make, "sensors", None)
         grouped = _grouped(setting.interfaces(), sensors)
@@ -307,7 +307,13 @@ def _taken(group: Group, given: ArrayLike, chosen: NDArray[np.bool_]) -> NDArray
     return values
 
 
-def _maker(adapter: Adapter) -> Callable[..., ArrayAdapter]:
+def maker_of(adapter: Adapter) -> Callable[..., ArrayAdapter]:
+    """Return what makes an adapter.
+
+    Raises:
+        UnknownNameError: There is none of this name.
+        InterfaceError: It is neither a name nor anything that can be called.
+    """
     if isinstance(adapter, str):
         return ADAPTERS[adapter]
     if not callable(adapter):

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smarts.agents.interface import AgentInterface
+from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters.actions import encode_one
-from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.protocol import ArrayAdapter, Served
 from smarts.env.adapters.reward import Rewards
-from smarts.env.arrays import Setting
+from smarts.env.arrays import Adapter, Setting, maker_of
 from smarts.env.batch import Batch, Transition
 from smarts.env.not_copied import NotCopied
 from smarts.env.onlooker import Onlooker
@@ -77,8 +78,10 @@ class HiWayEnv(NotCopied, gym.Env):
         }
         self.agent_ids = list(agent_specs)
         """All agents that there may be."""
+        self._interfaces = tuple(interfaces.values())
         parts = setting.assemble(interfaces)
         self._kinds = [ActionSpaceType(int(kind)) for kind in parts.rules.action]
+        self._scene = parts.scene
         seats = np.arange(len(self.agent_ids), dtype=np.int32)
         none = ActionSpaceType.Empty
         served = Served(parts.scene, tuple(self.agent_ids), seats, none, decision_interval, max_steps=0)
@@ -138,6 +141,40 @@ class HiWayEnv(NotCopied, gym.Env):
         """
         check_names(values, self.agent_ids)
         annotate_each(self._batch, name, {self._columns[who]: given for who, given in values.items()})
+
+    def watch(self, adapter: Adapter, options: Mapping[str, Any] | None = None) -> ArrayAdapter:
+        """Let an array adapter see every step, so that its observations are there beside the objects.
+
+        Args:
+            adapter: A name of `smarts.env.adapters.ADAPTERS`, or a class.
+            options: Its options.
+
+        Returns:
+            The adapter; its agents are all of the environment's, in the order of `agent_ids`.
+
+        Raises:
+            InterfaceError: The agents do not all act and see alike.
+        """
+        interfaces = self._interfaces
+        if len({(each.action, each.max_episode_steps) for each in interfaces}) > 1:
+            raise InterfaceError(
+                "the agents differ in how they act or how long they may drive",
+                place="HiWayEnv.watch",
+                remedy="give them equal interfaces",
+            )
+        kind = ActionSpaceType.Empty if interfaces[0].action is None else interfaces[0].action
+        served = Served(
+            self._scene,
+            tuple(self.agent_ids),
+            np.arange(len(self.agent_ids), dtype=np.int32),
+            kind,
+            self._batch.period,
+            interfaces[0].max_episode_steps or 0,
+            interfaces,
+        )
+        made = maker_of(adapter)(served, interfaces[0], **(options or {}))
+        self._batch.watch(made)
+        return made
 
     def close(self) -> None:
         """Give back what the simulation holds; may be called again."""

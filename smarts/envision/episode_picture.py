@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -10,7 +11,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from shapely import Polygon, shortest_line
 
+from smarts.envision.labels import TextMeasure, place_labels
 from smarts.envision.scenario_picture import CAR, EGOS, LARGE_VEHICLES, draw_roads
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.types.events import Outcome
@@ -31,7 +34,13 @@ NARROWEST = 60.0
 TRAIL = 3.0
 """How much of an agent's way is drawn behind it [s]."""
 REMEMBERED = 4.0
-"""How long the ending of an agent stays in the picture [s]."""
+"""How long the outcome of an agent is written where it ended [s]; the last picture has all of them."""
+COLLISION = {"marker": (10, 1, 0), "ms": 17, "mfc": "#ffdd33", "mec": "#c00000", "mew": 1.2}
+"""A star where two vehicles touched."""
+TITLE, LINE = 24, 20
+"""Heights of the title, and of each row of agents below it [pixels]."""
+PADDING = 4
+"""Of the frame round a label [pixels]."""
 
 LIGHTS = {Signal.STOP: "#d62728", Signal.CAUTION: "#ffbf00", Signal.GO: "#2ca02c"}
 DOTS_PER_INCH = 100
@@ -41,8 +50,9 @@ PIXELS = 900
 class EpisodePicture:
     """Draws any step of one episode; roads are drawn once.
 
-    Agents have colours of their own, a trail, and a ring at their goal; where one has ended, its outcome is
-    written for a while. Lights are bars at the ends of their lanes.
+    Agents have colours of their own, a trail, and a ring at their goal. Where one has ended is a cross, or a
+    star where it collided, and for a while its outcome; above the map is a line for each agent. Lights are
+    bars at the ends of their lanes.
 
     Args:
         episode: What was recorded.
@@ -58,6 +68,9 @@ class EpisodePicture:
         self._seats = episode.table("seats")
         self._first = np.searchsorted(self._vehicles["step"], np.arange(self.steps + 2))
         self._roads = episode.roads()
+        self._label_size = TextMeasure(8, "normal", DOTS_PER_INCH)
+        self._columns = self._fitting(pixels)
+        self._header = TITLE + LINE * math.ceil(len(self._agents) / self._columns)
         self._figure, self._axes = self._stage(pixels)
         self._canvas = FigureCanvasAgg(self._figure)
         self._canvas.draw()
@@ -83,14 +96,22 @@ class EpisodePicture:
             artist.remove()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
+    def _fitting(self, pixels: int) -> int:
+        """Return how many agents' lines fit beside each other."""
+        measure = TextMeasure(8, "bold", DOTS_PER_INCH)
+        longest = max(
+            (measure(_longest_line(agent, self.steps * self.dt))[0] for agent in self._agents), default=1
+        )
+        return max(1, min(len(self._agents), int(pixels * 0.98 // (longest + 12))))
+
     def _stage(self, pixels: int) -> tuple[Figure, Any]:
         """Return a figure with the roads that the agents see, and its axes."""
         low, high = self._window()
         width, height = high - low
-        # A strip above the map for the title, even numbers of pixels for video.
-        size = 2 * np.round(np.array([pixels, pixels * height / width + 44]) / 2)
+        # A strip above the map for texts, even numbers of pixels for video.
+        size = 2 * np.round(np.array([pixels, pixels * height / width + self._header]) / 2)
         figure = Figure(figsize=tuple(size / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor="white")
-        axes = figure.add_axes((0.0, 0.0, 1.0, float(1.0 - 44 / size[1])))
+        axes = figure.add_axes((0.0, 0.0, 1.0, float(1.0 - self._header / size[1])))
         draw_roads(axes, self._roads)
         for agent in self._agents:
             if agent["goal"] in (GoalKind.POSITION, GoalKind.LANE_LINE):
@@ -176,44 +197,98 @@ class EpisodePicture:
         self._add(PolyCollection(list(noses), facecolors="#e8eef5", edgecolors="none", zorder=7))
 
     def _draw_agents(self, step: int) -> None:
-        """Write each agent's number on its vehicle, and its outcome where it has ended."""
+        """Mark where agents have ended, and write beside each its number, or its outcome."""
+        labelled = []
         for agent in self._agents:
             since = step - int(agent["end_step"])
-            if agent["entry_step"] < 0 or step < agent["entry_step"] or since * self.dt > REMEMBERED:
+            if agent["entry_step"] < 0 or step < agent["entry_step"]:
                 continue
             x, y = (float(column[-1]) for column in self._way(agent, 0, step))
             has_ended = since >= 0 and agent["outcome"] != Outcome.NONE
-            text = _outcome_name(agent) if has_ended else str(agent["seat"])
+            if has_ended:
+                self._mark_end(agent, x, y, is_gone=since > 0)
+            if since * self.dt <= REMEMBERED or step == self.steps:
+                text = _outcome_name(agent) if has_ended else ""
+                labelled.append((agent, f"{agent['seat']} {text}".strip(), (x, y)))
+        self._write_labels(step, labelled)
+
+    def _mark_end(self, agent: dict[str, Any], x: float, y: float, *, is_gone: bool) -> None:
+        if agent["outcome"] == Outcome.COLLISION:
+            self._artists += self._axes.plot(*self._touching(agent, x, y), zorder=9, **COLLISION)
+        elif is_gone:
+            cross = self._axes.plot(x, y, marker="x", ms=11, mew=2.5, color=_colour(agent), zorder=9)
+            self._artists += cross
+
+    def _touching(self, agent: dict[str, Any], x: float, y: float) -> tuple[float, float]:
+        """Return where an agent's vehicle touched its partner, at x, y if there is no record of it."""
+        vehicles, step = self._vehicles, int(agent["end_step"])
+        rows = slice(self._first[step], self._first[step + 1])
+        columns = ("x", "y", "heading", "length", "width")
+        boxes = []
+        for slot, generation in (
+            (agent["slot"], agent["generation"]),
+            (agent["partner_slot"], agent["partner_generation"]),
+        ):
+            found = (vehicles["slot"][rows] == slot) & (vehicles["generation"][rows] == generation)
+            boxes += list(_boxes(*(vehicles[name][rows][found] for name in columns)))
+        if len(boxes) < 2:
+            return x, y
+        one, other = map(Polygon, boxes)
+        place = one.intersection(other) if one.intersects(other) else shortest_line(one, other)
+        return place.centroid.x, place.centroid.y
+
+    def _write_labels(
+        self, step: int, labelled: Sequence[tuple[dict[str, Any], str, tuple[float, float]]]
+    ) -> None:
+        """Write labels beside places on the map, apart from each other and from vehicles."""
+        to_pixels = self._axes.transData.transform
+        width, height = self._figure.bbox.width, self._figure.bbox.height
+        rows = slice(self._first[step], self._first[step + 1])
+        columns = ("x", "y", "heading", "length", "width")
+        boxes = _boxes(*(self._vehicles[name][rows] for name in columns))
+        corners = to_pixels(boxes.reshape(-1, 2)).reshape(-1, 4, 2)
+        sizes = [self._label_size(text) for _, text, _ in labelled]
+        middles = place_labels(
+            [tuple(to_pixels(place)) for _, _, place in labelled],
+            [(w + 2 * PADDING, h + 2 * PADDING) for w, h in sizes],
+            np.concatenate([corners.min(1), corners.max(1)], -1),
+            (0.0, 0.0, width, height - self._header),
+        )
+        for (agent, text, place), middle in zip(labelled, middles, strict=True):
             style = {"boxstyle": "round,pad=0.25", "fc": "white", "ec": _colour(agent), "alpha": 0.9}
-            # Beside the vehicle, so that it can be seen.
-            place = self._axes.annotate(
+            label = self._axes.annotate(
                 text,
-                (x, y),
-                xytext=(9, 9),
-                textcoords="offset points",
+                place,
+                xytext=middle,
+                textcoords="figure pixels",
+                ha="center",
+                va="center",
                 fontsize=8,
                 color=_colour(agent),
                 bbox=style,
+                arrowprops={"arrowstyle": "-", "color": _colour(agent), "lw": 0.8},
                 zorder=10,
             )
-            self._artists.append(place)
-            if has_ended and since > 0:
-                cross = self._axes.plot(x, y, marker="x", ms=11, mew=2.5, color=_colour(agent), zorder=9)
-                self._artists += cross
+            self._artists.append(label)
 
     def _write_title(self, step: int) -> None:
         facts = self.episode.facts
         title = f"{facts['scenario']}, {facts['traffic'] or 'no traffic'}   {step * self.dt:.1f} s"
         height = self._figure.bbox.height
         self._artists.append(self._figure.text(0.01, 1 - 13 / height, title, fontsize=10, va="center"))
-        x = 0.01
-        for agent in self._agents:
+        for place, agent in enumerate(self._agents):
+            row, column = divmod(place, self._columns)
             line = f"{agent['seat']} {agent['name']}: {self._status(agent, step)}"
             text = self._figure.text(
-                x, 1 - 33 / height, line, fontsize=8, va="center", color=_colour(agent), weight="bold"
+                0.01 + 0.98 * column / self._columns,
+                1 - (TITLE + LINE * row + 9) / height,
+                line,
+                fontsize=8,
+                va="center",
+                color=_colour(agent),
+                weight="bold",
             )
             self._artists.append(text)
-            x += 1.0 / max(4, len(self._agents))
 
     def _status(self, agent: dict[str, Any], step: int) -> str:
         """Return what an agent is doing, in a word or two."""
@@ -235,6 +310,12 @@ class EpisodePicture:
 
 def _rows(table: Any) -> list[dict[str, Any]]:
     return [dict(zip(table, values, strict=True)) for values in zip(*table.values(), strict=True)]
+
+
+def _longest_line(agent: dict[str, Any], seconds: float) -> str:
+    """Return the longest that is written about an agent above the map."""
+    ending = f"{_outcome_name(agent)} at {seconds:.1f} s"
+    return f"{agent['seat']} {agent['name']}: {max(ending, 'watches, 88.8 m/s', key=len)}"
 
 
 def _colour(agent: dict[str, Any]) -> str:

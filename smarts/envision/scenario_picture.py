@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from smarts.envision.route_lines import CAR_LENGTH, goal_pose, place_on_map, route_line, start_pose
 from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.sim.moments import Moment
 from smarts.sstudio import types as t
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import expand
-from smarts.types.vehicles import VehicleKind, VehicleStates
+from smarts.types.vehicles import VehicleKind
 
 Floats = NDArray[np.float64]
 
@@ -50,8 +51,8 @@ EGO_SIZE = (CAR_LENGTH, 2.0)
 FLATTEST, MOST_UPRIGHT = 0.12, 0.5
 """Limits to the height over the width of one scenario on a sheet."""
 
-Picture = tuple[BuiltScenario, str | None, VehicleStates | None]
-"""A scenario, the variation of its traffic, and a moment of it."""
+Picture = tuple[BuiltScenario, str | None, Moment]
+"""A scenario, the variation of its traffic, and the vehicles that are drawn."""
 
 
 def scenario_picture(picture: Picture, out: Path, *, dpi: int = 150) -> None:
@@ -119,14 +120,21 @@ def draw_flows(axes: Axes, roads: LaneGraph, traffic: t.Traffic) -> None:
             axes.plot(*zip(*ends, strict=True), color=STOP, linewidth=3, solid_capstyle="butt", zorder=3)
 
 
-def draw_missions(axes: Axes, roads: LaneGraph, missions: Iterable[t.AnyMission]) -> None:
-    """Draw each ego at its start, its route as a line, and its goal as a ring; random ones are left out."""
+def draw_missions(
+    axes: Axes, roads: LaneGraph, missions: Iterable[t.AnyMission], entered: Sequence[int] = ()
+) -> None:
+    """Draw each mission's route as a line and its goal as a ring; random ones are left out.
+
+    An ego that is not among those that have entered, by number, is an empty box at its start.
+    """
     for number, mission in enumerate(expand(tuple(missions))):
         start = start_pose(roads, mission)
         if start is None:
             continue
         colour = EGOS[number % len(EGOS)]
-        axes.add_patch(Outline(_box(*start, *EGO_SIZE), facecolor=colour, edgecolor="k", lw=0.5, zorder=8))
+        if number not in entered:
+            box = Outline(_box(*start, *EGO_SIZE), fill=False, edgecolor=colour, lw=0.8, zorder=8)
+            axes.add_patch(box)
         goal = goal_pose(roads, mission)
         if (
             goal is not None
@@ -148,8 +156,10 @@ def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> N
         axes.add_patch(Outline(margin, fill=False, edgecolor=BUBBLE, linestyle="--", zorder=5))
 
 
-def draw_vehicles(axes: Axes, states: VehicleStates) -> None:
-    """Draw the footprint of every vehicle, with a lighter bar across its front."""
+def draw_vehicles(axes: Axes, moment: Moment) -> None:
+    """Draw the footprint of every vehicle, with a lighter bar across its front, egos in their own colours."""
+    states = moment.states
+    egos = {slot: EGOS[number % len(EGOS)] for number, slot in enumerate(moment.egos)}
     rows = np.flatnonzero(states.alive).tolist()
     boxes, noses, colours = [], [], []
     for row in rows:
@@ -160,21 +170,21 @@ def draw_vehicles(axes: Axes, states: VehicleStates) -> None:
         noses.append(
             _box(x + forward * np.cos(heading), y + forward * np.sin(heading), heading, 0.8, 0.8 * width)
         )
-        colours.append(LARGE_VEHICLES.get(VehicleKind(states.kind[row]), CAR))
+        colours.append(egos.get(row, LARGE_VEHICLES.get(VehicleKind(states.kind[row]), CAR)))
     axes.add_collection(PolyCollection(boxes, facecolors=colours, edgecolors="k", linewidths=0.3, zorder=6))
     axes.add_collection(PolyCollection(noses, facecolors="#dce9f5", edgecolors="none", zorder=7))
 
 
 def _draw_all(axes: Axes, picture: Picture) -> None:
-    built, traffic, states = picture
+    built, traffic, moment = picture
     roads = built.roads()
     draw_roads(axes, roads)
     if traffic is not None and built.scenario.traffic:
         draw_flows(axes, roads, built.scenario.traffic[traffic])
     draw_bubbles(axes, roads, built.scenario.bubbles or ())
-    draw_missions(axes, roads, built.scenario.ego_missions or ())
-    if states is not None:
-        draw_vehicles(axes, states)
+    entered = [number for number, slot in enumerate(moment.egos) if slot >= 0]
+    draw_missions(axes, roads, built.scenario.ego_missions or (), entered)
+    draw_vehicles(axes, moment)
     axes.set_aspect("equal")
     axes.autoscale_view()
 
@@ -198,7 +208,12 @@ def _legend(pictures: Sequence[Picture]) -> list[Patch]:
     flows = [
         flow for built, name, _ in pictures if name for flow in (built.scenario.traffic or {})[name].flows
     ]
-    kinds = {int(kind) for _, _, states in pictures if states for kind in states.kind[states.alive]}
+    kinds = {
+        int(moment.states.kind[slot])
+        for _, _, moment in pictures
+        for slot in np.flatnonzero(moment.states.alive).tolist()
+        if slot not in moment.egos
+    }
     entries = {
         Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(s.ego_missions for s in scenarios),
         Patch(facecolor=CAR, label="car"): bool(kinds - set(LARGE_VEHICLES)),

@@ -184,6 +184,7 @@ class FleetVehicles:
             commands.actuators.reshape(count, 3),
             reference.reshape(count, *reference.shape[2:]),
             commands.reference_length.reshape(count),
+            commands.window.reshape(count),
             self._slips,
             self._memory,
             self._shown,

@@ -11,11 +11,15 @@ import tempfile
 import xml.etree.ElementTree as ElementTree
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 from smarts.errors import MapError
 from smarts.roads.children import TIME_LIMIT_VARIABLE, run_child, time_limit
+from smarts.roads.converter_messages import ConverterMessages
 from smarts.roads.dropped import dropped_parts
-from smarts.roads.foreign import check_sources
+from smarts.roads.foreign import check_sources, mended_opendrive
+from smarts.roads.net_repairs import mended_net
+from smarts.roads.osm_types import write_road_types
 from smarts.roads.sources import MapKind, MapSource
 from smarts.roads.validation import validate_net
 
@@ -24,6 +28,13 @@ _JUNCTION_DETAIL = {"junctions.internal-link-detail": "20", "junctions.corner-de
 
 # Foreign maps get `output.original-names`, so that the notes can say what was dropped.
 _DEFAULTS: dict[MapKind, dict[str, str]] = {
+    # Only nets that are built again come here.
+    "sumo_net": {
+        **_JUNCTION_DETAIL,
+        "no-internal-links": "false",
+        "no-turnarounds": "true",
+        "offset.disable-normalization": "true",
+    },
     "sumo_plain": {
         **_JUNCTION_DETAIL,
         "no-turnarounds": "true",
@@ -40,6 +51,8 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         "opendrive.import-all-lanes": "true",
         # `opendrive.internal-shapes` stays off: it leaves gaps of metres and folded lanes in real maps.
         "output.original-names": "true",
+        # Real maps have links to roads that do not exist; what netconvert leaves out becomes a warning.
+        "ignore-errors": "true",
     },
     "osm": {
         **_JUNCTION_DETAIL,
@@ -57,10 +70,13 @@ _DEFAULTS: dict[MapKind, dict[str, str]] = {
         # A dead end must be left again, else most of a town cannot be reached from its edge.
         "no-turnarounds.except-deadend": "true",
         "output.original-names": "true",
+        "ignore-errors": "true",
     },
 }
-_COMMON = {"xml-validation": "never", "aggregate-warnings": "3"}
+# Messages are counted, and those of one kind put together, by `ConverterMessages`.
+_COMMON = {"xml-validation": "never", "aggregate-warnings": "-1"}
 _INPUT_OPTIONS = {
+    ".net.xml": "sumo-net-file",
     ".nod.xml": "node-files",
     ".edg.xml": "edge-files",
     ".con.xml": "connection-files",
@@ -73,22 +89,35 @@ _INPUT_OPTIONS = {
 _GENERATED_COMMENT = re.compile(rb"<!-- generated on .*?-->\s*", re.DOTALL)
 
 
-def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
+class MapNotes(NamedTuple):
+    """What the user of a compiled map should know."""
+
+    remarks: tuple[str, ...] = ()
+    """What netconvert warned about, and which roads a foreign map has that cars do not use."""
+    warnings: tuple[str, ...] = ()
+    """What was left out of the map because it is broken, or had to be built again."""
+
+
+def compile_map(source: MapSource, out: Path) -> MapNotes:
     """Write the map as a SUMO network to `out`: the same bytes for the same sources, wherever they lie.
 
-    A compiled network is checked and copied as it is. `map.netccfg` beside other sources overrides the
-    options chosen here. The file appears complete or not at all.
-
-    Returns:
-        What netconvert warned about or dropped, each thing once, for the user to read.
+    A compiled network is checked and copied as it is; one with connections to lanes that do not exist, or
+    without lanes inside its junctions, is built again by netconvert, with the same edges and lanes. Links of
+    OpenDRIVE and OSM maps that netconvert cannot use are left out. `map.netccfg` beside other sources
+    overrides the options chosen here. The file appears complete or not at all.
 
     Raises:
         MapError: A file is broken (with netconvert's own message), or no car can drive anywhere on the map.
     """
     if source.kind == "sumo_net":
         net = _read_bytes(source.files[0])
-        return _publish(net, (), source, out)
-    check_sources(source)
+        content, warnings = mended_net(net, source)
+        if not warnings:
+            _publish(net, MapNotes(), source, out)
+            return MapNotes()
+    else:
+        check_sources(source)
+        content, warnings = mended_opendrive(source) if source.kind == "opendrive" else (None, ())
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         # Beside the map to be, where leftovers are cleared up; but SUMO mistakes commas in paths.
@@ -97,11 +126,28 @@ def compile_map(source: MapSource, out: Path) -> tuple[str, ...]:
     except OSError as error:
         raise _cannot_write(out, error) from error
     with folder as name:
-        product = Path(name) / "map.net.xml"
-        notes = _convert(source, product)
-        net = _GENERATED_COMMENT.sub(b"", _read_bytes(product), count=1)
-        notes += dropped_parts(source, net)
-    return _publish(net, notes, source, out)
+        work = Path(name).resolve()
+        arguments = _arguments(source, _prepared(source, content, work))
+        said = _convert(source, arguments, work / "compiled.net.xml")
+        net = _GENERATED_COMMENT.sub(b"", _read_bytes(work / "compiled.net.xml"), count=1)
+    notes = MapNotes(said.remarks() + dropped_parts(source, net), warnings + said.left_out())
+    _publish(net, notes, source, out)
+    return notes
+
+
+def _prepared(source: MapSource, content: bytes | None, work: Path) -> dict[str, str]:
+    """Write what netconvert is to read in place of the user's files; return its options for them."""
+    prepared = {}
+    if content is not None:
+        suffix, option = next(
+            pair for pair in _INPUT_OPTIONS.items() if source.files[0].name.endswith(pair[0])
+        )
+        mended = work / f"mended{suffix}"
+        mended.write_bytes(content)
+        prepared[option] = str(mended)
+    if source.kind == "osm":
+        prepared["type-files"] = str(write_road_types(_sumo_folder(), work))
+    return prepared
 
 
 def _cannot_write(out: Path, error: OSError) -> MapError:
@@ -113,9 +159,15 @@ def _cannot_write(out: Path, error: OSError) -> MapError:
     )
 
 
-def _publish(net: bytes, notes: tuple[str, ...], source: MapSource, out: Path) -> tuple[str, ...]:
+def _publish(net: bytes, notes: MapNotes, source: MapSource, out: Path) -> None:
     """Check the network, and put it into place in one step."""
-    validate_net(net, source)
+    try:
+        validate_net(net, source)
+    except MapError as error:
+        lost = "; ".join(notes.warnings + notes.remarks)
+        if not lost:
+            raise
+        raise MapError(f"{error.problem} ({lost})", place=error.place, remedy=error.remedy) from error
     temporary = out.with_name(f".{out.name}.{os.getpid()}")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -126,7 +178,6 @@ def _publish(net: bytes, notes: tuple[str, ...], source: MapSource, out: Path) -
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
-    return notes
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -136,17 +187,13 @@ def _read_bytes(path: Path) -> bytes:
         raise MapError(f"cannot read the map: {error.strerror}", place=str(path)) from error
 
 
-def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
+def _convert(source: MapSource, arguments: list[str], product: Path) -> ConverterMessages:
+    """Write the product; return what the tool said."""
     tool = "netgenerate" if source.kind == "netgenerate" else "netconvert"
-    command = [
-        str(_sumo_folder() / "bin" / tool),
-        *_arguments(source),
-        "--output-file",
-        str(product.resolve()),
-    ]
+    command = [str(_sumo_folder() / "bin" / tool), *arguments, "--output-file", str(product)]
     place = str(source.files[0])
     code, said = _run(tool, command, source)
-    messages = _messages(said)
+    messages = ConverterMessages.parse(said)
     if code == -signal.SIGXFSZ:
         raise MapError(
             f"{tool} may not write a file as large as the network",
@@ -154,11 +201,11 @@ def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
             remedy="raise the limit on the size of files (ulimit -f)",
         )
     if code != 0 or not product.is_file():
-        errors = [text.removeprefix("Error: ") for text in messages if not text.startswith("Warning: ")]
+        problem = " ".join(messages.errors) or f"exit code {code}"
+        if "No edges loaded" in problem:
+            problem = " ".join([problem, *dropped_parts(source, b"<net/>")])
         raise MapError(
-            f"{tool} refused the map: {' '.join(errors) or f'exit code {code}'}",
-            place=place,
-            remedy=_remedy(source, tool),
+            f"{tool} refused the map: {problem}", place=place, remedy=_remedy(source, tool, problem)
         )
     if not _ends_whole(product):
         raise MapError(
@@ -166,7 +213,7 @@ def _convert(source: MapSource, product: Path) -> tuple[str, ...]:
             place=place,
             remedy="make room on that disk",
         )
-    return tuple(text.removeprefix("Warning: ").removeprefix("Error: ") for text in messages)
+    return messages
 
 
 def _run(tool: str, command: list[str], source: MapSource) -> tuple[int, str]:
@@ -198,11 +245,11 @@ def _ends_whole(product: Path) -> bool:
         return file.read().rstrip().endswith(b"</net>")
 
 
-def _remedy(source: MapSource, tool: str) -> str:
-    if source.kind in ("opendrive", "osm"):
+def _remedy(source: MapSource, tool: str, problem: str) -> str:
+    if source.kind == "opendrive" and "bad_alloc" in problem:
         options = source.files[0].name.partition(".")[0] + ".netccfg"
-        entry = '<configuration><ignore-errors value="true"/></configuration>'
-        return f"mend the file, or import what is sound in it: write {entry} to {options} beside it"
+        entry = '<configuration><opendrive.curve-resolution value="2"/></configuration>'
+        return f"draw its curves with fewer points: write {entry} to {options} beside it"
     return f"mend the file; {tool} --help lists the options"
 
 
@@ -221,18 +268,19 @@ def _environment() -> dict[str, str]:
     return inherited | {"LC_ALL": "C", "PROJ_DATA": projections, "PROJ_LIB": projections}
 
 
-def _arguments(source: MapSource) -> list[str]:
+def _arguments(source: MapSource, prepared: dict[str, str]) -> list[str]:
     """Return the command line: the user's options file, then our choices for what it leaves open."""
     config = source.files[0] if source.kind == "netgenerate" else source.options
     chosen = _configured_options(config) if config else set()
-    arguments = ["--configuration-file", config.name] if config else []
+    files: dict[str, str] = {}
     if source.kind != "netgenerate":
         for file in source.files:
             option = next((o for suffix, o in _INPUT_OPTIONS.items() if file.name.endswith(suffix)), None)
             if option:
-                arguments += [f"--{option}", file.name]
-    for option, value in (_COMMON | _DEFAULTS[source.kind]).items():
-        if option not in chosen:
+                files[option] = file.name
+    arguments = ["--configuration-file", config.name] if config else []
+    for option, value in (files | _COMMON | _DEFAULTS[source.kind] | prepared).items():
+        if option in files or option not in chosen:
             arguments += [f"--{option}", value]
     return arguments
 
@@ -243,17 +291,3 @@ def _configured_options(config: Path) -> set[str]:
     except (OSError, ElementTree.ParseError) as error:
         raise MapError(f"cannot read the options: {error}", place=str(config)) from error
     return {element.tag for element in tree.iter() if "value" in element.attrib or "v" in element.attrib}
-
-
-def _messages(stderr: str) -> list[str]:
-    """Return each distinct message once."""
-    messages: list[str] = []
-    for line in stderr.splitlines():
-        text = " ".join(line.split())
-        if not text or "SUMO_HOME" in text or text.startswith("Quitting"):
-            continue
-        if text.startswith(("Warning: ", "Error: ")) or not messages:
-            messages.append(text)
-        else:
-            messages[-1] += f" {text}"
-    return list(dict.fromkeys(messages))

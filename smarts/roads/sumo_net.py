@@ -23,6 +23,9 @@ POINT_SPACING = 1.0
 DEFAULT_LANE_WIDTH = 3.2
 """What SUMO takes where a lane names no width [m]."""
 
+DIRECTED = 0.1
+"""A line shorter than this has no direction, since its points are rounded to 1 cm [m]."""
+
 
 @dataclass(frozen=True)
 class _Edge:
@@ -170,7 +173,7 @@ class _NetReader:
         lines = [polylines.without_repeats(_points(lane.attrib["shape"])) for lane in self.lanes]
         before = {target: source for source, target in links}
         for number, line in enumerate(lines):
-            if len(line) < 2:
+            if polylines.arc_lengths(line)[-1] < DIRECTED:
                 lines[number] = _stub(line[0], lines[before[number]] if number in before else line)
         return [polylines.subdivide(line, POINT_SPACING) for line in lines]
 
@@ -224,7 +227,7 @@ def _points(shape: str) -> Floats:
 
 
 def _stub(point: Floats, line_before: Floats) -> Floats:
-    """Return a line of 1 mm at `point`: SUMO draws some lanes inside junctions without any length."""
+    """Return a line of 1 mm at `point`: SUMO draws some lanes inside junctions with hardly any length."""
     step = line_before[-1] - line_before[-2] if len(line_before) > 1 else np.array([1.0, 0.0])
     direction = step / np.hypot(*step)
     return np.array([point - 0.0005 * direction, point + 0.0005 * direction])

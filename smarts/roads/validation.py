@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping, Set
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,22 @@ def validate_net(net: bytes, source: MapSource) -> None:
             junctions have no lanes inside.
     """
     place = str(source.files[0])
+    root = parse_net(net, source)
+    check_sound(root, place)
+    remedy = "mend the file, or compile the map again with netconvert"
+    for link, problem in bad_connections(root):
+        where = f"{place}: connection from '{link.get('from')}' to '{link.get('to')}'"
+        raise MapError(problem, place=where, remedy=remedy)
+    _check_lanes(root, place)
+
+
+def parse_net(net: bytes, source: MapSource) -> ElementTree.Element:
+    """Return the outermost element of a network whose traffic keeps to the right.
+
+    Raises:
+        MapError: It is no such network.
+    """
+    place = str(source.files[0])
     try:
         root = ElementTree.fromstring(net)
     except ElementTree.ParseError as error:
@@ -46,9 +63,17 @@ def validate_net(net: bytes, source: MapSource) -> None:
             place=place,
             remedy="convert it without the option lefthand",
         )
+    return root
+
+
+def check_sound(root: ElementTree.Element, place: str) -> None:
+    """Require sound numbers in all lanes, and that no two edges or lanes have one name.
+
+    Raises:
+        MapError: Something is not so.
+    """
     _check_numbers(root, place)
-    _check_references(root, place)
-    _check_lanes(root, place)
+    _check_names(root, place)
 
 
 def _check_numbers(root: ElementTree.Element, place: str) -> None:
@@ -79,32 +104,38 @@ def _finite(text: str) -> float:
     return number if math.isfinite(number) else math.nan
 
 
-def _check_references(root: ElementTree.Element, place: str) -> None:
-    """Require that nothing has the same name twice, and connections between lanes that exist."""
+def _check_names(root: ElementTree.Element, place: str) -> None:
+    """Require that nothing has the same name twice."""
     remedy = "mend the file, or compile the map again with netconvert"
-    lanes: set[str] = set()
-    counts: dict[str, int] = {}
-    for edge in root.iterfind("edge"):
-        name = edge.get("id", "")
-        if name in counts:
-            raise MapError(f"two edges are named '{name}'", place=place, remedy=remedy)
-        counts[name] = len(edge.findall("lane"))
-        for lane in edge.iterfind("lane"):
-            lane_name = lane.get("id", "")
-            if lane_name in lanes:
-                raise MapError(f"two lanes are named '{lane_name}'", place=place, remedy=remedy)
-            lanes.add(lane_name)
+    for kind, path in (("edge", "edge"), ("lane", "edge/lane")):
+        seen: set[str] = set()
+        for element in root.iterfind(path):
+            name = element.get("id", "")
+            if name in seen:
+                raise MapError(f"two {kind}s are named '{name}'", place=place, remedy=remedy)
+            seen.add(name)
+
+
+def bad_connections(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:
+    """Yield the connections from, to or through lanes that do not exist, and what is wrong with each."""
+    counts = {edge.get("id", ""): len(edge.findall("lane")) for edge in root.iterfind("edge")}
+    lanes = {lane.get("id", "") for lane in root.iterfind("edge/lane")}
     for link in root.iterfind("connection"):
-        where = f"{place}: connection from '{link.get('from')}' to '{link.get('to')}'"
-        for end in ("from", "to"):
-            name, number = link.get(end, ""), link.get(f"{end}Lane", "")
-            if name not in counts:
-                raise MapError(f"there is no edge '{name}'", place=where, remedy=remedy)
-            if not number.isdecimal() or int(number) >= counts[name]:
-                raise MapError(f"edge '{name}' has no lane {number!r}", place=where, remedy=remedy)
-        via = link.get("via")
-        if via is not None and via not in lanes:
-            raise MapError(f"there is no lane '{via}' inside the junction", place=where, remedy=remedy)
+        problem = next(_problems(link, counts, lanes), None)
+        if problem is not None:
+            yield link, problem
+
+
+def _problems(link: ElementTree.Element, counts: Mapping[str, int], lanes: Set[str]) -> Iterator[str]:
+    for end in ("from", "to"):
+        name, number = link.get(end, ""), link.get(f"{end}Lane", "")
+        if name not in counts:
+            yield f"there is no edge '{name}'"
+        elif not number.isdecimal() or int(number) >= counts[name]:
+            yield f"edge '{name}' has no lane {number!r}"
+    via = link.get("via")
+    if via is not None and via not in lanes:
+        yield f"there is no lane '{via}' inside the junction"
 
 
 def _check_lanes(root: ElementTree.Element, place: str) -> None:
@@ -120,31 +151,34 @@ def _check_lanes(root: ElementTree.Element, place: str) -> None:
             place=place,
             remedy='a lane needs allow="passenger" or no restriction that excludes cars',
         )
-    gaps = _gaps(root, roads)
-    if gaps.size and gaps.max() > WIDEST_GAP:
+    jumps = connection_jumps(root)
+    if jumps:
         raise MapError(
-            f"there are no lanes inside the junctions: {(gaps > WIDEST_GAP).sum()} connections jump "
-            f"up to {gaps.max():.1f} m",
+            f"{len(jumps)} connections jump more than {WIDEST_GAP:g} m, without lanes inside the junctions",
             place=place,
             remedy="build them: netconvert --sumo-net-file map.net.xml --no-internal-links false "
             "--junctions.internal-link-detail 20 --output-file map.net.xml",
         )
 
 
-def _gaps(root: ElementTree.Element, roads: list[ElementTree.Element]) -> NDArray[np.float64]:
-    """Return how far the connections jump that lead from road lane to road lane directly [m]."""
+def connection_jumps(root: ElementTree.Element) -> list[str]:
+    """Return the junctions of all connections that lead from road to road over more than `WIDEST_GAP`."""
+    roads = [edge for edge in root.iter("edge") if edge.get("function", "normal") == "normal"]
     ends = {
         (edge.get("id"), lane.get("index")): (_point(lane, 0), _point(lane, -1))
         for edge in roads
         for lane in edge.iter("lane")
     }
+    junctions = {edge.get("id"): edge.get("to", "") for edge in roads}
     jumps = []
     for connection in root.iter("connection"):
         source = ends.get((connection.get("from"), connection.get("fromLane")))
         target = ends.get((connection.get("to"), connection.get("toLane")))
-        if connection.get("via") is None and source and target:
-            jumps.append(np.hypot(*(target[0] - source[1])))
-    return np.array(jumps)
+        if connection.get("via") is not None or source is None or target is None:
+            continue
+        if np.hypot(*(target[0] - source[1])) > WIDEST_GAP:
+            jumps.append(junctions[connection.get("from")])
+    return jumps
 
 
 def _point(lane: ElementTree.Element, number: int) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.sources import MapSource
 from smarts.roads.sumo_net import read_net
-from smarts.sstudio.built import LANES, NET, SCENARIO
+from smarts.sstudio.built import LANES, NET, SCENARIO, WITHOUT_EFFECT
 from smarts.sstudio.cache import MANIFEST, damaged_file, file_table
 from smarts.sstudio.encoding import digest, encode
 from smarts.sstudio.executing import Description
@@ -46,40 +46,41 @@ def write_artefacts(
     """
     scenario, seed = description.scenario, description.seed
     shared = like is not None and not damaged_file(like)
-    map_notes = _share(like, folder) if like is not None and shared else _compile(source, folder)
+    of_map = _share(like, folder) if like is not None and shared else _compile(source, folder)
     roads = LaneGraph.load(folder / LANES)
     validate(scenario, roads, place)
     (folder / "traffic").mkdir()
     traffic, notes = {}, _notes(description)
     for name, described in (scenario.traffic or {}).items():
-        if described.engine in TRAFFIC_ENGINES:
-            traffic[name], more = _write_traffic(folder, name, described, roads, seed)
-            notes += more
+        traffic[name], more = _write_traffic(folder, name, described, roads, seed)
+        notes += more
     _write_json(folder / SCENARIO, encode(replace(scenario, held_out=None)))
     manifest = {
         "seed": seed,
         "traffic": traffic,
         "held_out": {name: held.description for name, held in (scenario.held_out or {}).items()},
-        "map_notes": map_notes,
+        **of_map,
         "notes": notes,
+        "warnings": _warnings(description),
         "files": file_table(folder),
     }
     _write_json(folder / MANIFEST, manifest)
 
 
-def _compile(source: MapSource, folder: Path) -> list[str]:
+def _compile(source: MapSource, folder: Path) -> dict[str, list[str]]:
     notes = compile_map(source, folder / NET)
     read_net(folder / NET, place=str(source.files[0])).save(folder / LANES)
-    return list(notes)
+    return {"map_notes": list(notes.remarks), "map_warnings": list(notes.warnings)}
 
 
-def _share(like: Path, folder: Path) -> list[str]:
+def _share(like: Path, folder: Path) -> dict[str, list[str]]:
     for name in (NET, LANES):
         try:
             os.link(like / name, folder / name)  # artefacts never change, so they may be one file
         except OSError:
             shutil.copyfile(like / name, folder / name)
-    return json.loads((like / MANIFEST).read_text(encoding="utf-8"))["map_notes"]
+    manifest = json.loads((like / MANIFEST).read_text(encoding="utf-8"))
+    return {name: manifest[name] for name in ("map_notes", "map_warnings")}
 
 
 def _write_traffic(
@@ -108,6 +109,20 @@ def _notes(description: Description) -> list[str]:
     return [
         f"map_spec.{name} has no effect: the map is taken as it is" for name, given in unused.items() if given
     ]
+
+
+def _warnings(description: Description) -> list[str]:
+    scenario = description.scenario
+    described = scenario.traffic or {}
+    other = [name for name, traffic in described.items() if traffic.engine not in TRAFFIC_ENGINES]
+    warnings = []
+    if other:
+        names = f"{', '.join(map(repr, other[:3]))}{f' and {len(other) - 3} more' if len(other) > 3 else ''}"
+        warnings.append(f"SUMO drives the traffic {names}, which names the engine 'SMARTS'")
+    unused = [name for name in WITHOUT_EFFECT if getattr(scenario, name)]
+    if unused:
+        warnings.append(f"{', '.join(unused)}: without effect so far, the scenario is played without it")
+    return warnings
 
 
 def _write_json(path: Path, data: Any) -> None:

@@ -7,6 +7,7 @@ opened under its folder. So a changed comment runs the scenario file again but w
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 from collections.abc import Iterable
@@ -24,6 +25,7 @@ from smarts.sstudio.cache import BuildCache, file_hash
 from smarts.sstudio.checks import Checks
 from smarts.sstudio.decoding import decode
 from smarts.sstudio.encoding import digest, encode
+from smarts.sstudio.episodes import check_egos
 from smarts.sstudio.executing import Description, run_scenario_file
 from smarts.sstudio.failures import named_failures
 from smarts.sstudio.locating import SCRIPT, Location, locate, suite
@@ -37,6 +39,8 @@ __all__ = ["build_described", "build_scenario", "suite"]
 
 DESCRIBED = "described"
 """The entry of the index with a scenario that was handed over by hand."""
+MAPS_OF_DATA_SETS = ("Argoverse", "Waymo")
+"""Recorded traffic with maps in formats of its own."""
 PACKAGE = Path(__file__).resolve().parents[1]
 CODE = ("errors.py", "types", "geometry", "roads", "sstudio")
 """The parts of the package that decide what artefacts look like: what the build imports."""
@@ -44,15 +48,16 @@ LIBRARIES = ("eclipse-sumo", "numpy", "shapely")
 """Packages whose versions do."""
 
 
-def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenario:
+def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) -> BuiltScenario:
     """Return a built scenario; nothing is written where nothing has changed.
 
     Args:
         path: A scenario's folder, a map file, or a name of the suite; with "@variation" for one of the
             scenario's held-out variations.
         seed: For what is drawn when the scenario is built; unless given, what the scenario asks for, or 42.
+        egos: How many learning agents it is for; that it has missions for them is checked before it is built.
 
-    What the scenario says and nothing comes of is told once, as a warning of the logger "smarts".
+    Where the scenario is not played as its files say, the logger "smarts" warns once.
 
     Raises:
         ScenarioError: The scenario cannot be found, run, or be on its map; the message says where and why.
@@ -63,13 +68,19 @@ def build_scenario(path: str | Path, *, seed: int | None = None) -> BuiltScenari
         _check_seed(seed, "seed")
         location = locate(path)
         inputs = _fingerprint_inputs(location, seed)
-        built = _find_built(location, inputs) or _build(location, inputs, _describe(location, seed))
-        _tell_of_no_effect(_place(location), built.without_effect)
+        built = _find_built(location, inputs)
+        if built is None:
+            description = _describe(location, seed)
+            with contextlib.suppress(TypeError):  # of missions that are none: the build says so
+                check_egos(description.scenario.ego_missions or (), egos, location.label)
+            built = _build(location, inputs, description)
+        check_egos(built.scenario.ego_missions or (), egos, location.label)
+        _warn(_place(location), built.warnings)
         return built
 
 
-def traffic_of(path: str | Path) -> frozenset[str]:
-    """Return the names of a scenario's traffic; its file runs only if there is no build of it.
+def read_scenario(path: str | Path) -> Scenario:
+    """Return what a scenario says, without building it; its file runs only if there is no build of it.
 
     Raises:
         SmartsError: As `build_scenario` does for what is found without building.
@@ -77,8 +88,7 @@ def traffic_of(path: str | Path) -> frozenset[str]:
     location = locate(path)
     with named_failures("describing the scenario", _place(location)):
         built = _find_built(location, _fingerprint_inputs(location, None))
-        scenario = _describe(location, None).scenario if built is None else built.scenario
-        return frozenset(scenario.traffic or ())
+        return _describe(location, None).scenario if built is None else built.scenario
 
 
 def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEED) -> BuiltScenario:
@@ -92,17 +102,15 @@ def build_described(directory: Path, scenario: Scenario, seed: int = DEFAULT_SEE
         described = _portable(scenario, location)
         BuildCache.writable(location.builds).write(DESCRIBED, {"scenario": encode(described), "seed": seed})
         built = _build(location, _fingerprint_inputs(location, None), Description(described, seed))
-        _tell_of_no_effect(_place(location), built.without_effect)
+        _warn(_place(location), built.warnings)
         return built
 
 
 @cache
-def _tell_of_no_effect(place: str, names: tuple[str, ...]) -> None:
-    """Say once what of a scenario will not be there when it is played."""
-    if names:
-        logging.getLogger("smarts").warning(
-            "%s: %s: nothing comes of it so far, the scenario is played without it", place, ", ".join(names)
-        )
+def _warn(place: str, warnings: tuple[str, ...]) -> None:
+    """Log the warnings of a built scenario once in a process."""
+    for warning in warnings:
+        logging.getLogger("smarts").warning("%s: %s", place, warning)
 
 
 def _check_seed(seed: Any, place: str) -> None:
@@ -143,7 +151,10 @@ def _build(location: Location, inputs: str, description: Description) -> BuiltSc
 def _built(location: Location, inputs: str, description: Description) -> BuiltScenario:
     directory, spec = location.directory, description.scenario.map_spec
     map_name = None if spec is None else spec.source
-    source = find_map_source(directory, map_name)
+    try:
+        source = find_map_source(directory, map_name)
+    except MapError as error:
+        raise _without_data_set(description.scenario, _place(location)) or error from error
     _check_seed(description.seed, f"{_place(location)}: seed")
     map_key = _fingerprint_map(source)
     key = digest([encode(description.scenario), map_key, description.seed, _toolchain()], size=8)
@@ -160,6 +171,18 @@ def _built(location: Location, inputs: str, description: Description) -> BuiltSc
             cache.prune()
         cache.write(inputs, entry)
     return BuiltScenario(location.label, directory, cache.root / key)
+
+
+def _without_data_set(scenario: Scenario, place: str) -> ScenarioError | None:
+    """Return the error of a scenario whose map comes with recorded traffic, None for others."""
+    for number, history in enumerate(scenario.traffic_histories or ()):
+        if isinstance(history, TrafficHistoryDataset) and history.source_type in MAPS_OF_DATA_SETS:
+            return ScenarioError(
+                f"its map is part of the data set {history.source_type!r}, which cannot be read",
+                place=f"{place}: traffic_histories[{number}]",
+                remedy="convert the map with netconvert, and name that file as the source of map_spec",
+            )
+    return None
 
 
 def _describe(location: Location, seed: int | None) -> Description:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SCENARIO, NET, LANES = "scenario.json", "map.net.xml", "lanes.npz"
 
 WITHOUT_EFFECT = ("social_agent_missions", "bubbles", "traffic_histories")
-"""Fields of scenarios that are read and checked, and of which nothing comes yet."""
+"""Fields of scenarios that are read and checked, and have no effect yet."""
 
 Content = TypeVar("Content")
 
@@ -70,19 +70,19 @@ class BuiltScenario:
         return decode(self._read(SCENARIO, _load_json))
 
     @property
-    def without_effect(self) -> tuple[str, ...]:
-        """The fields that the scenario fills and of which nothing comes."""
-        return tuple(name for name in WITHOUT_EFFECT if getattr(self.scenario, name))
-
-    @property
     def net_file(self) -> Path:
         """The compiled SUMO network."""
         return self.directory / NET
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know, such as what a map converter dropped."""
+        """What a user may want to know, such as what a map converter remarks on."""
         return tuple(self._manifest["map_notes"] + self._manifest["notes"])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the scenario is not played as its files say, such as links that were left out of its map."""
+        return tuple(self._manifest["map_warnings"] + self._manifest["warnings"])
 
     @property
     def seed(self) -> int:
@@ -111,19 +111,12 @@ class BuiltScenario:
         """Return one variation of the traffic, or the empty roads for None.
 
         Raises:
-            ScenarioError: There is no such variation, or it is for another traffic engine.
+            ScenarioError: There is no such variation.
         """
         if name is None:
             return TrafficFiles(net=self.net_file)
         if name in self.traffic:
             return self.traffic[name]
-        described = (self.scenario.traffic or {}).get(name)
-        if described is not None:
-            raise ScenarioError(
-                f"traffic {name!r} is for the engine {described.engine!r}, which does not run yet",
-                place=f"{self.name}: traffic[{name!r}].engine",
-                remedy='use engine="SUMO"',
-            )
         raise ScenarioError(
             f"there is no traffic {name!r}", place=self.name, remedy=nearest_names(name, self.traffic)
         )

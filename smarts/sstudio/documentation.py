@@ -95,15 +95,58 @@ where something is new, or means something else here, it is said.
 """
 
 
+_ON_MAPS = """### What is left out of maps, or built again
+
+Such changes are warnings of the logger `smarts`, whenever a scenario is built or found built.
+
+- OpenDRIVE: connections of roads that do not exist and signals without a type are left out. So are the
+  connections of direct junctions; netconvert guesses how lanes connect there. Other errors of netconvert,
+  which runs with `ignore-errors`, leave out what they name. Left-hand traffic is refused.
+- `.net.xml`: connections from or to lanes that do not exist are left out. Such a network, and one whose
+  junctions have no lanes inside, is built again by netconvert: edges and lanes keep their ids, and roads end
+  a little earlier where a junction gets lanes.
+- OpenStreetMap: roads are those of SUMO's type map. Race tracks (`highway=raceway`, two lanes each way and
+  79 km/h unless tagged otherwise) and roads of unknown class (`highway=road`) are open to cars as well.
+  Service roads, tracks, fords and paths stay closed to cars and are not on the map; busways are for buses.
+  The option `type-files` in `map.netccfg` beside the map names a table of types of your own, for example one
+  with service roads. Roads that connect to no other are removed.
+"""
+
+_ORIGINAL = """## Scenario files of the original
+
+Of the 57 files `scenario.py` in the original's folder `scenarios`, 26 play as they are written, 16 with
+a warning that says what is missing, and 15 do not play. `python -m perf.scenario_files path/to/SMARTS/scenarios` builds and resets
+each, and prints the table of all.
+
+| files | how many | what happens | why |
+|---|---|---|---|
+| `sumo/*` but those below, `open_drive/od_4lane` | 26 | play as written | |
+| `sumo/intersections/2lane_circle`, `4lane_t`, `6lane`, `sumo/loop`, `sumo/minicity`, \
+`sumo/straight/3lane_bubble`, `sumo/tests/multi_agents_loop`, `sumo/zoo_intersection` | 8 | play without \
+their social agents and bubbles | these have no effect so far |
+| `sumo/straight/3lane_cut_in_agents_1`, `cutin_2lane_agents_1` | 2 | SUMO drives their traffic | there is \
+no engine `SMARTS` so far |
+| `open_drive/od_newmarket` | 1 | plays without 3 connections of its map | they name roads that do not exist |
+| `NGSIM/*` (4), `INTERACTION/merging` | 5 | play without their recorded traffic | recorded traffic has no \
+effect so far; the lanes inside the junctions of `merging` are built |
+| `argoverse/*` (13), `waymo` | 14 | refused | their maps and traffic are data sets that cannot be read, and \
+are not in the folder |
+| `open_drive/od_merge` | 1 | refused | it names edges as the original's reader of OpenDRIVE does (`1_0_R`: \
+road, section, side), not as netconvert (`-1#0`) |
+""".replace("\\\n", "")
+
+
 def language_page() -> str:
     """Return the page as Markdown."""
     parts = [_OPENING]
     for subject, kinds in SUBJECTS.items():
         parts.append(f"## {subject}\n")
         parts += [_section(kind) for kind in kinds]
+    parts.append(_ON_MAPS)
     names = ", ".join(f"`{kind.__name__}`" for kind in NOT_IN_USE)
-    text = f"Scenario files may use them, and nothing comes of it but a warning: {names}."
+    text = f"Scenario files may use them; they have no effect but a warning: {names}."
     parts.append(f"## Without effect so far\n\n{text}\n")
+    parts.append(_ORIGINAL)
     return "\n".join(parts)
 
 

@@ -63,18 +63,26 @@ def mission_sets(
     missions = expand(described)
     if not missions:
         return (tuple(t.Mission(t.RandomRoute(f"ego-{ego}")) for ego in range(egos)),)
-    if egos > len(missions):
-        raise ScenarioError(
-            f"{egos} egos, but only {len(missions)} missions",
-            place=f"{place}: ego_missions",
-            remedy=f"use at most {len(missions)} egos, or add missions",
-        )
+    check_egos(described, egos, place)
     if egos == 0:
         return ((),)
     count = math.ceil(len(missions) / egos)
     return tuple(
         tuple(missions[(first * egos + ego) % len(missions)] for ego in range(egos)) for first in range(count)
     )
+
+
+def check_egos(described: Sequence[t.AnyMission], egos: int, place: str = "") -> None:
+    """Raise a ScenarioError if there are missions, but fewer than egos."""
+    count = sum(
+        mission.actor_count if isinstance(mission, t.GroupedLapMission) else 1 for mission in described
+    )
+    if 0 < count < egos:
+        raise ScenarioError(
+            f"{egos} egos, but only {count} missions",
+            place=f"{place}: ego_missions",
+            remedy=f"use at most {count} egos, or add missions",
+        )
 
 
 def expand(missions: Sequence[t.AnyMission]) -> tuple[t.AnyMission, ...]:

@@ -109,6 +109,10 @@ class CommandMode(enum.IntEnum):
     """By poses that it takes, whatever its dynamics."""
 
 
+KINKED = 4.0
+"""`Commands.window` of references that are not planned for the vehicle [m]."""
+
+
 @dataclass(frozen=True)
 class Commands:
     """What controllers tell the vehicles of all seats for one step, shape (B, A), refilled in place."""
@@ -120,6 +124,8 @@ class Commands:
     reference: Floats
     """Points ahead, nearest first: x, y [m], heading [rad], speed [m/s], shape (B, A, R, 4)."""
     reference_length: Ints
+    window: Floats
+    """Over which a reference's curvature is averaged, since lanes have kinks [m]."""
     poses: Floats
     """At the end of each sub-step: x, y [m], heading [rad], speed [m/s], shape (B, A, S, 4)."""
 
@@ -132,5 +138,6 @@ class Commands:
             actuators=np.zeros((*shape, 3)),
             reference=np.zeros((*shape, reference, 4)),
             reference_length=np.zeros(shape, np.int32),
+            window=np.full(shape, KINKED),
             poses=np.zeros((*shape, substeps, 4)),
         )

@@ -145,13 +145,14 @@ class OwnRewards:
 
     def __init__(self, served: Served, reward: Any, name: str, discount: float | None = None) -> None:
         self._doing = f"the reward {name!r}"
-        made: Any = guarded(reward, self._doing)() if isinstance(reward, type) else reward
+        made = guarded(reward, self._doing)() if isinstance(reward, type) else reward
         if not callable(made):
             raise OwnCodeError(f"{self._doing} has no method '__call__'", place=name)
         weights: Weights = getattr(made, "weights", RewardWeights())
         self._weighted = Rewards(served, given_weights(weights), discount)
         self._call = guarded(made, self._doing)
-        self._forget = guarded(made.reset, self._doing) if hasattr(made, "reset") else None
+        forget = getattr(made, "reset", None)
+        self._forget = None if forget is None else guarded(forget, self._doing)
         self._served = served
         self.values: Singles = self._weighted.values
         """Of the last decision, shape (B, n)."""

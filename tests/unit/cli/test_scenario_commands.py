@@ -89,6 +89,20 @@ def test_show_draws_any_format(tiny, suffix):
     assert out.stat().st_size > 5_000
 
 
+@pytest.mark.parametrize("command", ["build", "show"])
+def test_what_is_left_out_of_a_map_is_said_once(tiny, command):
+    assert smarts_bench("scenario", "build", tiny).returncode == 0
+    (net,) = tiny.glob("build/*/map.net.xml")
+    bad = '<connection from="first" to="gone" fromLane="0" toLane="0"/></net>'
+    (tiny / "map.net.xml").write_text(net.read_text().replace("</net>", bad))
+    options = ["--out", tiny / "map.png"] if command == "show" else []
+    result = smarts_bench("scenario", command, tiny, *options)
+    assert result.returncode == 0, result.stderr
+    said = [line for line in (result.stdout + result.stderr).splitlines() if "left out 1 of" in line]
+    assert len(said) == 1
+    assert "'first_0' to 'gone_0'" in said[0]
+
+
 def test_show_draws_a_map_without_a_scenario_file(tiny):
     (tiny / "scenario.py").unlink()
     out = tiny / "map.png"

@@ -6,13 +6,14 @@ import subprocess
 import sys
 
 import matplotlib.colors
+import matplotlib.text
 import numpy as np
 import PIL.Image
 import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
-from smarts.envision.episode_picture import EpisodePicture
+from smarts.envision.episode_picture import COLLISION, EpisodePicture
 from smarts.envision.scenario_picture import ASPHALT, CAR, EGOS
 from smarts.errors import SmartsError
 from smarts.types.events import Outcome
@@ -65,7 +66,7 @@ def is_colour(found, name):
 
 
 def test_vehicles_are_where_they_were(picture):
-    for step in (0, 7, 15):
+    for step in (0, 7, 14):
         image = picture.image(step)
         assert image.dtype == np.uint8
         assert is_colour(colour_at(picture, image, 100.0 + step, 0.3), EGOS[0])
@@ -96,6 +97,71 @@ def test_all_that_the_agents_drove_through_is_shown(picture):
     assert high.tolist() == [180.0, pytest.approx(1.6 + 30.0)]
 
 
+@pytest.fixture(scope="module")
+def crash(tmp_path_factory):
+    """Return four agents side by side and behind each other, the first of which drives into the second."""
+    folder = tmp_path_factory.mktemp("crash")
+    cars = [(100.0, 0.0), (106.0, 0.0), (100.0, 3.2), (106.0, 3.2)]
+    recording = Recording(folder, [Car(x, y, speed=10.0, mission=GOAL) for x, y in cars])
+    recording.begin()
+    for step in range(4):
+        if step < 2:
+            recording.world.vehicles.position[0, 0, 0] += 1.0
+        if step == 1:
+            recording.world.seats.state[0, 0] = SeatState.DONE
+            recording.world.seats.outcome[0, 0] = Outcome.COLLISION
+            recording.events.just_done[0, 0] = True
+            recording.contacts.partner[0, 0] = 1
+            recording.contacts.partner_generation[0, 0] = recording.world.vehicles.generation[0, 1]
+        recording.step()
+        if step == 1:
+            recording.events.just_done[0, 0] = False
+            recording.made.ownership.rosters[0].dismiss(0)
+            recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.VACANT, -1
+    return recording.read()
+
+
+def boxes_of_texts(picture, step):
+    """Return left, bottom, right and top of all texts in the picture of a step [pixels]."""
+    boxes = []
+    add = picture._figure.draw_artist
+
+    def measured(artist):
+        add(artist)
+        if isinstance(artist, matplotlib.text.Text):
+            frame = artist.get_bbox_patch()
+            boxes.append((frame or artist).get_window_extent(picture._canvas.get_renderer()).extents)
+
+    picture._figure.draw_artist = measured
+    picture.image(step)
+    picture._figure.draw_artist = add
+    return np.array(boxes)
+
+
+@pytest.mark.parametrize("pixels", [640, 320])
+def test_texts_do_not_overlap(crash, pixels):
+    picture = EpisodePicture(crash, pixels=pixels)
+    width, height = picture._figure.bbox.size
+    for step in range(5):
+        boxes = boxes_of_texts(picture, step)
+        assert len(boxes) == 9  # the title, four lines and four labels
+        for number, box in enumerate(boxes):
+            assert (box[:2] >= 0).all()
+            assert box[2] <= width
+            assert box[3] <= height
+            others = np.delete(boxes, number, 0)
+            shared = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
+            assert (shared <= 0).any(-1).all(), (step, number)
+
+
+def test_collisions_are_marked_where_vehicles_touched(crash):
+    picture = EpisodePicture(crash, pixels=1000)
+    # Between the fronts and rears of cars of 4.5 m whose centres are at 102 m and 106 m.
+    for step, is_marked in ((1, False), (2, True), (4, True)):
+        found = colour_at(picture, picture.image(step), 104.0, 0.0)
+        assert is_colour(found, COLLISION["mfc"]) == is_marked
+
+
 def run(*arguments):
     return CliRunner().invoke(app, ["render", *map(str, arguments)])
 
@@ -105,11 +171,25 @@ def test_a_gif(episode, tmp_path):
     result = run(episode.folder, "--out", out, "--every", 4, "--begin", 0.2, "--speed", 2)
     assert result.exit_code == 0, result.output
     with PIL.Image.open(out) as film:
-        # Steps 2, 6, 10, 14, 18 and the last.
+        # Steps 2, 6, 10, 14, 18 and the last, which stays.
         assert film.n_frames == 6
         assert film.info["duration"] == 200
         assert film.info["loop"] == 0
         assert film.size[0] == 900
+
+
+@pytest.mark.parametrize("speed", [1, 2])
+def test_a_gif_has_ten_pictures_a_second(episode, tmp_path, speed):
+    out = tmp_path / "film.gif"
+    assert run(episode.folder, "--out", out, "--width", 640, "--speed", speed).exit_code == 0
+    shown = []
+    with PIL.Image.open(out) as film:
+        assert film.size[0] == 640
+        for frame in range(film.n_frames):
+            film.seek(frame)
+            shown.append(film.info["duration"])
+    # 2 s of real time, and the last picture for two seconds more.
+    assert shown == [100] * (STEPS // speed) + [2100]
 
 
 @pytest.mark.parametrize("options", [("--every", 100_000), ("--speed", 0.01, "--every", 10**9)])
@@ -168,7 +248,8 @@ def test_an_mp4_is_fed_picture_by_picture(episode, tmp_path, monkeypatch):
     out = tmp_path / "film.mp4"
     assert run(episode.folder, "--out", out, "--every", 10).exit_code == 0
     size = EpisodePicture(episode).image(0).shape
-    assert out.stat().st_size == 3 * np.prod(size)
+    # Steps 0 and 10 and the last, and that for two seconds more.
+    assert out.stat().st_size == 5 * np.prod(size)
     told = (tmp_path / "told.txt").read_text()
     assert f"-s {size[1]}x{size[0]} -r 1 " in told
 

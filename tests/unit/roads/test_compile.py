@@ -1,12 +1,15 @@
+import itertools
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+import sumo
 
 from smarts.errors import MapError
 from smarts.roads.atlas import RoadAtlas
-from smarts.roads.compile import compile_map
+from smarts.roads.compile import MapNotes, compile_map
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.routes import shortest_route
 from smarts.roads.sources import find_map_source
@@ -46,7 +49,7 @@ def test_a_compiled_net_is_copied(tmp_path, nets):
     shutil.copy(nets["cross"], folder / "map.net.xml")
     out, notes = compiled(folder)
     assert out.read_bytes() == nets["cross"].read_bytes()
-    assert notes == ()
+    assert notes == MapNotes()
 
 
 def test_plain_sources_have_no_turnarounds_unless_asked_for(tmp_path, cross):
@@ -62,9 +65,10 @@ def test_warnings_become_notes_once_and_without_paths(tmp_path):
     hairpin = '<edge id="west_out" shape="0,0 -50,0 -20,1 -100,0" '
     sources["edg"] = sources["edg"].replace('<edge id="west_out" ', hairpin)
     _, notes = compiled(maps.write(tmp_path, **sources))
-    assert any("angle" in note and "west_out" in note for note in notes)
-    assert len(set(notes)) == len(notes)
-    assert not any(str(tmp_path) in note or "SUMO_HOME" in note for note in notes)
+    assert any("angle" in note and "west_out" in note for note in notes.remarks)
+    assert len(set(notes.remarks)) == len(notes.remarks)
+    assert not any(str(tmp_path) in note or "SUMO_HOME" in note for note in notes.remarks)
+    assert notes.warnings == ()
 
 
 def test_opendrive(tmp_path):
@@ -78,7 +82,7 @@ def test_opendrive(tmp_path):
     # The inner lane of a left bend of 0.8 rad on a radius of 50 m.
     back = graph.lane_number("1", 1)
     assert graph.length[back] == pytest.approx(60 + 0.8 * (50 - 1.75), abs=0.1)
-    assert notes == ()
+    assert notes == MapNotes()
 
 
 def test_another_installation_of_sumo_makes_no_difference(tmp_path, monkeypatch):
@@ -102,7 +106,32 @@ def test_osm(tmp_path):
     assert {edge.lstrip("-").split("#")[0] for edge in graph.road_edges} == {"100", "101"}
     assert graph.speed_limit[graph.lane_number("101", 0)] == pytest.approx(30 / 3.6, abs=0.01)
     assert shortest_route(graph, "101", "-101") == ("101", "-101")
-    assert notes == ("dropped 1 of 3 ways with highway: 1 footway",)
+    assert notes == MapNotes(remarks=("dropped 1 of 3 ways with highway: 1 footway",))
+
+
+def osm_of(folder, highway, more=""):
+    text = (DATA / "village.osm").read_text().replace('v="residential"', f'v="{highway}"{more}')
+    (folder / "map.osm").write_text(text.replace('v="primary"', f'v="{highway}"'))
+    return folder
+
+
+@pytest.mark.parametrize("highway", ["raceway", "road", "living_street", "unclassified"])
+def test_osm_roads_that_cars_use(tmp_path, highway):
+    out, notes = compiled(osm_of(tmp_path, highway))
+    graph = read_net(out)
+    assert {edge.lstrip("-").split("#")[0] for edge in graph.road_edges} == {"100", "101"}
+    assert (graph.kind == LaneKind.CAR).all()
+    assert notes.warnings == ()
+
+
+@pytest.mark.parametrize("highway", ["service", "track", "busway", "ford"])
+def test_osm_roads_that_are_closed_to_cars(tmp_path, highway):
+    error = error_of(osm_of(tmp_path, highway))
+    if highway == "busway":  # which buses use
+        assert "none of the map's" in error.problem
+    else:
+        assert "dropped 3 of 3 ways with highway" in error.problem
+        assert f"2 {highway}" in error.problem
 
 
 @pytest.mark.parametrize(
@@ -147,11 +176,65 @@ def test_a_map_for_pedestrians_only(tmp_path):
     assert "is open to cars" in error_of(maps.write(tmp_path, **sources)).problem
 
 
-def test_a_net_without_lanes_inside_junctions(tmp_path):
+KEPT = '<offset.disable-normalization value="true"/></configuration>'
+
+
+def without_insides(folder):
+    """Return the folder of a network of a crossing without lanes inside it."""
+    options = '<configuration><no-internal-links value="true"/>' + KEPT
+    plain = maps.write(folder / "plain", netccfg=options, **maps.cross())
+    tool = str(Path(sumo.SUMO_HOME) / "bin" / "netconvert")
+    files = ["--node-files", "map.nod.xml", "--edge-files", "map.edg.xml", "-c", "map.netccfg"]
+    subprocess.run([tool, *files, "-o", str(folder / "map.net.xml")], cwd=plain, check=True)
+    return folder
+
+
+def test_lanes_inside_junctions_are_built_where_a_net_has_none(tmp_path, cross):
+    folder = without_insides(tmp_path)
+    out, notes = compiled(folder)
+    graph = read_net(out)
+    assert set(graph.road_edges) == set(cross.road_edges)
+    for begin, end in itertools.permutations(maps.ARMS, 2):
+        way = (f"{begin}_in", f"{end}_out")
+        assert shortest_route(graph, *way) == way
+    lane = graph.lane_number("west_in", 0)
+    assert graph.pose_at(lane, 0.0) == pytest.approx(cross.pose_at(cross.lane_number("west_in", 0), 0.0))
+    (warning,) = notes.warnings
+    assert "1 junctions" in warning
+    assert "'centre'" in warning
+
+
+def test_plain_sources_without_lanes_inside_junctions(tmp_path):
     options = '<configuration><no-internal-links value="true"/></configuration>'
     error = error_of(maps.write(tmp_path, netccfg=options, **maps.cross()))
-    assert "16 connections jump up to 2" in error.problem
+    assert "16 connections jump" in error.problem
     assert "netconvert" in error.remedy
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ('to="north_out"', 'to="nowhere"', "no edge 'nowhere'"),
+        ('toLane="', 'toLane="7', "has no lane '7"),
+        ('via="', 'via=":gone', "no lane ':gone"),
+    ],
+)
+def test_bad_links_of_a_net_are_left_out(tmp_path, nets, old, new, problem):
+    """SUMO itself refuses such a network, or crashes where the link is merely removed."""
+    lines = nets["cross"].read_text().splitlines(keepends=True)
+    at = next(n for n, line in enumerate(lines) if '<connection from="west_in" to="north_out"' in line)
+    lines[at] = lines[at].replace(old, new)
+    (tmp_path / "map.net.xml").write_text("".join(lines))
+    out, notes = compiled(tmp_path)
+    graph = read_net(out)
+    assert set(graph.road_edges) == set(read_net(nets["cross"]).road_edges)
+    assert shortest_route(graph, "west_in", "east_out") == ("west_in", "east_out")
+    (warning,) = notes.warnings
+    assert warning.startswith("left out 1 of ")
+    assert "'west_in_" in warning
+    assert problem in warning
+    command = [str(Path(sumo.SUMO_HOME) / "bin" / "sumo"), "-n", str(out), "--end", "3", "--no-step-log"]
+    subprocess.run(command, check=True)
 
 
 def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
@@ -166,7 +249,7 @@ def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
     (tmp_path / "map.net.xml").write_text(f"<net>{''.join(edges + junctions)}{link}</net>")
     out, notes = compiled(tmp_path)
     graph = read_net(out)
-    assert notes == ()
+    assert notes == MapNotes()
     assert shortest_route(graph, "one", "two") == ("one", "two")
     atlas = RoadAtlas([graph])
     table = atlas.route_table([(0, ("one", "two"))])
@@ -175,21 +258,70 @@ def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
     np.testing.assert_allclose(paths.position[0, 0, :, 0], 45 + np.arange(12))
 
 
-def test_errors_in_a_foreign_map_can_be_ignored(tmp_path):
+LOOSE = """<junction id="50" name="loose">
+    <connection id="0" incomingRoad="2" connectingRoad="3" contactPoint="start">
+        <laneLink from="-1" to="-1"/><laneLink from="-2" to="-2"/>
+    </connection></junction></OpenDRIVE>"""
+
+
+def opendrive(folder, *changes):
     text = (DATA / "bend.xodr").read_text()
-    loose = """<junction id="50" name="loose">
-        <connection id="0" incomingRoad="2" connectingRoad="3" contactPoint="start">
-            <laneLink from="-1" to="-1"/>
-        </connection></junction></OpenDRIVE>"""
-    (tmp_path / "map.xodr").write_text(text.replace("</OpenDRIVE>", loose))
-    error = error_of(tmp_path)
-    assert "ignore-errors" in error.remedy
-    assert "map.netccfg" in error.remedy
-    options = '<configuration><ignore-errors value="true"/></configuration>'
-    (tmp_path / "map.netccfg").write_text(options)
-    out, notes = compiled(tmp_path)
-    assert error.problem.removeprefix("netconvert refused the map: ") in " ".join(notes)
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "map.xodr").write_text(text)
+    return folder
+
+
+def test_bad_links_of_a_foreign_map_are_left_out(tmp_path):
+    out, notes = compiled(opendrive(tmp_path, ("</OpenDRIVE>", LOOSE)))
     assert set(read_net(out).road_edges) == {"1", "-1"}
+    (warning,) = notes.warnings
+    assert warning.startswith("left out 1 connections with 2 lane links")
+    assert "junction '50', road '2' to '3'" in warning
+
+
+def test_bad_links_of_a_foreign_road_are_left_out(tmp_path):
+    link = '<link><successor elementType="road" elementId="9" contactPoint="start"/></link><planView>'
+    lane = '<lane id="-1" type="driving" level="false">'
+    out, notes = compiled(
+        opendrive(tmp_path, ("<planView>", link), (lane, f'{lane}<link><successor id="-1"/></link>'))
+    )
+    assert set(read_net(out).road_edges) == {"1", "-1"}
+    (warning,) = notes.warnings
+    assert warning.startswith("left out ")
+    assert "'9' is not known" in warning
+
+
+def test_what_netconvert_fails_on_in_opendrive_without_need(tmp_path):
+    signal = '<signal id="{}" s="1" t="2" type="{}" orientation="+" dynamic="no"/>'
+    signals = f"<signals>{signal.format(7, '')}{signal.format(8, 294)}</signals>"
+    direct = """<junction id="8" type="direct">
+        <connection id="0" incomingRoad="1" linkedRoad="4" contactPoint="start">
+            <laneLink from="-1" to="-1"/></connection></junction></OpenDRIVE>"""
+    out, notes = compiled(
+        opendrive(
+            tmp_path,
+            ("<line/>", '<arc curvature="0.0"/>'),
+            ("</road>", f"{signals}</road>"),
+            ("</OpenDRIVE>", direct),
+        )
+    )
+    assert read_net(out).pose_at(read_net(out).lane_number("-1", 2), 10.0)[:2] == pytest.approx(
+        (10, -1.75), abs=1e-2
+    )
+    untyped, connections = notes.warnings
+    assert "1 signals" in untyped
+    assert "'7'" in untyped
+    assert "'8'" not in untyped
+    assert "1 connections" in connections
+    assert "junction '8', road '1' to '4'" in connections
+
+
+def test_left_hand_traffic_in_opendrive(tmp_path):
+    error = error_of(opendrive(tmp_path, ('junction="-1"', 'junction="-1" rule="LHT"')))
+    assert "to the left" in error.problem
+    assert "road '1'" in error.place
 
 
 def test_names_that_trouble_command_lines(tmp_path, monkeypatch):

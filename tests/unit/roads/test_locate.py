@@ -10,6 +10,7 @@ from smarts.roads import kernels
 from smarts.roads.atlas import LanePositions, RoadAtlas
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.sumo_net import read_net
+from tests import maps as hand_made
 
 from . import maps
 
@@ -181,3 +182,18 @@ def test_buffers_are_written_in_place(atlas):
     out = LanePositions.allocate(1)
     assert atlas.locate(world(), np.array([[-50, -4.0]]), out=out) is out
     assert out.t[0] == pytest.approx(0.8)
+
+
+def test_the_wedge_between_two_lanes_that_meet_at_an_angle_is_road():
+    """20 degrees to the left: a metre outside the joint a point is 0.17 m beyond both lanes' ends."""
+    turn = math.radians(20.0)
+    onward = (50.0 * math.cos(turn), 50.0 * math.sin(turn))
+    graph = hand_made.graph_of(
+        {"in": hand_made.Road([(-50.0, 0.0), (0.0, 0.0)]), "on": hand_made.Road([(0.0, 0.0), onward])}
+    )
+    outside = np.array([math.sin(turn / 2), -math.cos(turn / 2)])
+    behind = np.array([math.cos(turn), math.sin(turn)]) * 50.1
+    points = np.array([outside, 1.5 * outside, 1.7 * outside, (-50.1, 0.0), behind])
+    found = RoadAtlas([graph]).on_road(np.zeros(5, np.int32), points)
+    # The road ends where its lanes do.
+    assert found.tolist() == [True, True, False, False, False]

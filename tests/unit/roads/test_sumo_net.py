@@ -1,4 +1,5 @@
 import math
+import re
 
 import numpy as np
 import pytest
@@ -166,3 +167,23 @@ def test_not_a_network(tmp_path, content):
     with pytest.raises(MapError) as caught:
         read_net(path)
     assert caught.value.place == str(path)
+
+
+def test_an_internal_lane_of_a_centimetre_points_where_the_lane_before_does(tmp_path, nets):
+    """Its points are rounded to centimetres, so that their direction is anything; here it points back."""
+    graph = read_net(nets["cross"])
+    before = graph.lane_number("west_in", 0)
+    inside = next(n for n in graph.successors(before) if "east" in graph.lane_ids[graph.successors(n)[0]])
+    x, y = graph.centreline(before)[-1]
+    shape = re.escape(graph.lane_ids[inside])
+    net = tmp_path / "map.net.xml"
+    text = re.sub(
+        rf'(<lane id="{shape}"[^>]*shape=")[^"]*"',
+        rf'\g<1>{x:.2f},{y:.2f} {x - 0.01:.2f},{y:.2f}"',
+        nets["cross"].read_text(),
+    )
+    net.write_text(text)
+    short = read_net(net)
+    assert short.length[inside] < 0.1
+    headings = short.point_heading[short.point_start[inside] : short.point_start[inside + 1]]
+    assert headings == pytest.approx([graph.point_heading[graph.point_start[before]]] * len(headings))

@@ -15,7 +15,7 @@ import pytest
 from smarts.errors import ScenarioError
 from smarts.sstudio import gen_bubbles, gen_missions, gen_scenario, gen_traffic
 from smarts.sstudio import types as t
-from smarts.sstudio.build import build_scenario, suite, traffic_of
+from smarts.sstudio.build import build_scenario, read_scenario, suite
 from smarts.sstudio.locating import SUITE
 
 from . import sources
@@ -59,12 +59,12 @@ class TestArtefacts:
 
     def test_names_of_traffic_come_from_the_build_if_there_is_one(self, scenario_folder, capfd):
         folder = scenario_folder("print('the file runs')\n" + sources.SCRIPT)
-        assert traffic_of(folder) == {"through"}
+        assert set(read_scenario(folder).traffic) == {"through"}
         assert not (folder / "build").exists()
         assert "the file runs" in capfd.readouterr().out
         build_scenario(folder)
         capfd.readouterr()
-        assert traffic_of(folder) == {"through"}
+        assert set(read_scenario(folder).traffic) == {"through"}
         assert capfd.readouterr().out == ""
 
     def test_the_scenario_is_read_from_the_artefacts(self, built_folder):
@@ -116,12 +116,40 @@ class TestArtefacts:
         assert [file.name for file in files.additional] == ["x.add.xml"]
         assert files.warm_up == 12
 
-    def test_traffic_of_another_engine_is_refused_when_it_is_run(self, scenario_folder):
-        body = 'traffic={"x": t.Traffic([flow()], engine="SMARTS")}'
+    def test_sumo_drives_the_traffic_of_another_engine(self, scenario_folder, caplog):
+        body = 'traffic={"x": t.Traffic([flow()], engine="SMARTS"), "y": t.Traffic([flow()])}'
         built = build_scenario(scenario_folder(sources.scenario(body)))
-        assert built.traffic == {}
-        with pytest.raises(ScenarioError, match="for the engine 'SMARTS', which does not run yet"):
-            built.traffic_files("x")
+        flows = [built.traffic_files(name).routes[0].read_text() for name in ("x", "y")]
+        assert flows[0] == flows[1]
+        assert built.warnings == ("SUMO drives the traffic 'x', which names the engine 'SMARTS'",)
+        assert built.warnings[0] in caplog.text
+
+    def test_what_was_left_out_of_a_map_is_a_warning_of_every_build_on_it(self, scenario_folder):
+        folder = scenario_folder(script=None)
+        net = folder / "map.net.xml"
+        text = build_scenario(folder).net_file.read_text()
+        net.write_text(text.replace("</net>", '<connection from="gone" to="west_out"/></net>'))
+        for seed in (1, 1, 2):  # new, as it was, another on the same map
+            (warning,) = build_scenario(folder, seed=seed).warnings
+            assert "left out 1 of " in warning
+            assert "gone" in warning
+
+    def test_too_many_egos_are_refused_before_anything_is_built(self, scenario_folder):
+        folder = scenario_folder(sources.scenario("ego_missions=[t.Mission(south_north)]"))
+        with pytest.raises(ScenarioError, match="2 egos, but only 1 missions"):
+            build_scenario(folder, egos=2)
+        assert not list(folder.glob("build/*/map.net.xml"))
+        build_scenario(folder, egos=1)
+        with pytest.raises(ScenarioError, match="2 egos, but only 1 missions"):
+            build_scenario(folder, egos=2)
+
+    @pytest.mark.parametrize("source_type", ["Argoverse", "Waymo"])
+    def test_maps_of_data_sets(self, scenario_folder, source_type):
+        history = f"t.TrafficHistoryDataset('x', {source_type!r}, None)"
+        body = f"map_spec=t.MapSpec(f'{{None}}'), traffic_histories=[{history}]"
+        with pytest.raises(ScenarioError, match=f"data set '{source_type}'") as caught:
+            build_scenario(scenario_folder(sources.scenario(body)))
+        assert caught.value.place.endswith("traffic_histories[0]")
 
     def test_unknown_traffic_is_refused(self, built_folder):
         built = build_scenario(built_folder)
@@ -354,7 +382,7 @@ class TestSuite:
         assert build_scenario("intersection").source == SUITE / "intersection"
 
 
-def test_what_nothing_comes_of_is_said_once(scenario_folder, caplog):
+def test_what_has_no_effect_is_said_once(scenario_folder, caplog):
     bubble = "t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent)"
     group = '{"g": (agent, [t.Mission(t.RandomRoute())])}'
     folder = scenario_folder(sources.scenario(f"bubbles=[{bubble}], social_agent_missions={group}"))
@@ -362,7 +390,7 @@ def test_what_nothing_comes_of_is_said_once(scenario_folder, caplog):
         build_scenario(folder)
     (said,) = [record for record in caplog.records if record.name == "smarts"]
     assert said.levelname == "WARNING"
-    assert f"{folder}/scenario.py: social_agent_missions, bubbles: nothing comes" in said.getMessage()
+    assert f"{folder}/scenario.py: social_agent_missions, bubbles: without effect" in said.getMessage()
 
 
 def test_of_what_is_in_effect_nothing_is_said(scenario_folder, caplog):

@@ -1,0 +1,323 @@
+"""How well vehicles keep their lanes on maps that the project did not make.
+
+    python -m perf.real_maps MAP... [--vehicle sedan bus truck] [--routes 40] [--seed 0] [--each]
+
+One vehicle at a time in Bullet, no traffic, `keep_lane` in every decision at the lanes' speed limits, from
+rest, along random routes of 300 to 600 m on lanes that are open to it, without turnarounds. A map is any file
+that a scenario may name. A drive ends off the road (the event `off_road`: the footprint's centre is on no
+lane and in no junction), at the end of its route, on another road ("strayed"), or too late.
+
+Columns: drives that ended off the road; those of them in turns so tight that no path of the vehicle's centre
+stays in the lane ("narrow"); where they ended; the median and the largest of all drives' largest offsets from
+the middle of a lane [m]; the share of steps in which a corner of the footprint was off the road.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.controllers.set import ControllerSet
+from smarts.dynamics import vehicle
+from smarts.errors import SmartsError
+from smarts.geometry.frames import wrap_angle
+from smarts.geometry.polylines import subdivide, without_repeats
+from smarts.providers.vehicle import FleetVehicles
+from smarts.roads.atlas import RoadAtlas
+from smarts.roads.compile import compile_map
+from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.scene import Scene
+from smarts.roads.seat_routes import SeatRoutes
+from smarts.roads.sources import find_map_source
+from smarts.roads.sumo_net import read_net
+from smarts.sim.locator import MapLocator
+from smarts.sim.ownership import Ownership
+from smarts.types.actions import Actions, ActionSpaceType, LaneAction
+from smarts.types.episode import SeatStart
+from smarts.types.mission import SeatMission
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+
+SHORTEST, LONGEST = 300.0, 600.0
+"""Of routes [m]; shorter where no way leads on."""
+SLOWEST = 2.5
+"""Mean speed at which a vehicle comes to the end of its route in time [m/s]."""
+STRAYED = 20.0
+"""Off its route for this long, a vehicle is on its way elsewhere: it took another lane [s]."""
+AROUND, LEAST_BEND = 25, 0.03
+"""Points of a route around a place that are its turn, where they bend by more than this [1/m]."""
+EXIT = 30.0
+"""What is this far behind a junction is its exit [m]."""
+TURNED_BACK = 2.7
+"""From the end of a road to the begin of the next [rad]."""
+KINDS = {"sedan": VehicleKind.PASSENGER, "bus": VehicleKind.BUS, "truck": VehicleKind.TRUCK}
+PLACES = "junction", "exit", "road"
+ENDS = *PLACES, "done", "strayed", "late"
+
+
+@dataclass
+class Drive:
+    """One vehicle's way along one route."""
+
+    lanes: list[int]
+    length: float
+    """Of the route [m]."""
+    ends: str = "late"
+    """Where it left the road (one of `PLACES`), "done", "strayed" (on another road) or "late"."""
+    offset: float = 0.0
+    """The largest from the middle of a lane [m]."""
+    shoulder: float = 0.0
+    """Share of the steps in which a corner of the footprint was off the road."""
+    strayed: int = 0
+    """Steps since it was last on its route."""
+    place: str = ""
+    """The lane near which it left the road, and where on it."""
+    trace: list[tuple[float, ...]] = field(default_factory=list)
+    """x, y, heading, speed, steering, offset, lane, s of each step."""
+
+
+class _Drives:
+    """A provider that drives on with any vehicle."""
+
+    def can_accept(self, row: int, slot: int) -> bool:
+        return True
+
+
+def load(path: Path, folder: Path) -> LaneGraph:
+    """Return the lanes of a map in any format."""
+    net = folder / f"{path.stem}.net.xml"
+    compile_map(find_map_source(Path(), str(path.resolve())), net)
+    return read_net(net, str(path))
+
+
+def turnarounds(graph: LaneGraph) -> set[tuple[int, int]]:
+    """Return the links by which lanes lead back beside their own road, where vehicles have to reverse."""
+    found = set()
+    for lane in np.flatnonzero(~graph.is_internal).tolist():
+        heading = graph.point_heading[graph.point_start[lane + 1] - 1]
+        for onward in graph.successors(lane).tolist():
+            target = onward
+            while graph.is_internal[target] and len(graph.successors(target)):
+                target = int(graph.successors(target)[0])
+            turn = wrap_angle(graph.point_heading[graph.point_start[target]] - heading)
+            if abs(turn) > TURNED_BACK:
+                found.add((lane, onward))
+    return found
+
+
+def random_lanes(
+    graph: LaneGraph, kind: VehicleKind, generator: np.random.Generator, turning_back: bool
+) -> list[int]:
+    """Return lanes that follow each other, from a road lane on, without a lane change."""
+    kinds = [LaneKind.CAR] + [LaneKind.BUS] * (kind == VehicleKind.BUS)
+    usable = np.isin(graph.kind, kinds)
+    excluded = set() if turning_back else turnarounds(graph)
+    begins = np.flatnonzero(usable & ~graph.is_internal & (graph.length > 15.0))
+    best: list[int] = []
+    for _ in range(20):
+        lanes, way = [int(generator.choice(begins))], 0.0
+        wanted = generator.uniform(SHORTEST, LONGEST)
+        while way < wanted or graph.is_internal[lanes[-1]]:
+            way += graph.length[lanes[-1]]
+            ahead = graph.successors(lanes[-1]).tolist()
+            onward = [lane for lane in ahead if usable[lane] and (lanes[-1], lane) not in excluded]
+            if not onward:
+                break
+            lanes.append(int(generator.choice(onward)))
+        while graph.is_internal[lanes[-1]]:
+            lanes.pop()
+        if sum(graph.length[lanes]) > sum(graph.length[best]):
+            best = lanes
+        if way >= wanted:
+            break
+    return best
+
+
+def drive_all(graph: LaneGraph, name: str, routes: int, seed: int, turning_back: bool = False) -> list[Drive]:
+    """Drive one vehicle along each of some random routes."""
+    generator = np.random.default_rng(seed)
+    kind, shape = KINDS[name], vehicle(name)
+    drives = []
+    for _ in range(routes):
+        lanes = random_lanes(graph, kind, generator, turning_back)
+        drives.append(Drive(lanes, float(sum(graph.length[lanes]))))
+    world = World(worlds=routes, capacity=1, seats=1, lanes=len(graph.lane_ids), vias=1)
+    atlas = RoadAtlas([graph])
+    seat_routes = SeatRoutes(atlas, routes, 1)
+    ownership = Ownership(world, {Owner.TRAFFIC: _Drives(), Owner.AGENT: _Drives()})
+    for row, drive in enumerate(drives):
+        _start(graph, world, seat_routes, ownership, row, drive, kind, shape.length, shape.width)
+    vehicles = FleetVehicles(world)
+    try:
+        _follow(graph, world, Scene(world, atlas, seat_routes), vehicles, drives, shape.length)
+    finally:
+        vehicles.close()
+    return drives
+
+
+def _start(
+    graph: LaneGraph,
+    world: World,
+    seat_routes: SeatRoutes,
+    ownership: Ownership,
+    row: int,
+    drive: Drive,
+    kind: VehicleKind,
+    length: float,
+    width: float,
+) -> None:
+    """Put a vehicle at rest on the begin of its route."""
+    edges = [graph.edge_ids[graph.lane_edge[n]] for n in drive.lanes if not graph.is_internal[n]]
+    mission = SeatMission(route=tuple(edges))
+    seat_routes.assign(row, 0, [mission.route])
+    world.missions.write(row, 0, mission, ownership.routes[row].number(mission.route))
+    pose = graph.pose_at(drive.lanes[0], 0.5 * length + 1.0)
+    ownership.admit(row, 0, SeatStart("agent", pose, 0.0, mission, kind, length, width))
+
+
+def _follow(
+    graph: LaneGraph,
+    world: World,
+    scene: Scene,
+    vehicles: FleetVehicles,
+    drives: list[Drive],
+    length: float,
+) -> None:
+    """Step all simulations until each drive has ended."""
+    rows = np.ones(len(drives), np.bool_)
+    locator = MapLocator(scene.atlas, scene.routes)
+    locator.locate(world, rows)
+    for row in range(len(drives)):
+        world.settle(row)
+    controllers = ControllerSet(scene, [ActionSpaceType.Lane])
+    actions = Actions.allocate(len(drives), 1)
+    actions.kind[:] = ActionSpaceType.Lane
+    actions.given[:] = True
+    actions.values[:, :, 0] = LaneAction.keep_lane
+    actions.legal[:, :, :2] = True
+    vehicles.reset(world, rows)
+    latest = max(drive.length for drive in drives) / SLOWEST / world.dt
+    step = 0
+    while rows.any() and step < latest:
+        step += 1
+        actions.fresh[:] = True
+        world.advance(rows)
+        vehicles.step(world, controllers.command(world, actions, rows), rows)
+        locator.locate(world, rows)
+        for row in np.flatnonzero(rows).tolist():
+            if row in vehicles.failures:
+                raise vehicles.failures[row]
+            rows[row] = not _note(graph, world, row, drives[row], length)
+    for drive in drives:
+        drive.shoulder /= max(len(drive.trace), 1)
+
+
+def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float) -> bool:
+    """Write what one vehicle did in this step; tell whether its drive is over."""
+    vehicles, seats = world.vehicles, world.seats
+    x, y = vehicles.position[row, 0].tolist()
+    lane, s, t = (getattr(vehicles, name)[row, 0] for name in ("lane", "lane_position", "lane_offset"))
+    heading, speed = vehicles.heading[row, 0], vehicles.speed[row, 0]
+    drive.trace.append((x, y, heading, speed, seats.steering[row, 0], t, float(lane), s))
+    drive.shoulder += seats.corners_on_road[row, 0] < 4
+    drive.offset = max(drive.offset, abs(float(t)))
+    left = graph.length[drive.lanes[-1]] - s
+    on_route = seats.on_route[row, 0]
+    drive.strayed = 0 if on_route else drive.strayed + 1
+    if drive.strayed * world.dt > STRAYED:
+        drive.ends = "strayed"
+    elif lane == drive.lanes[-1] and left < 0.5 * length + 3.0 and seats.remaining[row, 0] < length:
+        drive.ends = "done"
+    elif lane >= 0 and not len(graph.successors(lane)) and graph.length[lane] - s < 0.5 * length + 3.0:
+        # Off its route, but the road has an end.
+        drive.ends = "done"
+    elif not seats.on_road[row, 0]:
+        is_exit = any(graph.is_internal[graph.predecessors(lane)]) and s < EXIT
+        drive.ends = PLACES[0] if graph.is_internal[lane] else PLACES[1 if is_exit else 2]
+        drive.place = f"{graph.lane_ids[lane]} at {s:.1f} m, {t:+.2f} m off, {speed:.1f} m/s"
+    return drive.ends != "late"
+
+
+def needed_offset(graph: LaneGraph, drive: Drive, name: str) -> float:
+    """Return how far from the lane any path of the vehicle's centre is in the turn where a drive ended [m].
+
+    The lane is taken for two straights and an arc of radius r that turns by phi, the path for two straights
+    and an arc of the turning circle's radius R, as far outside before and behind the turn as it is inside in
+    its middle: (R - r) (1 / cos(phi / 2) - 1) / (1 / cos(phi / 2) + 1) = (R - r) tan(phi / 4)^2. No path is
+    nearer to the lane, even if the steering turned at once.
+    """
+    shape = vehicle(name)
+    circle = math.hypot(
+        shape.wheelbase / math.tan(shape.steering.max_angle), shape.cog_to_rear_axle - shape.centre_to_cog
+    )
+    line = subdivide(without_repeats(np.concatenate([graph.centreline(lane) for lane in drive.lanes])), 1.0)
+    distance = np.hypot(*(line - drive.trace[-1][:2]).T)
+    nearest = int(distance.argmin())
+    line = line[max(nearest - AROUND, 0) : nearest + AROUND]
+    steps = np.diff(line, axis=0)
+    turns = wrap_angle(np.diff(np.arctan2(steps[:, 1], steps[:, 0])))
+    length = np.hypot(*steps.T)[1:]
+    sign = 1.0 if turns[turns > 0.0].sum() > -turns[turns < 0.0].sum() else -1.0
+    bends = sign * turns > LEAST_BEND * length
+    turn = abs(turns[bends].sum())
+    radius = length[bends].sum() / max(turn, 1e-3)
+    return max(circle - radius, 0.0) * math.tan(0.25 * min(turn, math.pi)) ** 2
+
+
+def report(graph: LaneGraph, title: str, name: str, drives: Sequence[Drive], each: bool) -> None:
+    """Print a row of the table and, if wanted, each drive that left the road."""
+    count = {end: sum(drive.ends == end for drive in drives) for end in ENDS}
+    off = sum(count[place] for place in PLACES)
+    offsets: NDArray[np.float64] = np.array([drive.offset for drive in drives])
+    shoulder = np.mean([drive.shoulder for drive in drives])
+    narrow = 0
+    for drive in drives:
+        if drive.ends in PLACES:
+            needed = needed_offset(graph, drive, name)
+            half = 0.5 * float(np.mean(graph.width[drive.lanes]))
+            drive.place += f"; needs {needed:.1f} m beside the lane's middle, which has {half:.1f}"
+            narrow += needed > half
+    cells = [f"{off:8d}", f"{narrow:8d}", *(f"{count[name]:8d}" for name in count)]
+    print(f"{title:32s}{''.join(cells)}{np.median(offsets):9.2f}{offsets.max():9.2f}{shoulder:9.1%}")
+    for number, drive in enumerate(drives):
+        if each and drive.ends != "done":
+            print(f"    route {number}: {drive.ends}, {drive.place}")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Drive and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("maps", nargs="+", type=Path, metavar="MAP")
+    parser.add_argument("--vehicle", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--routes", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--each", action="store_true", help="name each place where a vehicle left the road")
+    parser.add_argument("--turnarounds", action="store_true", help="let routes turn back on their own road")
+    options = parser.parse_args(arguments)
+    heads = "".join(f"{head:>8s}" for head in ("off-road", "narrow", *ENDS))
+    title = f"map, vehicle, {options.routes} routes"
+    print(f"{title:32s}{heads}{'median':>9s}{'worst m':>9s}{'corner':>9s}")
+    with tempfile.TemporaryDirectory() as folder:
+        for path in options.maps:
+            try:
+                graph = load(path, Path(folder))
+            except SmartsError as error:
+                print(error, file=sys.stderr)
+                sys.exit(2)
+            for name in options.vehicle:
+                drives = drive_all(graph, name, options.routes, options.seed, options.turnarounds)
+                report(graph, f"{path.name.partition('.')[0]} {name}", name, drives, options.each)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""Which scenario files of a folder can be played: a table of what each is built and reset to.
+
+    python -m perf.scenario_files path/to/SMARTS/scenarios
+
+Every `scenario.py` below the folder is built, beside itself where that can be written, and reset once with an
+ego for every mission (with one, where missions start in one place). The table has a row for each: "plays", "plays, but" with the builder's warnings, or the
+error. It ends with how many of each there are.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections import Counter
+from pathlib import Path
+
+from smarts.errors import SmartsError
+from smarts.sim.moments import reset_moment
+from smarts.sstudio.build import build_scenario
+
+
+def outcome(folder: Path) -> tuple[str, str]:
+    """Return how a scenario fares, and why."""
+    try:
+        built = build_scenario(folder)
+        reset_moment(built, next(iter(built.traffic), None))
+    except SmartsError as error:
+        return "refused", f"{error.problem} ({error.place})"
+    return ("plays, but", "; ".join(built.warnings)) if built.warnings else ("plays", "")
+
+
+def main(root: Path) -> None:
+    """Print the table of all scenario files below a folder."""
+    logging.disable(logging.WARNING)  # the table has them
+    counts = Counter[str]()
+    print("| scenario | | |\n|---|---|---|")
+    for script in sorted(root.rglob("scenario.py")):
+        kind, why = outcome(script.parent)
+        counts[kind] += 1
+        name = script.parent.relative_to(root).as_posix()
+        print(f"| {name} | {kind} | {why.replace(str(root.resolve()), '')} |", flush=True)
+    print("\n" + ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items())))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

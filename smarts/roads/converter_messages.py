@@ -1,0 +1,74 @@
+"""What netconvert and netgenerate say while they work, sorted into remarks and losses."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+SHOWN = 3
+"""How many messages of one kind are repeated in full."""
+NAMED = 20
+"""How many of the parts that were left out are named."""
+
+_VARYING = re.compile(r"'[^']*'|-?\d+(?:\.\d+)?")
+_LOSSES = ("While setting connections: ",)
+"""How warnings begin that report a link as lost."""
+
+
+@dataclass(frozen=True)
+class ConverterMessages:
+    """The messages of one run, in their order, repeated ones included."""
+
+    errors: tuple[str, ...]
+    """What made the tool fail or, where it ignores errors, what it left out."""
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, stderr: str) -> ConverterMessages:
+        """Return the messages in the standard error stream of a tool."""
+        messages: list[str] = []
+        for line in stderr.splitlines():
+            text = " ".join(line.split())
+            if not text or "SUMO_HOME" in text or text.startswith("Quitting"):
+                continue
+            if text.startswith(("Warning: ", "Error: ")) or not messages:
+                messages.append(text)
+            else:
+                messages[-1] += f" {text}"
+        is_lost = [not m.startswith("Warning: ") for m in messages]
+        texts = [m.removeprefix("Warning: ").removeprefix("Error: ") for m in messages]
+        return cls(
+            errors=tuple(text for text, lost in zip(texts, is_lost, strict=True) if lost),
+            warnings=tuple(text for text, lost in zip(texts, is_lost, strict=True) if not lost),
+        )
+
+    def left_out(self) -> tuple[str, ...]:
+        """Return one warning that counts and names what a tool that ignores errors left out, or nothing."""
+        lost = [*self.errors, *(text for text in self.warnings if text.startswith(_LOSSES))]
+        if not lost:
+            return ()
+        return (f"left out {len(lost)} part{'s' * (len(lost) > 1)} of the map: {listed(lost)}",)
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return the other warnings, each once, and of each kind only the first few in full."""
+        texts = dict.fromkeys(text for text in self.warnings if not text.startswith(_LOSSES))
+        kinds = Counter(_VARYING.sub("%", text) for text in texts)
+        seen = Counter[str]()
+        shown = []
+        for text in texts:
+            kind = _VARYING.sub("%", text)
+            seen[kind] += 1
+            if seen[kind] <= SHOWN:
+                shown.append(text)
+        shown += [f"{count} messages of the kind: {kind}" for kind, count in kinds.items() if count > SHOWN]
+        return tuple(shown)
+
+
+def listed(parts: Iterable[str]) -> str:
+    """Return distinct parts with their counts, the first `NAMED` of them in full."""
+    counts = Counter(parts)
+    names = [f"{part} ({count} times)" if count > 1 else part for part, count in counts.items()]
+    more = f"; and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return "; ".join(names[:NAMED]) + more

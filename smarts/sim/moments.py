@@ -1,0 +1,73 @@
+"""What a scenario looks like right after a reset, for pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from smarts.agents.interface import AgentInterface
+from smarts.errors import ScenarioError
+from smarts.sim.assembly import assemble
+from smarts.sim.traffic_run import traffic_run
+from smarts.sstudio.built import BuiltScenario
+from smarts.sstudio.episodes import expand
+from smarts.types.vehicles import VehicleStates
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The vehicles of one simulation at one instant."""
+
+    states: VehicleStates
+    egos: Sequence[int] = ()
+    """Slot of the vehicle on each mission, -1 where no ego has entered."""
+
+
+def reset_moment(
+    built: BuiltScenario, traffic: str | None, *, seconds: float = 0.0, seed: int = 42
+) -> Moment:
+    """Return the vehicles after the reset of an episode in which every mission has an ego.
+
+    Egos are placed, and traffic that is in their way is removed. Where missions start in one place, so that
+    they are for one ego in turn, one of them has an ego; a scenario without missions has none.
+
+    Args:
+        built: The scenario.
+        traffic: Which variation of its traffic; None for empty roads.
+        seconds: For how long the traffic flows before, on top of its warm-up [s].
+        seed: Of the run.
+
+    Raises:
+        SmartsError: The scenario cannot be played.
+    """
+    played = built if traffic is None else built.with_traffic([traffic])
+    egos = len(expand(built.scenario.ego_missions or ()))
+    if egos:
+        try:
+            return _reset(played, egos, seconds, seed)
+        except ScenarioError:
+            if egos == 1:
+                raise
+            return _reset(played, 1, seconds, seed)
+    with traffic_run(built, traffic, seed=seed) as run:
+        for _ in run.steps(seconds):
+            pass
+        return Moment(run.states)
+
+
+def _reset(played: BuiltScenario, egos: int, seconds: float, seed: int) -> Moment:
+    parts = assemble([played], [AgentInterface()] * egos, seed=seed)
+    try:
+        start = parts.schedule.start(0, 0)
+        files = replace(start.traffic, warm_up=start.traffic.warm_up + seconds)
+        parts.simulation.reset({0: replace(start, traffic=files)})
+        world = parts.scene.world
+        columns = (column.copy() for _, column in world.vehicles[0].columns())
+        missions = expand(played.scenario.ego_missions or ())
+        slots = [-1] * len(missions)
+        for seat, mission in enumerate(parts.schedule.combination(0, 0).plan.missions):
+            number = next(n for n, each in enumerate(missions) if each == mission and slots[n] < 0)
+            slots[number] = int(world.seats.slot[0, seat])
+        return Moment(VehicleStates(*columns), slots)
+    finally:
+        parts.simulation.close()

@@ -1,0 +1,260 @@
+"""Own code in experiment files: what a name stands for, and what is said where it stands for nothing."""
+
+import numpy as np
+import pytest
+
+from benchmark.experiment.algorithm_settings import CONFIGS
+from benchmark.experiment.config import Experiment, VehicleName, check_whole, read_experiment
+from benchmark.experiment.runs import references_of, run_from, runs_of
+from benchmark.floors import FLOORS
+from benchmark.metrics import METRICS, Measure
+from smarts.agents.interface import VEHICLE_CLASSES
+from smarts.config import ConfigError
+
+HEAD = "tasks: [loop]\ntraffic: [no_social_vehicles]\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """One folder for all: a process imports a name from one place."""
+    return tmp_path_factory.mktemp("own")
+
+
+@pytest.fixture
+def write(folder):
+    """Write files of own code and an experiment beside them; return the experiment's path."""
+
+    def write(experiment, **files):
+        for name, text in files.items():
+            (folder / f"{name}.py").write_text(text)
+        imports = ", ".join(f"{name}.py" for name in files)
+        file = folder / "mine.yaml"
+        file.write_text(f"imports: [{imports}]\n{HEAD}{experiment}")
+        return file
+
+    return write
+
+
+def problems_of(file, *overrides):
+    with pytest.raises(ConfigError) as caught:
+        read_experiment(file, overrides)
+    return [str(problem) for problem in caught.value.problems]
+
+
+ALGORITHM = """
+from algorithms.ppo import PPO, PPOConfig
+from algorithms.joint.ranges import FRACTION
+
+class MyConfig(PPOConfig):
+    ranges = {"caution": FRACTION}
+
+    def __init__(self, algo_class=None):
+        super().__init__(algo_class or Mine)
+        self._defaults(caution=0.5)
+
+class Mine(PPO):
+    @classmethod
+    def get_default_config(cls):
+        return MyConfig()
+"""
+
+
+def test_an_own_algorithm_has_the_settings_of_its_config(write):
+    file = write(
+        "algorithms: ['own_a:MyConfig', dqn]\ntraining: {epochs: 3, lr: 0.1}\n"
+        "settings: {'own_a:MyConfig': {caution: 0.25}}\n",
+        own_a=ALGORITHM,
+    )
+    experiment = read_experiment(file)
+    assert experiment.settings_of("own_a:MyConfig") == {"epochs": 3, "lr": 0.1, "caution": 0.25}
+    assert experiment.settings_of("dqn") == {"lr": 0.1}
+    run = next(runs_of(experiment))
+    assert run.folder.parts[0] == "own_a-MyConfig"
+    assert run.content()["algorithm"] == "own_a:MyConfig"
+    assert run.content()["imports"] == [str(file.parent / "own_a.py")]
+    assert run_from(run.content()).content() == run.content()
+    assert CONFIGS["own_a:MyConfig"]().caution == 0.5
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("settings={'own_b:MyConfig': {cautoin: 1}}", "has no such setting; did you mean 'caution'?"),
+        ("settings={'own_b:MyConfig': {caution: 2}}", "caution: 2 is not a number of at least 0"),
+        ("settings={'own_b:MyConfig': {caution: a}}", "caution: 'a': input should be a valid number"),
+        ("settings={'own_c:Other': {lr: 1}}", "there is no module 'own_c'"),
+        ("training={lr: 2}", "training.lr: 2 is not"),
+        ("tune={parameters: {caution: [0, 3]}}", "tune.parameters.caution[1]: 3 is not a number"),
+    ],
+)
+def test_settings_of_an_own_algorithm_are_checked_against_its_config(write, change, said):
+    file = write("algorithms: ['own_b:MyConfig']\n", own_b=ALGORITHM)
+    assert any(said in problem for problem in problems_of(file, change)), problems_of(file, change)
+
+
+METRIC = """
+import numpy as np
+from benchmark.metrics import Measure, share
+
+LONG = Measure(
+    name="whatever", label="Long", meaning="share that drove for a second", columns=("long",),
+    measure=lambda episode: {"long": episode.duration >= 1.0},
+    value=lambda totals: share(totals["long"], totals["agents"]), missing="no agent took part",
+)
+NONE = 5
+"""
+POLICY = """
+class Waits:
+    def begin(self, episode, agent): ...
+    def act(self, observation, mask): return 1
+
+class Lame:
+    def begin(self, episode, agent): ...
+
+class Broken:
+    def __init__(self): raise RuntimeError("no")
+    def begin(self, episode, agent): ...
+    def act(self, observation, mask): return 1
+"""
+
+
+def test_own_metrics_and_scripted_policies(write):
+    file = write(
+        "algorithms: [ppo]\nmetrics: [safety, 'own_m:LONG']\nreference: [keep_lane, 'own_p:Waits']\n",
+        own_m=METRIC,
+        own_p=POLICY,
+    )
+    experiment = read_experiment(file)
+    run = next(runs_of(experiment))
+    assert run.cell.test_content()["metrics"] == ["safety", "own_m:LONG"]
+    assert isinstance(METRICS["own_m:LONG"], Measure)
+    assert METRICS["own_m:LONG"].name == "own_m:LONG"
+    assert [*METRICS][-1] == "own_m:LONG"
+    assert FLOORS["own_p:Waits"]().act(np.zeros(3), np.ones(4, bool)) == 1
+    assert [each.folder.parts[1] for each in references_of(experiment)] == ["keep_lane", "own_p-Waits"]
+
+
+BAD = {
+    "wrong_syntax": "x = (\n",
+    "wrong_import": "import os\nimport no_such_module_at_all\n",
+    "raises_at_once": "\n\nraise RuntimeError('at once')\n",
+    "leaves": "import sys\nsys.exit(3)\n",
+    "own_q": POLICY,
+    "own_n": METRIC,
+    "own_k": ALGORITHM
+    + """
+class Hidden(MyConfig):
+    def __init__(self, algo_class=None):
+        raise KeyError("in its constructor")
+
+class Anonymous(MyConfig):
+    algorithm = "mine"
+""",
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "place", "said"),
+    [
+        ("reference=['wrong_syntax:A']", "wrong_syntax.py:1: ", "SyntaxError"),
+        ("reference=['wrong_import:A']", "wrong_import.py:2: ", "no_such_module_at_all"),
+        ("reference=['raises_at_once:A']", "raises_at_once.py:3: ", "RuntimeError: at once"),
+        ("reference=['leaves:A']", "leaves.py:2: ", "SystemExit: 3"),
+        ("reference=['not_there:A']", "", "there is no module 'not_there'"),
+        ("reference=['own_q:Wait']", "own_q.py: ", "did you mean 'Waits'"),
+        ("reference=['own_q:Lame']", "own_q.py: ", "has no method 'act'"),
+        ("reference=['own_q:Broken']", "own_q.py:10: ", "RuntimeError: no"),
+        ("reference=['own_n:LONG']", "own_n.py: ", "no class"),
+        ("reference=['__main__:A']", "", "other processes cannot import"),
+        ("metrics=['own_n:NONE']", "own_n.py: ", "is no Measure"),
+        ("metrics=['own_n.LONG']", "", "there is no metric 'own_n.LONG'"),
+        ("algorithms=['own_q:Waits']", "own_q.py: ", "no subclass of"),
+        ("algorithms=['own_k:Hidden']", "own_k.py:19: ", "KeyError: 'in its constructor'"),
+        ("algorithms=['own_k:Anonymous']", "own_k.py: ", "has no `entry`"),
+        ("environment.adapter='own_q:Waits'", "own_q.py: ", "has no method 'encode'"),
+        ("environment.adapter='own_n:NONE'", "own_n.py: ", "neither a class nor a function"),
+        ("environment.options={reward: 'own_n:NONE'}", "own_n.py: ", "neither a function"),
+        ("environment.options={reward: 'own_q:Waits'}", "own_q.py: ", "neither a function"),
+        ("environment.options={reward: 'not_there:A'}", "", "there is no module 'not_there'"),
+    ],
+)
+def test_what_is_none_is_one_message_with_file_and_line(write, folder, change, place, said):
+    file = write("algorithms: [ppo]\n", **BAD)
+    (problem,) = problems_of(file, change)
+    assert said in problem
+    assert place in problem
+    assert not place or str(folder / place) in problem
+
+
+@pytest.mark.parametrize(
+    ("imports", "said"),
+    [
+        ("nowhere.py", "there is no such Python file or folder"),
+        ("mine.yaml", "there is no such Python file or folder"),
+        ("my-file.py", "cannot be the name of a module"),
+        ("json.py", "the name 'json' is taken by"),
+    ],
+)
+def test_files_that_cannot_be_imported(tmp_path, imports, said):
+    for name in ("my-file.py", "json.py"):
+        (tmp_path / name).write_text("")
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"imports: [{imports}]\nalgorithms: [ppo]\n{HEAD}")
+    (problem,) = problems_of(file)
+    assert said in problem
+    assert problem.startswith(f"{file}:1: imports: ")
+
+
+def test_a_file_of_the_command_line_is_as_good(tmp_path):
+    (tmp_path / "own_cli.py").write_text(POLICY)
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"algorithms: [ppo]\nreference: ['own_cli:Waits']\n{HEAD}")
+    experiment = read_experiment(file, imports=[tmp_path / "own_cli.py"])
+    assert experiment.imports == (str(tmp_path / "own_cli.py"),)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            "algorithms=[dqn]",
+            "algorithms[0]: 'dqn' needs discrete actions, and environment.action is 'Continuous'",
+        ),
+        ("reference=[random]", "reference[0]: 'random' acts by lane actions"),
+        ("environment.vehicle=tank", "environment.vehicle is 'tank'"),
+        ("environment.vehicle_model=dinamic", "environment.vehicle_model is 'dinamic'"),
+        ("environment.friction=0", "environment.friction is 0"),
+        ("environment.flat_tyres=[4]", "environment.flat_tyres[0] is 4"),
+        ("environment.action=Empty", "environment.action is 'Empty'"),
+    ],
+)
+def test_physics_and_actions_are_checked(tmp_path, change, said):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"algorithms: [ppo]\n{HEAD}environment: {{action: Continuous}}\n")
+    assert any(said in problem for problem in problems_of(file, change)), problems_of(file, change)
+
+
+def test_a_policy_that_needs_the_benchmarks_observation(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"algorithms: [ppo]\n{HEAD}environment: {{adapter: raw}}\nreference: [yielder, parked]\n")
+    (problem,) = problems_of(file)
+    assert "reference[0]: 'yielder' looks at the observation of adapter 'benchmark'" in problem
+
+
+def test_experiments_made_in_python_are_checked_like_files(folder):
+    (folder / "own_python.py").write_text(POLICY)
+    given = {"algorithms": ["ppo"], "tasks": ["loop"], "imports": [str(folder / "own_python.py")]}
+    checked = check_whole(Experiment(name="x", reference=["own_python:Waits"], **given))
+    assert checked.reference == ("own_python:Waits",)
+    bad = Experiment(
+        reference=["own_python:Wait"], training={"lr": 2.0}, environment={"options": {"rewrd": 1}}, **given
+    )
+    with pytest.raises(ConfigError) as caught:
+        check_whole(bad)
+    said = str(caught.value)
+    for each in ("name: is missing", "did you mean 'Waits'", "training.lr: 2.0 is not", "no such option"):
+        assert each in said
+
+
+def test_vehicles_are_those_of_interfaces():
+    assert {*VehicleName.__args__} == {*VEHICLE_CLASSES}

@@ -1,0 +1,52 @@
+"""Vehicles and roads of experiments: what the keys of `environment` change."""
+
+import numpy as np
+import pytest
+
+from benchmark.experiment.config import Environment, Evaluation, Task
+from benchmark.experiment.runs import Cell
+from benchmark.running.environments import environment
+from smarts.env.vector import VectorHiWayEnv
+
+TASK = Task(name="loop", scenarios=["loop"])
+BRAKE = np.array([[[0.0, 1.0, 0.0]]], np.float32)
+
+
+def cell(**given):
+    return Cell(TASK, "no_social_vehicles", Environment(agents=1, **given), Evaluation(), copies=1)
+
+
+def speeds(env, actions, decisions):
+    """Return the speed of the only agent's vehicle at each decision [m/s], and its length [m]."""
+    found = []
+    try:
+        env.reset(3)
+        world = env._worlds.batch.world
+        for _ in range(decisions):
+            slot = world.seats.slot[0, 0]
+            found.append(float(world.vehicles.speed[0, slot]))
+            length = float(world.vehicles.length[0, slot])
+            env.step([actions])
+    finally:
+        env.close()
+    return np.array(found), length
+
+
+@pytest.mark.parametrize("model", ["bullet", "dynamic"])
+def test_a_slippery_road_brakes_by_its_friction(model):
+    dry, _ = speeds(environment(cell(action="Continuous", vehicle_model=model)), BRAKE, 3)
+    icy, _ = speeds(environment(cell(action="Continuous", vehicle_model=model, friction=0.2)), BRAKE, 3)
+    assert dry[0] == icy[0] > 5.0
+    slowed = icy[0] - icy[2]  # within 1 s
+    assert 0.7 * 0.2 * 9.81 < slowed < 1.05 * 0.2 * 9.81
+    assert dry[0] - dry[2] > 2 * slowed
+
+
+def test_a_bus_is_longer_and_the_default_is_the_benchmarks():
+    keep = np.zeros((1, 1), np.int64)
+    _, bus = speeds(environment(cell(vehicle="bus")), keep, 1)
+    default, car = speeds(environment(cell()), keep, 8)
+    plain, same = speeds(VectorHiWayEnv(1, ["loop"], 1, traffic=["no_social_vehicles"]), keep, 8)
+    assert bus > car + 2.0
+    assert car == same
+    np.testing.assert_array_equal(default, plain)

@@ -1,0 +1,167 @@
+"""Trained policies in one's own loop: the same actions as `evaluate` plays, whatever the environment."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import ray
+
+from algorithms.joint.worlds import REPORTED_WORLDS
+from benchmark import load_policy
+from benchmark.experiment.config import Resources, read_experiment
+from benchmark.experiment.runs import runs_of
+from benchmark.results.files import ResultsError
+from benchmark.results.run_folder import RunFolder
+from benchmark.running.again import evaluate_again
+from benchmark.running.cluster import start_ray
+from benchmark.running.environments import environment
+from benchmark.running.testing import EVALUATION_SEED
+from benchmark.running.training import algorithm_of
+from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from smarts.env.adapters.benchmark import benchmark_interface
+from smarts.errors import ActionError
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+
+pytestmark = pytest.mark.slow
+
+TINY = """
+algorithms: [{name}]
+tasks: [loop]
+traffic: [no_social_vehicles]
+seeds: [3]
+settings: {{{name}: {settings}}}
+environment: {{agents: {agents}}}
+resources: {{copies: 2}}
+"""
+
+
+@pytest.fixture(scope="module")
+def make(tmp_path_factory):
+    """Return the folder of a run whose checkpoint is of an untrained policy."""
+    start_ray(Resources())
+
+    def make(name, settings="{}", agents=2):
+        root = tmp_path_factory.mktemp(name)
+        (root / "tiny.yaml").write_text(TINY.format(name=name, settings=settings, agents=agents))
+        (run,) = runs_of(read_experiment(root / "tiny.yaml"))
+        folder = RunFolder(root / "run")
+        folder.open(run.content(), run.digest())
+        with algorithm_of(run) as algo:
+            folder.save(folder.checkpoint, algo, {})
+        return run, folder
+
+    yield make
+    ray.shutdown()
+
+
+def decisions(root):
+    """Return what was decided in each recorded episode by world: agents' seats, steps, actions."""
+    found = {}
+    for path in episodes_in(root):
+        episode = RecordedEpisode(path)
+        table = episode.table("decisions")
+        chosen = np.column_stack([table["seat"], table["step"], table["value_0"]])
+        if episode.facts["is_complete"]:
+            found[int(episode.facts["world"])] = chosen.tolist()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"), [("ppo", "{gru: 8, sharing: all}"), ("mf_q", "{}"), ("maddpg", "{}")]
+)
+def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
+    run, folder = make(name, settings)
+    evaluate_again(folder.path, episodes=2, modes=("greedy",), out=tmp_path / "out")
+    wanted = decisions(tmp_path / "out" / "episodes" / "greedy-loop")
+    policy = load_policy(folder.path)
+    env = environment(run.cell, copies=1, record=tmp_path / "own")
+    try:
+        now, over = env.reset(EVALUATION_SEED, np.array([REPORTED_WORLDS]), stride=1), 0
+        while over < 2:
+            now = env.step(policy.act(now))
+            over += int(now.reset.sum())
+    finally:
+        env.close()
+    got = decisions(tmp_path / "own")
+    assert {REPORTED_WORLDS, REPORTED_WORLDS + 1} <= wanted.keys() & got.keys()
+    for world in (REPORTED_WORLDS, REPORTED_WORLDS + 1):
+        assert got[world] == wanted[world]
+
+
+def by_dicts(env, policy, steps=12):
+    """Return the actions of an environment whose observations are dicts, while all its agents are there."""
+    policy.reset()
+    try:
+        observations = env.reset(seed=7)[0]
+        found = []
+        for _ in range(steps):
+            actions = policy.act(observations)
+            found.append(actions)
+            observations = env.step(actions)[0]
+    finally:
+        env.close()
+    return found
+
+
+def test_every_environment_gets_the_same_actions(make):
+    from smarts.env import RLlibHiWayEnv
+
+    _, folder = make("ppo", "{gru: 8}")
+    policy = load_policy(folder.checkpoint)
+    vector = VectorHiWayEnv(1, ["loop"], 2, traffic=["no_social_vehicles"])
+    wanted = []
+    try:
+        now = vector.reset(7)
+        for _ in range(12):
+            (actions,) = policy.act(now)
+            wanted.append(dict(zip(policy.agents, actions[0].tolist(), strict=True)))
+            now = vector.step([actions])
+    finally:
+        vector.close()
+    assert len({tuple(each.values()) for each in wanted}) > 1, (
+        "a policy that always does the same shows little"
+    )
+    common = {"scenarios": ["loop"], "traffic": ["no_social_vehicles"]}
+    assert by_dicts(hiway_parallel_env(["loop"], 2, traffic=["no_social_vehicles"]), policy) == wanted
+    assert by_dicts(RLlibHiWayEnv({**common, "agents": 2}), policy) == wanted
+    objects = HiWayEnv(
+        agent_specs=dict.fromkeys(policy.agents, benchmark_interface()), decision_interval=5, **common
+    )
+    with pytest.raises(ActionError, match="attach"):
+        policy.act(objects.reset(seed=7)[0])
+    policy.attach(objects)
+    assert by_dicts(objects, policy) == wanted
+
+
+def test_one_agent_of_a_gymnasium_environment(make):
+    _, folder = make("ppo", agents=1)
+    policy = load_policy(folder.path, mode="sampled", seed=1)
+    env = SingleHiWayEnv(["loop"], traffic=["no_social_vehicles"])
+    found = by_dicts(env, policy, 8)
+    assert all(isinstance(action, int) and action in range(4) for action in found)
+    again = load_policy(folder.path, mode="sampled", seed=1)
+    assert by_dicts(SingleHiWayEnv(["loop"], traffic=["no_social_vehicles"]), again, 8) == found
+
+
+def test_what_is_no_observation_is_named(make):
+    _, folder = make("pg")
+    policy = load_policy(folder.path)
+    with pytest.raises(ActionError, match="no agent 'agent-7'"):
+        policy.act({"agent-0": np.zeros(201), "agent-7": np.zeros(201)})
+    with pytest.raises(ActionError, match=r"shape \(3,\)"):
+        policy.act({"agent-0": np.zeros(3, np.float32)})
+    with pytest.raises(ResultsError, match="no best checkpoint"):
+        load_policy(folder.path, checkpoint="best")
+
+
+def test_no_cluster_is_started(make):
+    _, folder = make("a2c")
+    program = (
+        "import json, ray\nfrom benchmark import load_policy\n"
+        f"load_policy({str(folder.path)!r})\nprint(json.dumps(ray.is_initialized()))"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert json.loads(ended.stdout.splitlines()[-1]) is False
+    assert "DeprecationWarning" not in ended.stderr

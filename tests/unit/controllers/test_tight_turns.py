@@ -1,0 +1,168 @@
+"""Turns that are tighter than the vehicle's turning circle, and the exits behind them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.controllers import drivable_path
+from smarts.controllers.drivable_path import STEP, plan_drivable_path
+from smarts.controllers.lane_state import Abilities
+from smarts.roads.atlas import RoadAtlas
+from smarts.types.actions import ActionSpaceType, LaneAction
+from smarts.types.vehicles import VehicleKind
+from tests import maps
+from tests.unit.controllers.rig import agent, winding
+
+CAR, BUS, TRUCK = VehicleKind.PASSENGER, VehicleKind.BUS, VehicleKind.TRUCK
+ABILITIES = Abilities.of_all()
+
+
+def circle(kind):
+    """Return the radius that the centre of a vehicle drives at its lock [m]."""
+    return math.hypot(1.0 / (ABILITIES.sharpest[kind] / 0.95), ABILITIES.centre_to_rear[kind])
+
+
+@pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
+@pytest.mark.parametrize(("kind", "radius"), [(CAR, 4.0), (TRUCK, 9.0), (BUS, 13.0)])
+def test_leaves_a_tight_bend_no_faster_than_the_steering_unwinds(rig, kind, radius, model):
+    driven = rig([agent(20.0, 0.0, speed=5.0, kind=kind)], graph=winding(radius, before=60.0), model=model)
+    driven.act(12.0, 0.0)
+    log = driven.log(400, "lane_offset", "speed", "lane_position")
+    behind = log[:, 2] > 60.0 + radius * math.pi / 2
+    assert np.abs(log[behind, 0]).max() < 1.0
+    assert log[-1, 1] == pytest.approx(12.0, abs=0.3)
+    assert log[:, 1].min() > 1.0
+    # Once it is straight, nothing is left of it.
+    assert abs(log[-1, 0]) < 0.1
+
+
+@pytest.mark.parametrize("end", ["south_out", "north_out", "east_out"])
+@pytest.mark.parametrize(("kind", "gap"), [(CAR, 4.0), (TRUCK, 8.0), (BUS, 14.0)])
+def test_swings_wide_where_a_junction_is_tighter_than_the_turning_circle(rig, kind, gap, end):
+    """The right turn's radius is `gap` less half a lane: 2.4 m for the car, whose centre turns at 4.6 m."""
+    graph = maps.crossing(gap=gap)
+    car = agent(-60.0, -1.6, speed=8.0, kind=kind, route=("west_in", end))
+    driven = rig([car], graph=graph, kind=ActionSpaceType.Lane)
+    driven.act(LaneAction.keep_lane)
+    offsets = []
+    for _ in range(350):
+        driven.step()
+        assert driven.seats.on_road[0, 0]
+        offsets.append(driven.world.vehicles.lane_offset[0, 0])
+        if driven.seats.remaining[0, 0] < 10.0:
+            break
+    assert driven.graph.edge_ids[driven.graph.lane_edge[driven.world.vehicles.lane[0, 0]]] == end
+    assert np.abs(offsets).max() < 1.3
+    assert driven.seats.remaining[0, 0] < 10.0
+
+
+def corner(turn, *, before=12.0, after=60):
+    """Return a reference along +x that turns by an angle to the left at one point, shape (R, 4)."""
+    along = np.arange(float(after)) - before
+    x = np.where(along < 0.0, along, along * math.cos(turn))
+    y = np.where(along < 0.0, 0.0, along * math.sin(turn))
+    heading = np.where(along < 0.0, 0.0, turn)
+    heading[along == 0.0] = 0.5 * turn
+    return np.stack([x, y, heading, np.full(after, 3.0)], 1)
+
+
+def offsets_from_corner(points, turn):
+    """Return the signed distances of points to the two legs of `corner`, left positive, shape (R,)."""
+    first = points[:, 1]
+    second = points[:, 1] * math.cos(turn) - points[:, 0] * math.sin(turn)
+    is_first = points[:, 0] * math.cos(turn / 2) + points[:, 1] * math.sin(turn / 2) < 0.0
+    return np.where(is_first, first, second)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """Return the roads of a map that is one road 32 m wide along +x, so that no edge is near."""
+    return RoadAtlas([maps.graph_of({"road": maps.Road([(-100.0, 0.0), (100.0, 0.0)], width=150.0)})]).roads
+
+
+@pytest.mark.parametrize("kind", [CAR, TRUCK])
+@pytest.mark.parametrize("degrees", [40.0, 60.0, 90.0])
+def test_a_plan_is_as_near_to_a_corner_as_its_circle_lets_it(plain, kind, degrees):
+    """No path is nearer than R tan(turn / 4)^2, as far outside as inside: two tangents and their arc."""
+    turn = math.radians(degrees)
+    points = corner(turn, before=14.0)
+    pose = points[0, 0], 0.0, 0.0
+    plan_drivable_path(plain, 0, points, pose, 0.0, 2.0, int(kind), ABILITIES)
+    planned = points[: min(int(6.0 * circle(kind)), 46) - 4]
+    offsets = offsets_from_corner(planned[:, :2], turn)
+    bound = circle(kind) * math.tan(turn / 4.0) ** 2
+    # The points are a metre apart, the plan keeps a reserve of its lock, and its steering takes time.
+    assert 0.9 * bound < np.abs(offsets).max() < 1.3 * bound + 0.35
+    # Outside first, which is to the right of a turn to the left.
+    first = offsets[: int(np.abs(planned[:, :2]).sum(axis=1).argmin())]
+    assert first.min() < -0.3 * bound
+
+
+@pytest.mark.parametrize("kind", [CAR, TRUCK, BUS])
+def test_a_plan_can_be_driven(plain, kind):
+    points = corner(math.pi / 3, before=14.0)
+    plan_drivable_path(plain, 0, points, (points[0, 0], 0.3, 0.05), 0.02, 4.0, int(kind), ABILITIES)
+    count = min(int(6.0 / (0.92 * ABILITIES.sharpest[kind])), 46)
+    # The rear axle's headings: the path's less the side slip of the centre.
+    steps = np.diff(points[: count + 1, :2], axis=0)
+    chords = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    bends = np.diff(chords) / np.hypot(*steps.T)[1:]
+    ahead, sharpest = ABILITIES.centre_to_rear[kind], ABILITIES.sharpest[kind]
+    assert np.abs(bends).max() < 1.1 * sharpest + 0.5 * ahead * sharpest / STEP
+    assert points[0, :2] == pytest.approx([points[0, 0], 0.3])
+    # Where the steering turns fastest it is slowest, and never stands.
+    assert points[:count, 3].min() >= drivable_path.CRAWL
+    assert points[:count, 3].max() <= 3.0
+
+
+def test_one_iteration_solves_the_linearised_problem():
+    """Against the same sum of squares, written out as one dense system."""
+    generator = np.random.default_rng(4)
+    count, ahead, sharpest, curvature = 12, 1.2, 0.2, 0.05
+    bends = generator.uniform(-0.25, 0.25, count)
+    smoothness = generator.uniform(5.0, 40.0, count)
+    found = np.zeros((count + 1, 4))
+    found[:, 0], found[:, 1] = generator.normal(0.0, 0.8, count + 1), generator.normal(0.0, 0.2, count + 1)
+    found[::3, 2] = 0.3
+    lower = np.tril(np.ones((count, count)))
+    turned = STEP * lower
+    moved = STEP * (np.tril(np.ones((count, count)), -1) @ turned) + ahead * turned
+    rows, wanted = [], []
+
+    def add(weight, row, residual):
+        rows.append(math.sqrt(weight) * row)
+        wanted.append(-math.sqrt(weight) * residual)
+
+    part = drivable_path
+    for k in range(count):
+        offset = found[k + 1, 0]
+        add(STEP * (part.END_COST if k == count - 1 else 1.0), moved[k], offset)
+        if abs(offset) > part.EASY_OFFSET:
+            add(STEP * part.FAR_COST, moved[k], math.copysign(abs(offset) - part.EASY_OFFSET, offset))
+        if found[k + 1, 2] != 0.0:
+            add(STEP * part.EDGE_COST, moved[k], found[k + 1, 2])
+        unit = np.eye(count)[k]
+        if abs(bends[k]) > sharpest:
+            excess = math.copysign(abs(bends[k]) - sharpest, bends[k])
+            add(part.BOUND_COST / sharpest**2, unit, excess)
+        before = np.eye(count)[k - 1] if k else np.zeros(count)
+        add(smoothness[k] / STEP, unit - before, bends[k] - (bends[k - 1] if k else curvature))
+    add(part.END_COST, turned[-1], found[count, 1])
+    expected = bends + np.linalg.lstsq(np.array(rows), np.array(wanted), rcond=None)[0]
+    part._improve(bends, curvature, sharpest, ahead, smoothness, found)
+    assert bends == pytest.approx(expected, abs=1e-9)
+
+
+def test_across_the_opposite_lane_a_vehicle_keeps_steering_for_its_own(rig):
+    roads = {"east": [(0.0, 0.0), (400.0, 0.0)], "west": [(400.0, 3.2), (0.0, 3.2)]}
+    graph = maps.graph_of({name: maps.Road(points) for name, points in roads.items()})
+    own = graph.lane_number("east", 0)
+    driven = rig([agent(50.0, 2.7, speed=4.0, route=("east",))], graph=graph)
+    driven.act(4.0, 0.0)
+    driven.step()
+    driven.seats.target_lane[0, 0] = own
+    driven.step(60)
+    assert driven.seats.target_lane[0, 0] == own
+    assert driven.world.vehicles.lane[0, 0] == own
+    assert abs(driven.position[1]) < 0.3
