@@ -54,7 +54,7 @@ class BareTraffic:
     def reset(self, beginning: Beginning) -> None:
         """Load and warm up; the egos come in with the last step of it."""
         start, library = beginning.start, self._library
-        options = sumo_options(start.traffic, start.sumo_seed, DT)
+        options = sumo_options(start.traffic, start.traffic_seed, DT)
         library.start([*options, "--max-num-vehicles", str(start.limit)])
         if start.traffic.warm_up > DT:
             library.simulation.step(start.traffic.warm_up - DT)

@@ -43,6 +43,7 @@ from smarts.sim.ownership import Ownership
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 from smarts.types.episode import SeatStart
 from smarts.types.mission import SeatMission
+from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
@@ -87,8 +88,8 @@ class Drive:
 class _Drives:
     """A provider that drives on with any vehicle."""
 
-    def can_accept(self, row: int, slot: int) -> bool:
-        return True
+    def can_accept(self, rows: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[np.int8]:
+        return np.full(len(rows), Refusal.NONE, np.int8)
 
 
 def load(path: Path, folder: Path) -> LaneGraph:
@@ -178,7 +179,7 @@ def _start(
     edges = [graph.edge_ids[graph.lane_edge[n]] for n in drive.lanes if not graph.is_internal[n]]
     mission = SeatMission(route=tuple(edges))
     seat_routes.assign(row, 0, [mission.route])
-    world.missions.write(row, 0, mission, ownership.routes[row].number(mission.route))
+    world.missions.write(row, 0, mission, world.routes.number(row, map(graph.edge_number, mission.route)))
     pose = graph.pose_at(drive.lanes[0], 0.5 * length + 1.0)
     ownership.admit(row, 0, SeatStart("agent", pose, 0.0, mission, kind, length, width))
 

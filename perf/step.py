@@ -121,7 +121,7 @@ class Run:
             },
         )
         engines: Any = self._plain.traffic
-        self._engines = engines._engines
+        self._drivers = engines._drivers
         self.resets: list[float] = []
 
     def begin(self) -> dict[int, Beginning]:
@@ -195,7 +195,7 @@ class Run:
         return Beginning(self.env.episodes[row], self._poses(row), self._traffic(row))
 
     def _traffic(self, row: int) -> set[str]:
-        return {*self._engines[row]._driven}
+        return {*self._drivers[row]._driven}
 
     def _is_within(self, social: np.ndarray) -> np.ndarray:
         low, high = self._band

@@ -19,10 +19,10 @@ from smarts.providers import sumo_library
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.providers.sumo_traffic import SumoTraffic, sumo_options
 from smarts.roads.lane_graph import LaneGraph
-from smarts.sim.roster import Roster
 from smarts.sstudio.build import build_scenario
 from smarts.types.traffic import TrafficFiles
-from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
 
 DT, SEED = 0.1, 7
 EGOS = 4
@@ -69,28 +69,28 @@ class Ours:
 
     def __init__(self, files: TrafficFiles, roads: LaneGraph, egos: int = 0) -> None:
         self.files, self.roads, self.egos = files, roads, egos
-        self.states = VehicleStates.allocate(1024)
-        self.roster = Roster(self.states)
-        self.traffic = SumoTraffic(dt=DT)
+        self.world = World(worlds=1, capacity=1024, seats=0, lanes=len(roads.lane_ids), dt=DT)
+        self.states = self.world.vehicles[0]
+        self.traffic = SumoTraffic(self.world, 0)
         self.moment = 0
         lane = int(np.argmax(np.where(roads.is_internal, 0.0, roads.length)))
         self.track = np.array([roads.pose_at(lane, s) for s in np.arange(0.0, roads.length[lane], 0.5)])
 
     def reset(self) -> None:
         """Admit the egos and let the provider begin."""
-        self.roster.reset()
+        self.world.clear(0)
         self.moment = 0
         for ego in range(self.egos):
-            self.roster.admit(f"ego-{ego}", Owner.AGENT, VehicleKind.PASSENGER, 4.5, 1.8)
+            self.world.registry.admit(0, f"ego-{ego}", Owner.AGENT, VehicleKind.PASSENGER, 4.5, 1.8)
             self._move(ego)
-        self.traffic.reset(self.files, SEED, self.states, self.roster, self.roads)
+        self.traffic.reset(self.files, SEED, self.roads)
 
     def step(self) -> None:
         """Move the egos and let the provider follow."""
         self.moment += 1
         for ego in range(self.egos):
             self._move(ego)
-        self.traffic.step(self.states)
+        self.traffic.step()
 
     def close(self) -> None:
         """Give the library back."""

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from smarts.errors import SmartsError
-from smarts.providers.sumo_traffic import SumoTraffic
-from smarts.providers.traffic_set import TrafficSet
+from smarts.providers.sumo_engine import SumoEngine
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.seat_routes import SeatRoutes
 from smarts.sim.entries import Entries
@@ -22,8 +21,8 @@ from smarts.types.events import Contacts, Events
 from smarts.types.frame import Readings
 from smarts.types.mission import GoalKind, SeatMission
 from smarts.types.seats import SeatState
-from smarts.types.streams import Purpose, stream, sumo_seed
-from smarts.types.transfers import NO_TRANSFERS
+from smarts.types.streams import Purpose, stream, traffic_seed
+from smarts.types.transfers import NO_TRANSFERS, Refusal
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
@@ -80,8 +79,8 @@ class Bicycles:
         vehicles.yaw_rate[row, slot] = yaw_rate
         world.seats.steering[row, seat] = 0.5 * steering
 
-    def can_accept(self, row, slot):
-        return True
+    def can_accept(self, rows, slots):
+        return np.full(len(rows), Refusal.NONE)
 
     def close(self):
         pass
@@ -141,7 +140,7 @@ def simulation_of(
         lanes=max(len(graph.lane_ids) for graph in maps),
         vias=4,
     )
-    traffic = TrafficSet([SumoTraffic() for _ in range(worlds)], maps)
+    traffic = SumoEngine(world, maps)
     vehicles = Bicycles(worlds, seats)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
     routes = SeatRoutes(atlas, worlds, seats)
@@ -185,7 +184,7 @@ def episode(
         map=number,
         traffic=built.traffic_files(plan.traffic),
         traffic_name=plan.traffic,
-        sumo_seed=sumo_seed(seed, world=world, episode=episode),
+        traffic_seed=traffic_seed(seed, world=world, episode=episode),
         limit=LIMIT,
         seats=tuple(_seat_start(f"ego-{ego}", mission, built) for ego, mission in enumerate(placed)),
     )

@@ -106,8 +106,8 @@ def test_every_package_has_a_layer():
     ("place", "source"),
     [
         ("smarts/roads/a.py", "from smarts.sstudio import types"),
-        ("smarts/roads/a.py", "def f():\n    import smarts.sim.roster"),
-        ("smarts/roads/a.py", "from ..sim import roster"),
+        ("smarts/roads/a.py", "def f():\n    import smarts.sim.simulation"),
+        ("smarts/roads/a.py", "from ..sim import simulation"),
         ("smarts/roads/a.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import smarts.sim"),
         ("smarts/sensors/a.py", "import smarts.dynamics"),
         ("smarts/__init__.py", "import smarts.errors"),

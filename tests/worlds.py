@@ -12,6 +12,7 @@ from smarts.sim.locator import MapLocator
 from smarts.sim.ownership import Ownership
 from smarts.types.episode import SeatStart
 from smarts.types.mission import SeatMission
+from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
@@ -52,8 +53,8 @@ class HandMade:
 class Willing:
     """A provider that drives on with any vehicle."""
 
-    def can_accept(self, row: int, slot: int) -> bool:
-        return True
+    def can_accept(self, rows: np.ndarray, slots: np.ndarray) -> np.ndarray:
+        return np.full(len(rows), Refusal.NONE)
 
 
 def world_of(
@@ -90,14 +91,15 @@ def _place(made: HandMade, row: int, cars: Sequence[Car]) -> None:
     seat = 0
     for car in cars:
         if car.mission:
-            book = made.ownership.routes[row]
-            made.world.missions.write(row, seat, car.mission, book.number(car.mission.route))
+            graph = made.atlas.graphs[made.world.map[row]]
+            route = made.world.routes.number(row, map(graph.edge_number, car.mission.route))
+            made.world.missions.write(row, seat, car.mission, route)
             pose = (car.x, car.y, car.heading)
             start = SeatStart(car.name, pose, car.speed, car.mission, car.kind, car.length, car.width)
             made.ownership.admit(row, seat, start)
             seat += 1
         else:
-            slot = made.ownership.rosters[row].admit(car.name, car.owner, car.kind, car.length, car.width)
+            slot = made.world.registry.admit(row, car.name, car.owner, car.kind, car.length, car.width)
             made.world.vehicles.position[row, slot] = car.x, car.y
             made.world.vehicles.heading[row, slot] = car.heading
             made.world.vehicles.speed[row, slot] = car.speed

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,23 +32,11 @@ _LIGHTS = {
 }
 
 
-class Rosters(Protocol):
-    """Knows the public names of vehicles."""
-
-    @property
-    def rosters(self) -> Sequence[Any]:
-        """A `smarts.sim.roster.Roster` for each simulation."""
-        ...
-
-
 class Parts(Protocol):
     """What of `smarts.sim.assembly.Assembly` is needed here."""
 
     @property
     def scene(self) -> Scene: ...  # noqa: D102
-
-    @property
-    def ownership(self) -> Rosters: ...  # noqa: D102
 
 
 class ObservationMaker:
@@ -63,14 +51,13 @@ class ObservationMaker:
 
     def __init__(self, parts: Parts) -> None:
         self._graphs = parts.scene.atlas.graphs
-        self._rosters = parts.ownership.rosters
         self._places: dict[int, list[tuple[str, str, int]]] = {}
         """By seat: sensor, block of the readings, column in it."""
 
     def touched(self, frame: Frame, row: int, seat: int) -> list[str]:
         """Return the public names of the vehicles that a seat's vehicle touched in a frame's step."""
         slots = np.flatnonzero(frame.contacts.touching[row, seat]).tolist()
-        return [self._rosters[row].name(slot) for slot in slots]
+        return [frame.world.registry.name(row, slot) for slot in slots]
 
     def __call__(
         self,
@@ -100,7 +87,7 @@ class ObservationMaker:
             sensor: {field: array[row, column].copy() for field, array in frame.readings.blocks[name].items()}
             for sensor, name, column in self._places[seat]
         }
-        world, names = frame.world, self._rosters[row]
+        world = frame.world
         bits = int(frame.events.bits[row, seat]) if events is None else events
         touched = self.touched(frame, row, seat) if touched is None else touched
         near = readings.get("neighborhood_vehicle_states")
@@ -116,8 +103,8 @@ class ObservationMaker:
             distance_travelled=float(world.seats.travelled[row, seat]),
             readings=readings,
             graph=self._graphs[int(world.map[row])],
-            name=names.name(int(world.seats.slot[row, seat])),
-            neighbours=[names.name(slot) for slot in slots],
+            name=world.registry.name(row, int(world.seats.slot[row, seat])),
+            neighbours=[world.registry.name(row, slot) for slot in slots],
         )
 
 

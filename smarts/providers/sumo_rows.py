@@ -12,6 +12,7 @@ from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped, wrapped_half_open
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.integer]
 
 
 def centre_of(front: Floats, heading: Floats, length: Floats) -> Floats:
@@ -80,6 +81,15 @@ def fill_rows(
         columns.lateral_acceleration[row] = speed * yaw_rate
         columns.yaw_rate[row], columns.yaw_acceleration[row] = yaw_rate, yaw_acceleration
         columns.desired_speed[row] = values[5 * count + index]
+
+
+@kernel
+def next_unplanned(owner: Ints, route: Ints, provider: int, begin: int) -> int:
+    """Return the first slot from `begin` on whose vehicle a provider drives without a route, or -1."""
+    for slot in range(begin, len(owner)):
+        if owner[slot] == provider and route[slot] < 0:
+            return slot
+    return -1
 
 
 LEADING = 7

@@ -112,8 +112,11 @@ class _Shadow:
 class SumoShadows:
     """The shadows of one simulation, by slot."""
 
-    def __init__(self, library: SumoLibrary) -> None:
+    def __init__(self, library: SumoLibrary, states: VehicleStates) -> None:
         self._library = library
+        self._states = states
+        footprints = states.position, states.heading, states.speed, states.length, states.width
+        self._lead = bind(lead, *footprints)
         self._shadows: dict[int, _Shadow] = {}
         self._returned: dict[int, _Shadow] = {}
         self._types: set[str] = set()
@@ -135,12 +138,6 @@ class SumoShadows:
         self._ways_on.clear()
         self._courses.clear()
         self.stand_ins.reset(roads)
-
-    def bind(self, states: VehicleStates) -> None:
-        """Say where the world's vehicles are to be read from now on."""
-        self._states = states
-        footprints = states.position, states.heading, states.speed, states.length, states.width
-        self._lead = bind(lead, *footprints)
 
     def create(self, slot: int, name: str, route: Sequence[str]) -> None:
         """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""

@@ -6,8 +6,9 @@ With nobody else in the world it is exactly what `sumo` computes for the same fi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,12 +17,12 @@ from smarts.geometry.binding import bind
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
-from smarts.providers.sumo_rows import MotionColumns, centre_of, fill_rows
+from smarts.providers.sumo_rows import MotionColumns, centre_of, fill_rows, next_unplanned
 from smarts.providers.sumo_shadows import SumoShadows
-from smarts.providers.traffic_provider import Roster, TrafficProvider
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+from smarts.types.world import World
 
 SPAWN_MARGIN = (10.0, 1.0)
 """Kept free of traffic around a vehicle that enters: before and behind it, and on either side [m]."""
@@ -44,9 +45,16 @@ _LIGHTS[list(b"gG")] = Signal.GO
 arrow for turning right after a stop (s)."""
 
 
-def _owners_of(states: VehicleStates) -> tuple[bytes, bytes]:
-    """Return what changes with the owner of any vehicle; bytes compare faster than arrays of this size."""
-    return states.owner.tobytes(), states.generation.tobytes()
+class _Seen(NamedTuple):
+    """What SUMO last saw of the vehicles; bytes compare faster than arrays of this size."""
+
+    owner: bytes
+    generation: bytes
+    route: bytes
+
+
+def _seen(states: VehicleStates) -> _Seen:
+    return _Seen(states.owner.tobytes(), states.generation.tobytes(), states.route.tobytes())
 
 
 def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
@@ -62,109 +70,107 @@ def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
     return [*options, "--no-step-log", "--no-warnings", "--xml-validation", "never"]
 
 
-class SumoTraffic(TrafficProvider):
-    """A traffic provider: SUMO drives the vehicles that it owns and minds all others.
+class SumoTraffic:
+    """One simulation's traffic: SUMO drives the vehicles that carry its owner number and minds all others.
 
     A vehicle keeps one SUMO id for life. When another becomes a row's owner, its SUMO vehicle is led as a
     shadow from the next step on; when SUMO becomes it again, SUMO drives on from that pose and speed. A row
     that others have admitted gets a SUMO vehicle, and a row that others have dismissed loses it. A vehicle
-    handed to SUMO while it stands on no lane leaves the world (`can_accept` tells beforehand).
+    handed to SUMO while it stands on no lane leaves the world (`can_accept` tells beforehand). SUMO's drivers
+    expect a vehicle of others to take its `route`.
 
     At the limit of vehicles SUMO holds departures back until one has left (`is_full`), so what an episode
     looks like depends on the limit only if the limit is too small.
 
     Args:
-        dt: Length of a step [s].
-        owner: Its number among the providers.
+        world: The state, of which it reads and writes one row.
+        row: The simulation.
+        owner: SUMO's number among the providers.
         library: Which copy of libsumo to use; by default any that is free.
 
+    Attributes:
+        signals: Of the map's lanes, in the world.
+        is_full: Whether departures have had to wait in this episode.
+
     Raises:
-        TrafficError: From every method, when SUMO fails; other simulations go on, and the next `reset` works.
+        TrafficError: From every method, when SUMO fails; other simulations continue, and the next `reset`
+            works.
     """
 
-    def __init__(self, *, dt: float = 0.1, owner: int = Owner.TRAFFIC, library: int | None = None) -> None:
-        if not (math.isfinite(dt) and 0.001 <= dt <= 10.0):
-            raise TrafficError(f"a step of {dt} s", place="dt", remedy="give 0.001 to 10 s")
-        self.dt = dt
-        self.owner = int(owner)
-        self.signals = np.zeros(0, np.int8)
+    def __init__(
+        self, world: World, row: int, owner: int = Owner.TRAFFIC, library: int | None = None
+    ) -> None:
+        if not (math.isfinite(world.dt) and 0.001 <= world.dt <= 10.0):
+            raise TrafficError(f"a step of {world.dt} s", place="dt", remedy="give 0.001 to 10 s")
+        self.signals = world.signals[row]
         self.is_full = False
+        self._world, self._row, self._owner = world, row, int(owner)
+        # Once: to make some twenty views takes as long as to write the vehicles into them.
+        self._states = states = world.vehicles[row]
         self._library = SumoLibrary(library)
-        self._shadows = SumoShadows(self._library)
+        self._shadows = SumoShadows(self._library, states)
         self._ids: dict[int, str] = {}
         self._driven: dict[str, int] = {}
-        self._routes_to_come: dict[int, tuple[str, ...]] = {}
         self._kept_clear: list[int] = []
         self._limit = 0
-        self._is_new = np.zeros(0, np.bool_)
-        self._states: VehicleStates | None = None
+        self._is_new = np.zeros(states.capacity, np.bool_)
         self._has_begun = False
+        columns = MotionColumns(*(getattr(states, name) for name in MotionColumns._fields))
+        self._fill = bind(fill_rows, states.length, self._is_new, world.dt, columns)
+        self._next_unplanned = bind(next_unplanned, states.owner, states.route)
 
-    def reset(
-        self,
-        files: TrafficFiles,
-        seed: int,
-        states: VehicleStates,
-        roster: Roster,
-        roads: LaneGraph,
-        limit: int | None = None,
-        bound_for: Mapping[int, Sequence[str]] | None = None,
-    ) -> None:
+    def reset(self, files: TrafficFiles, seed: int, roads: LaneGraph, limit: int | None = None) -> None:
         """Begin an episode: load, warm up, and let the traffic into the world.
+
+        Egos may be at their starts; traffic keeps clear of them.
 
         Args:
             files: The traffic.
             seed: SUMO's, in [0, 2^31).
-            states: The world. It may hold egos at their starts; traffic keeps clear of them.
-            roster: Issues the slots of `states`.
             roads: The lanes of the net in `files`.
             limit: The most vehicles that SUMO knows at a time, those of others included; by default as many
                 as there are slots.
-            bound_for: Where those who are in the world are bound for, by slot.
         """
         self._library.check_open()
         self._has_begun = False
-        self._roster = roster
+        self._roads, states = roads, self._states
         self._shadows.reset(roads)
-        for memory in (self._ids, self._driven, self._routes_to_come):
-            memory.clear()
+        self._ids.clear()
+        self._driven.clear()
         self._limit = states.capacity if limit is None else limit
-        self._is_new = np.zeros(states.capacity, np.bool_)
-        self._bind(states)
+        self._is_new[:] = False
         self.is_full = False
         self._read_map(roads)
         self._start(files, seed)
         with self._library.errors("failed while the traffic warmed up"):
-            self._routes_to_come.update({slot: tuple(edges) for slot, edges in (bound_for or {}).items()})
             self._kept_clear = np.flatnonzero(states.alive).tolist()
-            self._admit(self._warm_up(files.warm_up, states), states)
+            self._admit(self._warm_up(files.warm_up))
             self._write()
             self._read_signals()
+            self._number_routes()
         # Those who were here first are new to SUMO.
-        self._remember(states, [slot for slot in self._kept_clear if slot not in self._ids])
+        self._remember([slot for slot in self._kept_clear if slot not in self._ids])
         self._has_begun = True
 
-    def step(self, states: VehicleStates) -> None:
-        """Advance by `dt`; the rows of others hold their pose at the end of the step already."""
+    def step(self) -> None:
+        """Advance by one step; the rows of others hold their pose at its end already."""
         library = self._library
         self._check_begun()
-        if states is not self._states:
-            self._bind(states)
         with library.errors("failed in mid-run"):
-            entering = self._follow_owners(states) if self._has_changed(states) else []
+            entering = self._follow_others() if _seen(self._states) != self._last_seen else []
             self._shadows.place()
             library.simulation.step(0.0)
             self._shadows.settle()
             if arrived := library.simulation.getArrivedIDList():
                 self._dismiss(arrived)
             if departed := library.simulation.getDepartedIDList():
-                self._admit(departed, states)
+                self._admit(departed)
             self._kept_clear = []
-            self._routes_to_come.clear()
             self._write()
             self._read_signals()
+            self._number_routes()
         # They are shadows until SUMO takes the wheel in the next step.
-        self._remember(states, entering)
+        self._remember(entering)
 
     def can_accept(self, slot: int) -> bool:
         """Return whether SUMO could drive on with a vehicle of another: it must stand on a lane."""
@@ -173,18 +179,6 @@ class SumoTraffic(TrafficProvider):
         with self._library.errors("failed to tell a place"):
             return bool(self._library.vehicle.getLaneID(self._ids[slot]))
 
-    def clear(self, states: VehicleStates, slots: Sequence[int]) -> None:
-        """Remove traffic from the surroundings of these vehicles, and let none depart there in the next step.
-
-        The surroundings are the footprint and `SPAWN_MARGIN`.
-        """
-        self._kept_clear += slots
-        with self._library.errors("failed to clear a place"):
-            blocking = self._in_the_way(list(self._driven), states)
-            for name in blocking:
-                self._library.vehicle.remove(name)
-            self._dismiss(blocking)
-
     def route(self, slot: int) -> tuple[str, ...]:
         """Return the edges that a vehicle has yet to drive, its own first; for a shadow, as SUMO believes."""
         self._check_begun()
@@ -192,20 +186,6 @@ class SumoTraffic(TrafficProvider):
             raise TrafficError(f"slot {slot} holds no vehicle that SUMO knows", place="traffic")
         with self._library.errors("failed to tell a route"):
             return self._library.route_ahead(self._ids[slot])
-
-    def set_route(self, slot: int, edges: Sequence[str]) -> None:
-        """Say where a vehicle is bound for, its present edge first.
-
-        For a vehicle of others this is what SUMO's drivers expect it to do, and what it does when it is
-        handed to SUMO. It may be said as soon as the vehicle is in the world.
-        """
-        if slot not in self._ids:
-            self._routes_to_come[slot] = tuple(edges)
-        elif slot in self._shadows:
-            self._shadows.set_route(slot, edges)
-        else:
-            with self._library.errors("refused a route"):
-                self._library.vehicle.setRoute(self._ids[slot], list(edges))
 
     def close(self) -> None:
         """End the simulation and give the library back."""
@@ -216,20 +196,20 @@ class SumoTraffic(TrafficProvider):
         if not self._has_begun:
             raise TrafficError("no episode has begun", place="traffic", remedy="call reset first")
 
-    def _warm_up(self, duration: float, states: VehicleStates) -> list[str]:
+    def _warm_up(self, duration: float) -> list[str]:
         """Run traffic on its own for a while [s]; return who has departed.
 
         In the last step those who are in the world already come in, so that drivers mind them from the first
         step of the episode on.
         """
-        library = self._library
-        entering = self._kept_clear if duration > self.dt else []
+        library, dt = self._library, self._world.dt
+        entering = self._kept_clear if duration > dt else []
         departed: list[str] = []
         if duration > 0 and entering:
-            library.simulation.step(duration - self.dt)
+            library.simulation.step(duration - dt)
             departed += library.simulation.getDepartedIDList()
             for slot in entering:
-                self._enter(slot, states)
+                self._enter(slot)
             self._shadows.place()
         if duration > 0:
             library.simulation.step(duration)
@@ -240,68 +220,92 @@ class SumoTraffic(TrafficProvider):
 
     def _start(self, files: TrafficFiles, seed: int) -> None:
         place = str((files.routes or (files.net,))[0])
-        options = [*sumo_options(files, seed, self.dt), "--max-num-vehicles", str(self._limit)]
+        options = [*sumo_options(files, seed, self._world.dt), "--max-num-vehicles", str(self._limit)]
         self._library.start(options, place)
 
     def _read_map(self, roads: LaneGraph) -> None:
-        self.signals = np.full(len(roads.lane_ids), Signal.NONE, np.int8)
+        self.signals = self._world.signals[self._row, : len(roads.lane_ids)]
+        self.signals[:] = Signal.NONE
         self._lights = [
             (signal, lanes, roads.signal_link[lanes])
             for number, signal in enumerate(roads.signal_ids)
             if len(lanes := np.flatnonzero(roads.signal == number))
         ]
 
-    def _bind(self, states: VehicleStates) -> None:
-        """Hand the kernels the rows that they read and write."""
-        self._states = states
-        columns = MotionColumns(*(getattr(states, name) for name in MotionColumns._fields))
-        self._fill = bind(fill_rows, states.length, self._is_new, self.dt, columns)
-        self._shadows.bind(states)
-
-    def _has_changed(self, states: VehicleStates) -> bool:
-        return _owners_of(states) != self._seen
-
-    def _remember(self, states: VehicleStates, unseen: Sequence[int] = ()) -> None:
-        """Note who owns what, except for those slots, which are to be new in the next step."""
-        self._seen = _owners_of(states)
+    def _remember(self, unseen: Sequence[int] = ()) -> None:
+        """Note what the vehicles' rows say, except for those slots, which are to be new in the next step."""
+        states = self._states
+        self._last_seen = _seen(states)
         if unseen:
             owner = states.owner.copy()
             owner[unseen] = Owner.NOBODY
-            self._seen = owner.tobytes(), self._seen[1]
+            self._last_seen = self._last_seen._replace(owner=owner.tobytes())
 
-    def _follow_owners(self, states: VehicleStates) -> list[int]:
-        """Bring SUMO in line with the owners; return the slots of traffic that SUMO has yet to take over."""
-        entering = []
-        owners, generations = self._seen
-        is_new = states.generation != np.frombuffer(generations, states.generation.dtype)
-        is_other = states.owner != np.frombuffer(owners, states.owner.dtype)
-        for slot in np.flatnonzero(is_new | is_other).tolist():
+    def _follow_others(self) -> list[int]:
+        """Bring SUMO in line with the rows; return the slots of traffic that SUMO has yet to take over."""
+        entering, states = [], self._states
+        is_other, is_new, is_rerouted = (
+            column != np.frombuffer(before, column.dtype)
+            for column, before in zip(
+                (states.owner, states.generation, states.route), self._last_seen, strict=True
+            )
+        )
+        for slot in np.flatnonzero(is_new | is_other | is_rerouted).tolist():
             owner = states.owner[slot]
             if slot in self._ids and (is_new[slot] or owner == Owner.NOBODY):
                 self._remove(slot)
             if owner == Owner.NOBODY:
                 continue
             if slot not in self._ids:
-                self._enter(slot, states)
-                if owner == self.owner:
-                    entering.append(slot)
-            elif owner == self.owner:
-                self._take_back(slot)
-            elif slot not in self._shadows:
-                del self._driven[self._ids[slot]]
-                self._shadows.take_over(slot, self._ids[slot])
+                self._enter(slot)
+                (entering if owner == self._owner else self._kept_clear).append(slot)
+            elif owner == self._owner:
+                if slot in self._shadows:
+                    self._take_back(slot)
+            else:
+                self._mind(slot)
         return entering
+
+    def _mind(self, slot: int) -> None:
+        """Lead the vehicle in a slot as a shadow on the route that it is bound for."""
+        route = self._planned(slot)
+        if slot in self._shadows:
+            if route:
+                self._shadows.set_route(slot, route)
+            return
+        if route:
+            with self._library.errors("refused a route"):
+                self._library.vehicle.setRoute(self._ids[slot], list(route))
+        del self._driven[self._ids[slot]]
+        self._shadows.take_over(slot, self._ids[slot])
+
+    def _planned(self, slot: int) -> tuple[str, ...]:
+        """Return the edges of the route in a vehicle's row, () without one."""
+        number = int(self._states.route[slot])
+        if number < 0:
+            return ()
+        names = self._roads.edge_ids
+        return tuple(names[edge] for edge in self._world.routes.edges(self._row, number).tolist())
+
+    def _number_routes(self) -> None:
+        """Number the routes of SUMO's vehicles that have none."""
+        slot = -1
+        while (slot := self._next_unplanned(self._owner, slot + 1)) >= 0:
+            # One that others have just admitted may not have come to SUMO so far.
+            if name := self._ids.get(slot):
+                edges = map(self._roads.edge_number, self._library.route_ahead(name))
+                self._states.route[slot] = self._world.routes.number(self._row, edges)
 
     def _take_back(self, slot: int) -> None:
         if self._shadows.hand_back(slot):
             self._driven[self._ids[slot]] = slot
         else:
             self._remove(slot)
-            self._roster.dismiss(slot)
+            self._world.registry.dismiss(self._row, slot)
 
-    def _enter(self, slot: int, states: VehicleStates) -> None:
-        name = f"slot-{slot}-{states.generation[slot]}"
-        self._shadows.create(slot, name, self._routes_to_come.pop(slot, ()))
+    def _enter(self, slot: int) -> None:
+        name = f"slot-{slot}-{self._states.generation[slot]}"
+        self._shadows.create(slot, name, self._planned(slot))
         self._ids[slot] = name
 
     def _remove(self, slot: int) -> None:
@@ -318,14 +322,14 @@ class SumoTraffic(TrafficProvider):
             if (slot := self._driven.pop(name, None)) is not None:
                 del self._ids[slot]
                 self._shadows.forget(slot)
-                self._roster.dismiss(slot)
+                self._world.registry.dismiss(self._row, slot)
 
-    def _admit(self, departed: Iterable[str], states: VehicleStates) -> None:
+    def _admit(self, departed: Iterable[str]) -> None:
         """Let vehicles into the world in the order of departure, except where the place is kept clear."""
         vehicle = self._library.vehicle
         present = set(vehicle.getIDList()).difference(self._ids.values())
         names = [name for name in departed if name in present and name not in self._shadows.stand_ins]
-        blocking = self._in_the_way(names, states)
+        blocking = self._in_the_way(names)
         for name in names:
             # SUMO counts those who enter by `moveToXY` one step late, so it can let one too many depart.
             if name in blocking or len(self._ids) >= self._limit:
@@ -333,14 +337,15 @@ class SumoTraffic(TrafficProvider):
                 continue
             kind = _KINDS.get(vehicle.getVehicleClass(name), VehicleKind.PASSENGER)
             size = vehicle.getLength(name), vehicle.getWidth(name)
-            slot = self._roster.admit(name, self.owner, kind, *size)
+            slot = self._world.registry.admit(self._row, name, self._owner, kind, *size)
             self._driven[name] = slot
             self._ids[slot] = name
             self._is_new[slot] = True
         self.is_full |= len(self._ids) >= self._limit
 
-    def _in_the_way(self, names: Sequence[str], states: VehicleStates) -> list[str]:
+    def _in_the_way(self, names: Sequence[str]) -> list[str]:
         """Return those of SUMO's vehicles that are in a place to be kept clear."""
+        states = self._states
         slots = [slot for slot in self._kept_clear if states.alive[slot]]
         if not names or not slots:
             return []

@@ -26,6 +26,7 @@ from smarts.providers.vehicle_kernels import (
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
 from smarts.types.actions import CommandMode, Commands
 from smarts.types.tracks import Tracks
+from smarts.types.transfers import Refusal
 from smarts.types.vehicles import VehicleKind
 from smarts.types.world import World
 
@@ -137,9 +138,10 @@ class FleetVehicles:
             self._drive(world, self._commanded.drive, rows)
         return self._tracks
 
-    def can_accept(self, row: int, slot: int) -> bool:
-        """Return whether an agent could drive on with this vehicle."""
-        return VehicleKind(int(self._world.vehicles.kind[row, slot])) in TYPES
+    def can_accept(self, rows: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[np.int8]:
+        """Return for each vehicle the `Refusal` to let an agent drive it: some kinds have no model."""
+        can_drive = np.isin(self._world.vehicles.kind[rows, slots], [int(kind) for kind in TYPES])
+        return np.where(can_drive, Refusal.NONE, Refusal.KIND).astype(np.int8)
 
     def close(self) -> None:
         """Give back Bullet's worlds."""

@@ -17,8 +17,8 @@ from smarts.controllers.legality import Legality
 from smarts.controllers.set import ControllerSet
 from smarts.dynamics import vehicle
 from smarts.errors import SmartsError
-from smarts.providers.sumo_traffic import SumoTraffic
-from smarts.providers.traffic_set import TrafficSet
+from smarts.providers.traffic_engine import TrafficEngine
+from smarts.providers.traffic_engines import traffic_of
 from smarts.providers.vehicle import SUBSTEPS, FleetVehicles
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
 from smarts.roads.atlas import RoadAtlas
@@ -70,6 +70,8 @@ class Options:
     """The most points of a path that an agent gives as its action."""
     record: str | Path | None = None
     """Where episodes are written to; None: nowhere."""
+    traffic_engine: str | None = None
+    """Which of `TRAFFIC_ENGINES` drives the traffic; None: the one that the scenario names."""
     friction: float | None = None
     """Of the road under agents' vehicles where the scenario has no patch, 0.05 to 2; None: dry, 0.9."""
 
@@ -106,7 +108,7 @@ class Assembly:
     actions: Actions
     """Buffers with the kinds of all seats."""
     ownership: Ownership
-    """Knows the public names of vehicles (`rosters`) and their routes (`routes`)."""
+    """Carries out transfers of vehicles between owners."""
     recorder: EpisodeRecorder | None
     """Takes notes on what is recorded (`annotate`); None if nothing is."""
 
@@ -164,16 +166,19 @@ def assemble(
     Raises:
         ScenarioError: A scenario cannot be played with so many egos.
         InterfaceError: The names do not fit the interfaces, or each other.
+        UnknownNameError: There is no such traffic engine.
     """
     options, others = options or Options(), others or {}
     names = _names(agents, len(interfaces), others)
     shapes = [_shape(interface) for interface in interfaces]
-    schedule = Schedule(scenarios, names, shapes=shapes, others=len(others), seed=seed)
+    engine = options.traffic_engine
+    schedule = Schedule(scenarios, names, shapes=shapes, others=len(others), seed=seed, engine=engine)
     scene = _scene(schedule, worlds, len(interfaces), len(others), options)
     seated = [*interfaces, *others.values()]
     with ExitStack() as on_failure:
-        vehicles, traffic = _vehicles(scene, seated, schedule, options), _traffic(schedule, worlds, options)
+        vehicles = _vehicles(scene, seated, schedule, options)
         on_failure.callback(vehicles.close)
+        traffic = traffic_of(schedule.engines, scene.world, schedule.maps)
         on_failure.callback(traffic.close)
         parts = _assemble(scene, seated, (*names, *others), schedule, vehicles, traffic, options, looked_at)
         on_failure.pop_all()
@@ -208,20 +213,13 @@ def _vehicles(
     )
 
 
-def _traffic(schedule: Schedule, worlds: int, options: Options) -> TrafficSet:
-    def engine() -> SumoTraffic:
-        return SumoTraffic(dt=options.dt)
-
-    return TrafficSet([engine() for _ in range(worlds)], schedule.maps, engine)
-
-
 def _assemble(
     scene: Scene,
     interfaces: Sequence[AgentInterface],
     names: Sequence[str],
     schedule: Schedule,
     vehicles: FleetVehicles,
-    traffic: TrafficSet,
+    traffic: TrafficEngine,
     options: Options,
     looked_at: Mapping[int, Collection[str]] | None,
 ) -> Assembly:
@@ -229,8 +227,8 @@ def _assemble(
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
     entries = Entries(ownership, scene.routes)
     alive = alive_rules(interfaces, names, world.egos)
-    interest = interest_of(interfaces, schedule, entries, ownership)
-    recorder = _recorder(scene, ownership, options)
+    interest = interest_of(interfaces, schedule, entries)
+    recorder = _recorder(scene, options)
     stages = Stages(
         ownership=ownership,
         entries=entries,
@@ -240,7 +238,7 @@ def _assemble(
         locator=LocatorStage(scene),
         contacts=FootprintContacts(world),
         events=AgentEvents(scene, rules, alive, interest),
-        transfer_rules=TakeOverRules(ownership, entries, vehicles.can_accept),
+        transfer_rules=TakeOverRules(entries, vehicles.can_accept),
         sensors=SensorSuite(scene, interfaces, looked_at),
         recorder=recorder or NoRecorder(),
     )
@@ -271,10 +269,10 @@ def _actions(rules: SeatRules, worlds: int, options: Options) -> Actions:
     return actions
 
 
-def _recorder(scene: Scene, ownership: Ownership, options: Options) -> EpisodeRecorder | None:
+def _recorder(scene: Scene, options: Options) -> EpisodeRecorder | None:
     if options.record is None:
         return None
     # Only who records has to wait for pyarrow.
     from smarts.sim.recorder import EpisodeRecorder
 
-    return EpisodeRecorder(scene, ownership, Path(options.record))
+    return EpisodeRecorder(scene, Path(options.record))

@@ -35,7 +35,7 @@ class Entries:
     """
 
     def __init__(self, ownership: Ownership, routes: SeatRoutes) -> None:
-        self.episodes: list[EpisodeStart | None] = [None] * len(ownership.rosters)
+        self.episodes: list[EpisodeStart | None] = [None] * len(routes.number)
         """What each simulation plays."""
         self.pending: set[int] = set()
         """Simulations in whose episode somebody enters later than at the beginning."""
@@ -52,8 +52,9 @@ class Entries:
         self.episodes[row] = start
         self.pending.discard(row)
         self._routes.assign(row, start.map, [seat.mission.route for seat in start.seats])
+        roads = self._routes.atlas.graphs[start.map]
         for seat, seat_start in enumerate(start.seats):
-            route = self._ownership.routes[row].number(seat_start.mission.route)
+            route = world.routes.number(row, map(roads.edge_number, seat_start.mission.route))
             world.missions.write(row, seat, seat_start.mission, route)
             world.seats.agent[row, seat] = seat
             world.seats.state[row, seat] = SeatState.WAITING
@@ -109,15 +110,16 @@ class Entries:
 
     def _clear_around(self, world: World, row: int, slot: int) -> None:
         vehicles, roads = world.vehicles[row], self._roads(world, row)
-        book, lane = self._ownership.routes[row], int(vehicles.lane[slot])
-        edge = roads.edge_ids[roads.lane_edge[lane]] if lane >= 0 else ""
+        lane = int(vehicles.lane[slot])
+        edge = roads.lane_edge[lane] if lane >= 0 else -1
+        is_inside_junction = lane >= 0 and bool(roads.is_internal[lane])
 
         def leads_here(other: int) -> bool:
             route = int(vehicles.route[other])
-            return route < 0 or edge in book[route] or edge.startswith(":")
+            return route < 0 or is_inside_junction or edge in world.routes.edges(row, route)
 
         for other in vehicles_in_the_way(roads, vehicles, slot, leads_here):
-            self._ownership.rosters[row].dismiss(other)
+            world.registry.dismiss(row, other)
 
     def _go_on(self, world: World, row: int, seat: int) -> None:
         """Give an agent that has taken a vehicle over a route from where that is, if it is off its own."""
@@ -134,7 +136,7 @@ class Entries:
             except MapError:
                 return  # No way leads from here to the goal, so the agent begins off its route.
             self._routes.assign_seat(row, seat, route)
-            number = self._ownership.routes[row].number(route)
+            number = world.routes.number(row, map(roads.edge_number, route))
             world.missions.route[row, seat] = world.vehicles.route[row, slot] = number
             mission = dataclasses.replace(self.starts(row)[seat].mission, route=route)
             world.missions.write(row, seat, mission, number)

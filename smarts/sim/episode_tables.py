@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.roads.lane_graph import LaneGraph
 from smarts.types.episode import EpisodeStart, SeatStart
 from smarts.types.episode_schema import AGENTS, DECISIONS, SEATS
 from smarts.types.events import Outcome
@@ -99,13 +98,9 @@ def _of_drive(seat: int, seats: Mapping[str, Floats], decisions: Mapping[str, Fl
     return drive
 
 
-def routes_table(routes: Sequence[tuple[str, ...]], graph: LaneGraph) -> Rows:
-    """Return the routes of an episode, given as ids of edges, in the order of their numbers."""
-    numbers = {name: number for number, name in enumerate(graph.edge_ids)}
-    return {
-        "route": np.arange(len(routes)),
-        "edges": [[numbers[edge] for edge in route] for route in routes],
-    }
+def routes_table(routes: Sequence[Ints]) -> Rows:
+    """Return the routes of an episode, given as numbers of edges, in the order of their numbers."""
+    return {"route": np.arange(len(routes)), "edges": [route.tolist() for route in routes]}
 
 
 def extras_table(extras: Sequence[tuple[str, int, Ints, Floats]]) -> Rows:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from smarts.agents.criteria import InterestDoneCriteria
 from smarts.agents.interface import AgentInterface
 from smarts.sim.entries import Entries
-from smarts.sim.ownership import Ownership
 from smarts.sim.schedule import Schedule
 from smarts.types.world import World
 
@@ -25,7 +24,6 @@ class NamedInterest:
         criteria: Of each seat, None for agents that end without regard to others.
         marked: The pattern of the names that each scenario marks, by the scenario's name; "" for none.
         entries: Knows which scenarios are played.
-        ownership: Knows the vehicles' names.
     """
 
     def __init__(
@@ -33,13 +31,11 @@ class NamedInterest:
         criteria: Sequence[InterestDoneCriteria | None],
         marked: Mapping[str, str],
         entries: Entries,
-        ownership: Ownership,
     ) -> None:
-        shape = len(ownership.rosters), len(criteria)
+        shape = len(entries.episodes), len(criteria)
         self._criteria = {seat: each for seat, each in enumerate(criteria) if each is not None}
         self._marked = marked
         self._entries = entries
-        self._ownership = ownership
         self._seen = np.zeros(shape, np.bool_)
         self._gone = np.zeros(shape, np.bool_)
 
@@ -48,8 +44,8 @@ class NamedInterest:
         self._gone[:] = False
         self._seen[rows & (world.step <= 1)] = False
         for row in np.flatnonzero(rows).tolist():
-            name = self._ownership.rosters[row].name
-            names = {slot: name(slot) for slot in np.flatnonzero(world.vehicles.alive[row]).tolist()}
+            slots = np.flatnonzero(world.vehicles.alive[row]).tolist()
+            names = {slot: world.registry.name(row, slot) for slot in slots}
             for seat, criteria in self._criteria.items():
                 own = int(world.seats.slot[row, seat])
                 patterns = self._patterns(row, criteria)
@@ -75,10 +71,9 @@ def interest_of(
     interfaces: Sequence[AgentInterface],
     schedule: Schedule,
     entries: Entries,
-    ownership: Ownership,
 ) -> NamedInterest | None:
     """Return what the interfaces demand of vehicles of interest, None if nothing."""
     criteria = [interface.done_criteria.interest for interface in interfaces]
     if not any(criteria):
         return None
-    return NamedInterest(criteria, schedule.interests, entries, ownership)
+    return NamedInterest(criteria, schedule.interests, entries)

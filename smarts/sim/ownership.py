@@ -13,22 +13,21 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.sim.roster import Roster
-from smarts.sim.route_book import RouteBook
 from smarts.types.episode import SeatStart
 from smarts.types.seats import NEITHER, SeatState
-from smarts.types.transfers import NO_TRANSFERS, Transfers
+from smarts.types.transfers import NO_TRANSFERS, Refusal, Transfers
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
 
 
 class Driver(Protocol):
     """What ownership asks of a provider before it hands over a vehicle."""
 
-    def can_accept(self, row: int, slot: int) -> bool:
-        """Return whether it could drive on with a vehicle from where that is now; changes nothing."""
+    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+        """Return for each vehicle the `Refusal` to drive on with it from where it is; changes nothing."""
         ...
 
 
@@ -44,16 +43,12 @@ class Ownership:
     """
 
     def __init__(self, world: World, drivers: Mapping[int, Driver]) -> None:
-        self.rosters = [Roster(world.vehicles[row]) for row in range(world.worlds)]
-        self.routes = [RouteBook() for _ in range(world.worlds)]
         self._world = world
         self._drivers = drivers
         self._queue = NO_TRANSFERS
 
     def clear(self, row: int) -> None:
-        """Begin an episode of one simulation, whose world is empty: nobody is known, nothing is pending."""
-        self.rosters[row].reset()
-        self.routes[row].reset()
+        """Forget the transfers that are pending in one simulation."""
         self._queue = self._queue[self._queue["row"] != row]
 
     def admit(self, row: int, seat: int, start: SeatStart) -> int:
@@ -62,7 +57,7 @@ class Ownership:
         Raises:
             TrafficError: No slot is free.
         """
-        slot = self.rosters[row].admit(start.name, Owner.AGENT, start.kind, start.length, start.width)
+        slot = self._world.registry.admit(row, start.name, Owner.AGENT, start.kind, start.length, start.width)
         vehicles = self._world.vehicles
         x, y, vehicles.heading[row, slot] = start.pose
         vehicles.position[row, slot] = x, y
@@ -89,7 +84,23 @@ class Ownership:
         due = rows[self._queue["row"]]
         pending, self._queue = self._queue[due], self._queue[~due]
         order = np.lexsort((pending["slot"], pending["to_seat"], pending["reason"], pending["row"]))
-        return [transfer for transfer in pending[order] if not self._carry_out(transfer)]
+        pending = pending[order]
+        is_accepted = self._answers(pending) == Refusal.NONE
+        return [
+            transfer
+            for transfer, accepted in zip(pending, is_accepted.tolist(), strict=True)
+            if not (accepted and self._carry_out(transfer))
+        ]
+
+    def _answers(self, pending: Transfers) -> NDArray[np.int8]:
+        """Return what the new owners answer to transfers, shape (T,); each is asked once for all of its."""
+        answers = np.full(len(pending), Refusal.NONE, np.int8)
+        changes = pending["to_owner"] != pending["from_owner"]
+        for owner, driver in self._drivers.items():
+            asked = changes & (pending["to_owner"] == owner)
+            if asked.any():
+                answers[asked] = driver.can_accept(pending["row"][asked], pending["slot"][asked])
+        return answers
 
     def _carry_out(self, transfer: Any) -> bool:
         row, slot, to_seat = int(transfer["row"]), int(transfer["slot"]), int(transfer["to_seat"])
@@ -100,7 +111,7 @@ class Ownership:
         if from_seat not in (NEITHER, to_seat):
             self._rise(row, from_seat)
         if owner == Owner.NOBODY:
-            self.rosters[row].dismiss(slot)
+            self._world.registry.dismiss(row, slot)
             return True
         if owner != vehicles.owner[row, slot]:
             vehicles.owner[row, slot] = owner
@@ -125,16 +136,14 @@ class Ownership:
 
     def _can_go(self, transfer: Any) -> bool:
         """Return whether the vehicle can go where it is to go."""
-        row, slot = int(transfer["row"]), int(transfer["slot"])
+        row = int(transfer["row"])
         owner, to_seat = int(transfer["to_owner"]), int(transfer["to_seat"])
         if owner == Owner.NOBODY:
             return to_seat == NEITHER
         if owner == Owner.AGENT and to_seat == NEITHER:
             return False
         is_taken = to_seat != NEITHER and to_seat != transfer["from_seat"]
-        if is_taken and self._world.seats.slot[row, to_seat] != NEITHER:
-            return False
-        return owner == transfer["from_owner"] or self._drivers[owner].can_accept(row, slot)
+        return not (is_taken and self._world.seats.slot[row, to_seat] != NEITHER)
 
     def _sit(self, row: int, seat: int, slot: int, state: SeatState) -> None:
         seats, vehicles = self._world.seats, self._world.vehicles

@@ -16,7 +16,6 @@ from smarts.roads.scene import Scene
 from smarts.sim.columns import columns_of
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
 from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table
-from smarts.sim.ownership import Ownership
 from smarts.sim.recorder_kernel import (
     DECISION_ROWS,
     FOR_A_WHILE,
@@ -65,7 +64,7 @@ class _Episode:
     is_complete: bool = False
     void: str = ""
     """Why it does not count."""
-    routes: list[tuple[str, ...]] = field(default_factory=list)
+    routes: list[Ints] = field(default_factory=list)
     names: list[tuple[int, int, str, int]] = field(default_factory=list)
     endings: dict[int, Ending] = field(default_factory=dict)
     extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
@@ -85,18 +84,16 @@ class EpisodeRecorder:
 
     Args:
         scene: The world and its maps.
-        ownership: Knows names and routes.
         folder: Of the store; several recorders may share one.
 
     Raises:
         RecordError: The folder cannot be written to.
     """
 
-    def __init__(self, scene: Scene, ownership: Ownership, folder: Path) -> None:
+    def __init__(self, scene: Scene, folder: Path) -> None:
         world = scene.world
         worlds, seats = world.seats.slot.shape
         self._scene = scene
-        self._ownership = ownership
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds
@@ -204,15 +201,15 @@ class EpisodeRecorder:
         self._buffers.clear(row)
 
     def _take_routes(self, row: int, episode: _Episode) -> None:
-        """Copy the routes that are new: the book is emptied before the episode is written."""
-        book = self._ownership.routes[row]
-        for number in range(len(episode.routes), len(book)):
-            episode.routes.append(book[number])
+        """Note the routes that are new: the table is emptied before the episode is written."""
+        routes = self._scene.world.routes
+        for number in range(len(episode.routes), routes.count(row)):
+            episode.routes.append(routes.edges(row, number))
 
     def _take_names(self, row: int, episode: _Episode) -> None:
         buffers, step = self._buffers, int(self._scene.world.step[row])
         for slot in buffers.newcomers[row, : buffers.used[row, NEWCOMERS]].tolist():
-            name = self._ownership.rosters[row].name(slot)
+            name = self._scene.world.registry.name(row, slot)
             episode.names.append((slot, int(buffers.known[row, slot]), name, step))
 
     def _take_endings(self, frame: Frame) -> None:
@@ -242,7 +239,7 @@ class EpisodeRecorder:
         holders = np.flatnonzero(world.seats.slot[row] == slot)
         ending.partner_slot = slot
         ending.partner_generation = int(contacts.partner_generation[row, seat])
-        ending.partner = self._ownership.rosters[row].name(slot)
+        ending.partner = self._scene.world.registry.name(row, slot)
         ending.partner_owner = int(world.vehicles.owner[row, slot])
         ending.partner_seat = int(holders[0]) if len(holders) else NEITHER
         ending.side = int(contacts.side[row, seat])
@@ -285,12 +282,18 @@ class EpisodeRecorder:
         for name, rows in small.items():
             writer.append(name, rows)
         writer.append("episode", self._facts(episode, most))
-        writer.append("routes", routes_table(episode.routes, episode.graph))
-        numbers = {route: number for number, route in enumerate(episode.routes)}
+        writer.append("routes", routes_table(episode.routes))
+        names = episode.graph.edge_ids
+        numbers = {
+            tuple(names[edge] for edge in route.tolist()): number
+            for number, route in enumerate(episode.routes)
+        }
         writer.append("agents", agents_table(episode.start, episode.endings, small, numbers))
         writer.append("extras", extras_table(episode.extras))
-        slots, generations, names, steps = zip(*episode.names, strict=True) if episode.names else ((),) * 4
-        writer.append("names", {"slot": slots, "generation": generations, "name": names, "first_step": steps})
+        slots, generations, called, steps = zip(*episode.names, strict=True) if episode.names else ((),) * 4
+        writer.append(
+            "names", {"slot": slots, "generation": generations, "name": called, "first_step": steps}
+        )
         writer.finish()
         self._unfinished.remove(writer)
 
@@ -305,7 +308,7 @@ class EpisodeRecorder:
             "seed": start.seed,
             "world": start.world,
             "episode": start.episode,
-            "sumo_seed": start.sumo_seed,
+            "sumo_seed": start.traffic_seed,
             "dt": self._scene.world.dt,
             "steps": episode.steps,
             "is_complete": episode.is_complete,

@@ -17,7 +17,8 @@ from smarts.sstudio.episodes import EpisodePlan
 from smarts.sstudio.sstypes.scenario import ScenarioMetadataFields
 from smarts.sstudio.sstypes.zone import RoadSurfacePatch
 from smarts.types.episode import EpisodeStart
-from smarts.types.streams import Purpose, check_seed, stream, sumo_seed
+from smarts.types.streams import Purpose, check_seed, stream, traffic_seed
+from smarts.types.traffic import DEFAULT_ENGINE, TRAFFIC_ENGINES
 
 JAM_SPACING = 7.5
 """Road that a standing vehicle takes up [m]."""
@@ -34,6 +35,16 @@ def vehicle_limit(built: BuiltScenario) -> int:
     roads = built.roads()
     is_road = np.isin(roads.kind, list(ROAD_LANES))
     return min(MOST_VEHICLES, math.ceil(float(roads.length[is_road].sum()) / JAM_SPACING))
+
+
+def engine_of(built: BuiltScenario, traffic: str | None) -> str:
+    """Return the engine that drives a variation of a scenario's traffic.
+
+    It is the one that the scenario names, else SUMO: on empty roads, and where the scenario names an engine
+    of the language that does not exist yet.
+    """
+    described = (built.scenario.traffic or {}).get(traffic or "")
+    return described.engine if described and described.engine in TRAFFIC_ENGINES else DEFAULT_ENGINE
 
 
 def _ground(built: BuiltScenario) -> tuple[int, tuple[RoadSurfacePatch, ...], float]:
@@ -55,6 +66,8 @@ class Combination:
     built: BuiltScenario
     map: int
     plan: EpisodePlan
+    engine: str
+    """Which of `TRAFFIC_ENGINES` drives the traffic."""
 
 
 class Schedule:
@@ -69,6 +82,7 @@ class Schedule:
         shapes: Their vehicles', by default cars.
         others: How many further agents there may be, whose vehicles come on top of traffic's, too.
         seed: Of the run.
+        engine: Which of `TRAFFIC_ENGINES` drives, whatever the scenarios say; by default as they say.
 
     Raises:
         ScenarioError: There is no scenario, or one has fewer missions than there are egos.
@@ -82,6 +96,7 @@ class Schedule:
         shapes: Sequence[Shape] | None = None,
         others: int = 0,
         seed: int = 42,
+        engine: str | None = None,
     ) -> None:
         if not scenarios:
             raise ScenarioError("there is no scenario to play", remedy="name at least one")
@@ -100,7 +115,7 @@ class Schedule:
         self.speeds = np.array([speed for _, _, speed in unique])
         """The largest speed of the discrete lane actions on each map [m/s]."""
         self.combinations = tuple(
-            Combination(built, unique.index(ground), plan)
+            Combination(built, unique.index(ground), plan, engine or engine_of(built, plan.traffic))
             for built, ground in zip(scenarios, grounds, strict=True)
             for plan in built.episodes(len(self.agents))
         )
@@ -113,6 +128,11 @@ class Schedule:
     def limit(self) -> int:
         """The most vehicles of traffic in any scenario."""
         return max(self._limits.values())
+
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """The traffic engines of all episodes, in order of appearance."""
+        return tuple(dict.fromkeys(each.engine for each in self.combinations))
 
     @property
     def vias(self) -> int:
@@ -145,7 +165,8 @@ class Schedule:
             map=chosen.map,
             traffic=built.traffic_files(plan.traffic),
             traffic_name=plan.traffic,
-            sumo_seed=sumo_seed(seed, world=world, episode=episode),
+            traffic_seed=traffic_seed(seed, world=world, episode=episode),
             limit=self._limits[built.name] + self._most_agents,
             seats=draw_starts(built, plan.missions, self.agents, self._shapes, generator),
+            engine=chosen.engine,
         )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from smarts.errors import SmartsError
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
+from smarts.providers.traffic_engine import TrafficEngine
 from smarts.sim.ownership import Ownership
 from smarts.sim.stages import (
     ContactFinder,
@@ -20,7 +21,6 @@ from smarts.sim.stages import (
     Locator,
     Recorder,
     Sensors,
-    Traffic,
     TransferRules,
     Vehicles,
 )
@@ -45,7 +45,7 @@ class Stages:
     entries: EntryRules
     controllers: Controllers
     vehicles: Vehicles
-    traffic: Traffic
+    traffic: TrafficEngine
     locator: Locator
     contacts: ContactFinder
     events: EventDetector
@@ -112,7 +112,7 @@ class Simulation:
         tracks = stages.vehicles.step(world, commands, rows)
         failures = dict(stages.vehicles.failures)
         rows = _without(rows, failures)
-        stages.traffic.step(world, rows, stages.ownership.routes)
+        stages.traffic.step(world, rows)
         stages.locator.locate(world, rows)
         failures |= stages.traffic.failures
         rows = _without(rows, stages.traffic.failures)
@@ -139,6 +139,8 @@ class Simulation:
         rows[list(starts)] = True
         for row, start in starts.items():
             self._begin(row, start)
+        # After agents, since traffic makes room for them.
+        stages.traffic.reset(world, starts)
         stages.vehicles.reset(world, rows)
         stages.locator.locate(world, rows)
         for row in starts:
@@ -161,14 +163,12 @@ class Simulation:
         self._stages.recorder.close()
 
     def _begin(self, row: int, start: EpisodeStart) -> None:
-        """Empty one simulation and fill it: agents first, since traffic makes room for them."""
+        """Empty one simulation and let its agents in."""
         world, stages = self.world, self._stages
         world.clear(row)
         world.map[row], world.episode[row] = start.map, start.episode
-        ownership = stages.ownership
-        ownership.clear(row)
+        stages.ownership.clear(row)
         stages.entries.reset(world, row, start)
-        stages.traffic.reset(world, row, start, ownership.rosters[row], ownership.routes[row])
 
 
 @kernel

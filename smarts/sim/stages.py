@@ -1,20 +1,19 @@
 """The stages of the step: what each takes, and what it may write.
 
 `rows` says which simulations take part, shape (B,); a stage leaves every array of the others as it is.
-Whatever a stage returns is refilled in place by its next call.
+Whatever a stage returns is refilled in place by its next call. The stage of traffic is a
+`smarts.providers.traffic_engine.TrafficEngine`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.errors import SmartsError, TrafficError
-from smarts.providers.traffic_provider import Roster
-from smarts.providers.traffic_set import RouteNumbers
+from smarts.errors import SmartsError
 from smarts.types.actions import Actions, Commands
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Contacts, Events
@@ -24,6 +23,7 @@ from smarts.types.transfers import Transfers
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
 
 
 class EntryRules(Protocol):
@@ -66,35 +66,8 @@ class Vehicles(Protocol):
         """Move them by one step; return how."""
         ...
 
-    def can_accept(self, row: int, slot: int) -> bool:
-        """Return whether an agent could drive on with this vehicle."""
-        ...
-
-    def close(self) -> None:
-        """Give back what is held."""
-        ...
-
-
-class Traffic(Protocol):
-    """Move everybody else; write their rows, signals and routes."""
-
-    @property
-    def failures(self) -> Mapping[int, TrafficError]:
-        """What went wrong in the last step, by row; those rows are to be reset."""
-        ...
-
-    def reset(
-        self, world: World, row: int, start: EpisodeStart, roster: Roster, routes: RouteNumbers
-    ) -> None:
-        """Begin an episode of one simulation, in which the egos are at their starts."""
-        ...
-
-    def step(self, world: World, rows: Bools, routes: Sequence[RouteNumbers]) -> None:
-        """Move them by one step, in sight of where the agents' vehicles are at its end."""
-        ...
-
-    def can_accept(self, row: int, slot: int) -> bool:
-        """Return whether traffic could drive on with this vehicle."""
+    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+        """Return for each vehicle the `Refusal` to let an agent drive on with it."""
         ...
 
     def close(self) -> None:

@@ -5,40 +5,77 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from smarts.providers.sumo_traffic import SumoTraffic
-from smarts.sim.roster import Roster
+import numpy as np
+
+from smarts.providers.traffic_engines import traffic_of
+from smarts.sim.schedule import engine_of
 from smarts.sstudio.built import BuiltScenario
-from smarts.types.streams import sumo_seed
+from smarts.types.episode import EpisodeStart
+from smarts.types.streams import traffic_seed
 from smarts.types.vehicles import VehicleStates
+from smarts.types.world import World
 
 CAPACITY = 4096
 """Slots; more than any map of the suite can hold."""
 
 
 class TrafficRun:
-    """SUMO's traffic of one episode, step by step. Use `traffic_run`, which ends it."""
+    """The traffic of one episode, step by step. Use `traffic_run`, which ends it."""
 
     def __init__(
-        self, built: BuiltScenario, traffic: str | None, *, seed: int = 42, episode: int = 0, dt: float = 0.1
+        self,
+        built: BuiltScenario,
+        traffic: str | None,
+        *,
+        seed: int = 42,
+        episode: int = 0,
+        dt: float = 0.1,
+        engine: str | None = None,
     ) -> None:
-        self.states = VehicleStates.allocate(CAPACITY)
+        roads, engine = built.roads(), engine or engine_of(built, traffic)
         self.dt = dt
-        self.provider = SumoTraffic(dt=dt)
-        roster = Roster(self.states)
-        self.provider.reset(
-            built.traffic_files(traffic), sumo_seed(seed, episode=episode), self.states, roster, built.roads()
+        self.world = World(worlds=1, capacity=CAPACITY, seats=0, lanes=len(roads.lane_ids), dt=dt)
+        self.states = self.world.vehicles[0]
+        start = EpisodeStart(
+            seed=seed,
+            world=0,
+            episode=episode,
+            scenario=built.name,
+            map=0,
+            traffic=built.traffic_files(traffic),
+            traffic_name=traffic,
+            traffic_seed=traffic_seed(seed, episode=episode),
+            limit=CAPACITY,
+            seats=(),
+            engine=engine,
         )
+        self.engine = traffic_of([engine], self.world, [roads])
+        self.engine.reset(self.world, {0: start})
 
     def steps(self, seconds: float) -> Iterator[VehicleStates]:
-        """Yield the vehicles after each step, for a span of simulated time [s]."""
+        """Yield the vehicles after each step, for a span of simulated time [s].
+
+        Raises:
+            TrafficError: The engine failed.
+        """
+        rows = np.ones(1, np.bool_)
         for _ in range(round(seconds / self.dt)):
-            self.provider.step(self.states)
+            self.world.advance(rows)
+            self.engine.step(self.world, rows)
+            if self.engine.failures:
+                raise self.engine.failures[0]
             yield self.states
 
 
 @contextmanager
 def traffic_run(
-    built: BuiltScenario, traffic: str | None, *, seed: int = 42, episode: int = 0, dt: float = 0.1
+    built: BuiltScenario,
+    traffic: str | None,
+    *,
+    seed: int = 42,
+    episode: int = 0,
+    dt: float = 0.1,
+    engine: str | None = None,
 ) -> Iterator[TrafficRun]:
     """Warm a scenario's traffic up and lend it for a while.
 
@@ -48,13 +85,14 @@ def traffic_run(
         seed: Of the run.
         episode: Counts episodes of one run: each has its own traffic.
         dt: Length of a step [s].
+        engine: Which of `TRAFFIC_ENGINES` drives; by default the one that the scenario names.
 
     Raises:
-        TrafficError: SUMO failed.
+        TrafficError: The engine failed.
         ScenarioError: There is no such traffic.
     """
-    run = TrafficRun(built, traffic, seed=seed, episode=episode, dt=dt)
+    run = TrafficRun(built, traffic, seed=seed, episode=episode, dt=dt, engine=engine)
     try:
         yield run
     finally:
-        run.provider.close()
+        run.engine.close()

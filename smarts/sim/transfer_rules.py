@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, MutableMapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,15 +11,15 @@ from numpy.typing import NDArray
 
 from smarts.geometry.segments import inside_outline
 from smarts.sim.entries import Entries
-from smarts.sim.ownership import Ownership
 from smarts.types.episode import SeatStart, TakeOver
 from smarts.types.events import Events, Outcome
 from smarts.types.seats import NEITHER, SeatState
-from smarts.types.transfers import NO_TRANSFERS, Reason, Transfers, transfers
+from smarts.types.transfers import NO_TRANSFERS, Reason, Refusal, Transfers, transfers
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
 Row = tuple[int, int, int, int, int, int, int, int]
 
 UNHARMED = (Outcome.GOAL, Outcome.TIME_OUT, Outcome.NOT_MOVING, Outcome.OTHER, Outcome.MISSED_GOAL)
@@ -29,13 +30,11 @@ class TakeOverRules:
     """Lets the vehicles of agents that are done go, and finds vehicles for agents that wait for one.
 
     Args:
-        ownership: Knows the vehicles' names.
         entries: Knows who waits.
-        can_take: Whether agents could drive on with the vehicle of (row, slot).
+        can_take: `can_accept` of the provider of agents' vehicles.
     """
 
-    def __init__(self, ownership: Ownership, entries: Entries, can_take: Callable[[int, int], bool]) -> None:
-        self._ownership = ownership
+    def __init__(self, entries: Entries, can_take: Callable[[Ints, Ints], NDArray[np.int8]]) -> None:
         self._entries = entries
         self._can_take = can_take
         # Simulations in which a vehicle may still be there after its agent, since nobody wanted it.
@@ -71,7 +70,7 @@ class TakeOverRules:
         rule, now = start.take_over, float(world.step[row]) * world.dt
         if rule is None or now < start.entry_time - 1e-9 or not self._holds(world, row, seat, rule, now):
             return NEITHER
-        vehicles, name = world.vehicles, self._ownership.rosters[row].name
+        vehicles, name = world.vehicles, partial(world.registry.name, row)
         held = set(world.seats.slot[row].tolist())
         suited = [
             slot
@@ -81,8 +80,11 @@ class TakeOverRules:
             and (not rule.vehicle or name(slot) == rule.vehicle)
             and not name(slot).startswith(rule.spared or ("\0",))
             and _is_inside(world, row, slot, rule)
-            and self._can_take(row, slot)
         ]
+        if not suited:
+            return NEITHER
+        slots = np.array(suited, np.int32)
+        suited = slots[self._can_take(np.full_like(slots, row), slots) == Refusal.NONE].tolist()
         return min(suited, key=lambda slot: (_distance(world, row, slot, start), slot), default=NEITHER)
 
     def _holds(self, world: World, row: int, seat: int, rule: TakeOver, now: float) -> bool:
@@ -93,8 +95,7 @@ class TakeOverRules:
             memory = {}
             self._memory[row, seat] = int(world.episode[row]), memory
         names = {
-            self._ownership.rosters[row].name(slot)
-            for slot in np.flatnonzero(world.vehicles.alive[row]).tolist()
+            world.registry.name(row, slot) for slot in np.flatnonzero(world.vehicles.alive[row]).tolist()
         }
         return bool(rule.condition.evaluate(memory=memory, time=now, actor_ids=names))
 

@@ -25,6 +25,7 @@ from smarts.sstudio.sstypes.traffic import Traffic
 from smarts.sstudio.sumo_writer import sumo_traffic
 from smarts.sstudio.validation import validate
 from smarts.types.streams import Purpose, stream
+from smarts.types.traffic import TRAFFIC_ENGINES
 
 
 def write_artefacts(
@@ -112,7 +113,8 @@ def _notes(description: Description) -> list[str]:
 
 def _warnings(description: Description) -> list[str]:
     scenario = description.scenario
-    other = [name for name, traffic in (scenario.traffic or {}).items() if traffic.engine != "SUMO"]
+    described = scenario.traffic or {}
+    other = [name for name, traffic in described.items() if traffic.engine not in TRAFFIC_ENGINES]
     warnings = []
     if other:
         names = f"{', '.join(map(repr, other[:3]))}{f' and {len(other) - 3} more' if len(other) > 3 else ''}"

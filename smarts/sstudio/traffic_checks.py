@@ -12,9 +12,10 @@ from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import Checks, shown
 from smarts.sstudio.placement import lane_of, route_edges, usable_lanes
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING, ignored_models, sumo_id
+from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import VehicleKind
 
-ENGINES = ("SUMO", "SMARTS")
+ENGINES = (*TRAFFIC_ENGINES, "SMARTS")
 VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind)
 DEPART_SPEEDS = ("max", "desired", "random", "speedLimit", "avg", "last")
 LARGEST = 1e6

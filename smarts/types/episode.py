@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.types.mission import SeatMission
-from smarts.types.traffic import TrafficFiles
+from smarts.types.traffic import DEFAULT_ENGINE, TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
 
@@ -75,8 +75,11 @@ class EpisodeStart:
     """Number of its map in the atlas."""
     traffic: TrafficFiles
     traffic_name: str | None
-    sumo_seed: int
+    traffic_seed: int
+    """For the traffic engine, in [0, 2^31)."""
     limit: int
     """The most vehicles at a time that the traffic engine knows, the egos among them."""
     seats: tuple[SeatStart, ...]
     """Of the egos, in the order of their seats."""
+    engine: str = DEFAULT_ENGINE
+    """Which of `TRAFFIC_ENGINES` drives the traffic."""

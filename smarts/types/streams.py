@@ -61,6 +61,6 @@ def stream(seed: int, purpose: Purpose, *, world: int = 0, episode: int = 0) -> 
     return np.random.Generator(np.random.Philox(key=key))
 
 
-def sumo_seed(seed: int, *, world: int = 0, episode: int = 0) -> int:
-    """Return the seed that SUMO gets for one episode, in [0, 2^31)."""
+def traffic_seed(seed: int, *, world: int = 0, episode: int = 0) -> int:
+    """Return the seed that the traffic engine gets for one episode, in [0, 2^31)."""
     return int(stream(seed, Purpose.TRAFFIC, world=world, episode=episode).integers(2**31))

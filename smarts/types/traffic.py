@@ -6,6 +6,20 @@ import enum
 from dataclasses import dataclass
 from pathlib import Path
 
+from smarts.registry import Registry
+
+DEFAULT_ENGINE = "SUMO"
+"""Drives where a scenario names no engine."""
+
+TRAFFIC_ENGINES = Registry(
+    "traffic engine",
+    {
+        "SUMO": "smarts.providers.sumo_engine:SumoEngine",
+        "ConstantSpeed": "smarts.providers.constant_speed:ConstantSpeed",
+    },
+)
+"""`Traffic.engine` of the scenario language -> "module:Class" of a `traffic_engine.TrafficEngine`."""
+
 
 @dataclass(frozen=True)
 class TrafficFiles:

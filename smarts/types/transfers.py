@@ -22,6 +22,17 @@ class Reason(enum.IntEnum):
     """An agent begins to observe it."""
 
 
+class Refusal(enum.IntEnum):
+    """Why a provider cannot drive on with a vehicle, as its `can_accept` answers."""
+
+    NONE = 0
+    """It can."""
+    OFF_LANES = 1
+    """The vehicle stands on no lane."""
+    KIND = 2
+    """The provider cannot drive vehicles of this kind."""
+
+
 TRANSFER = np.dtype(
     [
         ("row", np.int32),

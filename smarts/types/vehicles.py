@@ -6,6 +6,7 @@ import dataclasses
 import enum
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,8 +127,8 @@ class VehicleStates:
         for field in dataclasses.fields(self):
             yield field.name, getattr(self, field.name)
 
-    def clear(self, slot: int | slice = slice(None)) -> None:
-        """Empty slots of one simulation; generations stay, so that they are never given out twice."""
+    def clear(self, slot: int | slice | tuple[Any, ...] = slice(None)) -> None:
+        """Empty slots, given by an index of the arrays; generations stay, so that none is issued twice."""
         for name, column in self.columns():
             if name != "generation":
                 column[slot] = -1 if name in ("lane", "route") else 0

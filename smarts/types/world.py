@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from smarts.types.guidance import Guidance
 from smarts.types.mission import Missions
+from smarts.types.route_table import RouteTable
 from smarts.types.seats import Seats
+from smarts.types.vehicle_registry import VehicleRegistry
 from smarts.types.vehicles import VehicleStates
 
 Bools = NDArray[np.bool_]
@@ -53,6 +55,10 @@ class World:
         """The vehicles now, shape (B, V)."""
         self._before, self.before = _in_one_block(VehicleStates.allocate(worlds, capacity))
         """The vehicles one step ago; a row whose generation differs from now was another vehicle."""
+        self.registry = VehicleRegistry(self.vehicles)
+        """Issues slots and names."""
+        self.routes = RouteTable(worlds)
+        """The routes that `vehicles.route` and `missions.route` number."""
         self.seats = Seats.allocate(worlds, seats, vias)
         """Shape (B, A)."""
         self.missions = Missions.allocate(worlds, seats, vias)
@@ -87,9 +93,10 @@ class World:
 
     def clear(self, row: int) -> None:
         """Empty one simulation for an episode, down to the generations."""
-        for vehicles in (self.vehicles[row], self.before[row]):
-            vehicles.clear()
-            vehicles.generation[:] = 0
+        self.registry.reset(row)
+        self.routes.reset(row)
+        self.before.clear((row, slice(None)))
+        self.before.generation[row] = 0
         self.seats.clear(row)
         self.missions.clear(row)
         self.guidance.clear(row)

@@ -9,9 +9,8 @@ import pytest
 import sumo
 
 from smarts.providers.sumo_traffic import SumoTraffic
-from smarts.sim.roster import Roster
 from smarts.sstudio.build import build_scenario, suite
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import World
 
 SEED = 7
 SECONDS = 60.0
@@ -48,35 +47,35 @@ def moments(files, end, output):
 def test_a_minute_of_traffic_is_sumos(name, variation, tmp_path):
     built = build_scenario(name)
     files, roads = built.traffic[variation], built.roads()
-    states = VehicleStates.allocate(1024)
-    roster = Roster(states)
-    traffic = SumoTraffic(dt=DT)
-    traffic.reset(files, SEED, states, roster, roads)
+    world = World(worlds=1, capacity=1024, seats=0, lanes=len(roads.lane_ids), dt=DT)
+    traffic = SumoTraffic(world, 0)
+    traffic.reset(files, SEED, roads)
     steps, compared = 0, 0
     end = files.warm_up + SECONDS
     for time, vehicles in moments(files, end, tmp_path / "fcd.xml"):
         # SUMO names the state at the end of a step by the time at which the step began.
         if time < files.warm_up - DT / 2:
             continue
-        traffic.step(states)
+        traffic.step()
         steps += 1
-        compared += compare(vehicles, states, roster)
+        compared += compare(vehicles, world)
     traffic.close()
     assert steps == round(SECONDS / DT)
     assert not traffic.is_full
     assert (compared > 0) == (variation != "no_social_vehicles")
 
 
-def compare(vehicles, states, roster):
+def compare(vehicles, world):
     """Check every vehicle of one moment, and return how many there were."""
+    states = world.vehicles[0]
     said = {vehicle.get("id"): vehicle for vehicle in vehicles}
     rows = np.flatnonzero(states.alive)
-    assert sorted(roster.name(row) for row in rows) == sorted(said)
+    assert sorted(world.registry.name(0, row) for row in rows) == sorted(said)
     heading = states.heading[rows]
     forward = np.stack([np.cos(heading), np.sin(heading)], -1)
     front = states.position[rows] + forward * states.length[rows, None] / 2
     for row, (x, y) in zip(rows, front.tolist(), strict=True):
-        vehicle = said[roster.name(row)]
+        vehicle = said[world.registry.name(0, row)]
         assert x == pytest.approx(float(vehicle.get("x")), rel=0, abs=EXACTLY)
         assert y == pytest.approx(float(vehicle.get("y")), rel=0, abs=EXACTLY)
         assert states.speed[row] == pytest.approx(float(vehicle.get("speed")), rel=0, abs=EXACTLY)

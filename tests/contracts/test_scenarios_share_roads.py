@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from smarts.providers.sumo_traffic import SumoTraffic
-from smarts.sim.roster import Roster
 from smarts.sstudio.build import build_scenario, suite
-from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
 
 EGOS = 4
 STEPS = 600
@@ -46,16 +46,16 @@ class Wanderers:
 def test_wild_agents_and_hand_overs(name):
     built = build_scenario(name)
     roads = built.roads()
-    states = VehicleStates.allocate(1024)
-    roster = Roster(states)
+    world = World(worlds=1, capacity=1024, seats=0, lanes=len(roads.lane_ids))
+    states = world.vehicles[0]
     rng = np.random.Generator(np.random.Philox(3))
     wanderers = Wanderers(states, roads, rng)
     for slot in range(EGOS):
         kind, length, width = (VehicleKind.PASSENGER, 4.5, 1.8) if slot else (VehicleKind.BUS, 12.0, 2.5)
-        roster.admit("ego", Owner.AGENT, kind, length, width)
+        world.registry.admit(0, "ego", Owner.AGENT, kind, length, width)
         wanderers.start(slot)
-    traffic = SumoTraffic()
-    traffic.reset(built.traffic["random_social_vehicles"], 1, states, roster, roads)
+    traffic = SumoTraffic(world, 0)
+    traffic.reset(built.traffic["random_social_vehicles"], 1, roads)
     for step in range(STEPS):
         wanderers.move()
         for slot in np.flatnonzero(states.alive)[EGOS:]:
@@ -63,7 +63,7 @@ def test_wild_agents_and_hand_overs(name):
                 states.owner[slot] = Owner.AGENT if states.owner[slot] == Owner.TRAFFIC else Owner.TRAFFIC
         agents = np.flatnonzero(states.owner == Owner.AGENT)
         before = states.position[agents].copy(), states.heading[agents].copy(), states.speed[agents].copy()
-        traffic.step(states)
+        traffic.step()
         after = states.position[agents], states.heading[agents], states.speed[agents]
         assert all((a == b).all() for a, b in zip(before, after, strict=True)), f"step {step} moved an agent"
         assert states.alive[agents].all(), f"step {step} removed an agent"

@@ -97,6 +97,6 @@ class Traffic(Described):
     trips: Sequence[Trip] | None = None
     """Single vehicles."""
     engine: str = "SUMO"
-    """Which drives them, "SUMO" or "SMARTS"; SUMO drives both so far."""
+    """Which drives them: "SUMO", "ConstantSpeed" or "SMARTS", in whose place SUMO drives so far."""
     warm_up: float = 0.0
     """Simulated before an episode begins, so that it is among traffic [s]; at most 3600 (an extension)."""

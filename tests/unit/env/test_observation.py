@@ -171,7 +171,7 @@ def test_an_observation_outlives_its_frame():
     stage = Stage(FULL)
     seen = stage.look()
     stage.made.world.vehicles.position[0, 0] += 10.0
-    stage.made.ownership.rosters[0].dismiss(2)
+    stage.made.world.registry.dismiss(0, 2)
     stage.frame()
     assert seen.ego_vehicle_state.position[0] == -30.0
     assert seen.neighborhood_vehicle_states[0].id == "oncoming"

@@ -44,7 +44,7 @@ def episode(tmp_path_factory):
         recording.step()
         if step == 14:
             recording.events.just_done[0, 0] = False
-            recording.made.ownership.rosters[0].dismiss(0)
+            recording.made.world.registry.dismiss(0, 0)
             recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.VACANT, -1
     return recording.read()
 
@@ -116,7 +116,7 @@ def crash(tmp_path_factory):
         recording.step()
         if step == 1:
             recording.events.just_done[0, 0] = False
-            recording.made.ownership.rosters[0].dismiss(0)
+            recording.made.world.registry.dismiss(0, 0)
             recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.VACANT, -1
     return recording.read()
 

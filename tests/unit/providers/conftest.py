@@ -2,7 +2,8 @@
 
 import hashlib
 import subprocess
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,9 @@ import sumo
 from smarts.providers.sumo_traffic import SumoTraffic
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.sumo_net import read_net
-from smarts.sim.roster import Roster
 from smarts.types.traffic import TrafficFiles
 from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+from smarts.types.world import World as State
 from tests.vehicle_stage import VehicleStage
 
 NETCONVERT = Path(sumo.__file__).parent / "bin" / "netconvert"
@@ -122,25 +123,30 @@ class Country:
         return self._roads[files.net]
 
 
-@dataclass
+LANES = 100
+"""At most, of any of the nets."""
+
+
 class World:
     """One simulation that consists of traffic and of vehicles that a test moves by hand."""
 
-    country: Country
-    states: VehicleStates
-    roster: Roster
-    traffic: SumoTraffic
+    def __init__(self, country: Country, capacity: int = 64) -> None:
+        self.country = country
+        self.state = State(worlds=1, capacity=capacity, seats=0, lanes=LANES)
+        self.states = self.state.vehicles[0]
+        self.registry = self.state.registry
+        self.traffic = SumoTraffic(self.state, 0)
 
     def reset(self, files: TrafficFiles, seed: int = 3, limit: int | None = None) -> None:
         self.roads = self.country.roads(files)
-        self.traffic.reset(files, seed, self.states, self.roster, self.roads, limit)
+        self.traffic.reset(files, seed, self.roads, limit)
 
     def step(self, count: int = 1) -> None:
         for _ in range(count):
-            self.traffic.step(self.states)
+            self.traffic.step()
 
     def admit(self, x: float, y: float, heading: float, speed: float, owner: Owner = Owner.AGENT) -> int:
-        slot = self.roster.admit("ego", owner, VehicleKind.PASSENGER, 5.0, 1.8)
+        slot = self.registry.admit(0, "ego", owner, VehicleKind.PASSENGER, 5.0, 1.8)
         self.put(slot, x, y, heading, speed)
         return slot
 
@@ -149,14 +155,22 @@ class World:
         self.states.heading[slot] = heading
         self.states.speed[slot] = speed
 
+    def clear(self) -> None:
+        """Empty the world for another episode."""
+        self.state.clear(0)
+
+    def set_route(self, slot: int, edges: Sequence[str]) -> None:
+        """Say where a vehicle is bound for."""
+        self.states.route[slot] = self.state.routes.number(0, map(self.roads.edge_number, edges))
+
     def slot(self, name: str) -> int:
-        return next(s for s in range(self.states.capacity) if self.roster.name(s) == name)
+        return next(s for s in range(self.states.capacity) if self.registry.name(0, s) == name)
 
     def sumo_lane(self, slot: int) -> str:
         return self.traffic._library.vehicle.getLaneID(self.traffic._ids[slot])
 
     def names(self) -> list[str]:
-        return [self.roster.name(slot) for slot in range(self.states.capacity) if self.states.alive[slot]]
+        return [self.registry.name(0, slot) for slot in np.flatnonzero(self.states.alive).tolist()]
 
     def fingerprint(self) -> bytes:
         return b"".join(getattr(self.states, field.name).tobytes() for field in fields(self.states))
@@ -173,8 +187,7 @@ def new_world(country):
     worlds = []
 
     def make(capacity: int = 64) -> World:
-        states = VehicleStates.allocate(capacity)
-        worlds.append(World(country, states, Roster(states), SumoTraffic()))
+        worlds.append(World(country, capacity))
         return worlds[-1]
 
     yield make

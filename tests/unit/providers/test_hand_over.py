@@ -88,7 +88,7 @@ def test_only_sumo_changes_the_lanes_of_its_own(world, country):
 
 def test_a_shadow_is_of_its_vehicles_class(world, country):
     begin(world, country.road(drivers((0, 100, 10))))
-    slot = world.roster.admit("bus", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5)
+    slot = world.registry.admit(0, "bus", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5)
     world.put(slot, 300.0, RIGHT, 0.0, 0.0)
     world.step(2)
     vehicle = world.traffic._library.vehicle
@@ -169,7 +169,7 @@ def test_taken_over_in_mid_lane_change(world, country, to):
     drive(world, slot, lambda t: (start + 2 * t, y, 0.0, 2.0), 50)
     assert (vehicle.getTypeID("s1"), vehicle.getSpeedFactor("s1"), vehicle.getMaxSpeedLat("s1")) == before
     # Without the slow vehicle ahead there is no reason to begin another change.
-    world.roster.dismiss(world.slot("s0"))
+    world.registry.dismiss(0, world.slot("s0"))
     watch = Watch(world, slot)
     world.states.owner[slot] = Owner.TRAFFIC
     watch.step(100)
@@ -242,7 +242,7 @@ def test_an_ego_becomes_traffic(world, country):
     """A vehicle that SUMO has never seen takes the route that it was given."""
     begin(world, country.cross())
     ego = world.admit(-100.0, -1.6, 0.0, 10.0)
-    world.traffic.set_route(ego, ("wc", "cn"))
+    world.set_route(ego, ("wc", "cn"))
     for step in range(1, 11):
         world.put(ego, -100.0 + step, -1.6, 0.0, 10.0)
         world.step()
@@ -257,7 +257,7 @@ def test_an_ego_becomes_traffic(world, country):
 def test_traffic_admitted_by_others_is_driven_by_sumo(world, country):
     begin(world, country.cross(from_arm("e", "w")))
     slot = world.admit(-100.0, -1.6, 0.0, 10.0, Owner.TRAFFIC)
-    world.traffic.set_route(slot, ("wc", "ce"))
+    world.set_route(slot, ("wc", "ce"))
     world.step()
     assert world.states.position[slot] == pytest.approx([-100.0, -1.6])
     watch = Watch(world, slot)
@@ -272,7 +272,7 @@ def test_handed_back_right_after_it_has_come(world, country, steps):
     """SUMO forgets a route that it is told in the first step of a vehicle on the first road of its net."""
     begin(world, country.road(drivers((0, 100, 10))))
     ego = world.admit(900.0, RIGHT, 0.0, 10.0)
-    world.traffic.set_route(ego, ("ab", "bc"))
+    world.set_route(ego, ("ab", "bc"))
     for step in range(1, steps + 1):
         world.put(ego, 900.0 + step, RIGHT, 0.0, 10.0)
         world.step()

@@ -340,7 +340,7 @@ def test_a_stand_in_is_no_vehicle_of_the_world_and_goes_with_its_ego(world, coun
     known = world.traffic._library.vehicle.getIDList
     assert len(known()) == 3
     assert np.count_nonzero(world.states.alive) == 2
-    world.roster.dismiss(ego)
+    world.registry.dismiss(0, ego)
     world.step()
     assert len(known()) == 1
 
@@ -358,7 +358,7 @@ def test_nobody_makes_room_for_a_lane_change_that_is_only_planned(world, country
     routes = drivers(*((1, 200 - 30 * number, 10) for number in range(4))).replace("ab bc", "ab bd")
     begin(world, country.files(fork, routes))
     ego = world.admit(250.0, RIGHT, 0.0, 8.0)
-    world.traffic.set_route(ego, ("ab", "bd"))
+    world.set_route(ego, ("ab", "bd"))
     for step in range(1, 250):
         world.put(ego, 250 + 0.8 * step, RIGHT, 0.0, 8.0)
         world.step()
@@ -394,7 +394,7 @@ def test_who_must_give_way_gives_way_to_an_ego(world, country, arm, says_route):
     begin(world, country.cross(from_arm(arm, to)))
     ego = world.admit(-130.0, -1.6, 0.0, 12.0)
     if says_route:
-        world.traffic.set_route(ego, ("wc", "ce"))
+        world.set_route(ego, ("wc", "ce"))
     slowest = 100.0
     for step in range(1, 160):
         world.put(ego, -130 + 1.2 * step, -1.6, 0.0, 12.0)
@@ -418,7 +418,7 @@ def test_an_ego_that_leaves_frees_the_lane(world, country):
     begin(world, country.road(drivers((0, 100, 10))))
     ego = world.admit(250.0, RIGHT, 0.0, 0.0)
     drive(world, ego, lambda t: (250.0, RIGHT, 0.0, 0.0), 200)
-    world.roster.dismiss(ego)
+    world.registry.dismiss(0, ego)
     world.step(100)
     assert speed(world, "s0") > 15
     assert not world.states.alive[ego]
@@ -428,7 +428,7 @@ def test_a_slot_taken_by_the_next_ego_in_the_same_step(world, country):
     begin(world, country.road(drivers((0, 100, 10))))
     ego = world.admit(250.0, RIGHT, 0.0, 0.0)
     world.step(5)
-    world.roster.dismiss(ego)
+    world.registry.dismiss(0, ego)
     assert world.admit(400.0, LEFT, 0.0, 0.0) == ego
     world.step(5)
     assert sumo_says(world, ego)[0] == "ab_1"
@@ -442,7 +442,7 @@ def test_traffic_keeps_clear_of_starts(world, country):
         ' departLane="0" departSpeed="0"/>'
     )
     for warm_up in (0.0, 20.0):
-        world.roster.reset()
+        world.clear()
         ego = world.admit(200.0, RIGHT, 0.0, 0.0)
         world.reset(country.road(routes, warm_up))
         drive(world, ego, lambda t: (200.0, RIGHT, 0.0, 0.0), 100)
@@ -453,10 +453,20 @@ def test_traffic_keeps_clear_of_starts(world, country):
 def test_clearing_a_place_in_mid_episode(world, country):
     begin(world, country.road(drivers((0, 100, 0), (0, 130, 0), (1, 100, 0))))
     ego = world.admit(97.5, RIGHT, 0.0, 0.0)
-    world.traffic.clear(world.states, [ego])
+    world.registry.dismiss(0, world.slot("s0"))
     assert sorted(world.names()) == ["ego", "s1", "s2"]
     drive(world, ego, lambda t: (97.5, RIGHT, 0.0, 0.0), 20)
     assert sorted(world.names()) == ["ego", "s1", "s2"]
+
+
+def test_nobody_departs_onto_a_vehicle_that_enters_in_the_same_step(world, country):
+    late = '<vehicle id="{}" depart="5" departPos="{}" departSpeed="0"><route edges="ab"/></vehicle>'
+    world.reset(country.road(late.format("near", 200) + late.format("far", 400)))
+    world.step(50)
+    assert not world.names()
+    world.admit(197.5, RIGHT, 0.0, 0.0)
+    world.step()
+    assert sorted(world.names()) == ["ego", "far"]
 
 
 def test_many_egos_among_busy_traffic_never_upset_sumo(world, country):

@@ -16,6 +16,7 @@ from smarts.errors import TrafficError
 from smarts.providers.sumo_traffic import SumoTraffic, sumo_options
 from smarts.types.traffic import Signal, TrafficFiles
 from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World as State
 
 from .conftest import BUSY_ROAD, front_of
 
@@ -24,7 +25,7 @@ ONE_CAR = '<vehicle id="a" depart="0" departPos="100" departSpeed="10"><route ed
 
 def digest(world, files, seed, steps):
     """Return the hash of all states over an episode."""
-    world.roster.reset()
+    world.clear()
     world.reset(files, seed)
     hashed = hashlib.blake2b(world.fingerprint())
     for _ in range(steps):
@@ -77,7 +78,7 @@ def test_equals_the_sumo_binary(world, country, tmp_path, place):
         said = {vehicle.attrib["id"]: vehicle.attrib for vehicle in moment}
         assert sorted(said) == sorted(world.names())
         for slot in np.flatnonzero(world.states.alive):
-            attributes = said[world.roster.name(slot)]
+            attributes = said[world.registry.name(0, slot)]
             front = front_of(world.states, [slot])[0]
             assert front == pytest.approx([float(attributes["x"]), float(attributes["y"])], rel=0, abs=1e-12)
             assert world.states.speed[slot] == pytest.approx(float(attributes["speed"]), rel=0, abs=1e-12)
@@ -113,13 +114,9 @@ sys.path.insert(0, sys.argv[1])
 from pathlib import Path
 from tests.unit.providers.conftest import Country, World
 from tests.unit.providers.test_sumo_traffic import digest
-from smarts.providers.sumo_traffic import SumoTraffic
-from smarts.sim.roster import Roster
 from smarts.types.traffic import TrafficFiles
-from smarts.types.vehicles import VehicleStates
 
-states = VehicleStates.allocate(64)
-world = World(Country(Path(sys.argv[2]).parent), states, Roster(states), SumoTraffic())
+world = World(Country(Path(sys.argv[2]).parent))
 print(digest(world, TrafficFiles(Path(sys.argv[2]), (Path(sys.argv[3]),), (), 10.0), 11, 1000))
 """
 
@@ -227,7 +224,7 @@ def test_the_last_free_slot_may_go_to_an_ego(new_world, country):
     for step in range(600):
         if step % 25 == 0:
             for slot in np.flatnonzero(world.states.owner == Owner.AGENT).tolist():
-                world.roster.dismiss(slot)
+                world.registry.dismiss(0, slot)
         if world.states.alive.sum() == 7:
             world.admit(900.0, 30.0, 0.0, 0.0)
             entered += 1
@@ -299,7 +296,7 @@ def test_what_cannot_start_is_one_named_error(new_world, country, tmp_path, dama
     hashed = hashlib.blake2b(neighbour.fingerprint())
     country_roads = country.roads(sound)
     with pytest.raises(TrafficError, match=message) as refused:
-        world.traffic.reset(broken, 4, world.states, world.roster, country_roads)
+        world.traffic.reset(broken, 4, country_roads)
     assert "/proc/" not in str(refused.value), "SUMO is told of files by number, users by name"
     for _ in range(100):
         neighbour.step()
@@ -342,13 +339,13 @@ def test_sumo_is_told_what_the_design_says():
 
 def test_misuse_is_named(world, country):
     with pytest.raises(TrafficError, match="no episode has begun"):
-        world.traffic.step(world.states)
+        world.traffic.step()
     world.reset(country.road())
     with pytest.raises(TrafficError, match="slot 63 holds no vehicle"):
         world.traffic.route(63)
     world.traffic.close()
     with pytest.raises(TrafficError, match="closed"):
-        world.traffic.step(world.states)
+        world.traffic.step()
     with pytest.raises(TrafficError, match="closed"):
         world.reset(country.road())
 
@@ -363,7 +360,7 @@ def test_a_closed_simulation_does_not_drive_the_next_one(new_world, country):
     hashed = hashlib.blake2b(world.fingerprint())
     for _ in range(50):
         with pytest.raises(TrafficError, match="closed"):
-            closed.traffic.step(closed.states)
+            closed.traffic.step()
         world.step()
         hashed.update(world.fingerprint())
     assert hashed.hexdigest() == expected
@@ -371,5 +368,6 @@ def test_a_closed_simulation_does_not_drive_the_next_one(new_world, country):
 
 @pytest.mark.parametrize("dt", [0.0, -0.1, math.nan, math.inf])
 def test_impossible_steps_are_refused(dt):
+    state = State(worlds=1, capacity=1, seats=0, lanes=1, dt=dt)
     with pytest.raises(TrafficError, match="a step of"):
-        SumoTraffic(dt=dt)
+        SumoTraffic(state, 0)

@@ -25,10 +25,10 @@ def leave_nobody_out(driven):
 
 def replace(driven, slot):
     """Put another vehicle of the same size into a slot."""
-    roster, vehicles = driven.made.ownership.rosters[0], driven.world.vehicles
+    registry, vehicles = driven.world.registry, driven.world.vehicles
     length, width = vehicles.length[0, slot], vehicles.width[0, slot]
-    roster.dismiss(slot)
-    assert roster.admit("another", Owner.TRAFFIC, VehicleKind.PASSENGER, length, width) == slot
+    registry.dismiss(0, slot)
+    assert registry.admit(0, "another", Owner.TRAFFIC, VehicleKind.PASSENGER, length, width) == slot
 
 
 class TestNobodyIsLeftOut:
@@ -96,7 +96,7 @@ class TestBoxesGo:
         driven = stage([ego(20.0, speed=10.0), Car(27.0, 0.0, speed=10.0)])
         driven.step(3)
         assert len(driven.boxes) == 1
-        driven.made.ownership.rosters[0].dismiss(1)
+        driven.made.world.registry.dismiss(0, 1)
         driven.step(20)
         assert driven.boxes == []
         assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(43.0, abs=0.5)

@@ -13,7 +13,7 @@ from smarts.sensors.ego_vehicle_state import EgoVehicleState
 from smarts.sstudio import types as t
 from smarts.types.actions import CommandMode
 from smarts.types.seats import SeatState
-from smarts.types.transfers import Reason, transfers
+from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from tests import maps
 from tests.unit.sensors.seeing import seen
@@ -116,8 +116,8 @@ class TestHandOver:
 
     def test_a_trailer_is_refused(self, stage):
         driven = stage([Car(50.0, 0.0, kind=VehicleKind.TRAILER), Car(80.0, 0.0, kind=VehicleKind.BUS)])
-        assert not driven.vehicles.can_accept(0, 0)
-        assert driven.vehicles.can_accept(0, 1)
+        answers = driven.vehicles.can_accept(np.zeros(2, np.int32), np.arange(2, dtype=np.int32))
+        assert answers.tolist() == [Refusal.KIND, Refusal.NONE]
 
 
 def test_rows_that_rest_stay_as_they_are(stage):

@@ -64,6 +64,6 @@ def test_of_equally_far_ones_the_lower_slot_comes_first_and_room_is_limited():
 
 def test_who_has_left_is_not_seen():
     made = at_crossing(Car(0, 0, mission=STRAIGHT_ON), Car(5, 0), Car(9, 0))
-    made.ownership.rosters[0].dismiss(1)
+    made.world.registry.dismiss(0, 1)
     near = seen(sensor(), made)
     assert (near["count"], near["slot"][0]) == (1, 2)

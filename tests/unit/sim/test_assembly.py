@@ -143,11 +143,11 @@ class Failing:
     def __getattr__(self, name):
         return getattr(self._engine, name)
 
-    def step(self, states):
+    def step(self):
         self._left -= 1
         if self._left == 0:
             raise TrafficError("SUMO failed in mid-run", place="here")
-        self._engine.step(states)
+        self._engine.step()
 
     def close(self):
         self.closed = True
@@ -194,7 +194,7 @@ def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
 
 def test_traffic_that_fails_ends_its_own_episode_only(three):
     traffic, world = three.simulation._stages.traffic, three.simulation.world
-    broken = traffic._engines[1] = Failing(traffic._engines[1], at=3)
+    broken = traffic._drivers[1] = Failing(traffic._drivers[1], at=3)
     for _ in range(2):
         assert not stepped(three, [0, 1, 2]).failures
     frame = stepped(three, [0, 1, 2])
@@ -210,7 +210,7 @@ def test_traffic_that_fails_ends_its_own_episode_only(three):
     assert not frame.failures
     three.simulation.reset({1: three.schedule.start(1, 1)})
     assert broken.closed
-    assert traffic._engines[1] is not broken
+    assert traffic._drivers[1] is not broken
     for _ in range(5):
         assert not stepped(three, [0, 1, 2]).failures
     assert world.step.tolist() == [9, 5, 9]
@@ -221,7 +221,7 @@ def test_traffic_is_told_of_egos_before_the_first_step(three):
     world = three.simulation.world
     for row in range(3):
         start = three.schedule.start(row, 0)
-        engine = three.simulation._stages.traffic._engines[row]
+        engine = three.simulation._stages.traffic._drivers[row]
         for slot in np.flatnonzero(world.vehicles.owner[row] == Owner.AGENT).tolist():
             if start.traffic.warm_up:
                 assert engine.can_accept(slot)
@@ -287,7 +287,7 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
             assert not frame.failures
             vehicles, now = world.vehicles, int(world.seats.slot[0, 0])
             if slot < 0 <= now:
-                slot, name = now, parts.ownership.rosters[0].name(now)
+                slot, name = now, parts.scene.world.registry.name(0, now)
                 assert world.before.owner[0, slot] == Owner.TRAFFIC
             if slot >= 0 and now == slot:
                 moved = np.hypot(*(vehicles.position[0, slot] - world.before.position[0, slot]))
@@ -308,7 +308,7 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
         assert slot >= 0
         assert world.seats.slot[0, 0] == -1
         if world.vehicles.alive[0, slot]:
-            assert parts.ownership.rosters[0].name(slot) == name
+            assert parts.scene.world.registry.name(0, slot) == name
             assert np.hypot(*(world.vehicles.position[0, slot] - before)) > 5
     finally:
         parts.simulation.close()
@@ -327,6 +327,6 @@ def test_who_enters_later_is_made_known_to_traffic_and_gets_a_gap(three):
         assert not frame.events.just_done.any()
     slot = int(world.seats.slot[1, 1])
     assert world.seats.entry_step[1].tolist() == [0, 11]
-    assert three.ownership.rosters[1].name(slot) == "agent-1"
-    assert traffic._engines[1]._shadows._shadows[slot].route == late.mission.route
+    assert three.scene.world.registry.name(1, slot) == "agent-1"
+    assert traffic._drivers[1]._shadows._shadows[slot].route == late.mission.route
     assert np.hypot(*(world.vehicles.position[1, slot] - late.pose[:2])) < 3.0

@@ -257,11 +257,11 @@ def test_turning_goes_the_shorter_way():
 
 def test_a_vehicle_that_has_just_come_did_not_move():
     made = world_of([Car(0.0, 0.0, mission=EGO), Car(-20.0, 0.0)], maps=[maps.straight()])
-    roster = made.ownership.rosters[0]
+    registry = made.world.registry
     made.advance()
     # Another vehicle takes the slot: it has not driven through the ego from where the old one was.
-    roster.dismiss(1)
-    assert roster.admit("new", Owner.TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8) == 1
+    registry.dismiss(0, 1)
+    assert registry.admit(0, "new", Owner.TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8) == 1
     made.world.vehicles.position[0, 1] = 20.0, 0.0
     assert find(made, np.zeros((1, 4, SUBSTEPS, 3))).partner[0, 0] == -1
     made.world.vehicles.position[0, 1] = 4.0, 0.0

@@ -20,6 +20,7 @@ from smarts.types.events import Events, Outcome
 from smarts.types.mission import GoalKind, SeatMission
 from smarts.types.seats import SeatState
 from smarts.types.traffic import TrafficFiles
+from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 from tests.maps import crossing, straight
@@ -42,7 +43,7 @@ class Stage:
         willing = Willing()
         self.ownership = Ownership(self.world, {Owner.TRAFFIC: willing, Owner.AGENT: willing})
         self.entries = Entries(self.ownership, self.scene.routes)
-        self.rules = TakeOverRules(self.ownership, self.entries, lambda row, slot: slot not in refused)
+        self.rules = TakeOverRules(self.entries, lambda rows, slots: np.isin(slots, [*refused]))
         self.locator = MapLocator(atlas, self.scene.routes)
         self.events = Events.allocate(1, max(1, len(starts)))
         self.starts = starts
@@ -63,7 +64,7 @@ class Stage:
         self._propose()
 
     def add(self, name, x, y=0.0, speed=0.0, heading=0.0):
-        slot = self.ownership.rosters[0].admit(name, Owner.TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8)
+        slot = self.world.registry.admit(0, name, Owner.TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8)
         vehicles = self.world.vehicles
         vehicles.position[0, slot], vehicles.speed[0, slot], vehicles.heading[0, slot] = (
             (x, y),
@@ -90,13 +91,13 @@ class Stage:
         self._propose()
 
     def names(self):
-        roster = self.ownership.rosters[0]
-        return {roster.name(slot) for slot in np.flatnonzero(self.world.vehicles.alive[0]).tolist()}
+        registry = self.world.registry
+        return {registry.name(0, slot) for slot in np.flatnonzero(self.world.vehicles.alive[0]).tolist()}
 
     def driven(self, seat=0):
         """Return the name of the vehicle in a seat, "" for none."""
         slot = int(self.world.seats.slot[0, seat])
-        return self.ownership.rosters[0].name(slot) if slot >= 0 else ""
+        return self.world.registry.name(0, slot) if slot >= 0 else ""
 
     def _propose(self):
         self.ownership.submit(self.rules.propose(self.world, self.events, EVERYBODY))
@@ -145,9 +146,10 @@ def test_room_is_made_across_a_junction_for_those_who_come_here():
     stage = Stage(graph, start)
     stage.add("straight_on", -30.0, -1.6, 14.0)
     stage.add("turning", 1.6, -30.0, 14.0, np.pi / 2)
-    vehicles, book = stage.world.vehicles, stage.ownership.routes[0]
-    vehicles.route[0, 1] = book.number(("west_in", "east_out"))
-    vehicles.route[0, 2] = book.number(("south_in", "north_out"))
+    vehicles, routes = stage.world.vehicles, stage.world.routes
+    number_of = stage.scene.atlas.graphs[0].edge_number
+    vehicles.route[0, 1] = routes.number(0, map(number_of, ("west_in", "east_out")))
+    vehicles.route[0, 2] = routes.number(0, map(number_of, ("south_in", "north_out")))
     stage.entries.clear_way(stage.world, 0)
     assert stage.names() == {"ego", "turning"}
 
@@ -253,7 +255,8 @@ def test_who_takes_over_elsewhere_gets_a_way_to_the_goal():
     stage.step(2)
     assert stage.driven() == "car"
     assert stage.scene.routes.route(0, 0) == ("south_in", "east_out")
-    assert stage.ownership.routes[0][stage.world.vehicles.route[0, slot]] == ("south_in", "east_out")
+    edges = stage.world.routes.edges(0, stage.world.vehicles.route[0, slot]).tolist()
+    assert [stage.scene.atlas.graphs[0].edge_ids[edge] for edge in edges] == ["south_in", "east_out"]
     assert stage.world.seats.on_route[0, 0]
     assert stage.world.seats.remaining[0, 0] == pytest.approx(stage.world.missions.route_length[0, 0])
     assert 80 < stage.world.seats.remaining[0, 0] < 100
@@ -296,8 +299,8 @@ def test_a_vehicle_that_traffic_does_not_want_leaves():
 class Unwilling:
     """A provider that wants no vehicle."""
 
-    def can_accept(self, row, slot):
-        return False
+    def can_accept(self, rows, slots):
+        return np.full(len(rows), Refusal.OFF_LANES)
 
 
 def test_missions_are_those_of_the_episode():

@@ -89,9 +89,10 @@ def test_traffic_is_on_the_lane_that_sumo_says(name):
             located = made.atlas.locate(
                 np.zeros(len(alive), np.int32), states.position[alive], states.heading[alive]
             )
-            vehicle = run.provider._library.vehicle
+            driver = run.engine._drivers[0]
+            vehicle = driver._library.vehicle
             for slot, lane in zip(alive.tolist(), located.lane.tolist(), strict=True):
-                name_there = run.provider._ids[slot]
+                name_there = driver._ids[slot]
                 # SUMO's lane is the front bumper's, and that of a vehicle that changes lanes jumps.
                 is_whole = vehicle.getLanePosition(name_there) > states.length[slot] / 2 + 0.5
                 if is_whole and abs(vehicle.getLateralLanePosition(name_there)) < 0.3:

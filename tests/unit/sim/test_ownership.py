@@ -9,7 +9,7 @@ from smarts.sim.ownership import Ownership
 from smarts.types.episode import SeatStart
 from smarts.types.mission import SeatMission
 from smarts.types.seats import SeatState
-from smarts.types.transfers import Reason, transfers
+from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
@@ -24,8 +24,8 @@ class Fussy:
     def __init__(self, slots=range(99)):
         self.slots = slots
 
-    def can_accept(self, row, slot):
-        return slot in self.slots
+    def can_accept(self, rows, slots):
+        return np.where(np.isin(slots, [*self.slots]), Refusal.NONE, Refusal.KIND)
 
 
 class Case:
@@ -36,7 +36,7 @@ class Case:
         self.ownership = Ownership(self.world, {TRAFFIC: traffic or Fussy(), AGENT: Fussy()})
         for row in range(worlds):
             for slot in range(cars):
-                self.ownership.rosters[row].admit("car", TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8)
+                self.world.registry.admit(row, "car", TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8)
                 self.world.vehicles.position[row, slot] = slot, slot + 0.5
                 self.world.vehicles.speed[row, slot] = slot + 1
                 self.world.vehicles.route[row, slot] = 7

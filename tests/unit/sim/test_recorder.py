@@ -52,8 +52,8 @@ SEATS += ("lap", "target_lane", "change_phase", "ticket")
 class Log:
     """Keeps everything of every frame, as plain as possible; stands in the recorder's place before it."""
 
-    def __init__(self, recorder, ownership):
-        self.recorder, self.ownership = recorder, ownership
+    def __init__(self, recorder):
+        self.recorder = recorder
         self.frames = [[] for _ in range(WORLDS)]
 
     def record(self, frame):
@@ -61,12 +61,11 @@ class Log:
         for row in np.flatnonzero(frame.rows).tolist():
             if row in frame.starts:
                 self.frames[row] = []
-            roster = self.ownership.rosters[row]
             kept = {name: column[row].copy() for name, column in world.vehicles.columns()}
             kept |= {f"seats.{name}": column[row].copy() for name, column in world.seats.columns()}
             kept |= {"bits": frame.events.bits[row].copy(), "partner": frame.contacts.partner[row].copy()}
             kept |= {"side": frame.contacts.side[row].copy(), "step": int(world.step[row])}
-            kept["names"] = [roster.name(slot) for slot in range(world.vehicles.capacity)]
+            kept["names"] = [world.registry.name(row, slot) for slot in range(world.vehicles.capacity)]
             kept["closing_speed"] = frame.contacts.closing_speed[row].copy()
             kept["terminated"] = frame.events.terminated[row].copy()
             if frame.actions is not None:
@@ -88,8 +87,8 @@ class Run:
         interface = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=LIMIT)
         parts = assemble([build_scenario("intersection")], [interface] * EGOS, worlds=WORLDS)
         self.parts, self.simulation, self.actions = parts, parts.simulation, parts.actions
-        self.recorder = EpisodeRecorder(parts.scene, parts.ownership, folder)
-        self.log = Log(self.recorder, parts.ownership)
+        self.recorder = EpisodeRecorder(parts.scene, folder)
+        self.log = Log(self.recorder)
         self.simulation._stages = dataclasses.replace(self.simulation._stages, recorder=self.log)
 
     def reset(self, episode):
@@ -129,11 +128,17 @@ def recorded(tmp_path_factory):
         "reward", np.arange(WORLDS * EGOS).reshape(WORLDS, EGOS), np.ones((WORLDS, EGOS), bool), last
     )
     starts = [run.starts[row] for row in range(WORLDS)]
-    routes = [list(book) for book in run.parts.ownership.routes]
+    routes = [planned(run.parts.scene, row) for row in range(WORLDS)]
     run.reset(2)
     run.step(np.array([True, False]))
     run.simulation.close()
     return folder, logs, starts, routes
+
+
+def planned(scene, row):
+    """Return the routes of a simulation, by ids of edges."""
+    ids, routes = scene.atlas.graphs[scene.world.map[row]].edge_ids, scene.world.routes
+    return [tuple(ids[edge] for edge in routes.edges(row, n)) for n in range(routes.count(row))]
 
 
 @pytest.fixture(scope="module", params=range(WORLDS))
@@ -285,7 +290,7 @@ def test_facts(pair):
     facts = episode.facts
     assert facts["scenario"] == "intersection"
     assert (facts["seed"], facts["world"], facts["episode"]) == (42, start.world, 1)
-    assert facts["sumo_seed"] == start.sumo_seed
+    assert facts["sumo_seed"] == start.traffic_seed
     assert facts["traffic"] == start.traffic_name
     assert facts["steps"] == log[-1]["step"]
     assert facts["most_vehicles"] == max(frame["alive"].sum() for frame in log)

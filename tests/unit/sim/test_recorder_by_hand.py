@@ -28,7 +28,7 @@ class Recording:
         self.made = world_of(cars, maps=[maps.straight(length=1000.0)], capacity=capacity)
         self.world = self.made.world
         scene = Scene(self.world, self.made.atlas, self.made.routes)
-        self.recorder = EpisodeRecorder(scene, self.made.ownership, folder)
+        self.recorder = EpisodeRecorder(scene, folder)
         self.folder = folder
         shape = self.world.seats.slot.shape
         self.contacts = Contacts.allocate(*shape, capacity)
@@ -74,8 +74,8 @@ def test_who_was_near_is_recorded_for_15_seconds_more(tmp_path):
 def test_another_vehicle_in_the_same_slot_is_another(tmp_path):
     recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO), Car(200.0, 0.0, name="old")])
     recording.begin()
-    recording.made.ownership.rosters[0].dismiss(1)
-    recording.made.ownership.rosters[0].admit("new", 1, 0, 5.0, 2.0)
+    recording.made.world.registry.dismiss(0, 1)
+    recording.made.world.registry.admit(0, "new", 1, 0, 5.0, 2.0)
     recording.world.vehicles.position[0, 1] = 300.0, 0.0
     recording.step(3)
     recording.world.vehicles.position[0, 1] = 200.0, 0.0

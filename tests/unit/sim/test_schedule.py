@@ -52,7 +52,7 @@ def test_an_episode_is_a_function_of_seed_world_and_number(scenarios):
     assert one.start(2, 7) == other.start(2, 7)
     assert one.start(2, 7, seed=1) == Schedule(scenarios, ["a", "b"], seed=1).start(2, 7)
     starts = [one.start(world, episode) for world in range(2) for episode in range(24)]
-    assert len({start.sumo_seed for start in starts}) == len(starts)
+    assert len({start.traffic_seed for start in starts}) == len(starts)
     assert len({(start.seats[0].pose, start.seats[0].speed) for start in starts}) == len(starts)
 
 

@@ -46,7 +46,7 @@ def entries(name, seeds):
                         continue
                     side = int(frame.contacts.side[0, seat])
                     partner = int(frame.contacts.partner[0, seat])
-                    hit.append((step, seat, side, parts.ownership.rosters[0].name(partner)))
+                    hit.append((step, seat, side, parts.scene.world.registry.name(0, partner)))
                 if frame.events.finished[0]:
                     break
             yield seed, void, hit

@@ -1,0 +1,112 @@
+"""Paths along the lanes of routes, of several maps, as one polyline: poses of many vehicles in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import TrafficError
+from smarts.geometry.frames import wrap_angle
+from smarts.roads.atlas import ROAD_LANES
+from smarts.roads.lane_graph import LaneGraph
+
+Ints, Floats = NDArray[np.int32], NDArray[np.float64]
+
+NEAR, ALIGNED = 3.0, np.pi / 4
+"""How far a vehicle may be from a path [m], and turned away from it [rad], to be taken for being on it."""
+
+
+class LanePaths:
+    """P paths, each along the lanes of a route.
+
+    Args:
+        maps: The maps by their number in the atlas.
+
+    Attributes:
+        length: [m], shape (P,).
+        speed: The lowest limit on each path [m/s], shape (P,).
+        edges: The edges of each path's route, by number.
+    """
+
+    def __init__(self, maps: Sequence[LaneGraph]) -> None:
+        self.length, self.speed = np.zeros(0), np.zeros(0)
+        self.edges: list[tuple[int, ...]] = []
+        self._maps = tuple(maps)
+        self._numbers: dict[tuple[int, tuple[int, ...]], int] = {}
+        self._start = np.zeros(0)
+        self._points = np.zeros((0, 4))
+        """Station along all paths one after another [m], x, y [m], unwrapped heading [rad]."""
+        self._path = np.zeros(0, np.int32)
+        self._map = np.zeros(0, np.int32)
+        """Of each point."""
+
+    def add(self, map_number: int, edges: tuple[int, ...]) -> int:
+        """Return the number of the path along a route, a new one if need be.
+
+        Raises:
+            TrafficError: An edge of the route does not lead into the next.
+        """
+        if (map_number, edges) in self._numbers:
+            return self._numbers[map_number, edges]
+        number = self._numbers[map_number, edges] = len(self.edges)
+        graph = self._maps[map_number]
+        lanes = _lanes_along(graph, edges)
+        xy = np.concatenate([graph.centreline(lane) for lane in lanes])
+        rows = [np.arange(graph.point_start[lane], graph.point_start[lane + 1]) for lane in lanes]
+        heading = np.unwrap(graph.point_heading[np.concatenate(rows)])
+        s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+        # A gap of a metre, so that stations tell paths apart.
+        start = self._points[-1, 0] + 1.0 if len(self._points) else 0.0
+        self._points = np.concatenate([self._points, np.column_stack([start + s, xy, heading])])
+        self._path = np.append(self._path, np.full(len(s), number, np.int32))
+        self._map = np.append(self._map, np.full(len(s), map_number, np.int32))
+        self._start, self.length = np.append(self._start, start), np.append(self.length, s[-1])
+        self.speed = np.append(self.speed, graph.speed_limit[lanes].min())
+        self.edges.append(edges)
+        return number
+
+    def poses(self, path: Ints, s: Floats, t: Floats) -> Floats:
+        """Return x, y [m], heading [rad] of places on paths, shape (N, 3): `s` along, `t` to the left [m]."""
+        if not len(path):
+            return np.zeros((0, 3))
+        station = self._start[path] + np.clip(s, 0.0, self.length[path])
+        x, y, heading = (np.interp(station, self._points[:, 0], self._points[:, n]) for n in (1, 2, 3))
+        return np.column_stack([x - t * np.sin(heading), y + t * np.cos(heading), wrap_angle(heading)])
+
+    def nearest(self, map_number: int, x: float, y: float, heading: float) -> tuple[int, float, float]:
+        """Return path, s and t [m] of a pose; path -1 where there is none `NEAR` and `ALIGNED`."""
+        dx, dy = x - self._points[:, 1], y - self._points[:, 2]
+        along = self._points[:, 3]
+        fits = (self._map == map_number) & (np.abs(wrap_angle(along - heading)) < ALIGNED)
+        distance = np.where(fits, np.hypot(dx, dy), np.inf)
+        if distance.min(initial=np.inf) > NEAR:
+            return -1, 0.0, 0.0
+        point = int(distance.argmin())
+        cos, sin = np.cos(along[point]), np.sin(along[point])
+        path = int(self._path[point])
+        s = self._points[point, 0] - self._start[path] + dx[point] * cos + dy[point] * sin
+        return path, float(s), float(dy[point] * cos - dx[point] * sin)
+
+
+def _lanes_along(graph: LaneGraph, edges: tuple[int, ...]) -> list[int]:
+    """Return lanes that follow a route; where they do not join, the vehicle has to move over."""
+    lanes = [lane for lane in graph.edge_lanes(edges[-1]) if graph.kind[lane] in ROAD_LANES][:1]
+    for edge, following in zip(edges[-2::-1], edges[:0:-1], strict=True):
+        ways = [way for lane in graph.edge_lanes(edge) for way in _ways(graph, lane, following)]
+        if not ways or not lanes:
+            names = f"{graph.edge_ids[edge]!r} to {graph.edge_ids[following]!r}"
+            raise TrafficError(f"no lane leads from edge {names}", place="a route of the traffic")
+        ahead = lanes[0]
+        lanes = min(ways, key=lambda way: abs(way[-1] - ahead))[:-1] + lanes
+    return lanes
+
+
+def _ways(graph: LaneGraph, lane: int, edge: int) -> Iterator[list[int]]:
+    """Yield the lanes from a lane through the junction ahead, up to one of an edge."""
+    for following in graph.successors(lane).tolist():
+        if graph.lane_edge[following] == edge:
+            yield [lane, following]
+        elif graph.is_internal[following]:
+            yield from ([lane, *way] for way in _ways(graph, following, edge))

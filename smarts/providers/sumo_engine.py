@@ -1,0 +1,83 @@
+"""The traffic engine SUMO: one copy of libsumo for each simulation, stepped in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import TrafficError
+from smarts.providers.sumo_traffic import SumoTraffic
+from smarts.providers.traffic_engine import TrafficEngine
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.episode import EpisodeStart
+from smarts.types.transfers import Refusal
+from smarts.types.vehicles import Owner
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+
+class SumoEngine(TrafficEngine):
+    """SUMO in B simulations. If one fails, the others continue, and the next reset makes a new copy for it.
+
+    Args:
+        world: The state.
+        maps: The maps by their number in the atlas.
+        owner: Its number among the providers.
+    """
+
+    def __init__(self, world: World, maps: Sequence[LaneGraph], owner: int = Owner.TRAFFIC) -> None:
+        self.failures: Mapping[int, TrafficError] = {}
+        self.is_full = np.zeros(world.worlds, np.bool_)
+        self._maps = tuple(maps)
+        self._owner = owner
+        self._drivers = [SumoTraffic(world, row, owner) for row in range(world.worlds)]
+        self._broken: set[int] = set()
+
+    def reset(self, world: World, starts: Mapping[int, EpisodeStart]) -> None:
+        """See `TrafficEngine`."""
+        for row, start in starts.items():
+            if row in self._broken:
+                _end(self._drivers[row])
+                self._drivers[row] = SumoTraffic(world, row, self._owner)
+            self._broken.add(row)
+            self._drivers[row].reset(start.traffic, start.traffic_seed, self._maps[start.map], start.limit)
+            self._broken.discard(row)
+            self.is_full[row] = self._drivers[row].is_full
+
+    def step(self, world: World, rows: Bools) -> None:
+        """See `TrafficEngine`."""
+        failures: dict[int, TrafficError] = {}
+        for row in np.flatnonzero(rows).tolist():
+            try:
+                self._drivers[row].step()
+                self.is_full[row] = self._drivers[row].is_full
+            except TrafficError as error:
+                self._broken.add(row)
+                failures[row] = error
+        self.failures = failures
+
+    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+        """See `TrafficEngine`: SUMO needs a lane under the vehicle."""
+        vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
+        can_drive = [self._drivers[row].can_accept(slot) for row, slot in vehicles]
+        return np.where(can_drive, Refusal.NONE, Refusal.OFF_LANES).astype(np.int8)
+
+    def close(self) -> None:
+        """See `TrafficEngine`; also frees copies that have failed."""
+        for row, driver in enumerate(self._drivers):
+            if row in self._broken:
+                _end(driver)
+            else:
+                driver.close()
+
+
+def _end(driver: SumoTraffic) -> None:
+    """Close a driver that has failed, and may fail at that, too."""
+    try:
+        driver.close()
+    except TrafficError:
+        return

@@ -1,0 +1,89 @@
+"""Traffic engines side by side: each simulation is driven by the one that its episode names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import TrafficError
+from smarts.providers.traffic_engine import TrafficEngine
+from smarts.roads.lane_graph import LaneGraph
+from smarts.types.episode import EpisodeStart
+from smarts.types.traffic import TRAFFIC_ENGINES
+from smarts.types.transfers import Refusal
+from smarts.types.world import World
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
+
+
+def traffic_of(names: Sequence[str], world: World, maps: Sequence[LaneGraph]) -> TrafficEngine:
+    """Return the traffic of simulations whose episodes name these engines.
+
+    Args:
+        names: Of `TRAFFIC_ENGINES`.
+        world: The state.
+        maps: The maps by their number in the atlas.
+
+    Raises:
+        UnknownNameError: There is no such engine.
+        TrafficError: An engine cannot be made.
+    """
+    kinds = {name: TRAFFIC_ENGINES[name] for name in names}
+    with ExitStack() as on_failure:
+        engines: dict[str, TrafficEngine] = {}
+        for name, kind in kinds.items():
+            engines[name] = kind(world, maps)
+            on_failure.callback(engines[name].close)
+        on_failure.pop_all()
+    return next(iter(engines.values())) if len(engines) == 1 else EnginesByEpisode(engines, world.worlds)
+
+
+class EnginesByEpisode(TrafficEngine):
+    """Hands each simulation to the engine that its episode names.
+
+    Args:
+        engines: By name.
+        worlds: B.
+    """
+
+    def __init__(self, engines: Mapping[str, TrafficEngine], worlds: int) -> None:
+        self.failures: Mapping[int, TrafficError] = {}
+        self.is_full = np.zeros(worlds, np.bool_)
+        self._engines = dict(engines)
+        self._driven = {name: np.zeros(worlds, np.bool_) for name in engines}
+        """Which simulations each engine drives, shape (B,)."""
+
+    def reset(self, world: World, starts: Mapping[int, EpisodeStart]) -> None:
+        """See `TrafficEngine`."""
+        for name, engine in self._engines.items():
+            own = {row: start for row, start in starts.items() if start.engine == name}
+            self._driven[name][list(starts)] = False
+            self._driven[name][list(own)] = True
+            engine.reset(world, own)
+            self.is_full[list(own)] = engine.is_full[list(own)]
+
+    def step(self, world: World, rows: Bools) -> None:
+        """See `TrafficEngine`."""
+        for name, engine in self._engines.items():
+            engine.step(world, rows & self._driven[name])
+            self.is_full[self._driven[name]] = engine.is_full[self._driven[name]]
+        self.failures = {
+            row: error for engine in self._engines.values() for row, error in engine.failures.items()
+        }
+
+    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+        """See `TrafficEngine`."""
+        answers = np.full(len(rows), Refusal.NONE, np.int8)
+        for name, engine in self._engines.items():
+            asked = self._driven[name][rows]
+            answers[asked] = engine.can_accept(rows[asked], slots[asked])
+        return answers
+
+    def close(self) -> None:
+        """See `TrafficEngine`."""
+        for engine in self._engines.values():
+            engine.close()

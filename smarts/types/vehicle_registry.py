@@ -1,0 +1,133 @@
+"""Vehicle registry: the only place where vehicles get their identity."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.errors import TrafficError
+from smarts.types.vehicles import Owner, VehicleStates
+
+Ints = NDArray[np.int32]
+
+
+class VehicleRegistry:
+    """Issues the vehicle slots of B simulations; (slot, generation) holds for a vehicle's whole life.
+
+    A change of owner does not touch identity. A vehicle takes the lowest free slot of its simulation, so a
+    simulation is the same whenever the same vehicles come and go in the same order, and its arrays stay dense
+    at the front. Identity is in the arrays `alive`, `generation`, `owner`, `home`, `kind`, `length` and
+    `width`, so a kernel may issue slots by the same rule; names are beside the arrays.
+
+    Args:
+        states: The slots, shape (B, V). The registry writes identity, the providers write motion.
+    """
+
+    def __init__(self, states: VehicleStates) -> None:
+        self.states = states
+        worlds = states.alive.shape[0]
+        self._names: list[dict[int, tuple[int, str]]] = [{} for _ in range(worlds)]
+        """By slot: the generation that is named, and its name."""
+        self._taken: list[set[str]] = [set() for _ in range(worlds)]
+
+    def reset(self, row: int) -> None:
+        """Empty a simulation, and restart its generations and names."""
+        self.states.clear((row, slice(None)))
+        self.states.generation[row] = 0
+        self._names[row].clear()
+        self._taken[row].clear()
+
+    def admit(self, row: int, name: str, owner: int, kind: int, length: float, width: float) -> int:
+        """Give a vehicle a slot and return it.
+
+        Args:
+            row: The simulation.
+            name: Public name, made unique by a number after "~" if an earlier vehicle of the episode had it.
+            owner: Provider that moves the vehicle; unless that is an agent, it also is the vehicle's home.
+            kind: A `VehicleKind`.
+            length: Of the footprint [m].
+            width: Of the footprint [m].
+
+        Raises:
+            TrafficError: No slot is free.
+        """
+        states = self.states
+        slot = self._take_slot(row)
+        if slot < 0:
+            raise TrafficError(
+                f"all {states.capacity} slots of the simulation are taken",
+                remedy="raise the scenario's limit of vehicles",
+            )
+        self._describe(row, slot, owner, kind, length, width)
+        self._names[row][slot] = int(states.generation[row, slot]), self._unique(row, name)
+        return slot
+
+    def admit_unnamed(
+        self, rows: Ints, owner: int, kind: NDArray, length: NDArray, width: NDArray
+    ) -> NDArray[np.intp]:
+        """Give N vehicles slots, in order; return the slots, shape (N,), -1 where a simulation is full.
+
+        Their names are made of slot and generation when they are asked for.
+
+        Args:
+            rows: The simulation of each vehicle, shape (N,).
+            owner: As in `admit`.
+            kind: A `VehicleKind` each, shape (N,), as are the following.
+            length: [m]
+            width: [m]
+        """
+        slots = np.array([self._take_slot(row) for row in rows.tolist()], np.intp)
+        let_in = slots >= 0
+        self._describe(rows[let_in], slots[let_in], owner, kind[let_in], length[let_in], width[let_in])
+        return slots
+
+    def dismiss(self, row: int | NDArray, slot: int | NDArray) -> None:
+        """Take vehicles out of their simulations and clear their slots, except for the generations.
+
+        Args:
+            row: Of one vehicle, or of N vehicles, shape (N,).
+            slot: As `row`.
+        """
+        self.states.clear((row, slot))
+
+    def name(self, row: int, slot: int) -> str:
+        """Return the public name of the vehicle in a slot, "" if the slot is free."""
+        if not self.states.alive[row, slot]:
+            return ""
+        generation = int(self.states.generation[row, slot])
+        named, name = self._names[row].get(slot, (-1, ""))
+        return name if named == generation else f"vehicle-{slot}-{generation}"
+
+    def _take_slot(self, row: int) -> int:
+        """Take the lowest free slot of a simulation for a new generation; return it, -1 if there is none."""
+        alive = self.states.alive[row]
+        slot = int(alive.argmin())
+        if alive[slot]:
+            return -1
+        alive[slot] = True
+        self.states.generation[row, slot] += 1
+        return slot
+
+    def _describe(
+        self,
+        row: int | NDArray,
+        slot: int | NDArray,
+        owner: int,
+        kind: int | NDArray,
+        length: float | NDArray,
+        width: float | NDArray,
+    ) -> None:
+        states = self.states
+        states.owner[row, slot] = owner
+        states.home[row, slot] = Owner.NOBODY if owner == Owner.AGENT else owner
+        states.kind[row, slot] = kind
+        states.length[row, slot] = length
+        states.width[row, slot] = width
+
+    def _unique(self, row: int, name: str) -> str:
+        unique, number, taken = name, 1, self._taken[row]
+        while unique in taken:
+            number += 1
+            unique = f"{name}~{number}"
+        taken.add(unique)
+        return unique

@@ -1,0 +1,378 @@
+"""Every registered traffic engine keeps the contract of `TrafficEngine`, alone and beside another."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from smarts.agents import AgentInterface
+from smarts.errors import UnknownNameError
+from smarts.providers.traffic_engines import EnginesByEpisode, traffic_of
+from smarts.sim.assembly import Options, assemble
+from smarts.sstudio.build import build_scenario
+from smarts.types.actions import ActionSpaceType
+from smarts.types.episode import EpisodeStart
+from smarts.types.streams import traffic_seed
+from smarts.types.traffic import TRAFFIC_ENGINES
+from smarts.types.transfers import Refusal
+from smarts.types.vehicles import Owner, VehicleKind
+from smarts.types.world import World
+from tests.unit.sstudio.sources import scenario, write_cross
+
+SCENARIO, TRAFFIC = "intersection", "random_social_vehicles"
+LIMIT, CAPACITY = 40, 48
+OTHER = 3
+"""Number of a second engine in the same simulation."""
+
+
+@pytest.fixture(scope="module")
+def built():
+    return build_scenario(SCENARIO)
+
+
+@pytest.fixture(params=TRAFFIC_ENGINES)
+def kind(request):
+    return TRAFFIC_ENGINES[request.param]
+
+
+class Case:
+    """Simulations with nothing but traffic, and the vehicles that a test puts there."""
+
+    def __init__(self, built, kind, worlds=2, **options):
+        self.built, self.roads = built, built.roads()
+        lanes = len(self.roads.lane_ids)
+        self.world = World(worlds=worlds, capacity=CAPACITY, seats=1, lanes=lanes)
+        self.vehicles = self.world.vehicles
+        self.all = np.ones(worlds, np.bool_)
+        self.engine = kind(self.world, [self.roads], **options)
+
+    def start(self, world=0, episode=0, limit=LIMIT, engine="SUMO"):
+        return EpisodeStart(
+            seed=7,
+            world=world,
+            episode=episode,
+            scenario=SCENARIO,
+            map=0,
+            traffic=self.built.traffic_files(TRAFFIC),
+            traffic_name=TRAFFIC,
+            traffic_seed=traffic_seed(7, world=world, episode=episode),
+            limit=limit,
+            seats=(),
+            engine=engine,
+        )
+
+    def reset(self, **starts):
+        """Begin episode 0 of world b in row b, or what is given by row as `row_0=start`."""
+        chosen = {int(name[4:]): start for name, start in starts.items()} or {
+            row: self.start(row) for row in range(self.world.worlds)
+        }
+        for row in chosen:
+            self.world.clear(row)
+        self.engine.reset(self.world, chosen)
+
+    def step(self, count=1, rows=None):
+        rows = self.all if rows is None else np.array(rows)
+        for _ in range(count):
+            self.world.advance(rows)
+            self.engine.step(self.world, rows)
+            assert not self.engine.failures
+
+    def put(self, row, lane, s, owner=Owner.AGENT):
+        """Let a vehicle of others stand on a lane."""
+        slot = self.world.registry.admit(row, "other", owner, VehicleKind.PASSENGER, 5.0, 1.8)
+        x, y, self.vehicles.heading[row, slot] = self.roads.pose_at(lane, s)
+        self.vehicles.position[row, slot] = x, y
+        return slot
+
+    def owned(self, row, owner=Owner.TRAFFIC):
+        return np.flatnonzero(self.vehicles.alive[row] & (self.vehicles.owner[row] == owner))
+
+    def content(self, row):
+        """Return all that a row says, names and routes included."""
+        columns = [column[row].tobytes() for _, column in self.vehicles.columns()]
+        names = [self.world.registry.name(row, slot) for slot in range(CAPACITY)]
+        table = self.world.routes
+        routes = [table.edges(row, number).tolist() for number in range(table.count(row))]
+        return columns, names, routes, self.world.signals[row].tobytes()
+
+
+@pytest.fixture
+def case(built, kind):
+    made = []
+
+    def make(worlds=2, **options):
+        made.append(Case(built, kind, worlds, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.engine.close()
+        one.engine.close()
+
+
+def moving(case, row):
+    """Return the slot of traffic that drives at 3 m/s or more and has the longest way to the junction."""
+    slots = case.owned(row)
+    heading = case.vehicles.heading[row, slots]
+    ahead = np.stack([np.cos(heading), np.sin(heading)], -1)
+    distance = -(case.vehicles.position[row, slots] * ahead).sum(axis=-1)
+    distance[case.vehicles.speed[row, slots] < 3.0] = 0.0
+    assert distance.max() > 60.0
+    return int(slots[distance.argmax()])
+
+
+def test_traffic_arrives_moves_and_leaves(case):
+    one = case()
+    one.reset()
+    assert all(len(one.owned(row)) for row in range(2))
+    generations = one.vehicles.generation.copy()
+    for _ in range(300):
+        before = one.vehicles.position.copy(), one.vehicles.generation.copy()
+        one.step()
+        stays = one.vehicles.alive & (one.vehicles.generation == before[1])
+        moved = np.linalg.norm(one.vehicles.position - before[0], axis=-1)[stays & one.world.before.alive]
+        assert moved.max() < 6.0  # 60 m/s
+        assert np.isfinite(one.vehicles.position).all()
+    assert (one.vehicles.generation > generations).any()
+    alive = one.vehicles.alive
+    assert (one.vehicles.owner[alive] == one.vehicles.home[alive]).all()
+    assert (one.vehicles.length[alive] > 0).all()
+    assert (one.vehicles.desired_speed[alive] > 0).all()
+    assert not one.vehicles.speed[~alive].any()
+
+
+def test_routes_are_numbers_of_connected_edges(case):
+    one = case(1)
+    one.reset()
+    one.step(20)
+    roads, table = one.roads, one.world.routes
+    numbers = one.vehicles.route[0, one.owned(0)]
+    assert ((numbers >= 0) & (numbers < table.count(0))).all()
+    for number in set(numbers.tolist()):
+        edges = table.edges(0, number)
+        assert not roads.edge_is_internal[edges].any()
+        assert (roads.edge_to[edges[:-1]] == roads.edge_from[edges[1:]]).all()
+
+
+def test_names_are_unique(case):
+    one = case(1)
+    one.reset()
+    seen = {}
+    for _ in range(200):
+        one.step()
+        for slot in one.owned(0).tolist():
+            vehicle = slot, int(one.vehicles.generation[0, slot])
+            assert seen.setdefault(one.world.registry.name(0, slot), vehicle) == vehicle
+
+
+def test_a_row_of_a_batch_is_the_run_alone_and_rests_when_it_is_not_stepped(case):
+    batch, alone = case(3), case(1)
+    batch.reset()
+    alone.reset(row_0=alone.start(world=1))
+    for step in range(100):
+        rested = batch.content(1)
+        if step % 3 == 0:
+            batch.step(rows=[True, False, True])
+            assert batch.content(1) == rested
+        batch.step()
+        alone.step()
+        assert batch.content(1) == alone.content(0)
+
+
+def test_an_episode_does_not_depend_on_those_before(case):
+    used, fresh = case(1), case(1)
+    used.reset(row_0=used.start(episode=5))
+    used.step(50)
+    for one in (used, fresh):
+        one.reset()
+        one.step(50)
+    assert used.content(0) == fresh.content(0)
+    fresh.reset(row_0=fresh.start(episode=1))
+    fresh.step(50)
+    assert used.content(0) != fresh.content(0)
+
+
+def test_vehicles_of_others_are_not_touched(case):
+    one = case(1)
+    one.reset()
+    slot = one.put(0, one.roads.lane_number("north_in", 0), 20.0)
+    row = {name: column[0, slot].copy() for name, column in one.vehicles.columns()}
+    one.step(50)
+    for name, value in row.items():
+        assert (getattr(one.vehicles, name)[0, slot] == value).all(), name
+
+
+def test_arrivals_keep_clear_of_who_is_there_at_the_beginning(case):
+    one = case(1)
+    lanes = [
+        lane
+        for edge in ("north_approach", "south_approach", "west_approach", "east_approach")
+        for lane in one.roads.edge_lanes(one.roads.edge_number(edge))
+    ]
+    one.world.clear(0)
+    egos = [one.put(0, lane, 8.0) for lane in lanes]
+    one.engine.reset(one.world, {0: one.start()})
+    one.step(20)
+    own, ego = one.vehicles.position[0, one.owned(0)], one.vehicles.position[0, egos]
+    assert np.linalg.norm(own[:, None] - ego, axis=-1).min() > 3.0
+
+
+def test_the_limit_holds_arrivals_back(case):
+    one = case(2)
+    one.reset(row_0=one.start(limit=6), row_1=one.start(1))
+    for _ in range(100):
+        one.step()
+        assert one.vehicles.alive[0].sum() <= 6
+    assert one.engine.is_full.tolist() == [True, False]
+    one.reset(row_0=one.start(limit=LIMIT), row_1=one.start(1))
+    assert not one.engine.is_full.any()
+
+
+def test_there_and_back_is_one_write_and_no_jump(case):
+    one = case(2)
+    one.reset()
+    one.step(10)
+    slot = moving(one, 1)
+    name, generation = one.world.registry.name(1, slot), one.vehicles.generation[1, slot]
+    one.vehicles.owner[1, slot] = Owner.AGENT
+    for _ in range(10):
+        heading, speed = one.vehicles.heading[1, slot], one.vehicles.speed[1, slot]
+        one.vehicles.position[1, slot] += 0.1 * speed * np.array([np.cos(heading), np.sin(heading)])
+        one.step()
+    rows, slots = np.array([1], np.int32), np.array([slot], np.int32)
+    assert one.engine.can_accept(rows, slots).tolist() == [Refusal.NONE]
+    one.vehicles.owner[1, slot] = Owner.TRAFFIC
+    for _ in range(10):
+        before, speed = one.vehicles.position[1, slot].copy(), one.vehicles.speed[1, slot]
+        one.step()
+        moved = np.linalg.norm(one.vehicles.position[1, slot] - before)
+        assert moved == pytest.approx(0.1 * speed, abs=0.15)
+    assert one.vehicles.alive[1, slot]
+    assert one.vehicles.generation[1, slot] == generation
+    assert one.world.registry.name(1, slot) == name
+    assert one.vehicles.route[1, slot] >= 0
+
+
+def test_empty_roads_stay_empty(case, built):
+    one = case(2)
+    empty = [dataclasses.replace(one.start(row), traffic=built.traffic_files(None)) for row in range(2)]
+    one.engine.reset(one.world, {})
+    one.reset(row_0=empty[0], row_1=empty[1])
+    one.step(20)
+    assert not one.vehicles.alive.any()
+    slot = one.put(0, one.roads.lane_number("north_in", 0), 20.0)
+    one.step(2)
+    assert np.flatnonzero(one.vehicles.alive[0]).tolist() == [slot]
+    assert not one.engine.is_full.any()
+
+
+def test_a_place_off_the_roads_is_refused_with_its_reason(case):
+    one = case(2)
+    one.reset()
+    one.step()
+    slots = [moving(one, row) for row in range(2)]
+    one.vehicles.owner[[0, 1], slots] = Owner.AGENT
+    one.vehicles.position[0, slots[0]] += 5_000.0
+    one.step(2)
+    answers = one.engine.can_accept(np.arange(2, dtype=np.int32), np.array(slots, np.int32))
+    assert answers.dtype == np.int8
+    assert answers.tolist() == [Refusal.OFF_LANES, Refusal.NONE]
+    assert one.engine.can_accept(np.zeros(0, np.int32), np.zeros(0, np.int32)).shape == (0,)
+
+
+def test_who_is_dismissed_is_gone(case):
+    one = case(1)
+    one.reset()
+    one.step(5)
+    gone = one.owned(0)
+    names = {one.world.registry.name(0, slot) for slot in gone.tolist()}
+    one.world.registry.dismiss(np.zeros(len(gone), int), gone)
+    one.step(20)
+    assert names.isdisjoint(one.world.registry.name(0, slot) for slot in one.owned(0).tolist())
+
+
+@pytest.mark.parametrize("second", TRAFFIC_ENGINES)
+def test_two_engines_share_a_simulation(case, second):
+    one = case(1)
+    other = TRAFFIC_ENGINES[second](one.world, [one.roads], owner=OTHER)
+    try:
+        one.world.clear(0)
+        half = dataclasses.replace(one.start(), limit=LIMIT // 2)
+        one.engine.reset(one.world, {0: half})
+        other.reset(one.world, {0: one.start(episode=1)})
+        counts = []
+        for _ in range(100):
+            one.world.advance(one.all)
+            for engine, foreign in ((one.engine, OTHER), (other, Owner.TRAFFIC)):
+                slots = one.owned(0, foreign)
+                before = one.vehicles.position[0, slots].copy()
+                engine.step(one.world, one.all)
+                assert not engine.failures
+                assert (one.vehicles.owner[0, slots] == foreign).all()
+                assert (one.vehicles.position[0, slots] == before).all()
+            counts.append([len(one.owned(0, owner)) for owner in (Owner.TRAFFIC, OTHER)])
+        assert np.min(counts) > 0
+    finally:
+        other.close()
+
+
+@pytest.fixture(scope="module")
+def of_both(tmp_path_factory):
+    """Return a scenario with two traffics, each for an engine of its own."""
+    folder = write_cross(tmp_path_factory.mktemp("scenarios") / "both")
+    traffic = ", ".join(
+        f'"{name}": t.Traffic(flows=[flow(rate=1800)], engine="{name}", warm_up=20)'
+        for name in TRAFFIC_ENGINES
+    )
+    folder.joinpath("scenario.py").write_text(
+        scenario(f"traffic={{{traffic}}}, ego_missions=[t.Mission(south_north)]")
+    )
+    return build_scenario(folder)
+
+
+@pytest.mark.parametrize("wanted", [None, *TRAFFIC_ENGINES])
+def test_the_scenario_chooses_and_the_options_overrule(of_both, wanted):
+    options = Options(traffic_engine=wanted)
+    parts = assemble([of_both], [AgentInterface(action=ActionSpaceType.Lane)], worlds=4, options=options)
+    try:
+        starts = {row: parts.schedule.start(0, episode=row) for row in range(4)}
+        assert all(start.engine == (wanted or start.traffic_name) for start in starts.values())
+        assert {start.engine for start in starts.values()} == ({wanted} if wanted else {*TRAFFIC_ENGINES})
+        parts.simulation.reset(starts)
+        for _ in range(20):
+            frame = parts.simulation.step(parts.actions, np.ones(4, bool), np.ones((4, 1), bool))
+            assert not frame.failures
+        vehicles = frame.world.vehicles
+        assert (vehicles.alive & (vehicles.owner == Owner.TRAFFIC)).any(axis=1).all()
+    finally:
+        parts.simulation.close()
+
+
+def test_an_unknown_engine_is_refused_with_the_names_that_are_near(of_both):
+    with pytest.raises(UnknownNameError) as refused:
+        assemble([of_both], [AgentInterface()], options=Options(traffic_engine="SUM"))
+    assert "'SUM'" in str(refused.value)
+    assert "SUMO" in refused.value.remedy
+
+
+def test_each_episode_is_driven_by_the_engine_that_it_names(built):
+    roads, names = built.roads(), list(TRAFFIC_ENGINES)
+    mixed = Case(built, lambda world, maps: traffic_of(names, world, maps), len(names))
+    alone = [Case(built, TRAFFIC_ENGINES[name], 1) for name in names]
+    try:
+        assert isinstance(mixed.engine, EnginesByEpisode)
+        for turn in range(2):
+            played = [names[(row + turn) % len(names)] for row in range(len(names))]
+            starts = {f"row_{row}": mixed.start(row, turn, engine=name) for row, name in enumerate(played)}
+            mixed.reset(**starts)
+            mixed.step(30)
+            for row, name in enumerate(played):
+                single = alone[names.index(name)]
+                single.reset(row_0=single.start(row, turn))
+                single.step(30)
+                assert mixed.content(row) == single.content(0)
+        assert mixed.engine.is_full.shape == (len(names),)
+        assert len(roads.lane_ids) == mixed.world.signals.shape[1]
+    finally:
+        for one in (mixed, *alone):
+            one.engine.close()

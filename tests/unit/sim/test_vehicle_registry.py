@@ -1,0 +1,129 @@
+"""Identity: slots, generations and names."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from smarts.errors import TrafficError
+from smarts.types.vehicle_registry import VehicleRegistry
+from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
+
+CAR = (Owner.TRAFFIC, VehicleKind.PASSENGER, 5.0, 1.8)
+
+
+def new_registry(capacity=8):
+    return VehicleRegistry(VehicleStates.allocate(1, capacity))
+
+
+def test_arrivals_take_the_lowest_free_slot():
+    registry = new_registry()
+    assert [registry.admit(0, name, *CAR) for name in "abc"] == [0, 1, 2]
+    registry.dismiss(0, 1)
+    assert registry.admit(0, "d", *CAR) == 1
+    assert [registry.name(0, slot) for slot in range(4)] == ["a", "d", "c", ""]
+
+
+def test_what_a_row_says_of_an_arrival():
+    registry = new_registry()
+    assert registry.admit(0, "a", *CAR) == 0
+    assert registry.admit(0, "ego", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5) == 1
+    states = registry.states[0]
+    assert states.alive.tolist() == [True, True] + 6 * [False]
+    assert states.owner[:2].tolist() == [Owner.TRAFFIC, Owner.AGENT]
+    assert states.home[:2].tolist() == [Owner.TRAFFIC, Owner.NOBODY]
+    assert (states.kind[1], states.length[1], states.width[1]) == (VehicleKind.BUS, 12.0, 2.5)
+    assert states.route[:2].tolist() == [-1, -1]
+
+
+def test_a_slot_and_its_generation_name_one_vehicle():
+    registry = new_registry()
+    slots = []
+    for _ in range(3):
+        slot = registry.admit(0, "a", *CAR)
+        slots.append((slot, int(registry.states.generation[0, slot])))
+        registry.dismiss(0, slot)
+    assert slots == [(0, 1), (0, 2), (0, 3)]
+
+
+def test_names_are_unique_in_an_episode():
+    registry = new_registry()
+    slots = [registry.admit(0, "a", *CAR) for _ in range(3)]
+    assert [registry.name(0, slot) for slot in slots] == ["a", "a~2", "a~3"]
+    registry.dismiss(0, slots[0])
+    assert registry.name(0, registry.admit(0, "a", *CAR)) == "a~4"
+    registry.reset(0)
+    assert registry.name(0, registry.admit(0, "a", *CAR)) == "a"
+
+
+def test_dismissal_clears_the_row():
+    registry = new_registry()
+    empty = VehicleStates.allocate(1, 8)
+    slot = registry.admit(0, "a", *CAR)
+    for field in dataclasses.fields(VehicleStates):
+        if field.name not in ("generation", "alive"):
+            getattr(registry.states, field.name)[0, slot] = 1
+    registry.dismiss(0, slot)
+    for field in dataclasses.fields(VehicleStates):
+        if field.name != "generation":
+            assert (getattr(registry.states, field.name) == getattr(empty, field.name)).all(), field.name
+
+
+def test_reset_is_a_new_world():
+    registry = new_registry()
+    for name in "abc":
+        registry.admit(0, name, *CAR)
+    registry.reset(0)
+    empty = VehicleStates.allocate(1, 8)
+    for field in dataclasses.fields(VehicleStates):
+        assert (getattr(registry.states, field.name) == getattr(empty, field.name)).all(), field.name
+
+
+def test_a_full_world_is_a_named_error():
+    registry = new_registry(capacity=2)
+    for name in "ab":
+        registry.admit(0, name, *CAR)
+    with pytest.raises(TrafficError, match="all 2 slots"):
+        registry.admit(0, "c", *CAR)
+
+
+@given(st.lists(st.integers(0, 7), max_size=40))
+def test_any_coming_and_going(moves):
+    """A move names a slot: dismissed if it is taken, otherwise somebody arrives."""
+    registry = new_registry()
+    alive = set()
+    for move in moves:
+        if move in alive:
+            registry.dismiss(0, move)
+            alive.remove(move)
+        else:
+            slot = registry.admit(0, "a", *CAR)
+            assert slot == min(set(range(8)) - alive)
+            alive.add(slot)
+        assert set(np.flatnonzero(registry.states.alive[0]).tolist()) == alive
+
+
+def test_many_arrive_in_the_order_given_until_their_simulation_is_full():
+    registry = VehicleRegistry(VehicleStates.allocate(2, 2))
+    registry.admit(1, "a", *CAR)
+    rows, length = np.array([1, 0, 1, 0]), np.array([3.0, 4.0, 5.0, 6.0])
+    kind = np.full(4, VehicleKind.BUS, np.int8)
+    assert registry.admit_unnamed(rows, 3, kind, length, length / 2).tolist() == [1, 0, -1, 1]
+    assert registry.states.length.tolist() == [[4.0, 6.0], [5.0, 3.0]]
+    assert registry.states.width[0].tolist() == [2.0, 3.0]
+    assert registry.states.owner.tolist() == registry.states.home.tolist() == [[3, 3], [Owner.TRAFFIC, 3]]
+    assert registry.states.generation.tolist() == [[1, 1], [1, 1]]
+
+
+def test_who_has_no_name_gets_one_of_slot_and_generation():
+    registry = new_registry(3)
+    slot = registry.admit(0, "a", *CAR)
+    registry.dismiss(0, slot)
+    one = np.ones(1)
+    slots = [registry.admit_unnamed(np.zeros(1, int), 1, one, one, one)[0] for _ in range(2)]
+    assert slots == [0, 1]
+    assert [registry.name(0, slot) for slot in range(3)] == ["vehicle-0-2", "vehicle-1-1", ""]
+    registry.dismiss(np.zeros(2, int), np.array(slots))
+    assert not registry.states.alive.any()
