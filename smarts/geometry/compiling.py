@@ -11,10 +11,10 @@ from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
 from types import CodeType
-from typing import Any
+from typing import Any, Self
 
 from numba import config
-from numba.core.event import Event, Listener, register
+from numba.core.event import Event, Listener, register, unregister
 
 from smarts.geometry.linking import Kernel
 
@@ -53,6 +53,27 @@ class _Notice(Listener):
 
     def on_end(self, event: Event) -> None:
         pass
+
+
+class Compilations(Listener):
+    """Counts what numba compiles, but for what is in the cache, as `with Compilations() as compiled: ...`."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __enter__(self) -> Self:
+        register("numba:compile", self)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        unregister("numba:compile", self)
+
+    def on_start(self, event: Event) -> None:
+        """Count one."""
+        self.count += 1
+
+    def on_end(self, event: Event) -> None:
+        """Do nothing."""
 
 
 @cache
