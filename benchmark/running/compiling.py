@@ -52,8 +52,8 @@ def _benchmark(options: Mapping[str, Any] | None = None) -> None:
 
 def _measured() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        with closing(play("random", SCENARIO, episodes=1, record=Path(folder))) as tallies:
-            next(tallies)
+        for _ in play("random", SCENARIO, episodes=1, record=Path(folder)):
+            pass
         measure_episodes(folder)
 
 
