@@ -13,10 +13,10 @@ from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorHiWayEnv
 from smarts.geometry.compiling import Compilations
 with Compilations() as compiled:
-    env = VectorHiWayEnv(3, ["double_merge"], 6, seed=7)
+    env = VectorHiWayEnv(3, ["double_merge"], 4, seed=7)
     env.reset()
     for _ in range(30):
-        env.step([np.full((3, 6), 2)])
+        env.step([np.full((3, 4), 2)])
     env.close()
     for kind in (AgentType.Full, AgentType.Boid, AgentType.MPCTracker, AgentType.TrajectoryInterpolator):
         env = HiWayEnv(["two_way"], {"agent": AgentInterface.from_type(kind)})
