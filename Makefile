@@ -18,7 +18,7 @@ DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
 help:  ## list the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-install: $(INSTALLED)  ## create .venv and install everything
+install: $(INSTALLED)  ## create .venv, install everything and compile the kernels
 
 run: $(INSTALLED)  ## train PPO at the intersection for two minutes, test it and write the report
 	$(BIN)/smarts-bench run configs/quickstart.yaml
@@ -71,6 +71,7 @@ $(SYSTEM):
 
 $(INSTALLED): pyproject.toml constraints.txt | $(SYSTEM)
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev,learn]'
+	$(BIN)/smarts-bench compile
 	@touch $@
 
 # TorchRL is tied to versions of torch and brings five more packages: it is not in the constraints.

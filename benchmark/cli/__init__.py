@@ -20,6 +20,7 @@ from benchmark.cli import (
     doctor,
     evaluate,
     floors,
+    kernels,
     leaderboard,
     render,
     report,
@@ -73,6 +74,7 @@ app.command()(run.run)
 app.command()(sweep.sweep)
 app.command()(evaluate.evaluate)
 app.command()(doctor.doctor)
+app.command("compile")(kernels.compile_kernels)
 app.command()(render.render)
 app.command()(floors.floors)
 app.command()(report.report)

@@ -43,7 +43,7 @@ def kernel_cache(package: str) -> KernelCache:
 
 
 def _kernels(package: str) -> list[Any]:
-    from numba.core.dispatcher import Dispatcher
+    from smarts.geometry.linking import Kernel
 
     modules = [
         module for name, module in sys.modules.items() if name == package or name.startswith(f"{package}.")
@@ -52,17 +52,19 @@ def _kernels(package: str) -> list[Any]:
     return [
         value
         for value in values
-        if isinstance(value, Dispatcher)
-        and value.stats.cache_path
-        and f"{value.py_func.__module__}.".startswith(f"{package}.")
+        if isinstance(value, Kernel) and f"{value.py_func.__module__}.".startswith(f"{package}.")
     ]
 
 
 def _is_compiled(kernel: Any) -> bool:
-    """Tell whether numba would find machine code of the kernel, of any types of arguments.
+    """Tell whether numba would find code of the kernel, of any types of arguments.
+
+    That is machine code for calls from Python, or LLVM code for calls from other kernels.
 
     Numba has no public way to ask: this is how `Dispatcher.compile` begins. An index of another version of
     numba or of the source counts as empty.
     """
     target = kernel.targetctx.codegen().magic_tuple()
-    return any(key[1] == target for key in kernel._cache._cache_file._load_index())
+    return any(
+        key[1] == target for each in (kernel, kernel.callee) for key in each._cache._cache_file._load_index()
+    )

@@ -15,7 +15,10 @@ from smarts.config.problems import LONGEST_VALUE, ConfigError, Key, Problem, exp
 from smarts.errors import nearest_names, shortened
 
 EXTENDS = "extends"
-"""Key of a file's top level: a file, relative to this one, whose values hold where this one has none."""
+"""Key of a file's top level: a file, relative to this one or else one of `PACKAGED`, whose values hold where
+this one has none."""
+PACKAGED = Path(__file__).resolve().parents[2] / "configs"
+"""The folder of the files that come with the package."""
 COMMAND_LINE = "command line"
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -63,8 +66,8 @@ def read_config(
     """Return the content of a YAML file as a model.
 
     Args:
-        file: The file. Its `extends` names another one, whose values hold where this one has none; sections
-            are merged, everything else (lists too) is replaced.
+        file: The file, or the name of one in `PACKAGED`. Its `extends` names another one, whose values hold
+            where this one has none; sections are merged, everything else (lists too) is replaced.
         model: What the content must be.
         overrides: Values that go before the file's, as in "budget.minutes=5"; the value is read as YAML.
         check: Finds what the model does not, in values which need not fit the model.
@@ -72,7 +75,7 @@ def read_config(
     Raises:
         ConfigError: With all mistakes: of syntax, names, types, ranges.
     """
-    content = _read(file, (), str(file))
+    content = _read(_located(file), (), str(file))
     for text in overrides:
         _override(content, text)
     if not content.is_whole:
@@ -110,6 +113,14 @@ def fitted(values: Mapping[str, Any], model: type[Model], place: str = "") -> Mo
         raise ConfigError(explained(error, model, values, lambda key: place)) from error
 
 
+def _located(file: Path, folder: Path = Path()) -> Path:
+    """Return the path of a file named relative to a folder; a name that is not there may be of `PACKAGED`."""
+    beside = folder / file
+    packaged = PACKAGED / file.name
+    is_name = file.parent in (Path(), Path(PACKAGED.name))
+    return packaged if is_name and not beside.exists() and packaged.is_file() else beside
+
+
 def _read(file: Path, extended_by: tuple[Path, ...], by: str) -> _Content:
     """Read a file and those it extends; `by` is where it was named."""
     if file.resolve() in [other.resolve() for other in extended_by]:
@@ -119,6 +130,7 @@ def _read(file: Path, extended_by: tuple[Path, ...], by: str) -> _Content:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         known = [str(other) for other in file.parent.glob("*.yaml") if other not in extended_by]
+        known += [other.name for other in PACKAGED.glob("*.yaml")]
         remedy = nearest_names(str(file), known) if isinstance(error, FileNotFoundError) else ""
         problems = [Problem(by, f"cannot read {file}: {reason}", remedy)]
         return _Content(problems=problems, is_whole=False)
@@ -145,7 +157,7 @@ def _read(file: Path, extended_by: tuple[Path, ...], by: str) -> _Content:
     if not isinstance(base, str):
         own.problems.append(Problem(own.place((EXTENDS,)), f"{EXTENDS} is {base!r}", "name a file"))
         return own
-    return _merged(_read(file.parent / base, (*extended_by, file), own.place((EXTENDS,))), own)
+    return _merged(_read(_located(Path(base), file.parent), (*extended_by, file), own.place((EXTENDS,))), own)
 
 
 class _Walk:

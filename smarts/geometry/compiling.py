@@ -10,10 +10,13 @@ from collections.abc import Callable
 from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
-from typing import Any
+from types import CodeType
+from typing import Any, Self
 
-from numba import njit
-from numba.core.event import Event, Listener, register
+from numba import config
+from numba.core.event import Event, Listener, register, unregister
+
+from smarts.geometry.linking import Kernel
 
 
 def kernel(function: Callable) -> Any:
@@ -25,13 +28,13 @@ def kernel(function: Callable) -> Any:
     way of others.
     """
     _tell_of_compiling()
-    _kernels.add(function)
+    _kernels.add(function.__code__)
     function.__qualname__ += f"_{sources_digest(function.__module__)}"
-    return njit(cache=True, error_model="numpy")(function)
+    return function if vars(config)["DISABLE_JIT"] else Kernel(function)
 
 
-_kernels: set[Callable] = set()
-"""What was handed to `kernel`; users may compile functions of their own."""
+_kernels: set[CodeType] = set()
+"""Of what was handed to `kernel`; users may compile functions of their own."""
 
 
 class _Notice(Listener):
@@ -41,14 +44,36 @@ class _Notice(Listener):
         self._is_said = False
 
     def on_start(self, event: Event) -> None:
-        if not self._is_said and event.data and event.data["dispatcher"].py_func in _kernels:
+        if not self._is_said and event.data and event.data["dispatcher"].py_func.__code__ in _kernels:
             self._is_said = True
             logging.getLogger("smarts").warning(
-                "compiling kernels, once after an installation or a change: it takes a minute or two"
+                "compiling kernels, once after an installation or a change: half a minute for an environment"
+                " (`smarts-bench compile` compiles all of them at once)"
             )
 
     def on_end(self, event: Event) -> None:
         pass
+
+
+class Compilations(Listener):
+    """Counts what numba compiles, but for what is in the cache, as `with Compilations() as compiled: ...`."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __enter__(self) -> Self:
+        register("numba:compile", self)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        unregister("numba:compile", self)
+
+    def on_start(self, event: Event) -> None:
+        """Count one."""
+        self.count += 1
+
+    def on_end(self, event: Event) -> None:
+        """Do nothing."""
 
 
 @cache

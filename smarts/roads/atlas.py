@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.errors import MapError
+from smarts.geometry.binding import bind
 from smarts.roads import footprints, kernels
 from smarts.roads.arguments import FLOAT, INT, NOT_GIVEN, floats, ints, require_buffers, require_numbers
 from smarts.roads.arrays import RouteTable
@@ -61,6 +63,7 @@ class RoadAtlas:
         if not self.graphs:
             raise ValueError("graphs is empty, but an atlas has at least one map")
         self.roads = pack_roads(self.graphs)
+        self._bound: dict[tuple[Any, int], Callable[..., None]] = {}
         self.no_routes = self._latest_table = self.route_table(())
 
     def route_table(
@@ -99,6 +102,16 @@ class RoadAtlas:
             raise ValueError("table is not of this atlas, but its route numbers are meant to be")
         self._latest_table = table
 
+    def _kernel(self, function: Any, *table: RouteTable) -> Callable[..., None]:
+        """Return a kernel with the roads bound, and a table of routes if one is given."""
+        key = function, id(table[0]) if table else 0
+        if key not in self._bound:
+            # Of the latest table only. What is bound keeps it alive, so that no other has the same `id`.
+            kept = 0, id(self.no_routes), key[1]
+            self._bound = {other: call for other, call in self._bound.items() if other[1] in kept}
+            self._bound[key] = bind(function, self.roads, *table)
+        return self._bound[key]
+
     def locate(
         self,
         maps: Ints,
@@ -136,9 +149,7 @@ class RoadAtlas:
         else:
             buffers = (out.lane, out.s, out.t, out.distance)
             require_buffers(_POSITION_NAMES, buffers, _POSITION_TYPES, [(count,)] * 4)
-        kernels.locate(
-            self.roads,
-            table,
+        self._kernel(kernels.locate, table)(
             maps,
             position,
             heading,
@@ -156,7 +167,7 @@ class RoadAtlas:
         count = len(maps)
         maps, lane = self._lanes(maps, lane)
         s, t = np.empty(count), np.empty(count)
-        kernels.project_on_lanes(self.roads, maps, lane, floats("position", position, count, 2), s, t)
+        self._kernel(kernels.project_on_lanes)(maps, lane, floats("position", position, count, 2), s, t)
         return s, t
 
     def poses(self, maps: Ints, lane: Ints, s: Floats, t: Floats) -> tuple[Floats, Floats]:
@@ -165,7 +176,7 @@ class RoadAtlas:
         maps, lane = self._lanes(maps, lane)
         s, t = floats("s", s, count), floats("t", t, count)
         position, heading = np.empty((count, 2)), np.empty(count)
-        kernels.poses_at(self.roads, maps, lane, s, t, position, heading)
+        self._kernel(kernels.poses_at)(maps, lane, s, t, position, heading)
         return position, heading
 
     def on_road(
@@ -180,7 +191,7 @@ class RoadAtlas:
         maps = self._maps(maps)
         position = floats("position", position, len(maps), 2)
         result = np.empty(len(maps), np.bool_)
-        footprints.on_road(self.roads, maps, position, _mask(kinds), bool(junctions), result)
+        self._kernel(footprints.on_road)(maps, position, _mask(kinds), bool(junctions), result)
         return result
 
     def corners_on_road(
@@ -198,8 +209,7 @@ class RoadAtlas:
         maps = self._maps(maps)
         count = len(maps)
         result = np.empty(count, np.int8)
-        footprints.corners_on_road(
-            self.roads,
+        self._kernel(footprints.corners_on_road)(
             maps,
             floats("position", position, count, 2),
             floats("heading", heading, count),
@@ -236,7 +246,7 @@ class RoadAtlas:
         hint = np.full(count, np.nan) if hint is None else floats("hint", hint, count)
         s = floats("s", s, count)
         done, remaining = np.empty(count), np.empty(count)
-        kernels.route_distances(self.roads, table, maps, routes, lane, s, hint, done, remaining)
+        self._kernel(kernels.route_distances, table)(maps, routes, lane, s, hint, done, remaining)
         return done, remaining
 
     def waypoints(
@@ -279,7 +289,7 @@ class RoadAtlas:
         require_numbers(maps, lane, routes, self.roads.lane_base, table)
         out = _waypoint_buffers(out, count, paths, lookahead)
         mask, spacing = _mask(kinds), float(spacing)
-        write_waypoints(self.roads, table, maps, position, lane, routes, hint, mask, spacing, out)
+        self._kernel(write_waypoints, table)(maps, position, lane, routes, hint, mask, spacing, out)
         return out
 
     def _maps(self, maps: Ints) -> Ints:

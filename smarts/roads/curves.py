@@ -38,10 +38,12 @@ def curve_into(roads: Roads, begin: Floats, lane: int, s: float) -> Floats:
     if turn > 1e-3:
         handle *= 2.0 * math.tan(0.25 * turn) / math.sin(0.5 * turn)
     control = np.empty((4, 2))
-    control[0] = begin[0], begin[1]
-    control[1] = begin[0] + handle * math.cos(begin[2]), begin[1] + handle * math.sin(begin[2])
-    control[2] = x - handle * math.cos(heading), y - handle * math.sin(heading)
-    control[3] = x, y
+    # One number at a time: numba compiles the assignment of a row with the texts of errors in its shape.
+    control[0, 0], control[0, 1] = begin[0], begin[1]
+    control[1, 0] = begin[0] + handle * math.cos(begin[2])
+    control[1, 1] = begin[1] + handle * math.sin(begin[2])
+    control[2, 0], control[2, 1] = x - handle * math.cos(heading), y - handle * math.sin(heading)
+    control[3, 0], control[3, 1] = x, y
     return control
 
 

@@ -264,8 +264,10 @@ def _follow(
     is_new = not before.alive[row, slot] or before.generation[row, slot] != now.generation[row, slot]
     last = len(path) - 1
     if seat >= 0:
-        path[1:] = tracks[row, seat]
-        path[0] = path[1]
+        for i in range(path.shape[1]):
+            for step in range(tracks.shape[2]):
+                path[step + 1, i] = tracks[row, seat, step, i]
+            path[0, i] = path[1, i]
         if not is_new:
             path[0, 0], path[0, 1] = before.position[row, slot]
             path[0, 2] = before.heading[row, slot]

@@ -71,7 +71,8 @@ def plan_cut_in(around: Surroundings, guide: Guide, b: int, a: int) -> None:
     is_safe &= may_follow(gaps.speed_behind, own_speed, gaps.behind, 0.5 * CHANGE_TIME)
     if is_safe and may_follow(own_speed, own.speed_ahead, own.ahead, 0.5 * CHANGE_TIME):
         guide.phase[b, a] = _MANOEUVRE
-        guide.begin[b, a, :2], guide.begin[b, a, 2] = around.position[b, slot], around.heading[b, slot]
+        guide.begin[b, a, 0], guide.begin[b, a, 1] = around.position[b, slot]
+        guide.begin[b, a, 2] = around.heading[b, slot]
         guide.lane[b, a], guide.s[b, a] = around.lane[b, target], place + length
         guide.speed[b, a] = _heeding(max(FASTER * speed, SLOWEST), gaps.ahead, gaps.speed_ahead)
 

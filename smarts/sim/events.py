@@ -132,9 +132,9 @@ def begin_episodes(
     for row in range(len(rows)):
         if not rows[row]:
             continue
-        state.laps_before[row] = state.seats.lap[row]
         is_void = False
         for seat in range(count):
+            state.laps_before[row, seat] = state.seats.lap[row, seat]
             if partner[row, seat] >= 0:
                 out.bits[row, seat] = _COLLISION
                 is_void = True

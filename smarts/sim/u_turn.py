@@ -34,7 +34,8 @@ def plan_u_turn(around: Surroundings, guide: Guide, b: int, a: int) -> None:
     if not is_triggered or s <= 0.0 or left <= 0.0:
         return
     begin = guide.begin[b, a]
-    begin[:2], begin[2] = around.position[b, slot], around.heading[b, slot]
+    begin[0], begin[1] = around.position[b, slot]
+    begin[2] = around.heading[b, slot]
     control = curve_into(around.roads, begin, back, s)
     if not is_opposite(around.roads, begin[2], back, s):
         return

@@ -76,7 +76,8 @@ def _meetings_ahead(
             is_ahead = own != lane or facts.conflict_extent[entry, 0] >= front
             if is_ahead and count < len(lanes):
                 lanes[count] = facts.conflict_lane[entry]
-                extents[count] = facts.conflict_other_extent[entry]
+                extents[count, 0] = facts.conflict_other_extent[entry, 0]
+                extents[count, 1] = facts.conflict_other_extent[entry, 1]
                 count += 1
         for entry in range(table.onward_start[here], table.onward_start[here + 1]):
             if state.roads.lane_inside[table.lane[table.onward[entry]]] and left < len(ways):

@@ -1,11 +1,12 @@
 """Reading YAML into typed sections: every mistake at once, with its line and the nearest name."""
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pytest
 from pydantic import Field
 
-from smarts.config import ConfigError, Section, fitted, read_config
+from smarts.config import ConfigError, Section, fitted, read_config, reading
 
 
 class Wheel(Section):
@@ -204,3 +205,25 @@ def test_numbers_with_an_exponent_are_numbers(write):
     assert "car.yaml:2: seats is 0.5; input should be a valid integer" in problems(
         write("name: a\nseats: 5e-1\n")
     )
+
+
+def test_names_that_are_not_beside_the_file_are_those_of_the_package(write, monkeypatch, tmp_path):
+    packaged = tmp_path / "configs"
+    packaged.mkdir()
+    (packaged / "base.yaml").write_text("name: packaged\nwheels: [{radius: 1}]\n")
+    monkeypatch.setattr(reading, "PACKAGED", packaged)
+    own = tmp_path / "elsewhere"
+    own.mkdir()
+    monkeypatch.chdir(own)
+    (own / "car.yaml").write_text("extends: base.yaml\nseats: 2\n")
+    (own / "below.yaml").write_text("extends: below/base.yaml\n")
+    assert read_config(Path("base.yaml"), Car).name == "packaged"
+    assert read_config(Path("configs/base.yaml"), Car).name == "packaged"
+    assert read_config(Path("car.yaml"), Car) == Car(name="packaged", wheels=(Wheel(radius=1.0),), seats=2)
+    (problem,) = problems(Path("bse.yaml"))
+    assert "'base.yaml'" in problem
+    # What names a folder means that folder.
+    with pytest.raises(ConfigError, match=r"below/base\.yaml"):
+        read_config(Path("below.yaml"), Car)
+    (own / "base.yaml").write_text("name: nearest\nwheels: [{radius: 1}]\n")
+    assert read_config(Path("car.yaml"), Car).name == "nearest"

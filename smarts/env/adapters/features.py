@@ -301,5 +301,6 @@ def write_stack(features: Singles, is_new: Bools, frames: int, vectors: Singles,
                 for i in range(size):
                     kept = features[b, g, i] if is_new[b, g] else vector[begin + size + i]
                     vector[begin + i] = kept
-            vector[(frames - 1) * size : frames * size] = features[b, g]
+            for i in range(size):
+                vector[(frames - 1) * size + i] = features[b, g, i]
             is_new[b, g] = False

@@ -131,4 +131,5 @@ def write_mask(seats: Ints, legal: Bools, mask: Bytes, chosen: Bools) -> None:
     for b in range(chosen.shape[0]):
         for g in range(len(seats)):
             if chosen[b, g]:
-                mask[b, g] = legal[b, seats[g]]
+                for action in range(mask.shape[2]):
+                    mask[b, g, action] = legal[b, seats[g], action]

@@ -171,3 +171,27 @@ def test_a_notice_is_given_when_the_first_kernel_is_compiled_and_none_when_it_is
     own, notice, hits = evaluate(package, code).splitlines()
     assert (own, notice.partition(",")[0], hits) == ("a function of somebody else", "compiling kernels", "0")
     assert evaluate(package, code).splitlines() == ["a function of somebody else", "2"]
+
+
+CALLERS = """
+import numpy as np
+from smarts.geometry.compiling import kernel
+from fresh.lengths import double
+
+@kernel
+def all_widths(narrow, wide):
+    return double(narrow) + double(wide) + double(-3) + double(True)
+"""
+
+
+def test_a_kernel_is_compiled_once_for_whole_numbers_from_kernels_and_apart_from_that_for_python(package):
+    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
+    (package / "callers.py").write_text(CALLERS)
+    code = "import numpy as np; from fresh.callers import all_widths, double\n"
+    code += "print(all_widths(np.int8(-128), 2**40), len(double.callee.signatures), len(double.signatures))\n"
+    code += "print(double(np.int8(-128)), len(double.signatures))"
+    # Of the callee, one for whole numbers and one for the truth value.
+    expected = [f"{2 * (-128 + 2**40 - 3 + 1)} 2 0", "-256 1"]
+    assert evaluate(package, code).splitlines() == expected
+    # What was left in the cache for the caller alone is enough for it.
+    assert evaluate(package, code).splitlines() == [expected[0].replace(" 2 0", " 0 0"), expected[1]]

@@ -1,0 +1,173 @@
+"""How numba compiles kernels: one machine code for each call from Python, whatever kernels it calls.
+
+Numba compiles each function that another one calls as if Python called it too: with a wrapper, optimised, and
+as machine code, of which the caller uses nothing, since it links and optimises the callee's LLVM code again.
+And it does so for each combination of types of arguments, `int32` and `int64` apart. Here a kernel that
+another kernel calls ends as LLVM code, once for all widths of whole numbers. That halves the time to compile
+the kernels of an environment, and what they compute stays the same to the last bit.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FunctionType
+from typing import Any
+
+import llvmlite.binding as llvm
+from llvmlite.ir import Constant, GlobalVariable, IntType
+from numba.core import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
+from numba.core.compiler_machinery import register_pass
+from numba.core.registry import CPUDispatcher
+from numba.core.typed_passes import NativeLowering
+
+_OPTIONS = {"nopython": True, "boundscheck": None, "error_model": "numpy"}
+_NARROW = {types.int8, types.int16, types.int32}
+_ENVIRONMENT = "_ZN08NumbaEnv"
+"""How the names of variables begin that hold the Python objects of a function."""
+
+
+class Kernel(CPUDispatcher):
+    """A function that is compiled for calls from Python, and apart from that for calls from kernels.
+
+    Args:
+        function: The function.
+        others: What numba hands over when it copies a dispatcher; the options are always those of kernels.
+    """
+
+    def __init__(self, function: Callable, *others: Any) -> None:
+        super().__init__(function, targetoptions=_OPTIONS, pipeline_class=_Compiler)
+        self.enable_caching()
+        self.callee = _Callee(_renamed(function))
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return the type of a call from another compiled function."""
+        return self.callee.get_call_template(args, kws)
+
+    def get_overload(self, sig: Any) -> Any:
+        """Return what another compiled function calls."""
+        return self.callee.get_overload(sig)
+
+    def compile(self, sig: Any) -> Any:
+        """Compile for arguments from Python, or load what was compiled before."""
+        with _no_collection():
+            return super().compile(sig)
+
+
+class _Callee(CPUDispatcher):
+    """A kernel for calls from other kernels."""
+
+    def __init__(self, function: Callable, *others: Any) -> None:
+        options = {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        super().__init__(function, targetoptions=options, pipeline_class=_CalleeCompiler)
+        self.enable_caching()
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return the type of a call, in which all whole numbers are of 64 bits."""
+        return super().get_call_template(tuple(map(_widened, args)), {k: _widened(v) for k, v in kws.items()})
+
+
+def _widened(kind: Any) -> Any:
+    return types.int64 if isinstance(kind, types.IntegerLiteral) or kind in _NARROW else kind
+
+
+def _renamed(function: Any) -> Callable:
+    """Return a copy of a function with another name in the cache on disk."""
+    copy = FunctionType(
+        function.__code__,
+        function.__globals__,
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    copy.__kwdefaults__ = function.__kwdefaults__
+    copy.__module__ = function.__module__
+    copy.__qualname__ = f"callee_{function.__qualname__}"
+    return copy
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Leave the garbage collector out: the compiler's objects live long, and looking at them takes 10%."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+class _Flags(Flags):
+    """Options that are compared by what was set, not by asking for each one: numba does it 100,000 times."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        return self._values == other._values if isinstance(other, _Flags) else super().__eq__(other)
+
+    def __hash__(self) -> int:
+        return hash(_Flags)
+
+
+class _Compiler(CompilerBase):
+    """Numba's own passes."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.state.flags = _Flags(self.state.flags)
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes."""
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+
+
+class _CalleeCompiler(_Compiler):
+    """Numba's passes, the last of which leaves LLVM code."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes."""
+        (passes,) = super().define_pipelines()
+        passes.add_pass_after(_CalleeLowering, NativeLowering)
+        passes.passes = [each for each in passes.passes if each[0] is not NativeLowering]
+        passes.finalize()
+        return [passes]
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _CalleeLowering(NativeLowering):
+    """Writes LLVM code into a library that makes no machine code of it."""
+
+    _name = "callee_lowering"
+
+    def run_pass(self, state: Any) -> Any:
+        """Do so."""
+        state.library = _CalleeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        return super().run_pass(state)
+
+
+class _CalleeLibrary(JITCodeLibrary):
+    """The LLVM code of a function, to be linked into that of its callers and optimised there."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self: Any) -> None:
+        """Make machine code of nothing but the variables in which numba puts a function's Python objects."""
+        self._finalize_dynamic_globals()
+        module = self._codegen._create_empty_module(f"{self.name}.environments")
+        for variable in self._final_module.global_variables:
+            if variable.name.startswith(_ENVIRONMENT):
+                own: Any = GlobalVariable(module, IntType(8).as_pointer(), variable.name)
+                own.linkage, own.initializer = "common", Constant(own.value_type, None)
+        self._environments = llvm.parse_assembly(str(module))
+        self._codegen._add_module(self._environments)
+        self._codegen._engine.finalize_object()
+        self._finalized = True
+
+    def serialize_using_object_code(self) -> Any:
+        """Return what goes into the cache on disk."""
+        return self.serialize_using_bitcode()
