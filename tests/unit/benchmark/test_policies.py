@@ -47,7 +47,7 @@ def make(tmp_path_factory):
         (root / "tiny.yaml").write_text(TINY.format(name=name, settings=settings, agents=agents))
         (run,) = runs_of(read_experiment(root / "tiny.yaml"))
         folder = RunFolder(root / "run")
-        folder.open(run.content(), run.digest())
+        folder.open(run.content())
         with algorithm_of(run) as algo:
             folder.save(folder.checkpoint, algo, {})
         return run, folder
