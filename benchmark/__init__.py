@@ -4,7 +4,7 @@ from benchmark import Experiment, load_policy, run
 
 results = run(Experiment(name="mine", algorithms=["ppo"], tasks=["loop"]))
 policy = load_policy("results/mine/ppo/loop/no_social_vehicles/seed_1")
-actions = policy.act(observations)
+actions = policy.act(observations, infos)
 """
 
 from __future__ import annotations

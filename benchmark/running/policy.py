@@ -24,7 +24,6 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.again import read_run
 from benchmark.running.training import config_of
 from smarts.env.adapters.protocol import MASK
-from smarts.env.arrays import nested
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError, nearest_names
@@ -99,13 +98,15 @@ class Policy:
         """Forget the last episode. To be called with each `reset` of an environment."""
         self._last = None
 
-    def act(self, observations: Any) -> Any:
+    def act(self, observations: Any, infos: Mapping[str, Any] | None = None) -> Any:
         """Return actions, to be handed to the environment's `step`.
 
         Args:
             observations: What `reset` and `step` return. Dicts of agents: an action for each agent in it,
                 which need not be all. Of `SingleHiWayEnv`: the agent's action. Of `VectorHiWayEnv`, its whole
                 `VectorStep`: an array for each block; a simulation that was reset is taken for a new episode.
+            infos: What they return beside them, where masks of lane actions are; where there is no mask, not in
+                the observations either, every action counts as legal.
 
         Raises:
             ActionError: An agent is unknown, or its observation is none that the policy was trained on.
@@ -118,7 +119,8 @@ class Policy:
             raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
         only = next(iter(self.agents))
         by_agent = {only: observations} if is_single else observations
-        actions = self._by_name(self._choose(self._step_of(by_agent)))
+        told = {only: infos or {}} if is_single else infos or {}
+        actions = self._by_name(self._choose(self._step_of(by_agent, told)))
         return actions[only] if is_single else {name: actions[name] for name in by_agent}
 
     def attach(self, env: HiWayEnv) -> None:
@@ -161,7 +163,7 @@ class Policy:
             self._last = None
         return self._playing
 
-    def _step_of(self, by_agent: Mapping[str, Any]) -> JointStep:
+    def _step_of(self, by_agent: Mapping[str, Any], infos: Mapping[str, Any]) -> JointStep:
         """Return what the agents see as arrays of one simulation; those left out are not there."""
         for name in by_agent:
             if name not in self.agents:
@@ -181,8 +183,9 @@ class Policy:
                 if name in by_agent:
                     seen = self._arrays_of(name, by_agent[name])
                     _fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
-                    if legal is not None and isinstance(seen, Mapping) and MASK in seen:
-                        legal[0, row] = np.asarray(seen[MASK], bool)
+                    mask = _mask_in(seen, infos.get(name))
+                    if legal is not None and mask is not None:
+                        legal[0, row] = np.asarray(mask, bool)
                         legal[0, row, 0] |= not legal[0, row].any()
             leaves.append(arrays)
             masks.append(legal)
@@ -208,7 +211,8 @@ class Policy:
                 place="Policy.act",
                 remedy="call policy.attach(env) once, so that it sees what it was trained on",
             )
-        return nested(self._attached.observations, 0, self.agents.index(name))
+        agent = self.agents.index(name)
+        return {leaf: array[0, agent] for leaf, array in self._attached.observations.items()}
 
     def _by_name(self, actions: Sequence[NDArray]) -> dict[str, Any]:
         found: dict[str, Any] = {}
@@ -256,6 +260,11 @@ def _seen(block: Block) -> Block:
     return block._replace(observation=kept)
 
 
+def _mask_in(*given: Any) -> Any:
+    """Return the first mask of lane actions that there is, None without any."""
+    return next((each[MASK] for each in given if isinstance(each, Mapping) and MASK in each), None)
+
+
 def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
     """Copy an agent's observation into its rows.
 
@@ -266,7 +275,8 @@ def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
         try:
             part = seen
             if isinstance(seen, Mapping):
-                for key in (leaf or "observation").split("/"):
+                full = leaf or "observation"
+                for key in [full] if full in seen else full.split("/"):
                     part = part[key]
             array = np.asarray(part)
         except (KeyError, TypeError) as error:

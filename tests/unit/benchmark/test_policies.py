@@ -47,7 +47,7 @@ def make(tmp_path_factory):
         (root / "tiny.yaml").write_text(TINY.format(name=name, settings=settings, agents=agents))
         (run,) = runs_of(read_experiment(root / "tiny.yaml"))
         folder = RunFolder(root / "run")
-        folder.open(run.content(), run.digest())
+        folder.open(run.content())
         with algorithm_of(run) as algo:
             folder.save(folder.checkpoint, algo, {})
         return run, folder
@@ -94,12 +94,12 @@ def by_dicts(env, policy, steps=12):
     """Return the actions of an environment whose observations are dicts, while all its agents are there."""
     policy.reset()
     try:
-        observations = env.reset(seed=7)[0]
+        observations, infos = env.reset(seed=7)
         found = []
         for _ in range(steps):
-            actions = policy.act(observations)
+            actions = policy.act(observations, infos)
             found.append(actions)
-            observations = env.step(actions)[0]
+            observations, *_, infos = env.step(actions)
     finally:
         env.close()
     return found

@@ -30,8 +30,8 @@ def file(tmp_path):
     file.write_text(CONFIG)
     for each in runs_of(read_experiment(file)):
         folder = RunFolder(tmp_path / "results" / "done" / each.folder)
-        folder.open(each.content(), each.digest())
-        folder.note(status=FINISHED, digest=each.digest(), tested=each.cell.test_content())
+        folder.open(each.content())
+        folder.note(status=FINISHED, tested=each.cell.test_content())
         labels = {"algorithm": "ppo", "training_seed": each.seed, "task": "loop", "task_traffic": ALONE}
         outcomes = [["goal", "goal"], ["goal", "collision"]]
         write_table(agent_episodes(outcomes, mode="greedy", **labels), folder.table)
