@@ -105,8 +105,8 @@ class Policy:
             observations: What `reset` and `step` return. Dicts of agents: an action for each agent in it,
                 which need not be all. Of `SingleHiWayEnv`: the agent's action. Of `VectorHiWayEnv`, its whole
                 `VectorStep`: an array for each block; a simulation that was reset is taken for a new episode.
-            infos: What they return beside them, where masks of lane actions are; where there is no mask, not in
-                the observations either, every action counts as legal.
+            infos: What they return beside them, where masks of lane actions are; where there is no mask, not
+                in the observations either, every action counts as legal.
 
         Raises:
             ActionError: An agent is unknown, or its observation is none that the policy was trained on.
