@@ -38,7 +38,7 @@ class LanePaths:
         self._maps = tuple(maps)
         self._numbers: dict[tuple[int, tuple[int, ...]], int] = {}
         self._start = np.zeros(0)
-        self._points = np.zeros((0, 4))
+        self._points = np.zeros((4, 0))
         """Station along all paths one after another [m], x, y [m], unwrapped heading [rad]."""
         self._rows: list[NDArray[np.intp]] = []
         """Of each path's points."""
@@ -51,7 +51,6 @@ class LanePaths:
         """
         if (map_number, edges) in self._numbers:
             return self._numbers[map_number, edges]
-        number = self._numbers[map_number, edges] = len(self.edges)
         graph = self._maps[map_number]
         lanes = _lanes_along(graph, edges)
         xy = np.concatenate([graph.centreline(lane) for lane in lanes])
@@ -59,20 +58,22 @@ class LanePaths:
         heading = np.unwrap(graph.point_heading[np.concatenate(rows)])
         s = _on_grid(np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]))
         # A gap of a metre, so that stations tell paths apart.
-        start = np.ceil(self._points[-1, 0]) + 1.0 if len(self._points) else 0.0
-        self._rows.append(len(self._points) + np.arange(len(s)))
-        self._points = np.concatenate([self._points, np.column_stack([start + s, xy, heading])])
+        before = self._points.shape[1]
+        start = np.ceil(self._points[0, -1]) + 1.0 if before else 0.0
+        self._rows.append(before + np.arange(len(s)))
+        self._points = np.concatenate([self._points, [start + s, *xy.T, heading]], axis=1)
         self._start, self.length = np.append(self._start, start), np.append(self.length, s[-1])
         self.speed = np.append(self.speed, graph.speed_limit[lanes].min())
+        self._numbers[map_number, edges] = len(self.edges)
         self.edges.append(edges)
-        return number
+        return self._numbers[map_number, edges]
 
     def poses(self, path: Ints, s: Floats, t: Floats) -> Floats:
         """Return x, y [m], heading [rad] of places on paths, shape (N, 3): `s` along, `t` to the left [m]."""
         if not len(path):
             return np.zeros((0, 3))
         station = self._start[path] + np.clip(_on_grid(s), 0.0, self.length[path])
-        x, y, heading = (np.interp(station, self._points[:, 0], self._points[:, n]) for n in (1, 2, 3))
+        x, y, heading = (np.interp(station, self._points[0], column) for column in self._points[1:])
         return np.column_stack([x - t * np.sin(heading), y + t * np.cos(heading), wrap_angle(heading)])
 
     def nearest(self, paths: Sequence[int], x: float, y: float, heading: float) -> tuple[int, float, float]:
@@ -83,7 +84,8 @@ class LanePaths:
         if not len(paths):
             return -1, 0.0, 0.0
         rows = np.concatenate([self._rows[path] for path in paths])
-        dx, dy, along = x - self._points[rows, 1], y - self._points[rows, 2], self._points[rows, 3]
+        station, xs, ys, along = self._points[:, rows]
+        dx, dy = x - xs, y - ys
         distance = np.hypot(dx, dy)
         distance[np.abs(wrap_angle(along - heading)) >= ALIGNED] = np.inf
         place = int(distance.argmin())
@@ -91,7 +93,7 @@ class LanePaths:
             return -1, 0.0, 0.0
         path = int(np.repeat(paths, [len(self._rows[path]) for path in paths])[place])
         dx, dy, cos, sin = dx[place], dy[place], np.cos(along[place]), np.sin(along[place])
-        s = self._points[rows[place], 0] - self._start[path] + dx * cos + dy * sin
+        s = station[place] - self._start[path] + dx * cos + dy * sin
         return path, float(s), float(dy * cos - dx * sin)
 
 
