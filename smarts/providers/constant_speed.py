@@ -2,7 +2,8 @@
 
 An example of a traffic engine, and a baseline of drivers that react to nothing. All simulations advance in
 the same array operations. The engine reads the routes, flows and vehicles of the scenario's SUMO files,
-drives at the lowest speed limit of each route, and has no lane changes, no lights and no right of way.
+drives at the lowest speed limit of each route, and has no lane changes, no stops, no lights and no right of
+way. All vehicles are cars of one size, whatever their types.
 """
 
 from __future__ import annotations
