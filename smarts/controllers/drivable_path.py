@@ -290,7 +290,7 @@ def _add_offset_cost(found: Floats, weight: float, ahead: float, value: Floats, 
 def _go_back(smoothness: float, change: float, value: Floats, linear: Floats, feedback: Floats) -> None:
     """Turn the cost behind a step into the cost before it, and write the best change of curvature there.
 
-    A state (offset, heading, curvature) goes on to (offset + h heading, heading + h curvature, curvature),
+    A state (offset, heading, curvature) leads to (offset + h heading, heading + h curvature, curvature),
     where the curvature is the changed one and h is `STEP`.
     """
     to_bend = value[1] * STEP + value[2]

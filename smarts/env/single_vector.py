@@ -36,10 +36,10 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
     """What `gymnasium.make_vec("smarts.env:hiway-single-v0", num_envs, ...)` returns.
 
     A simulation is reset in the step in which its episode ends (`AutoresetMode.SAME_STEP`): the observation
-    is the first of the next episode; `infos["final_obs"]` and `infos["final_info"]` hold the last observation
-    and the outcome. Simulation i plays what world i of `VectorHiWayEnv` does, and simulation 0 what
-    `SingleHiWayEnv` does. If the traffic of a simulation fails, its episode is truncated with outcome "void",
-    reward 0 and the observation before as its last one.
+    is the first of the next episode; `infos["final_obs"]` and `infos["final_info"]` hold its last
+    observation, mask and outcome. Simulation i plays what world i of `VectorHiWayEnv` does, and simulation 0
+    what `SingleHiWayEnv` does. If the traffic of a simulation fails, its episode is truncated with outcome
+    "void", reward 0 and the observation before as its last one.
 
     Args:
         num_envs: How many simulations.
@@ -97,6 +97,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._seen: Any = None
+        self._mask: NDArray[np.int8] | None = None
         self.closed = False
 
     def reset(
@@ -118,7 +119,8 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         first = 0 if seed is not None or not played else 1 + max(played)
         step = self._env.reset(seed, episode=first)
         self._seen = self._observations(step.observations[0], step.masks[0])
-        return self._seen, self._infos(step)
+        self._mask = self._mask_of(step.masks[0])
+        return self._seen, self._infos()
 
     def step(self, actions: ArrayLike) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Carry out a decision in all simulations, and reset those whose episode ends with it.
@@ -133,10 +135,11 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         step = self._env.step([self._checked(actions)[:, None]])
         failed = np.zeros(self.num_envs, np.bool_)
         failed[[*step.failed]] = True
-        infos = self._infos(step)
-        if step.reset.any() or failed.any():
-            infos |= self._final_infos(step, failed)
+        is_over = step.reset.any() or failed.any()
+        final_infos = self._final_infos(step, failed) if is_over else {}
         self._seen = self._observations(step.observations[0], step.masks[0])
+        self._mask = self._mask_of(step.masks[0])
+        infos = self._infos() | final_infos
         rewards = step.rewards[:, 0].astype(np.float64)
         return self._seen, rewards, step.terminated[:, 0].copy(), step.truncated[:, 0] | failed, infos
 
@@ -161,25 +164,33 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
             parts[MASK] = mask[:, 0].astype(np.int8)
         return assembled(parts)
 
-    def _infos(self, step: VectorStep) -> dict[str, Any]:
-        (mask,) = step.masks
+    def _mask_of(self, mask: Bools | None) -> NDArray[np.int8] | None:
+        return None if mask is None else mask[:, 0].astype(np.int8)
+
+    def _infos(self) -> dict[str, Any]:
         everywhere = np.ones(self.num_envs, np.bool_)
-        return {} if mask is None else {MASK: mask[:, 0].astype(np.int8), f"_{MASK}": everywhere}
+        return {} if self._mask is None else {MASK: self._mask, f"_{MASK}": everywhere}
 
     def _final_infos(self, step: VectorStep, failed: Bools) -> dict[str, Any]:
-        """Return last observations and outcomes, as `gymnasium.vector.SyncVectorEnv` lays infos out."""
+        """Return last observations, masks and outcomes, laid out as by `gymnasium.vector.SyncVectorEnv`."""
         observations = np.full(self.num_envs, None, object)
         outcomes = np.full(self.num_envs, None, object)
+        masks = None if self._mask is None else np.where(failed[:, None], self._mask, np.int8(0))
         for row in np.flatnonzero(failed).tolist():
             observations[row], outcomes[row] = _pick(self._seen, row), _VOID
         if step.final is not None:
             ended = self._observations(step.final.observations[0], step.final.masks[0])
+            last = self._mask_of(step.final.masks[0])
+            if masks is not None and last is not None:
+                masks[step.final.rows] = last
             for place, row in enumerate(step.final.rows.tolist()):
                 shares = step.metrics[row]
                 observations[row] = _pick(ended, place)
                 outcomes[row] = next(each for each in _OUTCOMES if shares[each])
         over = step.reset | failed
         final_info = {"outcome": outcomes, "_outcome": over}
+        if masks is not None:
+            final_info |= {MASK: masks, f"_{MASK}": over.copy()}
         return {
             "final_obs": observations,
             "_final_obs": over,

@@ -2,7 +2,8 @@
 
 An example of a traffic engine, and a baseline of drivers that react to nothing. All simulations advance in
 the same array operations. The engine reads the routes, flows and vehicles of the scenario's SUMO files,
-drives at the lowest speed limit of each route, and has no lane changes, no lights and no right of way.
+drives at the lowest speed limit of each route, and has no lane changes, no stops, no lights and no right of
+way. All vehicles are cars of one size, whatever their types.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ class ConstantSpeed(TrafficEngine):
         self._world, self._owner = world, owner
         self._maps, self._paths = tuple(maps), LanePaths(maps)
         self._coming = np.zeros(0, DEPARTURE)
+        self._known: list[dict[int, None]] = [{} for _ in range(world.worlds)]
+        """The paths of each simulation's traffic, in order."""
         self._limit = np.zeros(world.worlds, np.int32)
         shape = world.vehicles.alive.shape
         self._generation = np.full(shape, -1, np.int32)
@@ -63,12 +66,14 @@ class ConstantSpeed(TrafficEngine):
         coming = [self._coming[~begun[self._coming["row"]]]]
         for row, start in starts.items():
             self._limit[row] = start.limit
+            self._known[row].clear()
             generator = np.random.Generator(np.random.Philox(start.traffic_seed))
             for file in start.traffic.routes:
                 for edges, times in _departures(file, generator):
                     numbers = tuple(map(self._maps[start.map].edge_number, edges))
-                    each = np.zeros(len(times), DEPARTURE)
-                    each["row"], each["path"] = row, self._paths.add(start.map, numbers)
+                    each, path = np.zeros(len(times), DEPARTURE), self._paths.add(start.map, numbers)
+                    self._known[row][path] = None
+                    each["row"], each["path"] = row, path
                     each["time"] = times - start.traffic.warm_up
                     coming.append(each)
         self.is_full[begun], self._generation[begun] = False, -1
@@ -84,6 +89,7 @@ class ConstantSpeed(TrafficEngine):
         driven = vehicles.alive & (vehicles.owner == self._owner) & rows[:, None]
         b, v = np.nonzero(driven & (self._generation != vehicles.generation))
         self._path[b, v], self._s[b, v], self._t[b, v] = self._nearest(b, v)
+        vehicles.route[b, v] = -1  # it follows that path from now on, whatever it had planned
         self._generation[rows] = np.where(driven, vehicles.generation, -1)[rows]
         b, v = np.nonzero(driven)
         self._s[b, v] += vehicles.speed[b, v] * world.dt
@@ -133,8 +139,9 @@ class ConstantSpeed(TrafficEngine):
     def _nearest(self, b: NDArray, v: NDArray) -> tuple[Ints, Floats, Floats]:
         """Return path, s and t of vehicles, shape (N,) each; path -1 where there is none."""
         vehicles = self._world.vehicles
-        poses = np.column_stack([self._world.map[b], vehicles.position[b, v], vehicles.heading[b, v]])
-        found = [self._paths.nearest(int(number), *pose) for number, *pose in poses.tolist()]
+        poses = np.column_stack([vehicles.position[b, v], vehicles.heading[b, v]]).tolist()
+        known = [tuple(self._known[row]) for row in b.tolist()]
+        found = [self._paths.nearest(paths, *pose) for paths, pose in zip(known, poses, strict=True)]
         path, s, t = np.array(found).reshape(-1, 3).T
         return path.astype(np.int32), s, t
 

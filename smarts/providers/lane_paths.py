@@ -16,6 +16,8 @@ Ints, Floats = NDArray[np.int32], NDArray[np.float64]
 
 NEAR, ALIGNED = 3.0, np.pi / 4
 """How far a vehicle may be from a path [m], and turned away from it [rad], to be taken for being on it."""
+GRID = 2.0**-20
+"""Of stations [m]: their sums with the begins of paths are exact, whichever paths have been added before."""
 
 
 class LanePaths:
@@ -36,11 +38,10 @@ class LanePaths:
         self._maps = tuple(maps)
         self._numbers: dict[tuple[int, tuple[int, ...]], int] = {}
         self._start = np.zeros(0)
-        self._points = np.zeros((0, 4))
+        self._points = np.zeros((4, 0))
         """Station along all paths one after another [m], x, y [m], unwrapped heading [rad]."""
-        self._path = np.zeros(0, np.int32)
-        self._map = np.zeros(0, np.int32)
-        """Of each point."""
+        self._rows: list[NDArray[np.intp]] = []
+        """Of each path's points."""
 
     def add(self, map_number: int, edges: tuple[int, ...]) -> int:
         """Return the number of the path along a route, a new one if need be.
@@ -50,44 +51,54 @@ class LanePaths:
         """
         if (map_number, edges) in self._numbers:
             return self._numbers[map_number, edges]
-        number = self._numbers[map_number, edges] = len(self.edges)
         graph = self._maps[map_number]
         lanes = _lanes_along(graph, edges)
         xy = np.concatenate([graph.centreline(lane) for lane in lanes])
         rows = [np.arange(graph.point_start[lane], graph.point_start[lane + 1]) for lane in lanes]
         heading = np.unwrap(graph.point_heading[np.concatenate(rows)])
-        s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+        s = _on_grid(np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]))
         # A gap of a metre, so that stations tell paths apart.
-        start = self._points[-1, 0] + 1.0 if len(self._points) else 0.0
-        self._points = np.concatenate([self._points, np.column_stack([start + s, xy, heading])])
-        self._path = np.append(self._path, np.full(len(s), number, np.int32))
-        self._map = np.append(self._map, np.full(len(s), map_number, np.int32))
+        before = self._points.shape[1]
+        start = np.ceil(self._points[0, -1]) + 1.0 if before else 0.0
+        self._rows.append(before + np.arange(len(s)))
+        self._points = np.concatenate([self._points, [start + s, *xy.T, heading]], axis=1)
         self._start, self.length = np.append(self._start, start), np.append(self.length, s[-1])
         self.speed = np.append(self.speed, graph.speed_limit[lanes].min())
+        self._numbers[map_number, edges] = len(self.edges)
         self.edges.append(edges)
-        return number
+        return self._numbers[map_number, edges]
 
     def poses(self, path: Ints, s: Floats, t: Floats) -> Floats:
         """Return x, y [m], heading [rad] of places on paths, shape (N, 3): `s` along, `t` to the left [m]."""
         if not len(path):
             return np.zeros((0, 3))
-        station = self._start[path] + np.clip(s, 0.0, self.length[path])
-        x, y, heading = (np.interp(station, self._points[:, 0], self._points[:, n]) for n in (1, 2, 3))
+        station = self._start[path] + np.clip(_on_grid(s), 0.0, self.length[path])
+        x, y, heading = (np.interp(station, self._points[0], column) for column in self._points[1:])
         return np.column_stack([x - t * np.sin(heading), y + t * np.cos(heading), wrap_angle(heading)])
 
-    def nearest(self, map_number: int, x: float, y: float, heading: float) -> tuple[int, float, float]:
-        """Return path, s and t [m] of a pose; path -1 where there is none `NEAR` and `ALIGNED`."""
-        dx, dy = x - self._points[:, 1], y - self._points[:, 2]
-        along = self._points[:, 3]
-        fits = (self._map == map_number) & (np.abs(wrap_angle(along - heading)) < ALIGNED)
-        distance = np.where(fits, np.hypot(dx, dy), np.inf)
-        if distance.min(initial=np.inf) > NEAR:
+    def nearest(self, paths: Sequence[int], x: float, y: float, heading: float) -> tuple[int, float, float]:
+        """Return path, s and t [m] of a pose on one of some paths; path -1 if none is `NEAR` and `ALIGNED`.
+
+        Of paths that are equally near it is the first one in `paths`.
+        """
+        if not len(paths):
             return -1, 0.0, 0.0
-        point = int(distance.argmin())
-        cos, sin = np.cos(along[point]), np.sin(along[point])
-        path = int(self._path[point])
-        s = self._points[point, 0] - self._start[path] + dx[point] * cos + dy[point] * sin
-        return path, float(s), float(dy[point] * cos - dx[point] * sin)
+        rows = np.concatenate([self._rows[path] for path in paths])
+        station, xs, ys, along = self._points[:, rows]
+        dx, dy = x - xs, y - ys
+        distance = np.hypot(dx, dy)
+        distance[np.abs(wrap_angle(along - heading)) >= ALIGNED] = np.inf
+        place = int(distance.argmin())
+        if distance[place] > NEAR:
+            return -1, 0.0, 0.0
+        path = int(np.repeat(paths, [len(self._rows[path]) for path in paths])[place])
+        dx, dy, cos, sin = dx[place], dy[place], np.cos(along[place]), np.sin(along[place])
+        s = station[place] - self._start[path] + dx * cos + dy * sin
+        return path, float(s), float(dy * cos - dx * sin)
+
+
+def _on_grid(s: Floats) -> Floats:
+    return np.rint(s / GRID) * GRID
 
 
 def _lanes_along(graph: LaneGraph, edges: tuple[int, ...]) -> list[int]:

@@ -46,15 +46,15 @@ class Case:
         self.all = np.ones(worlds, np.bool_)
         self.engine = kind(self.world, [self.roads], **options)
 
-    def start(self, world=0, episode=0, limit=LIMIT, engine="SUMO"):
+    def start(self, world=0, episode=0, limit=LIMIT, engine="SUMO", traffic=TRAFFIC):
         return EpisodeStart(
             seed=7,
             world=world,
             episode=episode,
             scenario=SCENARIO,
             map=0,
-            traffic=self.built.traffic_files(TRAFFIC),
-            traffic_name=TRAFFIC,
+            traffic=self.built.traffic_files(traffic),
+            traffic_name=traffic,
             traffic_seed=traffic_seed(7, world=world, episode=episode),
             limit=limit,
             seats=(),
@@ -190,6 +190,40 @@ def test_an_episode_does_not_depend_on_those_before(case):
     fresh.reset(row_0=fresh.start(episode=1))
     fresh.step(50)
     assert used.content(0) != fresh.content(0)
+
+
+@pytest.fixture(scope="module")
+def of_two_traffics(tmp_path_factory):
+    """Return a scenario with two traffics that begin on the same lane."""
+    folder = write_cross(tmp_path_factory.mktemp("scenarios") / "two")
+    onward = "t.Traffic(flows=[flow(rate=900)], warm_up=20)"
+    turning = 't.Route(("from_west", 0, 0), ("to_south", 0, "max"))'
+    other = f"t.Traffic(flows=[flow({turning}), flow(south_north)], warm_up=20)"
+    mission = "ego_missions=[t.Mission(south_north)]"
+    folder.joinpath("scenario.py").write_text(
+        scenario(f'traffic={{"onward": {onward}, "other": {other}}}, {mission}')
+    )
+    return build_scenario(folder)
+
+
+def test_an_episode_does_not_depend_on_the_traffic_before_and_beside_it(of_two_traffics, kind):
+    used, fresh = (Case(of_two_traffics, kind, worlds) for worlds in (2, 1))
+    try:
+        used.reset(row_0=used.start(traffic="other"), row_1=used.start(1, traffic="other"))
+        used.step(20)
+        for one in (used, fresh):
+            one.reset(row_0=one.start(traffic="onward"))
+            slot = one.put(0, one.roads.lane_number("from_west", 0), 40.0)
+            one.vehicles.speed[0, slot] = 5.0
+            one.step()
+            one.vehicles.owner[0, slot] = Owner.TRAFFIC
+        for _ in range(100):
+            used.step()
+            fresh.step()
+            assert used.content(0) == fresh.content(0)
+    finally:
+        used.engine.close()
+        fresh.engine.close()
 
 
 def test_vehicles_of_others_are_not_touched(case):

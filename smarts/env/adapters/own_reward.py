@@ -97,7 +97,7 @@ class RewardStep:
 
     @property
     def outcome(self) -> NDArray[np.int8]:
-        """How they ended: an `Outcome`, 0 for who drives on."""
+        """How they ended: an `Outcome`, 0 for agents that drive on."""
         return np.where(self.ended, self._of_agents("outcome"), 0).astype(np.int8)
 
     def happened(self, event: Event) -> Bools:
@@ -168,8 +168,8 @@ class OwnRewards:
         self._has_begun |= present
         if driving.any():
             self._sum += np.where(driving, self._worth(RewardStep(frame, self._served, driving)), 0.0)
-        paid = settled & driving
-        self.values[paid] += self._sum[paid]
+        rewarded = settled & driving
+        self.values[rewarded] += self._sum[rewarded]
         self._sum[settled] = 0.0
         return settled
 

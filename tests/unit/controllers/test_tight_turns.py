@@ -77,7 +77,7 @@ def offsets_from_corner(points, turn):
 
 @pytest.fixture(scope="module")
 def plain():
-    """Return the roads of a map that is one road 32 m wide along +x, so that no edge is near."""
+    """Return the roads of a map that is one road 150 m wide along +x, so that no edge is near."""
     return RoadAtlas([maps.graph_of({"road": maps.Road([(-100.0, 0.0), (100.0, 0.0)], width=150.0)})]).roads
 
 

@@ -78,6 +78,8 @@ def test_the_first_simulation_is_what_gymnasium_makes_of_a_single_one(kind):
                     ended.append(infos["final_info"]["outcome"][0])
                     assert_equal(infos["final_obs"][0], facts["final_obs"][0])
                     assert ended[-1] == facts["final_info"]["outcome"][0]
+                    for name in {"action_mask", "_action_mask"} & facts["final_info"].keys():
+                        assert_equal(infos["final_info"][name][0], facts["final_info"][name][0])
         assert len(ended) >= 4
         assert "time_out" in ended
     finally:

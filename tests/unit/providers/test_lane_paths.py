@@ -1,0 +1,61 @@
+"""Paths along the lanes of routes, by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smarts.errors import TrafficError
+from smarts.providers.lane_paths import LanePaths
+from tests import maps
+
+ONWARD, LEFT = ("west_in", "east_out"), ("west_in", "north_out")
+
+
+@pytest.fixture(scope="module")
+def roads():
+    return maps.crossing(gap=8.0)
+
+
+def numbers(roads, route):
+    return tuple(map(roads.edge_number, route))
+
+
+def test_a_pose_is_found_on_the_path_and_led_on_from_there(roads):
+    paths = LanePaths([roads])
+    path = paths.add(0, numbers(roads, ONWARD))
+    x, y, heading = roads.pose_at(roads.lane_number("west_in", 0), 20.0)
+    found = paths.nearest([path], x, y + 0.5, heading + 0.1)
+    assert found == (path, pytest.approx(20.0), pytest.approx(0.5))
+    (there,) = paths.poses(np.array([path]), np.array([found[1]]), np.array([found[2]]))
+    assert there == pytest.approx([x, y + 0.5, heading])
+    assert paths.nearest([path], x, y + 4.0, heading)[0] == -1
+    assert paths.nearest([path], x, y, heading + math.pi)[0] == -1
+    assert paths.nearest([], x, y, heading)[0] == -1
+
+
+def test_of_paths_that_share_a_lane_the_first_that_is_given_is_taken(roads):
+    paths = LanePaths([roads])
+    onward, left = (paths.add(0, numbers(roads, route)) for route in (ONWARD, LEFT))
+    pose = roads.pose_at(roads.lane_number("west_in", 0), 20.0)
+    assert paths.nearest([onward, left], *pose)[0] == onward
+    assert paths.nearest([left, onward], *pose)[0] == left
+
+
+def test_poses_are_the_same_bits_whichever_paths_were_added_before(roads):
+    alone, after = LanePaths([roads]), LanePaths([roads])
+    after.add(0, numbers(roads, LEFT))
+    s = np.random.default_rng(0).uniform(0.0, 100.0, 1000)
+    one, other = (
+        paths.poses(np.full(1000, paths.add(0, numbers(roads, ONWARD))), s, 0.1 * s)
+        for paths in (alone, after)
+    )
+    assert one.tobytes() == other.tobytes()
+
+
+def test_a_route_that_is_refused_is_refused_again(roads):
+    paths = LanePaths([roads])
+    for _ in range(2):
+        with pytest.raises(TrafficError):
+            paths.add(0, numbers(roads, ("west_in", "east_in")))
+        assert paths.add(0, numbers(roads, ONWARD)) == 0
