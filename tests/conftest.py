@@ -21,3 +21,11 @@ def _ray_ends_with_the_module():
     yield
     if "ray" in sys.modules:
         sys.modules["ray"].shutdown()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _own_code_ends_with_the_module():
+    """Forget the metrics that a module's tests have named as `module:NAME`: registries list them."""
+    yield
+    if "benchmark.metrics.registry" in sys.modules:
+        sys.modules["benchmark.metrics.registry"].METRICS._own.clear()

@@ -263,21 +263,16 @@ class SumoTraffic:
                 if slot in self._shadows:
                     self._take_back(slot)
             else:
-                self._mind(slot)
+                self._mind(slot, is_rerouted=bool(is_rerouted[slot]))
         return entering
 
-    def _mind(self, slot: int) -> None:
-        """Lead the vehicle in a slot as a shadow on the route that it is bound for."""
-        route = self._planned(slot)
-        if slot in self._shadows:
-            if route:
-                self._shadows.set_route(slot, route)
-            return
-        if route:
-            with self._library.errors("refused a route"):
-                self._library.vehicle.setRoute(self._ids[slot], list(route))
-        del self._driven[self._ids[slot]]
-        self._shadows.take_over(slot, self._ids[slot])
+    def _mind(self, slot: int, *, is_rerouted: bool) -> None:
+        """Lead the vehicle in a slot as a shadow, on the route that it is bound for if others have changed it."""
+        if slot not in self._shadows:
+            del self._driven[self._ids[slot]]
+            self._shadows.take_over(slot, self._ids[slot])
+        if is_rerouted and (route := self._planned(slot)):
+            self._shadows.set_route(slot, route)
 
     def _planned(self, slot: int) -> tuple[str, ...]:
         """Return the edges of the route in a vehicle's row, () without one."""
