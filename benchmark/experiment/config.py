@@ -19,6 +19,7 @@ from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read
 from smarts.errors import nearest_names
 from smarts.registry import is_own_name
 from smarts.sstudio.locating import resolved, suite
+from smarts.types.traffic import TRAFFIC_ENGINES
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
@@ -45,6 +46,12 @@ def _named(kind: str, known: Iterable[str]) -> Callable[[str], str]:
         return name
 
     return check
+
+
+def _engine(name: str) -> str:
+    if name not in TRAFFIC_ENGINES:
+        raise UnfitError(f"there is no traffic engine {name!r}", nearest_names(name, TRAFFIC_ENGINES))
+    return name
 
 
 def _metric(name: str) -> str:
@@ -97,6 +104,7 @@ Algorithm = Annotated[str, AfterValidator(_named("algorithm", ALGORITHMS))]
 Reference = Annotated[str, AfterValidator(_named("reference policy", FLOORS))]
 Metric = Annotated[str, AfterValidator(_metric)]
 Scenario = Annotated[str, AfterValidator(_scenario)]
+Engine = Annotated[str, AfterValidator(_engine)]
 
 
 class Task(Section):
@@ -181,6 +189,8 @@ class Environment(Section):
     friction: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
     """Of the road under agents' vehicles, where the scenario has no patch of another: ice has about 0.1, a
     wet road 0.5; null: dry asphalt, 0.9."""
+    traffic_engine: Engine | None = None
+    """What drives the traffic: SUMO or ConstantSpeed; null: what the scenario names."""
 
 
 class Budget(Section):

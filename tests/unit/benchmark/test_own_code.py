@@ -225,6 +225,8 @@ def test_a_file_of_the_command_line_is_as_good(tmp_path):
         ("environment.vehicle_model=dinamic", "environment.vehicle_model is 'dinamic'"),
         ("environment.friction=0", "environment.friction is 0"),
         ("environment.flat_tyres=[4]", "environment.flat_tyres[0] is 4"),
+        ("environment.traffic_engine=Sumo", "environment.traffic_engine: there is no traffic engine 'Sumo'"),
+        ("environment.traffic_engine='a:B'", "there is no traffic engine 'a:B'"),
         ("environment.action=Empty", "environment.action is 'Empty'"),
     ],
 )
