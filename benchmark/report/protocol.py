@@ -11,8 +11,8 @@ from benchmark.results.reading import Results, RunResult
 
 COMPARED = ("environment", "budget")
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action, reward, vehicle,
-friction and traffic engine; the horizon and the starts are the scenario's, by whose name results are told apart
-anyway."""
+friction and traffic engine; the horizon and the starts are the scenario's, by whose name results are told
+apart anyway."""
 OWN_SHARING = "each algorithm's own"
 """Which parameters agents share where the settings do not say."""
 
