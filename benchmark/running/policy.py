@@ -105,15 +105,18 @@ class Policy:
             observations: What `reset` and `step` return. Dicts of agents: an action for each agent in it,
                 which need not be all. Of `SingleHiWayEnv`: the agent's action. Of `VectorHiWayEnv`, its whole
                 `VectorStep`: an array for each block; a simulation that was reset is taken for a new episode.
-            infos: What they return beside them, where masks of lane actions are; where there is no mask, not
-                in the observations either, every action counts as legal.
+            infos: What they return beside them, where masks of lane actions are, unless the observations hold
+                them.
 
         Raises:
-            ActionError: An agent is unknown, or its observation is none that the policy was trained on.
+            ActionError: An agent is unknown, its observation is none that the policy was trained on, or there
+                is no mask of its actions although it was trained with one.
         """
         if isinstance(observations, VectorStep):
             return [*self._choose(observations)]
-        is_single = not isinstance(observations, Mapping) or not observations.keys() & {*self.agents}
+        # An empty dict is one by agent, none of which drives at the moment.
+        by_name = isinstance(observations, Mapping) and (not observations or {*observations} & {*self.agents})
+        is_single = not by_name
         if is_single and len(self.agents) > 1:
             known = nearest_names(str(next(iter(observations), "")), self.agents)
             raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
@@ -183,9 +186,8 @@ class Policy:
                 if name in by_agent:
                     seen = self._arrays_of(name, by_agent[name])
                     _fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
-                    mask = _mask_in(seen, infos.get(name))
-                    if legal is not None and mask is not None:
-                        legal[0, row] = np.asarray(mask, bool)
+                    if legal is not None:
+                        legal[0, row] = _mask_in(name, seen, infos.get(name))
                         legal[0, row, 0] |= not legal[0, row].any()
             leaves.append(arrays)
             masks.append(legal)
@@ -236,7 +238,7 @@ class _Told:
         agents = sum(len(block.agents) for block in self.spaces.blocks)
         return np.zeros((self.num_envs, agents), bool) if self.now is None else self.now.alive
 
-    def reset(self, seed: int, worlds: Any, *, episode: int = 0, stride: int = 0) -> Any:
+    def reset(self, seed: int, worlds: Any, *, stride: int = 0) -> Any:
         """Return the step that was told."""
         return self.now
 
@@ -260,9 +262,20 @@ def _seen(block: Block) -> Block:
     return block._replace(observation=kept)
 
 
-def _mask_in(*given: Any) -> Any:
-    """Return the first mask of lane actions that there is, None without any."""
-    return next((each[MASK] for each in given if isinstance(each, Mapping) and MASK in each), None)
+def _mask_in(name: str, *given: Any) -> NDArray[np.bool_]:
+    """Return the first mask of an agent's actions that there is.
+
+    Raises:
+        ActionError: There is none: without it the policy would act in a way that it was not trained for.
+    """
+    for each in given:
+        if isinstance(each, Mapping) and MASK in each:
+            return np.asarray(each[MASK], bool)
+    raise ActionError(
+        f"there is no {MASK!r} for {name!r}, with which the policy was trained",
+        place="Policy.act",
+        remedy="hand over the infos too, or use an environment with action_mask=True",
+    )
 
 
 def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
