@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic_core import PydanticSerializationError
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm, defaults_of
@@ -332,8 +333,11 @@ def check_whole(experiment: Experiment) -> Experiment:
         ConfigError: With all of its mistakes.
     """
     imports = tuple(str(Path(path).absolute()) for path in experiment.imports)
-    # As a file has it, so that it is checked alike.
-    values = {**json.loads(experiment.model_dump_json(exclude_unset=True)), "imports": [*imports]}
+    try:  # as a file has it, so that it is checked alike
+        values = {**json.loads(experiment.model_dump_json(exclude_unset=True)), "imports": [*imports]}
+    except PydanticSerializationError as error:
+        remedy = "name own code as 'module:Class', and give plain numbers, texts, lists and dicts"
+        raise ConfigError([Problem("", f"a value that no file can hold: {error}", remedy)]) from error
     faults = [*check_experiment(values)]
     if not experiment.name:
         faults.insert(0, Fault(("name",), "is missing", "give the experiment one: name=..."))
