@@ -90,7 +90,7 @@ class Policy:
         self._blocks = tuple(_seen(block) for block in self._spec.spaces.blocks)
         self.agents: tuple[str, ...] = self._spec.agents
         """Names of the agents that the policy acts for."""
-        self._playing: tuple[_Told, Sampler] | None = None
+        self._playing: tuple[_GivenSteps, Sampler] | None = None
         self._last: tuple[NDArray, ...] | None = None
         self._attached: Any = None
 
@@ -122,8 +122,8 @@ class Policy:
             raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
         only = next(iter(self.agents))
         by_agent = {only: observations} if is_single else observations
-        told = {only: infos or {}} if is_single else infos or {}
-        actions = self._by_name(self._choose(self._step_of(by_agent, told)))
+        by_info = {only: infos or {}} if is_single else infos or {}
+        actions = self._by_name(self._choose(self._step_of(by_agent, by_info)))
         return actions[only] if is_single else {name: actions[name] for name in by_agent}
 
     def attach(self, env: HiWayEnv) -> None:
@@ -148,21 +148,21 @@ class Policy:
     def _choose(self, now: Any) -> tuple[NDArray, ...]:
         """Return the actions of all agents, per block."""
         with torch_threads(self._config.torch_threads):
-            told, sampler = self._playing_in(len(now.alive))
-            told.now = now
+            given, sampler = self._playing_in(len(now.alive))
+            given.now = now
             if self._last is None:
-                sampler.begin(np.arange(told.num_envs))
+                sampler.begin(np.arange(given.num_envs))
             else:
                 sampler.carry_out(self._last)
             self._last = sampler.choose(self._exploration)
         return self._last
 
-    def _playing_in(self, count: int) -> tuple[_Told, Sampler]:
-        """Return what steps so many simulations; another number of them begins anew."""
+    def _playing_in(self, count: int) -> tuple[_GivenSteps, Sampler]:
+        """Return the sampler of `count` simulations; another number of them starts a new one."""
         if self._playing is None or self._playing[0].num_envs != count:
-            told = _Told(count, self._spec.spaces._replace(blocks=self._blocks))
-            env = self._config.adapt(told)
-            self._playing = told, Sampler(env, self._policies, self._spec, seed=self._seed)
+            given = _GivenSteps(count, self._spec.spaces._replace(blocks=self._blocks))
+            env = self._config.adapt(given)
+            self._playing = given, Sampler(env, self._policies, self._spec, seed=self._seed)
             self._last = None
         return self._playing
 
@@ -225,8 +225,8 @@ class Policy:
         return found
 
 
-class _Told:
-    """A vector environment whose next step is told from outside: algorithms wrap it like any other."""
+class _GivenSteps:
+    """A vector environment whose next step is set from outside: algorithms wrap it like any other."""
 
     def __init__(self, num_envs: int, spaces: JointSpaces) -> None:
         self.num_envs, self.spaces = num_envs, spaces
@@ -234,16 +234,16 @@ class _Told:
 
     @property
     def alive(self) -> NDArray[np.bool_]:
-        """Who was there in the last step, shape (B, N)."""
+        """Which agents were active in the last step, shape (B, N)."""
         agents = sum(len(block.agents) for block in self.spaces.blocks)
         return np.zeros((self.num_envs, agents), bool) if self.now is None else self.now.alive
 
     def reset(self, seed: int, worlds: Any, *, stride: int = 0) -> Any:
-        """Return the step that was told."""
+        """Return the step that was set."""
         return self.now
 
     def step(self, actions: Any) -> Any:
-        """Return the step that was told."""
+        """Return the step that was set."""
         return self.now
 
     def recreate(self, failures: Mapping[int, BaseException]) -> NoReturn:

@@ -168,8 +168,8 @@ class OwnRewards:
         self._has_begun |= present
         if driving.any():
             self._sum += np.where(driving, self._worth(RewardStep(frame, self._served, driving)), 0.0)
-        paid = settled & driving
-        self.values[paid] += self._sum[paid]
+        complete = settled & driving
+        self.values[complete] += self._sum[complete]
         self._sum[settled] = 0.0
         return settled
 
