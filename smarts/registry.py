@@ -232,7 +232,11 @@ def import_own(paths: Iterable[str | Path]) -> None:
         path = Path(given).absolute()
         name = path.stem if path.suffix == ".py" else path.name
         if not path.exists() or (path.is_file() and path.suffix != ".py"):
-            raise OwnCodeError("there is no such Python file or folder", place=str(given))
+            raise OwnCodeError(
+                "there is no such Python file or folder",
+                place=str(given),
+                remedy="give its place: --import PATH, or `imports: [PATH]`; from Python imports=[PATH]",
+            )
         if not name.isidentifier():
             raise OwnCodeError(
                 f"{name!r} cannot be the name of a module",

@@ -315,13 +315,13 @@ def _spaces(
 ) -> JointSpaces:
     blocks: list[Block] = []
     members: list[list[str]] = []
-    told = [agent for agent in names if MASK in infos.get(agent, {})]
+    with_mask = [agent for agent in names if MASK in infos.get(agent, {})]
     for agent in names:
         leaves, action = flattening[agent].leaves, actions[agent]
         # The mask comes with the observation or with the infos; agents that enter later are like the others.
-        masked = flattening[agent].masked or agent in told
+        masked = flattening[agent].masked or agent in with_mask
         masked |= agent not in infos and any(
-            (flattening[a].leaves, actions[a]) == (leaves, action) for a in told
+            (flattening[a].leaves, actions[a]) == (leaves, action) for a in with_mask
         )
         # Only Discrete actions can be masked.
         block = Block((), leaves, action, masked and isinstance(action, Discrete))

@@ -42,6 +42,7 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     yield from _settings(sound)
     yield from _searched(sound)
     yield from _actions(sound)
+    yield from _tyres(_section(values, "environment"))
     yield from _adapter(_section(values, "environment"))
     yield from _scenarios(values)
 
@@ -148,6 +149,14 @@ def _actions(values: Values) -> Iterator[Fault]:
         if name == "yielder" and adapter == "raw":
             text = f"{name!r} looks at the observation of adapter 'benchmark', not of {adapter!r}"
             yield Fault(("reference", number), text, "remove it")
+
+
+def _tyres(environment: Values) -> Iterator[Fault]:
+    """Yield a model of tyres that the model of the vehicle has no use for."""
+    tyres = environment.get("tyre_model", "pacejka")
+    if environment.get("vehicle_model") == "kinematic" and tyres != "pacejka":
+        text = f"the kinematic vehicle has no tyres that slip, so no {tyres!r} ones"
+        yield Fault(("environment", "tyre_model"), text, "remove it, or use vehicle_model 'dynamic'")
 
 
 def _sharing_fault(sharing: Any, agents: Any) -> str:

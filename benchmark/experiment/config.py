@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic_core import PydanticSerializationError
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm, defaults_of
@@ -19,6 +20,7 @@ from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read
 from smarts.errors import nearest_names
 from smarts.registry import is_own_name
 from smarts.sstudio.locating import resolved, suite
+from smarts.types.traffic import TRAFFIC_ENGINES
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
@@ -45,6 +47,12 @@ def _named(kind: str, known: Iterable[str]) -> Callable[[str], str]:
         return name
 
     return check
+
+
+def _engine(name: str) -> str:
+    if name not in TRAFFIC_ENGINES:
+        raise UnfitError(f"there is no traffic engine {name!r}", nearest_names(name, TRAFFIC_ENGINES))
+    return name
 
 
 def _metric(name: str) -> str:
@@ -97,6 +105,7 @@ Algorithm = Annotated[str, AfterValidator(_named("algorithm", ALGORITHMS))]
 Reference = Annotated[str, AfterValidator(_named("reference policy", FLOORS))]
 Metric = Annotated[str, AfterValidator(_metric)]
 Scenario = Annotated[str, AfterValidator(_scenario)]
+Engine = Annotated[str, AfterValidator(_engine)]
 
 
 class Task(Section):
@@ -181,6 +190,8 @@ class Environment(Section):
     friction: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
     """Of the road under agents' vehicles, where the scenario has no patch of another: ice has about 0.1, a
     wet road 0.5; null: dry asphalt, 0.9."""
+    traffic_engine: Engine | None = None
+    """What drives the traffic: SUMO or ConstantSpeed; null: what the scenario names."""
 
 
 class Budget(Section):
@@ -322,8 +333,11 @@ def check_whole(experiment: Experiment) -> Experiment:
         ConfigError: With all of its mistakes.
     """
     imports = tuple(str(Path(path).absolute()) for path in experiment.imports)
-    # As a file has it, so that it is checked alike.
-    values = {**json.loads(experiment.model_dump_json(exclude_unset=True)), "imports": [*imports]}
+    try:  # as a file has it, so that it is checked alike
+        values = {**json.loads(experiment.model_dump_json(exclude_unset=True)), "imports": [*imports]}
+    except PydanticSerializationError as error:
+        remedy = "name own code as 'module:Class', and give plain numbers, texts, lists and dicts"
+        raise ConfigError([Problem("", f"a value that no file can hold: {error}", remedy)]) from error
     faults = [*check_experiment(values)]
     if not experiment.name:
         faults.insert(0, Fault(("name",), "is missing", "give the experiment one: name=..."))

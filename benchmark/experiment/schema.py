@@ -12,6 +12,8 @@ from benchmark.experiment.config import Experiment
 from benchmark.floors import FLOORS
 from benchmark.metrics import METRICS
 from smarts.config import EXTENDS
+from smarts.registry import is_own_name
+from smarts.types.traffic import TRAFFIC_ENGINES
 
 OWN = r"^[\w.]+:[\w.]+$"
 """Names of own code, "module:Class"."""
@@ -31,6 +33,9 @@ def schema() -> dict[str, Any]:
     properties["algorithms"]["items"] = _names(ALGORITHMS)
     properties["reference"]["items"] = _names(FLOORS)
     properties["metrics"]["anyOf"][0]["items"] = _names(METRICS)
+    found["$defs"]["Environment"]["properties"]["traffic_engine"]["anyOf"][0]["enum"] = sorted(
+        TRAFFIC_ENGINES
+    )
     sections = found["$defs"]["SettingsByAlgorithm"]
     sections["patternProperties"] = {OWN: sections.pop("additionalProperties")}
     sections["additionalProperties"] = False
@@ -40,7 +45,8 @@ def schema() -> dict[str, Any]:
 
 def _names(known: Iterable[str]) -> dict[str, Any]:
     """Return the schema of a registered name, or of "module:Class"."""
-    return {"anyOf": [{"enum": sorted(known)}, {"type": "string", "pattern": OWN}]}
+    registered = sorted(name for name in known if not is_own_name(name))
+    return {"anyOf": [{"enum": registered}, {"type": "string", "pattern": OWN}]}
 
 
 def text() -> str:

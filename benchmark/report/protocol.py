@@ -6,11 +6,13 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from benchmark.experiment.runs import completed
 from benchmark.results.reading import Results, RunResult
 
 COMPARED = ("environment", "budget")
-"""Keys of config.yaml. The environment holds agents, decision interval, observation, action and reward; the
-horizon and the starts are the scenario's, by whose name results are told apart anyway."""
+"""Keys of config.yaml. The environment holds agents, decision interval, observation, action, reward, vehicle,
+friction and traffic engine; the horizon and the starts are the scenario's, by whose name results are told
+apart anyway."""
 OWN_SHARING = "each algorithm's own"
 """Which parameters agents share where the settings do not say."""
 
@@ -24,6 +26,8 @@ def protocol_of(run: RunResult, results: Results) -> str:
     if run.is_reference:
         beside = (each for each in results.runs if _cell(each) == _cell(run) and not each.is_reference)
         config = next((each.config for each in beside if each.config), config)
+    # Whatever version wrote it: keys that it did not have are their defaults.
+    config = completed({name: config[name] for name in (*COMPARED, "settings") if name in config})
     sharing = (config.get("settings") or {}).get("sharing", OWN_SHARING)
     content = {**{name: config.get(name) for name in COMPARED}, "sharing": sharing}
     return json.dumps(content, sort_keys=True)

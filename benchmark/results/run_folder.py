@@ -44,6 +44,8 @@ SCENARIOS = "scenarios"
 CONFIG_REMEDY = "bring it back from a copy, or remove the run's folder to begin anew"
 BUDGET = "budget"
 """Key of a run's content in which it may grow."""
+IMPORTS = "imports"
+"""Key of a run's content that lists files and folders of own code."""
 UNSET = "default"
 """What a value is shown as that is in one config only."""
 FINISHED, TRAINING, TESTING = "finished", "training", "testing"
@@ -130,7 +132,8 @@ class RunFolder:
         if there is None:
             return
         is_extended = _is_extended(here, there)
-        differing = _differing(*({**each, BUDGET: None} if is_extended else each for each in (there, here)))
+        compared = _with_common_imports(there, here), _with_common_imports(here, there)
+        differing = _differing(*({**each, BUDGET: None} if is_extended else each for each in compared))
         if differing:
             raise ResultsError(
                 f"here are results of a run with another config: {differing}",
@@ -193,7 +196,8 @@ class RunFolder:
         if is_extended := self.is_extended(content):
             self.note(status=TRAINING)  # first: if killed in between, the run is not taken for finished
         # What is here without a run.json is of a run that was killed before it began, perhaps another one.
-        if is_extended or not self.run.exists():
+        is_known = self.run.exists() and self.read_config().get(IMPORTS) == content.get(IMPORTS)
+        if is_extended or not is_known:
             text = yaml.safe_dump(dict(content), sort_keys=False)
             write_whole(self.config, lambda file: file.write_text(text, encoding="utf-8"))
         recover_folder(self.checkpoint)
@@ -294,6 +298,16 @@ def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
     """Return whether the budget of a completed content is larger than another's, if both have one."""
     budgets = [each.get(BUDGET) for each in (here, there)]
     return all(isinstance(budget, dict) for budget in budgets) and is_larger(*budgets)  # type: ignore[arg-type]
+
+
+def _with_common_imports(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a content with only those imports whose modules another one imports too, from wherever.
+
+    A metric or an algorithm that is added to an experiment changes nothing in what its other runs trained.
+    """
+    modules = {Path(path).stem for path in other.get(IMPORTS) or ()}
+    common = sorted(path for path in content.get(IMPORTS) or () if Path(path).stem in modules)
+    return {**content, IMPORTS: common}
 
 
 def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

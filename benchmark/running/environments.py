@@ -57,7 +57,7 @@ def environment(
         decision_interval=given.decision_interval,
         adapter=given.adapter,
         adapter_options={**_discounted(given.adapter, discount), **given.options},
-        simulation=Options(record=record, friction=given.friction),
+        simulation=Options(record=record, friction=given.friction, traffic_engine=given.traffic_engine),
         traffic=[cell.traffic],
     )
 

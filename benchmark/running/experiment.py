@@ -61,12 +61,14 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
         keep_command(root, experiment, command())
         if driver.is_done:
             return _tell(driver.states, root)
+        is_callers = ray.is_initialized()
         try:
             start_ray(experiment.resources)
             with live:
                 states = _run(driver)
         finally:
-            ray.shutdown()
+            if not is_callers:
+                ray.shutdown()
         return _tell(states, root)
 
 

@@ -90,7 +90,7 @@ class Policy:
         self._blocks = tuple(_seen(block) for block in self._spec.spaces.blocks)
         self.agents: tuple[str, ...] = self._spec.agents
         """Names of the agents that the policy acts for."""
-        self._playing: tuple[_Told, Sampler] | None = None
+        self._playing: tuple[_GivenSteps, Sampler] | None = None
         self._last: tuple[NDArray, ...] | None = None
         self._attached: Any = None
 
@@ -105,22 +105,25 @@ class Policy:
             observations: What `reset` and `step` return. Dicts of agents: an action for each agent in it,
                 which need not be all. Of `SingleHiWayEnv`: the agent's action. Of `VectorHiWayEnv`, its whole
                 `VectorStep`: an array for each block; a simulation that was reset is taken for a new episode.
-            infos: What they return beside them, where masks of lane actions are; where there is no mask, not
-                in the observations either, every action counts as legal.
+            infos: What they return beside them, where masks of lane actions are, unless the observations hold
+                them.
 
         Raises:
-            ActionError: An agent is unknown, or its observation is none that the policy was trained on.
+            ActionError: An agent is unknown, its observation is none that the policy was trained on, or there
+                is no mask of its actions although it was trained with one.
         """
         if isinstance(observations, VectorStep):
             return [*self._choose(observations)]
-        is_single = not isinstance(observations, Mapping) or not observations.keys() & {*self.agents}
+        # An empty dict is one by agent, none of which drives at the moment.
+        by_name = isinstance(observations, Mapping) and (not observations or {*observations} & {*self.agents})
+        is_single = not by_name
         if is_single and len(self.agents) > 1:
             known = nearest_names(str(next(iter(observations), "")), self.agents)
             raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
         only = next(iter(self.agents))
         by_agent = {only: observations} if is_single else observations
-        told = {only: infos or {}} if is_single else infos or {}
-        actions = self._by_name(self._choose(self._step_of(by_agent, told)))
+        by_info = {only: infos or {}} if is_single else infos or {}
+        actions = self._by_name(self._choose(self._step_of(by_agent, by_info)))
         return actions[only] if is_single else {name: actions[name] for name in by_agent}
 
     def attach(self, env: HiWayEnv) -> None:
@@ -145,21 +148,21 @@ class Policy:
     def _choose(self, now: Any) -> tuple[NDArray, ...]:
         """Return the actions of all agents, per block."""
         with torch_threads(self._config.torch_threads):
-            told, sampler = self._playing_in(len(now.alive))
-            told.now = now
+            given, sampler = self._playing_in(len(now.alive))
+            given.now = now
             if self._last is None:
-                sampler.begin(np.arange(told.num_envs))
+                sampler.begin(np.arange(given.num_envs))
             else:
                 sampler.carry_out(self._last)
             self._last = sampler.choose(self._exploration)
         return self._last
 
-    def _playing_in(self, count: int) -> tuple[_Told, Sampler]:
-        """Return what steps so many simulations; another number of them begins anew."""
+    def _playing_in(self, count: int) -> tuple[_GivenSteps, Sampler]:
+        """Return the sampler of `count` simulations; another number of them starts a new one."""
         if self._playing is None or self._playing[0].num_envs != count:
-            told = _Told(count, self._spec.spaces._replace(blocks=self._blocks))
-            env = self._config.adapt(told)
-            self._playing = told, Sampler(env, self._policies, self._spec, seed=self._seed)
+            given = _GivenSteps(count, self._spec.spaces._replace(blocks=self._blocks))
+            env = self._config.adapt(given)
+            self._playing = given, Sampler(env, self._policies, self._spec, seed=self._seed)
             self._last = None
         return self._playing
 
@@ -183,9 +186,8 @@ class Policy:
                 if name in by_agent:
                     seen = self._arrays_of(name, by_agent[name])
                     _fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
-                    mask = _mask_in(seen, infos.get(name))
-                    if legal is not None and mask is not None:
-                        legal[0, row] = np.asarray(mask, bool)
+                    if legal is not None:
+                        legal[0, row] = _mask_in(name, seen, infos.get(name))
                         legal[0, row, 0] |= not legal[0, row].any()
             leaves.append(arrays)
             masks.append(legal)
@@ -223,8 +225,8 @@ class Policy:
         return found
 
 
-class _Told:
-    """A vector environment whose next step is told from outside: algorithms wrap it like any other."""
+class _GivenSteps:
+    """A vector environment whose next step is set from outside: algorithms wrap it like any other."""
 
     def __init__(self, num_envs: int, spaces: JointSpaces) -> None:
         self.num_envs, self.spaces = num_envs, spaces
@@ -232,16 +234,16 @@ class _Told:
 
     @property
     def alive(self) -> NDArray[np.bool_]:
-        """Who was there in the last step, shape (B, N)."""
+        """Which agents were active in the last step, shape (B, N)."""
         agents = sum(len(block.agents) for block in self.spaces.blocks)
         return np.zeros((self.num_envs, agents), bool) if self.now is None else self.now.alive
 
-    def reset(self, seed: int, worlds: Any, *, episode: int = 0, stride: int = 0) -> Any:
-        """Return the step that was told."""
+    def reset(self, seed: int, worlds: Any, *, stride: int = 0) -> Any:
+        """Return the step that was set."""
         return self.now
 
     def step(self, actions: Any) -> Any:
-        """Return the step that was told."""
+        """Return the step that was set."""
         return self.now
 
     def recreate(self, failures: Mapping[int, BaseException]) -> NoReturn:
@@ -260,9 +262,20 @@ def _seen(block: Block) -> Block:
     return block._replace(observation=kept)
 
 
-def _mask_in(*given: Any) -> Any:
-    """Return the first mask of lane actions that there is, None without any."""
-    return next((each[MASK] for each in given if isinstance(each, Mapping) and MASK in each), None)
+def _mask_in(name: str, *given: Any) -> NDArray[np.bool_]:
+    """Return the first mask of an agent's actions that there is.
+
+    Raises:
+        ActionError: There is none: without it the policy would act in a way that it was not trained for.
+    """
+    for each in given:
+        if isinstance(each, Mapping) and MASK in each:
+            return np.asarray(each[MASK], bool)
+    raise ActionError(
+        f"there is no {MASK!r} for {name!r}, with which the policy was trained",
+        place="Policy.act",
+        remedy="hand over the infos too, or use an environment with action_mask=True",
+    )
 
 
 def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:

@@ -267,7 +267,7 @@ class SumoTraffic:
         return entering
 
     def _mind(self, slot: int, *, is_rerouted: bool) -> None:
-        """Lead the vehicle in a slot as a shadow, on the route that it is bound for if others have changed it."""
+        """Lead the vehicle in a slot as a shadow, on the route in its row if others have written one."""
         if slot not in self._shadows:
             del self._driven[self._ids[slot]]
             self._shadows.take_over(slot, self._ids[slot])

@@ -223,8 +223,14 @@ def test_a_file_of_the_command_line_is_as_good(tmp_path):
         ("reference=[random]", "reference[0]: 'random' acts by lane actions"),
         ("environment.vehicle=tank", "environment.vehicle is 'tank'"),
         ("environment.vehicle_model=dinamic", "environment.vehicle_model is 'dinamic'"),
+        (
+            "environment={vehicle_model: kinematic, tyre_model: linear}",
+            "environment.tyre_model: the kinematic vehicle has no tyres that slip",
+        ),
         ("environment.friction=0", "environment.friction is 0"),
         ("environment.flat_tyres=[4]", "environment.flat_tyres[0] is 4"),
+        ("environment.traffic_engine=Sumo", "environment.traffic_engine: there is no traffic engine 'Sumo'"),
+        ("environment.traffic_engine='a:B'", "there is no traffic engine 'a:B'"),
         ("environment.action=Empty", "environment.action is 'Empty'"),
     ],
 )
@@ -254,6 +260,13 @@ def test_experiments_made_in_python_are_checked_like_files(folder):
     said = str(caught.value)
     for each in ("name: is missing", "did you mean 'Waits'", "training.lr: 2.0 is not", "no such option"):
         assert each in said
+
+
+def test_an_experiment_made_in_python_names_its_own_code():
+    given = {"algorithms": ["ppo"], "tasks": ["loop"]}
+    reward = {"options": {"reward": lambda step: step.speed}}
+    with pytest.raises(ConfigError, match="'module:Class'"):
+        check_whole(Experiment(name="x", environment=reward, **given))
 
 
 def test_vehicles_are_those_of_interfaces():

@@ -1,4 +1,4 @@
-"""Vehicles and roads of experiments: what the keys of `environment` change."""
+"""Vehicles, roads and traffic of experiments: what the keys of `environment` change."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,9 @@ import pytest
 from benchmark.experiment.config import Environment, Evaluation, Task
 from benchmark.experiment.runs import Cell
 from benchmark.running.environments import environment
+from benchmark.running.played import held_out_of
 from smarts.env.vector import VectorHiWayEnv
+from smarts.types.vehicles import Owner
 
 TASK = Task(name="loop", scenarios=["loop"])
 BRAKE = np.array([[[0.0, 1.0, 0.0]]], np.float32)
@@ -50,3 +52,24 @@ def test_a_bus_is_longer_and_the_default_is_the_benchmarks():
     assert bus > car + 2.0
     assert car == same
     np.testing.assert_array_equal(default, plain)
+
+
+@pytest.mark.parametrize("engine", [None, "ConstantSpeed"])
+def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine):
+    task = Task(name="intersection", scenarios=["intersection"])
+    given = Environment(agents=1, traffic_engine=engine)
+    played = Cell(task, "random_social_vehicles", given, Evaluation(held_out_episodes=1), copies=1)
+    for scenario in (None, next(held_out_of(played))):
+        env = environment(played, scenarios=scenario and [scenario])
+        try:
+            env.reset(3)
+            assert [start.engine for start in env.episodes] == [engine or "SUMO"]
+            world = env._worlds.batch.world
+            social = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)
+            before = world.vehicles.speed[0, social].copy()
+            assert len(social) > 0
+            env.step([np.zeros((1, 1), np.int64)])
+            is_constant = np.array_equal(world.vehicles.speed[0, social], before)
+            assert is_constant == (engine == "ConstantSpeed")
+        finally:
+            env.close()

@@ -152,6 +152,13 @@ def test_what_is_no_observation_is_named(make):
         policy.act({"agent-0": np.zeros(201), "agent-7": np.zeros(201)})
     with pytest.raises(ActionError, match=r"shape \(3,\)"):
         policy.act({"agent-0": np.zeros(3, np.float32)})
+    whole = {"agent-0": np.zeros(201, np.float32)}
+    for infos in (None, {}, {"agent-0": {}}, {"agent-1": {"action_mask": np.ones(4)}}):
+        with pytest.raises(ActionError, match="no 'action_mask' for 'agent-0'"):
+            policy.act(whole, infos)
+    only_slower = {"agent-0": {"action_mask": np.array([0, 1, 0, 0])}}
+    assert policy.act(whole, only_slower) == {"agent-0": 1}
+    assert policy.act({}, {}) == {}
     with pytest.raises(ResultsError, match="no best checkpoint"):
         load_policy(folder.path, checkpoint="best")
 

@@ -135,6 +135,11 @@ def test_the_summary_begins_with_the_best(report):
     ("changes", "is_same"),
     [
         ({}, True),
+        (
+            {"environment": ENVIRONMENT | {"action": "Lane", "vehicle_model": "bullet", "friction": None}},
+            True,
+        ),
+        ({"environment": ENVIRONMENT | {"friction": 0.9}}, False),
         ({"environment": ENVIRONMENT | {"agents": 3}}, False),
         ({"environment": ENVIRONMENT | {"options": {"reward": "dense"}}}, False),
         ({"budget": {"agent_steps": 2000, "minutes": None}}, False),

@@ -211,6 +211,21 @@ def test_keys_that_a_version_did_not_have_are_their_defaults(tmp_path):
         folder.check(changed)
 
 
+def test_own_code_may_be_added_and_none_be_exchanged(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    folder.open({"a": 1})
+    folder.note(status="finished")
+    folder.check({"a": 1, "imports": ["/code/metric.py"]})
+    folder.open({"a": 1, "imports": ["/code/metric.py", "/code/mine"]})  # tested again, with the metric
+    assert folder.read_config()["imports"] == ["/code/metric.py", "/code/mine"]
+    folder.check({"a": 1, "imports": ["/code/mine", "/code/metric.py"]})
+    folder.check({"a": 1})
+    with pytest.raises(
+        ResultsError, match=r"another config: imports \(\['/code/mine'\], here \['/other/mine'\]"
+    ):
+        folder.check({"a": 1, "imports": ["/other/mine"]})
+
+
 def test_the_committed_results_are_finished(tmp_path):
     """Whatever keys with defaults configs have got since; on a copy, since nothing may be written there."""
     shutil.copytree(ROOT / "results" / "paper_table", tmp_path / "table")
