@@ -195,7 +195,7 @@ class Environment(Section):
 
 
 class Budget(Section):
-    """How long each run trains: until the first of the two is used up."""
+    """How long each run trains: until the first is used up; `minutes: null` takes inherited ones out."""
 
     agent_steps: Positive = 2_000_000
     """Simulation steps of 0.1 s, counted once for each agent that is on the road."""

@@ -84,7 +84,7 @@ def _line(state: JobState) -> str:
     if state.status == "failed":
         return f"{text}: {state.error}"
     if state.status == BEGINNING:
-        return f"{text}, kernels that are not yet compiled are now"
+        return f"{text} (compiles kernels that are not in the cache)"
     if progress is None or state.status not in (TRAINING, TESTING):
         return text
     text += f" {progress.share:.0%}"

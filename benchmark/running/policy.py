@@ -29,6 +29,8 @@ from smarts.env.vector import VectorStep
 from smarts.errors import ActionError, nearest_names
 
 STEPS = "num_env_steps_sampled_lifetime"
+MODES = ("greedy", "sampled")
+CHECKPOINTS = ("last", "best")
 
 
 def load_policy(
@@ -49,9 +51,15 @@ def load_policy(
         imports: Files and folders of own code, by default those that the run was trained with.
 
     Raises:
-        ResultsError: There is no run, or it has no such checkpoint, or that is damaged.
+        ResultsError: There is no run, or it has no such checkpoint, or that is damaged; or `mode` or
+            `checkpoint` is unknown.
         OwnCodeError: Own code cannot be imported.
     """
+    for name, value, known in (("mode", mode, MODES), ("checkpoint", checkpoint, CHECKPOINTS)):
+        if value not in known:
+            raise ResultsError(
+                f"{name} is {value!r}", place="load_policy", remedy=f"give one of {', '.join(known)}"
+            )
     place = Path(path)
     if (place / "rllib_checkpoint.json").exists():
         folder, kept = RunFolder(place.absolute().parent), place

@@ -57,7 +57,7 @@ A scenario is a folder with a map and a `scenario.py`:
 `from smarts.sstudio import gen_scenario, types as t` brings the vocabulary; `gen_scenario(t.Scenario(...),
 output_dir=Path(__file__).parent)` ends the file. A part of the map is told by an edge's id, a lane's index
 (0 is the rightmost) and an offset in metres along it: `("south_in", 0, 40)`. `smarts-bench scenario build
-my_scenario` says all that is wrong with it, with the names there are on the map, `smarts-bench scenario show
+my_scenario` says what is wrong with it, with names that are on the map, `smarts-bench scenario show
 my_scenario --out map.png` draws it, and any environment takes its folder: `scenarios=["my_scenario"]`. A
 whole one with two agents, one of which takes over a vehicle from the traffic if one comes within ten seconds:
 

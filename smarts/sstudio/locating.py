@@ -58,7 +58,7 @@ class Location:
 def locate(path: str | Path) -> Location:
     """Return what `path` means: a folder, a map file or a name of the suite, maybe with "@variation".
 
-    What lies on disk under that name counts before the suite.
+    A scenario on disk under that name takes precedence over the suite, other folders do not.
 
     Raises:
         UnknownNameError: It is neither; the remedy names the nearest scenarios of the suite.
@@ -70,7 +70,7 @@ def locate(path: str | Path) -> Location:
     found = Path(text)
     if found.name == SCRIPT and found.is_file():
         found = found.parent
-    if not found.exists() and (SUITE / text / SCRIPT).is_file():
+    if (SUITE / text / SCRIPT).is_file() and not _holds_scenario(found):
         found = SUITE / text
     if found.is_dir():
         folder = found.resolve()
@@ -115,6 +115,11 @@ def suite() -> dict[str, str]:
     except yaml.YAMLError as error:
         raise ScenarioError(f"the suite's list is broken: {error}", place=str(file)) from error
     return {str(name): str(line) for name, line in (listed or {}).items()}
+
+
+def _holds_scenario(path: Path) -> bool:
+    """Return whether a path is a file, or a folder with a scenario file or a map."""
+    return path.is_file() or (path / SCRIPT).exists() or any(path.glob("map*"))
 
 
 def _unknown(text: str) -> UnknownNameError:

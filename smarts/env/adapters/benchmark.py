@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
+from smarts.agents.checks import check_truth
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.agents.interface import AgentInterface
 from smarts.env.adapters.actions import action_space, encode_array
@@ -83,7 +84,7 @@ class BenchmarkAdapter:
         image_resolution: Side of its pixels [m].
 
     Raises:
-        SmartsError: The picture is not possible.
+        SmartsError: The picture is not possible, or `image` is not a truth value.
     """
 
     action: ClassVar[ActionSpaceType | None] = None
@@ -100,6 +101,7 @@ class BenchmarkAdapter:
         image_size: int = 64,
         image_resolution: float = 1.0,
     ) -> None:
+        check_truth("image", image, "the adapter's options")
         world, agents = served.scene.world, len(served.agents)
         size = FRAMES * FEATURES + agents + SITUATION
         self._pictures = Pictures(served, image_size, image_resolution, FRAMES) if image else None

@@ -161,6 +161,9 @@ def test_what_is_no_observation_is_named(make):
     assert policy.act({}, {}) == {}
     with pytest.raises(ResultsError, match="no best checkpoint"):
         load_policy(folder.path, checkpoint="best")
+    for wrong in ({"mode": "greedyy"}, {"checkpoint": "newest"}):
+        with pytest.raises(ResultsError, match=next(iter(wrong.values()))):
+            load_policy(folder.path, **wrong)
 
 
 def test_no_cluster_is_started(make):

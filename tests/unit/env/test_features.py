@@ -189,6 +189,8 @@ def test_the_picture_from_above():
         Car(42.0, 1.6, mission=mission("road"), length=4.8, name="another agent"),
     ]
     made = world_of(cars, maps=[straight(lanes=2)])
+    with pytest.raises(SmartsError, match="image is 'maybe'"):
+        adapter_of(made, 1, image="maybe")
     adapter = adapter_of(made, 1, image=True, image_size=24, image_resolution=1.0)
     adapter.collect(frame_of(made.world), True)
     image = adapter.observations["image"]

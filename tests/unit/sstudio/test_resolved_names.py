@@ -34,6 +34,9 @@ def test_a_scenario_of_the_suite_has_its_name_and_others_their_path(mine, monkey
 
 def test_a_name_of_the_suite_means_a_folder_here_first(mine):
     assert resolved("loop") == "loop"
+    (mine / "elsewhere").rename(mine / "loop")
+    assert resolved("loop") == "loop", "a folder without a scenario"
+    (mine / "loop").rmdir()
     (mine / "mine").rename(mine / "loop")
     assert resolved("loop") == str(mine / "loop")
 
