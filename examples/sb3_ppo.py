@@ -7,12 +7,13 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from smarts.env import SingleHiWayEnv
 
 
-def main(steps: int = 4096, scenario: str = "intersection") -> tuple[float, float]:
+def main(steps: int = 8192, scenario: str = "intersection") -> tuple[float, float]:
     """Train for some steps; return the mean return before and after."""
     # Each of the four environments gets a seed of its own, and so episodes of its own.
     envs = make_vec_env(SingleHiWayEnv, n_envs=4, seed=42, env_kwargs={"scenarios": [scenario]})
     try:
-        model = PPO("MlpPolicy", envs, n_steps=256, batch_size=256, seed=0, device="cpu")
+        settings = {"learning_rate": 1e-3, "n_steps": 128, "batch_size": 128}
+        model = PPO("MlpPolicy", envs, **settings, seed=1, device="cpu")
         before, _ = evaluate_policy(model, envs, n_eval_episodes=20)
         model.learn(steps)
         after, _ = evaluate_policy(model, envs, n_eval_episodes=20)
