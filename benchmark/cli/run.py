@@ -36,6 +36,9 @@ def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Pat
     root = out / experiment.name
     # At once: loading Ray, building scenarios and starting Ray take a while.
     typer.echo(f"{experiment.name}: building scenarios and going through {root}", err=True)
+    budget = experiment.budget
+    until = f" or {budget.minutes:g} minutes, whichever ends first" if budget.minutes else ""
+    typer.echo(f"each run trains for {budget.agent_steps:,} agent-steps{until}", err=True)
     from benchmark.report.writing import write_report
     from benchmark.running.experiment import goes_on, interruptible, run_experiment
 

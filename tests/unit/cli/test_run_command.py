@@ -19,6 +19,7 @@ tasks: [loop]
 traffic: [no_social_vehicles]
 seeds: [1, 2]
 environment: {agents: 2}
+budget: {agent_steps: 3000, minutes: 2}
 evaluation: {episodes: 2, modes: [greedy]}
 """
 
@@ -44,7 +45,10 @@ def test_a_finished_experiment_is_reported_again(file, tmp_path, capsys):
     page = tmp_path / "results" / "done" / "report" / "report.html"
     assert ended.value.exit_code == 0
     said = capsys.readouterr()
-    assert said.err.splitlines()[0] == f"done: building scenarios and going through {page.parents[1]}"
+    first, budget, *_ = said.err.splitlines()
+    assert first == f"done: building scenarios and going through {page.parents[1]}"
+    assert "3,000 agent-steps" in budget
+    assert "2 minutes" in budget
     assert said.out.splitlines() == [f"results: {page.parents[1]}", f"report: {page}"]
     assert "2 of 2 runs are finished." in page.read_text()
 
