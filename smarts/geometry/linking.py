@@ -9,15 +9,18 @@ the kernels of an environment, and what they compute stays the same to the last 
 
 from __future__ import annotations
 
+import fcntl
 import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FunctionType
 from typing import Any
 
 import llvmlite.binding as llvm
 from llvmlite.ir import Constant, GlobalVariable, IntType
 from numba.core import types
+from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import register_pass
@@ -26,11 +29,37 @@ from numba.core.typed_passes import NativeLowering
 
 _OPTIONS = {"nopython": True, "boundscheck": None, "error_model": "numpy"}
 _NARROW = {types.int8, types.int16, types.int32}
+_LOCK = ".kernels.lock"
+"""File in a folder of compiled kernels that is locked while one is added."""
 _ENVIRONMENT = "_ZN08NumbaEnv"
 """How the names of variables begin that hold the Python objects of a function."""
 
 
-class Kernel(CPUDispatcher):
+class _Cache(FunctionCache):
+    """Numba's cache on disk, to which one process at a time adds.
+
+    Adding reads, extends and writes an index. Two processes at once would give two entries the same file, and
+    the cache would be damaged from then on.
+    """
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Add what was compiled."""
+        folder = Path(self.cache_path)
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / _LOCK).open("a") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            super().save_overload(sig, data)
+
+
+class _Dispatcher(CPUDispatcher):
+    """Numba's compiler of one function, with that cache."""
+
+    def enable_caching(self) -> None:
+        """Keep machine code on disk."""
+        self._cache = _Cache(self.py_func)
+
+
+class Kernel(_Dispatcher):
     """A function that is compiled for calls from Python, and apart from that for calls from kernels.
 
     Args:
@@ -57,7 +86,7 @@ class Kernel(CPUDispatcher):
             return super().compile(sig)
 
 
-class _Callee(CPUDispatcher):
+class _Callee(_Dispatcher):
     """A kernel for calls from other kernels."""
 
     def __init__(self, function: Callable, *others: Any) -> None:

@@ -195,3 +195,34 @@ def test_a_kernel_is_compiled_once_for_whole_numbers_from_kernels_and_apart_from
     assert evaluate(package, code).splitlines() == expected
     # What was left in the cache for the caller alone is enough for it.
     assert evaluate(package, code).splitlines() == [expected[0].replace(" 2 0", " 0 0"), expected[1]]
+
+
+TWO_AT_ONCE = """
+import sys, time
+from numba.core.caching import IndexDataCacheFile
+
+save = IndexDataCacheFile._save_index
+def late(self, overloads):
+    time.sleep(2.0)
+    save(self, overloads)
+IndexDataCacheFile._save_index = late
+from fresh.lengths import double
+print(double(float(3)) if sys.argv[1] == "float" else double(complex(3, 1)))
+"""
+
+
+@pytest.mark.slow
+def test_processes_that_compile_at_once_leave_a_whole_cache(package):
+    """Each is kept, and loaded, for its own types: 6.0 as machine code for complex numbers would not be."""
+    (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
+    program = package.parent / "two.py"
+    program.write_text(TWO_AT_ONCE)
+    for _ in range(2):
+        both = [
+            subprocess.Popen(
+                [sys.executable, str(program), kind], cwd=package.parent, stdout=subprocess.PIPE, text=True
+            )
+            for kind in ("float", "complex")
+        ]
+        assert [each.communicate()[0].strip() for each in both] == ["6.0", "(6+2j)"]
+    assert len([*package.rglob("*double*.nbc")]) == 2
