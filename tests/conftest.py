@@ -4,7 +4,7 @@ import sys
 import pytest
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(autouse=True)
 def _ctrl_c():
     """Take Ctrl-C, also in processes that tests start: a shell's background ignores it, and so would they."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -2,6 +2,8 @@
 
 import pytest
 
+from benchmark.experiment.config import Environment, Evaluation, Task
+from benchmark.experiment.runs import Cell
 from benchmark.metrics import join_tables
 from benchmark.results.files import ResultsError
 from benchmark.running.testing import Part, _measured
@@ -27,7 +29,9 @@ def measured(folder, episodes, *, void=(), missing=(), cut=(), keep=False):
                 record(store, ROAD, [drive], name=f"w{number}", world=FIRST + number, **facts)
 
     part = Part("greedy", ("hand_made",), episodes)
-    return join_tables([*_measured(part, folder, {}, play, keep=keep)]), rounds
+    task = Task(name="hand_made", scenarios=("loop",))
+    cell = Cell(task, "hand_made", Environment(), Evaluation(keep_episodes=keep), 1)
+    return join_tables([*_measured(part, folder, {}, play, cell)]), rounds
 
 
 def worlds_of(table):

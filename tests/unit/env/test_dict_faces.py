@@ -277,7 +277,10 @@ def test_nobody_is_refused():
         HiWayEnv(["loop"], {})
 
 
-def test_the_benchmark_adapter_wants_lane_actions():
+def test_the_benchmark_adapter_serves_other_actions_without_a_mask(closing):
     pedals = LANER.replace(action=ActionSpaceType.Continuous, done_criteria=DoneCriteria())
-    with pytest.raises(SmartsError, match="Lane"):
-        hiway_parallel_env(["loop"], {"a": pedals})
+    env = closing(hiway_parallel_env(["loop"], {"a": pedals}))
+    observations, infos = env.reset(seed=1)
+    assert env.action_space("a").shape == (3,)
+    assert env.observation_space("a").contains(observations["a"])
+    assert "action_mask" not in infos["a"]

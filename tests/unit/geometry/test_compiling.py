@@ -59,7 +59,8 @@ def package(tmp_path):
 
 
 def evaluate(package, code, *arguments):
-    command = [sys.executable, "-c", code, *arguments]
+    # Without files of byte code: a source of the same size written within the same second would not be seen.
+    command = [sys.executable, "-B", "-c", code, *arguments]
     run = subprocess.run(command, cwd=package.parent, capture_output=True, text=True, check=True)
     return run.stdout.strip()
 
