@@ -31,7 +31,7 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
 
     training = Progress("training", 0.5, 6, 1500, 60.0, 867.4, 1.41, 0.75, 0.25)
     assert lines("waiting") == []
-    assert lines("beginning") == [f"{NAME}: beginning, kernels that are not yet compiled are now"]
+    assert lines("beginning") == [f"{NAME}: beginning (compiles kernels that are not in the cache)"]
     expected = (
         f"{NAME}: training 50%, iteration 6, 867 steps/s, return 1.41, completion 0.75, collision 0.25, "
         "1.0 min left"
