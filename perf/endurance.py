@@ -4,9 +4,9 @@
 
 Trains an algorithm of each family at the intersection through `smarts-bench run`, beyond `--steps`
 agent-steps. Then its driver gets SIGKILL, the same command gets SIGTERM, the next one loses its environment
-runner, and trains on to the end of the budget. Prints the agent-steps at each interruption, and those that
-training continued from. `pbt` is a population-based search: one trial has to take over the other's policy.
-Exits with 1 if any training lost more than what was made since its checkpoint, or did not end.
+runner, and trains on to the end of the budget. Prints the agent-steps at each interruption and after it.
+`pbt` is a population-based search: one trial has to take over the other's policy. Exits with 1 if a training
+lost more than what was made since its checkpoint, or did not end.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Training:
             time.sleep(0.1)
 
     def interrupt(self, number: int) -> tuple[int, int]:
-        """Send the driver a signal; return the agent-steps then, and those that are left."""
+        """Send the driver a signal; return the agent-steps before and after it."""
         self.process.send_signal(number)
         self.process.wait(PATIENCE)
         end = time.monotonic() + 60

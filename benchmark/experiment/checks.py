@@ -103,7 +103,7 @@ def _known_algorithms(values: Values) -> list[str]:
 
 
 def _unknown_settings(own: Values) -> Iterator[Fault]:
-    """Yield sections of algorithms that there are not, and settings that algorithms of one's own have not."""
+    """Yield sections of unknown algorithms, and unknown settings of own algorithms."""
     for algorithm in own:
         if algorithm in ALGORITHMS:
             continue

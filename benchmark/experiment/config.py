@@ -303,7 +303,7 @@ def read_experiment(
     Args:
         file: The file.
         overrides: Values that go before the file's, as in "budget.minutes=5".
-        imports: Python files and folders of one's own beside those that the file names.
+        imports: Own Python files and folders, in addition to the file's.
 
     Raises:
         ConfigError: With all of its mistakes.

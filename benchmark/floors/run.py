@@ -120,7 +120,7 @@ def _begin(drivers: Sequence[Floor], env: VectorHiWayEnv) -> EpisodeStart:
 
 
 def _actions(drivers: Sequence[Floor], now: VectorStep, env: VectorHiWayEnv) -> list[NDArray]:
-    """Return the actions of all who are alive, for each block of agents, shape (1, n, ...)."""
+    """Return the actions of all active agents, for each block of agents, shape (1, n, ...)."""
     actions, first = [], 0
     for block, leaves, mask in zip(env.spaces.blocks, now.observations, now.masks, strict=True):
         shape = (1, len(block.agents), *(block.action.shape or ()))

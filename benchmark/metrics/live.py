@@ -55,7 +55,7 @@ MEASURED = (
 """Metrics that observations, rewards and infos suffice for."""
 
 UNFINISHED = "unfinished"
-"""Share of agents that still drove when logging stopped; they are among those that timed out."""
+"""Share of agents that still drove when logging stopped; they count as timed out."""
 
 
 @dataclass
@@ -123,7 +123,7 @@ class Metric:
     def __init__(self, num_episodes: int = 1) -> None:
         self.num_episodes = num_episodes
         self.episodes: dict[Hashable, Any] = {}
-        """The objects that record, by name; those that the caller made by their places in memory."""
+        """The objects that record, by name; the caller's own by their identity."""
 
     def log_step(
         self,
@@ -193,7 +193,7 @@ class Metric:
         is_log = isinstance(given, EpisodeLog)
         if not (hasattr(given, "record_step") if is_log else isinstance(given, Hashable)):
             raise _refusal(given, "is no episode", "give an Episode(), or the number or name of one")
-        # Dataclasses compare by content, so that they have no hash; those that inherit may be one again.
+        # Dataclasses compare by content, so that they have no hash; a subclass may restore it.
         name = (EpisodeLog, id(given)) if is_log else given
         if name not in self.episodes:
             if len(self.episodes) >= self.num_episodes:

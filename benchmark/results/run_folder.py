@@ -41,7 +41,7 @@ CONTINUED = "continued"
 """In run.json: what each continuation was made with, as the file itself says it of the beginning."""
 SCENARIOS = "scenarios"
 """In run.json: name -> digest of each scenario that the run is of, as built; earlier versions have none."""
-CONFIG_REMEDY = "bring it back from a copy, or remove the run's folder to begin anew"
+CONFIG_REMEDY = "bring it back from a copy, or remove the run's folder to start again"
 BUDGET = "budget"
 """Key of a run's content in which it may grow."""
 IMPORTS = "imports"
@@ -138,7 +138,7 @@ class RunFolder:
             raise ResultsError(
                 f"here are results of a run with another config: {differing}",
                 place=str(self.config),
-                remedy="give the experiment another name or --out, or remove the folder to begin anew "
+                remedy="give the experiment another name or --out, or remove the folder to start again "
                 "(with a larger budget and all else as it is, the run trains on)",
             )
         if is_extended and self.status in (TESTING, FINISHED) and not self._is_there(self.checkpoint):

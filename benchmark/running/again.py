@@ -47,7 +47,7 @@ def evaluate_again(
         modes: Ways of acting.
         checkpoint: The last, or the best in validation.
         out: Folder that keeps the table and the recorded episodes; not a run's.
-        imports: Files and folders of own code, by default those that the run was trained with.
+        imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
         ResultsError: There is no run, or it has no such checkpoint, or that is damaged; or `out` is a run's.
@@ -92,7 +92,7 @@ def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
 
     Args:
         folder: The run's.
-        imports: Files and folders of own code, by default those that the run was trained with.
+        imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
         ResultsError: There is none, or its config is damaged.

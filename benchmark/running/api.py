@@ -12,7 +12,7 @@ from benchmark.running.experiment import run_experiment
 def run(experiment: Experiment | str | Path, out: str | Path = "results") -> Results:
     """Train and test an experiment, and return its results; what is finished already is not done again.
 
-    Runs that fail are told on stderr and are among `Results.unfinished`. A script that calls this has to keep
+    Failed runs are printed to stderr and are among `Results.unfinished`. A script that calls this has to keep
     own code in files or packages of its own, which other processes can import.
 
     Args:

@@ -48,7 +48,7 @@ def load_policy(
         mode: Way of acting.
         checkpoint: The last, or the best in validation; of a run's folder.
         seed: Of sampled actions.
-        imports: Files and folders of own code, by default those that the run was trained with.
+        imports: Files and folders of own code, by default the ones of the training.
 
     Raises:
         ResultsError: There is no run, or it has no such checkpoint, or that is damaged; or `mode` or

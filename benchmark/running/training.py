@@ -117,7 +117,7 @@ def config_of(run: Run) -> Any:
     config.debugging(seed=run.seed, log_level="ERROR")
     settings = dict(run.settings)
     if "checkpoint_replay" in config.setting_names:
-        # Hundreds of megabytes a minute; a run that goes on fills its replay anew instead.
+        # Hundreds of megabytes a minute; a continued run fills its replay buffer again.
         settings.setdefault("checkpoint_replay", False)
     return apply(config, settings)
 

@@ -125,7 +125,7 @@ def draw_missions(
 ) -> None:
     """Draw each mission's route as a line and its goal as a ring; random ones are left out.
 
-    An ego that is not among those that have entered, by number, is an empty box at its start.
+    An ego that has not entered is an empty box at its start.
     """
     for number, mission in enumerate(expand(tuple(missions))):
         start = start_pose(roads, mission)

@@ -163,7 +163,7 @@ class OwnRewards:
         """Take one step in; return whose decision ends with it, shape (B, n), valid until the next."""
         settled = self._weighted.collect(frame, is_last)
         present = self._served.present(frame)
-        # Who is seen for the first time has decided nothing so far.
+        # An agent in its first observation has made no decision yet.
         driving = present & self._has_begun
         self._has_begun |= present
         if driving.any():

@@ -12,7 +12,7 @@ HERE = __file__
 
 
 def play(reward, decisions=60, adapter="benchmark", agents=2, scenario="loop"):
-    """Drive two simulations of agents that keep their lane; yield who acted, and what the step answered."""
+    """Drive two simulations of lane-keeping agents; yield which agents acted, and the step's result."""
     env = VectorHiWayEnv(2, [scenario], agents, adapter=adapter, adapter_options={"reward": reward}, seed=5)
     try:
         alive = env.reset(5).alive.copy()
