@@ -113,7 +113,13 @@ class Driver:
             file.unlink(missing_ok=True)
 
     def _training(self) -> list[Any]:
-        return [stream for stream, state in self._under_way.items() if state.status == TRAINING]
+        """Return the streams of runs that train or, for all that is known here, may train already."""
+        states = self._under_way.items()
+        return [
+            stream
+            for stream, state in states
+            if isinstance(state.job, Run) and state.status in (BEGINNING, TRAINING)
+        ]
 
     def _listen(self, streams: Sequence[Any]) -> None:
         """Take in a message of one of the jobs, if there is one within a second."""
