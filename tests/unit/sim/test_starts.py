@@ -1,4 +1,4 @@
-"""Missions of scenarios as seats: routes, goals, distances, and how agents are to enter."""
+"""Missions of scenarios as agents: routes, goals, distances, and how agents are to enter."""
 
 import math
 from types import SimpleNamespace
