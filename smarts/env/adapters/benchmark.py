@@ -153,7 +153,7 @@ class BenchmarkAdapter:
 
     def _bind(self) -> None:
         """Hand the kernels what stays the same."""
-        scene, agents = self._served.scene, self._served.agent_ids
+        scene, agent_ids = self._served.scene, self._served.agent_ids
         world, agents, vectors = scene.world, scene.world.agents, self.observations["observation"]
         columns = (
             columns_of(agents, EgoColumns),
@@ -161,15 +161,15 @@ class BenchmarkAdapter:
             columns_of(world.vehicles, Driving),
         )
         roads = scene.atlas.roads, scene.routes.current, world.map, scene.routes.number
-        self._write_features = bind(write_features, *roads, agents, *columns, self._features)
+        self._write_features = bind(write_features, *roads, agent_ids, *columns, self._features)
         self._write_stack = bind(write_stack, self._features, self._is_new, FRAMES, vectors)
         situation = columns[0], columns[2], world.signals, world.step, self._patience, vectors
-        self._write_situation = bind(write_situation, *roads, agents, *situation)
+        self._write_situation = bind(write_situation, *roads, agent_ids, *situation)
         arrival_order = agents.state, agents.arrival_number, agents.arrival_junction
-        self._write_arrival_order = bind(write_arrival_order, agents, *arrival_order, vectors)
+        self._write_arrival_order = bind(write_arrival_order, agent_ids, *arrival_order, vectors)
         self._write_identity = bind(write_identity, FRAMES * FEATURES, vectors)
         mask = self.observations.get(MASK)
-        self._write_mask = None if mask is None else bind(write_mask, agents, agents.action_mask, mask)
+        self._write_mask = None if mask is None else bind(write_mask, agent_ids, agents.action_mask, mask)
 
 
 def _patience(interface: AgentInterface, dt: float) -> float:
