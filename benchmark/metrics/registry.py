@@ -56,5 +56,5 @@ METRICS = Registry(
 user's own is such a name, and is listed behind them once it has been asked for."""
 ALWAYS = ("collision_rate", "completion_rate")
 """Metrics that are always measured: the main table and the ranking are made of them."""
-ELEVEN = tuple(METRICS)[:11]
+PAPER_METRICS = tuple(METRICS)[:11]
 """Those that the paper names."""

@@ -95,7 +95,7 @@ def compute(table: pd.DataFrame, by: Sequence[str] = (), metrics: Sequence[str] 
     wanted = [METRICS[name] for name in metrics or METRICS]
     if not metrics:
         wanted = [measure for measure in wanted if set(measure.columns) <= set(table.columns)]
-    kept: Frame = table[~table["is_void"]] if len(table) else table
+    kept: Frame = table[~table["is_invalid"]] if len(table) else table
     rows: list[dict[str, Any]] = []
     groups = kept.groupby([*by], sort=True, dropna=False) if by else [((), kept)]
     for key, part in groups:

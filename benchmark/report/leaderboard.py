@@ -22,7 +22,7 @@ from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.statistics import interquartile_mean
 from smarts.registry import is_own_name
 
-SCRIPTED_PARADIGM, OTHER_PARADIGM = "reference policy", "other"
+SCRIPTED_PARADIGM, OTHER_PARADIGM = "scripted policy", "other"
 """Paradigms of scripted policies and of algorithms that the registry does not know."""
 
 
@@ -38,7 +38,7 @@ class Place:
     algorithm: str
     paradigm: str
     rank: int | None
-    """None of references, and where there is no figure or nobody to compare with at equal starts."""
+    """None for scripted policies, without a figure, and without another algorithm at equal starts."""
     is_tied: bool
     completion: Value
     collision: Value
@@ -74,7 +74,7 @@ class Summary:
     collision: float
     cells: int
     most_cells: int
-    """That anyone under the protocol has; means over fewer are not comparable."""
+    """The most cells of an entry under the protocol; means over fewer are not comparable."""
 
     @property
     def label(self) -> str:
@@ -129,9 +129,9 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
     )
 
 
-def paradigm_of(algorithm: str, is_reference: bool) -> str:
-    """Return who knows what, when, by the registry of algorithms."""
-    if is_reference:
+def paradigm_of(algorithm: str, is_scripted: bool) -> str:
+    """Return an algorithm's paradigm."""
+    if is_scripted:
         return SCRIPTED_PARADIGM
     return str(ALGORITHMS[algorithm].paradigm) if algorithm in ALGORITHMS else OTHER_PARADIGM
 
@@ -161,7 +161,7 @@ def _labelled(results: Results, name: str) -> Frame:
             labels = {
                 "experiment": name,
                 "protocol": protocol_of(run, results),
-                "is_scripted": run.is_reference,
+                "is_scripted": run.is_scripted,
             }
             parts.append(table.assign(**labels, entry=f"{name}\n{run.algorithm}"))
     empty = results.table.assign(experiment="", protocol="", is_scripted=False, entry="")

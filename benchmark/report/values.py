@@ -105,7 +105,7 @@ def measure_cells(table: Frame, metrics: Sequence[str] = ()) -> Frame:
         parts.append(compute(table, by, [GENERALIZATION]))
     answer = pd.concat(parts, ignore_index=True).rename(columns={"task_traffic": "traffic"})
     scripted = set(table.loc[table["training_seed"] == SCRIPTED_SEED, "algorithm"])
-    answer["kind"] = ["reference" if name in scripted else "learning" for name in answer["algorithm"]]
+    answer["kind"] = ["scripted" if name in scripted else "learning" for name in answer["algorithm"]]
     order = {name: number for number, name in enumerate(METRICS)}
     answer = answer.sort_values(
         ["algorithm", "task", "traffic", "mode", "metric"],

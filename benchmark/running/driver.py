@@ -13,10 +13,10 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 from benchmark.experiment.config import Experiment, Resources
-from benchmark.experiment.runs import ReferenceRun, Run, references_of, runs_of
+from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING, RunFolder
 from benchmark.running.importing import named_own_code
-from benchmark.running.progress import BEGINNING, WAITING, Progress
+from benchmark.running.progress import STARTING, WAITING, Progress
 from smarts.errors import SmartsError, shortened
 from smarts.registry import import_own
 
@@ -28,7 +28,7 @@ STOP = ".stop"
 STOP_SECONDS = 60.0
 """Time for runs to save: an iteration, a validation and a checkpoint."""
 
-Job = Run | ReferenceRun
+Job = Run | ScriptedRun
 
 
 @dataclass
@@ -37,7 +37,7 @@ class JobState:
 
     job: Job
     status: str = WAITING
-    """`WAITING`, `BEGINNING`, a phase of `Progress`, or "failed"."""
+    """`WAITING`, `STARTING`, a phase of `Progress`, or "failed"."""
     progress: Progress | None = None
     attempts: int = 0
     error: str = ""
@@ -47,7 +47,7 @@ class JobState:
 
 def jobs_of(experiment: Experiment) -> list[Job]:
     """Return all jobs of an experiment in the order in which they are begun."""
-    return [*references_of(experiment), *runs_of(experiment)]
+    return [*scripted_runs_of(experiment), *runs_of(experiment)]
 
 
 class Driver:
@@ -78,7 +78,7 @@ class Driver:
             folder = RunFolder(self._root / state.job.folder)
             content = state.job.content()
             folder.check(content)
-            if folder.is_finished(state.job.cell.test_content()) and not folder.is_extended(content):
+            if folder.is_finished(state.job.task_setting.test_content()) and not folder.is_extended(content):
                 state.status = FINISHED
             else:
                 self._waiting.append(state)
@@ -118,7 +118,7 @@ class Driver:
         return [
             stream
             for stream, state in states
-            if isinstance(state.job, Run) and state.status in (BEGINNING, TRAINING)
+            if isinstance(state.job, Run) and state.status in (STARTING, TRAINING)
         ]
 
     def _listen(self, streams: Sequence[Any]) -> None:
@@ -134,9 +134,9 @@ class Driver:
 
     def _begin(self, state: JobState) -> None:
         state.attempts += 1
-        state.status = BEGINNING
+        state.status = STARTING
         gpus = self._resources.learner_gpus
-        task = _carry_out.options(num_cpus=1, num_gpus=gpus, max_retries=0, num_returns="streaming")
+        task = _execute.options(num_cpus=1, num_gpus=gpus, max_retries=0, num_returns="streaming")
         state.updates = task.remote(state.job, str(self._root))
 
     def _take(self, state: JobState) -> bool:
@@ -165,17 +165,17 @@ def _words(error: BaseException) -> str:
 
 
 @ray.remote
-def _carry_out(job: Job, root: str) -> Iterator[Progress]:
+def _execute(job: Job, root: str) -> Iterator[Progress]:
     """Do a job in a process of its own; yields its progress."""
     # Here, so that the driver's own process loads neither torch nor the simulation.
-    from benchmark.running.testing import play_reference
-    from benchmark.running.training import carry_out
+    from benchmark.running.testing import play_scripted
+    from benchmark.running.training import train_and_evaluate
 
-    import_own(job.cell.imports)
+    import_own(job.task_setting.imports)
     folder = RunFolder(Path(root) / job.folder)
     with named_own_code("the run's own code"):
         if isinstance(job, Run):
-            yield from carry_out(job, folder, (Path(root) / STOP).exists)
+            yield from train_and_evaluate(job, folder, (Path(root) / STOP).exists)
         else:
-            for share in play_reference(job, folder):
+            for share in play_scripted(job, folder):
                 yield Progress(TESTING, share)

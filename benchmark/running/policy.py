@@ -21,7 +21,7 @@ from algorithms.joint.threads import torch_threads
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.again import read_run
+from benchmark.running.evaluate_checkpoint import read_run
 from benchmark.running.training import config_of
 from smarts.env.adapters.protocol import MASK
 from smarts.env.hiway import HiWayEnv
@@ -149,7 +149,7 @@ class Policy:
                 place="Policy.attach",
                 remedy=f"the policy was trained for {[*self.agents]}, in this order",
             )
-        given = self._run.cell.environment
+        given = self._run.task_setting.environment
         self._attached = env.watch(given.adapter, given.options)
         self.reset()
 

@@ -20,6 +20,7 @@ from algorithms.settings import apply
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
+from benchmark.results.progress import add_progress, begin_progress
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TESTING, TRAINING, RunFolder
 from benchmark.running.environments import NAME, create, environment
 from benchmark.running.machine import machine
@@ -46,7 +47,7 @@ class State:
     """Completion and collision of the best validation."""
 
 
-def carry_out(
+def train_and_evaluate(
     run: Run, folder: RunFolder, is_stopped: Callable[[], bool] = lambda: False
 ) -> Iterator[Progress]:
     """Train and test, from where the folder says it was interrupted; nothing if it is finished.
@@ -63,12 +64,12 @@ def carry_out(
         SmartsError: The folder cannot be used, or the environment cannot be made.
         AlgorithmError: The settings do not fit the environment, or training cannot go on.
     """
-    tested = run.cell.test_content()
+    tested = run.task_setting.test_content()
     if folder.is_finished(tested) and not folder.is_extended(run.content()):
         return
     folder.open(run.content())
     circumstances = {"begun": _now(), **machine()}
-    scenarios = {SCENARIOS: scenario_digests(run.cell)}
+    scenarios = {SCENARIOS: scenario_digests(run.task_setting)}
     if folder.status is None:
         folder.note(status=TRAINING, run=str(run), **scenarios, **circumstances)
     else:
@@ -91,7 +92,7 @@ def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
     config = config_of(run)
-    config.environment(NAME, env_config={"cell": run.cell, "discount": config.gamma})
+    config.environment(NAME, env_config={"task_setting": run.task_setting, "discount": config.gamma})
     algo = config.build_algo()
     with suppress(OSError):
         Path(algo.logdir).rmdir()  # among ~/ray_results, where nothing is ever written to it
@@ -107,11 +108,13 @@ def config_of(run: Run) -> Any:
     Raises:
         OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
     """
-    import_own(run.cell.imports)
+    import_own(run.task_setting.imports)
     config = CONFIGS[run.algorithm]()
-    if run.cell.imports:
-        config.env_runner_cls = own_code_runner(run.cell.imports)
-    config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
+    if run.task_setting.imports:
+        config.env_runner_cls = own_code_runner(run.task_setting.imports)
+    config.env_runners(
+        num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.task_setting.copies
+    )
     if run.resources.learner_gpus:
         config.learners(num_gpus_per_learner=run.resources.learner_gpus)
     config.debugging(seed=run.seed, log_level="ERROR")
@@ -166,8 +169,8 @@ class Training:
             self._state = State(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})
             # Fewer than were made if the budget has grown since: the others lie in what is added.
             self._state = replace(self._state, validations=min(self._due_validations(), kept["validations"]))
-        folder.begin_progress(self._state.iteration)
-        self._scalars = Scalars(folder.tensorboard, folder.read_progress())
+        lines = begin_progress(folder.progress, self._state.iteration)
+        self._scalars = Scalars(folder.tensorboard, lines)
 
     @property
     def validations(self) -> int:
@@ -195,7 +198,7 @@ class Training:
             progress, line = self._iterate()
             validation = self._validate() if self._is_validation_due() else None
             line |= {f"validation_{name}": value for name, value in (validation or {}).items()}
-            self._folder.add_progress(line)
+            add_progress(self._folder.progress, line)
             self._scalars.add(line)
             if validation or time.monotonic() - saved > CHECKPOINT_SECONDS or self._share() >= 1:
                 self._folder.save(self._folder.checkpoint, self._algo, asdict(self._state))
@@ -213,7 +216,7 @@ class Training:
         took = time.monotonic() - began
         runners = result["env_runners"]
         decisions = sum(runners["num_agent_steps_sampled_lifetime"].values())
-        agent_steps = int(decisions * self._run.cell.environment.decision_interval)
+        agent_steps = int(decisions * self._run.task_setting.environment.decision_interval)
         speed = (agent_steps - self._state.agent_steps) / took
         self._state = replace(
             self._state,
@@ -222,7 +225,7 @@ class Training:
             seconds=self._state.seconds + took,
         )
         outcomes = runners.get("env", {})
-        agents = self._run.cell.environment.agents
+        agents = self._run.task_setting.environment.agents
         progress = Progress(
             TRAINING,
             self._share(),
@@ -249,20 +252,20 @@ class Training:
 
     def _due_validations(self) -> int:
         """Return how many validations belong to the share of the budget that is used up."""
-        return int(self._share() * self._run.cell.evaluation.validations)
+        return int(self._share() * self._run.task_setting.evaluation.validations)
 
     def _validate(self) -> Mapping[str, float]:
         """Play the validation's episodes, and keep the policy if it is the best so far."""
-        with closing(environment(self._run.cell, discount=self._algo.config.gamma)) as env:
+        with closing(environment(self._run.task_setting, discount=self._algo.config.gamma)) as env:
             episodes = evaluate(
                 self._algo,
-                self._run.cell.evaluation.validation_episodes,
+                self._run.task_setting.evaluation.validation_episodes,
                 first_world=EVALUATION_WORLDS,
                 env=env,
                 seed=EVALUATION_SEED,
             )
-        # A void episode says nothing of the policy.
-        counted = [episode for episode in episodes if not episode.metrics["void"]]
+        # An invalid episode is discarded.
+        counted = [episode for episode in episodes if not episode.metrics["invalid"]]
         completion, collision, returns = (
             float(np.mean(values)) if counted else np.nan
             for values in (

@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
-from benchmark.cli.evaluate import _show
+from benchmark.cli.experiments import show_metrics
 from benchmark.report.leaderboard_page import write_leaderboard
 from benchmark.report.values import Value, csv_number
 from benchmark.report.writing import write_report
@@ -66,7 +66,7 @@ def test_reports_and_leaderboards(root, tmp_path):
 
 
 def test_evaluate(capsys):
-    _show(episodes(TINY))
+    show_metrics(episodes(TINY))
     said = capsys.readouterr().out
     assert re.search(r"return +0\.000 ", said)
     assert not NEGATIVE_ZERO.search(said)

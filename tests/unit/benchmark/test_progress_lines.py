@@ -10,7 +10,7 @@ from rich.console import Console
 from benchmark.running import live
 from benchmark.running.driver import JobState
 from benchmark.running.exit_codes import INTERRUPTED
-from benchmark.running.experiment import goes_on, interruptible
+from benchmark.running.experiment import interruptible, resumable
 from benchmark.running.live import LiveProgress
 from benchmark.running.progress import Progress
 
@@ -31,7 +31,7 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
 
     training = Progress("training", 0.5, 6, 1500, 60.0, 867.4, 1.41, 0.75, 0.25)
     assert lines("waiting") == []
-    assert lines("beginning") == [f"{NAME}: beginning (compiles kernels that are not in the cache)"]
+    assert lines("starting") == [f"{NAME}: starting (compiling kernels that are not cached)"]
     expected = (
         f"{NAME}: training 50%, iteration 6, 867 steps/s, return 1.41, completion 0.75, collision 0.25, "
         "1.0 min left"
@@ -59,7 +59,7 @@ def test_whatever_is_ended_says_how_to_go_on(tmp_path, capsys, number):
         return 0
 
     try:
-        assert interruptible(work, goes_on(tmp_path)) == INTERRUPTED
+        assert interruptible(work, resumable(tmp_path)) == INTERRUPTED
     finally:
         signal.signal(signal.SIGINT, ctrl_c)
     assert f"what is finished is in {tmp_path}, the same command goes on" in capsys.readouterr().err
