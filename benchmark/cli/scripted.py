@@ -74,7 +74,7 @@ def scripted(
         locate(name)
     _check_table(out)
     typer.echo(_line(COLUMNS[:3], COLUMNS[3], "s", SHOWN))
-    table = None if out is None else Table(out)
+    table = None if out is None else CsvTable(out)
     for policy, name in itertools.product(chosen, scenario or SCENARIOS):
         folder = None if record is None else record / file_name(policy) / Path(name).name
         for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
@@ -86,7 +86,7 @@ def scripted(
         typer.echo(f"wrote {out}")
 
 
-class Table:
+class CsvTable:
     """A CSV file that is whole after each line, so that an interrupted command loses none.
 
     Args:

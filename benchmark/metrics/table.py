@@ -1,7 +1,8 @@
-"""The table of results: a row for each agent-episode, kept for good; recordings need not be."""
+"""The table of results: a row for each agent-episode, measured from recorded episodes."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -67,11 +68,8 @@ def measure_episodes(
         OwnCodeError: A user's metric raises, lacks a column, or writes one that is another's.
     """
     folder = Path(folder)
-    if split not in SPLITS:
-        raise RecordError(f"there is no split '{split}'", remedy=f"choose one of {', '.join(SPLITS)}")
-    if not folder.is_dir():
-        raise RecordError("there is no such folder of episodes", place=str(folder))
-    chosen = metrics or [name for name in METRICS if not is_own_name(name)]
+    _check_source(folder, split)
+    chosen = metrics or itertools.filterfalse(is_own_name, METRICS)
     measures = [METRICS[name] for name in dict.fromkeys((*ALWAYS, *chosen))]
     counts: dict[str, Any] = {"measured": 0, "invalid": 0, "incomplete": 0, "corrupted": {}}
     parts = []
@@ -80,22 +78,35 @@ def measure_episodes(
             recorded = RecordedEpisode(path)
             if worlds is not None and int(recorded.facts["world"]) not in worlds:
                 continue
-            episode = EpisodeData(recorded, split)
-            if not episode.facts["is_complete"] and not episode.facts["is_invalid"]:
-                counts["incomplete"] += 1
-                continue
-            parts.append(_rows(episode, measures, labels or {}))
+            kind, rows = _measured(EpisodeData(recorded, split), measures, labels or {})
         except (RecordError, MapError) as error:
             counts["corrupted"][path.name] = error.problem
-            continue
         except (IndexError, KeyError, ValueError) as error:
-            # Whatever half a file, or numbers that do not fit together, end in: the others are whole.
+            # Half a file, or numbers that do not fit together; the other episodes are whole.
             counts["corrupted"][path.name] = f"not a whole episode: {type(error).__name__}: {error}"
-            continue
-        counts["invalid" if episode.facts["is_invalid"] else "measured"] += 1
+        else:
+            counts[kind] += 1
+            parts += rows
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
     table.attrs[COUNTS] = counts
     return table
+
+
+def _check_source(folder: Path, split: str) -> None:
+    if split not in SPLITS:
+        raise RecordError(f"there is no split '{split}'", remedy=f"choose one of {', '.join(SPLITS)}")
+    if not folder.is_dir():
+        raise RecordError("there is no such folder of episodes", place=str(folder))
+
+
+def _measured(
+    episode: EpisodeData, measures: Iterable[Measure], labels: Mapping[str, Any]
+) -> tuple[str, list[pd.DataFrame]]:
+    """Return "measured", "invalid" or "incomplete" (cut short), and the rows, if any."""
+    is_invalid = episode.facts["is_invalid"]
+    if not is_invalid and not episode.facts["is_complete"]:
+        return "incomplete", []
+    return "invalid" if is_invalid else "measured", [_rows(episode, measures, labels)]
 
 
 def _rows(episode: EpisodeData, measures: Iterable[Measure], labels: Mapping[str, Any]) -> pd.DataFrame:

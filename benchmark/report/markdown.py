@@ -97,7 +97,7 @@ def _metrics(report: Report) -> list[str]:
     return parts
 
 
-def _entry(entry: tables.Entry | None) -> str:
+def _entry(entry: tables.MetricCell | None) -> str:
     if entry is None:
         return ""
     notes = f" ({', '.join(map(str, entry.notes))})" if entry.notes else ""

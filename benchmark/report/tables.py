@@ -38,7 +38,7 @@ DIFFERENCE_COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class MetricCell:
     """A value in the table of metrics."""
 
     text: str
@@ -62,7 +62,7 @@ class MetricsRow:
     """That a filter shows it for: a scripted policy has a row for each."""
     acting: str
     n: int
-    cells: tuple[Entry | None, ...]
+    cells: tuple[MetricCell | None, ...]
 
     @property
     def label(self) -> str:
@@ -97,13 +97,13 @@ def metrics_table(report: Report) -> tuple[list[MetricsRow], list[str]]:
 
 def _entry(
     report: Report, place: tuple[str, str, str, str], metric: str, notes: dict[str, int]
-) -> Entry | None:
+) -> MetricCell | None:
     found = report.value(*place, metric)
     if found is None:
         return None
     numbers = [notes.setdefault(note, len(notes) + 1) for note in found.note.split("; ") if note]
     sort = f"{found.value:z.6g}" if found.is_known else ""
-    return Entry(found.text, found.interval, found.count_text, sort, tuple(numbers))
+    return MetricCell(found.text, found.interval, found.count_text, sort, tuple(numbers))
 
 
 def generalization_rows(report: Report) -> list[list[str]]:

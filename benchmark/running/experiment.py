@@ -20,8 +20,8 @@ from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
 from benchmark.results.run_folder import ENDED_BY, FINISHED, RunFolder
 from benchmark.running.cluster import start_ray
-from benchmark.running.driver import Driver, JobState, jobs_of
 from benchmark.running.exit_codes import FAILED, INTERRUPTED
+from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests
@@ -58,29 +58,29 @@ def run_experiment(experiment: Experiment, root: Path) -> int:
     }
     with locked(root):
         live = LiveProgress()
-        driver = Driver(jobs_of(experiment), root, experiment.resources, live.show)
-        check_scenarios(driver, root, scenarios)
+        scheduler = JobScheduler(jobs_of(experiment), root, experiment.resources, live.show)
+        check_scenarios(scheduler, root, scenarios)
         keep_command(root, experiment, command())
-        if driver.is_done:
-            return _summarize(driver.states, root)
+        if scheduler.is_done:
+            return _summarize(scheduler.states, root)
         is_callers = ray.is_initialized()
         try:
             start_ray(experiment.resources)
             with live:
-                states = _run(driver)
+                states = _run(scheduler)
         finally:
             if not is_callers:
                 ray.shutdown()
         return _summarize(states, root)
 
 
-def _run(driver: Driver) -> list[JobState]:
+def _run(scheduler: JobScheduler) -> list[JobState]:
     """Run all jobs; at the first Ctrl-C or SIGTERM wait until they have saved, at the second end at once."""
     try:
-        return driver.run()
+        return scheduler.run()
     except KeyboardInterrupt:
         print("stopping: saving checkpoints; press Ctrl-C again to stop at once", file=sys.stderr)
-        driver.stop()
+        scheduler.stop()
         raise
 
 
@@ -119,22 +119,22 @@ def _check_own_code(experiment: Experiment) -> None:
             CONFIGS[algorithm]().check(JointSpec.build(spaces))
 
 
-def check_scenarios(driver: Driver, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
+def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
     """Check that finished and remaining runs are of the same scenarios; if all are finished, print a note.
 
     Args:
-        driver: Of the experiment.
+        scheduler: Of the experiment.
         root: Of its results.
         scenarios: Task setting -> name -> present digest.
 
     Raises:
         ResultsError: Results of two versions of a scenario would be mixed.
     """
-    for state in driver.states:
+    for state in scheduler.states:
         folder = RunFolder(root / state.job.folder)
         for name in folder.changed_scenarios(scenarios[str(state.job.task_setting)]):
             problem = f"the scenario {name!r} has changed since this run"
-            if not driver.is_done:
+            if not scheduler.is_done:
                 raise ResultsError(
                     problem,
                     place=str(folder.path),

@@ -15,7 +15,7 @@ from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
 from benchmark.running.progress import STARTING, WAITING
 
 if TYPE_CHECKING:
-    from benchmark.running.driver import JobState
+    from benchmark.running.jobs import JobState
 
 MOST_ROWS = 12
 """Rows of the table."""

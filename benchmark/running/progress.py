@@ -10,8 +10,8 @@ WAITING, STARTING = "waiting", "starting"
 
 
 @dataclass(frozen=True)
-class Progress:
-    """Progress of a run."""
+class RunProgress:
+    """How far a run is."""
 
     phase: str
     """TRAINING, TESTING or FINISHED."""

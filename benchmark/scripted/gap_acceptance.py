@@ -1,4 +1,4 @@
-"""Gives way to whomever it might meet: proof that a scenario can be won with what agents see and do."""
+"""The gap-acceptance policy: shows that a scenario can be solved with the agents' observation and actions."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from smarts.types.episode import EpisodeStart
 Floats = NDArray[np.float64]
 
 HORIZON = 5.0
-"""How far ahead those are followed who go first [s]."""
+"""Horizon of vehicles with the right of way [s]."""
 SHORT_HORIZON = 2.5
-"""How far ahead those are followed who should give way [s]."""
+"""Horizon of vehicles that should give way [s]."""
 TIMES = np.arange(0.0, HORIZON + 0.01, 0.25)
 """[s]"""
 SPEEDING_UP = 2.5
@@ -42,39 +42,38 @@ JUNCTION_SPEED = 6.0
 LOWEST_SPEED = 2.0
 """While waiting for a gap in the lane to the side [m/s]."""
 LENGTH = 5.0
-"""Of every vehicle, for want of better knowledge [m]."""
+"""Assumed length of every vehicle [m]."""
 DISC = 1.1
-"""Radius of the discs that stand for a vehicle [m]."""
+"""Radius of the discs that approximate a vehicle [m]."""
 DISC_PLACES = np.array([-1.7, 0.0, 1.7])
 """Of their centres along it [m]."""
 SAFE = 0.6
 """Distance to keep from others [m]."""
 SAFE_STANDING = 0.3
-"""Distance to keep from those who stand, once one has waited for long [m]."""
+"""Distance to keep from standing vehicles after a long wait [m]."""
 SLACK = 0.15
-"""By which somebody must come nearer than now to count, so that one can pass those beside one [m]."""
+"""A vehicle counts if it comes nearer than now by this, so that vehicles beside can be passed [m]."""
 LANE = 3.2
 """[m]"""
 OVERDUE = 80.0
 """Distance to the goal within which a lane change is due [m]."""
 OTHERS_SPEEDING_UP = 2.0
-"""Of those who may be about to go first [m/s^2]."""
+"""Assumed acceleration of vehicles that may go first [m/s^2]."""
 OTHERS_SPEED = 7.0
-"""Up to which they do [m/s]."""
+"""Speed up to which they accelerate [m/s]."""
 URGENT = 30.0
-"""Distance to the goal within which smaller gaps will do [m]."""
+"""Distance to the goal within which smaller gaps are accepted [m]."""
 LAST_PLACE = 12.0
-"""Distance to the goal at which to stop and wait for a gap [m]."""
+"""Distance to the goal at which it stops and waits for a gap [m]."""
 PATIENCE = 10
-"""Decisions at rest after which who came first claims the right of way."""
+"""Decisions at rest after which the first to arrive claims the right of way."""
 
 
 class GapAcceptancePolicy:
-    """Slows down when going on would bring it near the predicted place of another, and goes on otherwise.
+    """Slows down if it would come near the predicted place of another vehicle, else keeps going.
 
-    The right of way: oncoming traffic goes before who turns left, the right before the left; others still
-    have to be avoided if they come too near. It changes lanes when its goal lies to the side of a straight
-    road and the lane there is free.
+    Right of way: oncoming traffic before left turns, right before left; vehicles without it are avoided if
+    they come too near. It changes lanes if the goal lies to the side of a straight road and that lane is free.
     """
 
     def begin(self, episode: EpisodeStart, agent: int) -> None:
@@ -82,54 +81,62 @@ class GapAcceptancePolicy:
         self._waited = 0
 
     def act(self, observation: NDArray[np.float32], mask: NDArray[np.bool_]) -> int:
-        """Return a legal action."""
+        """Return an allowed action."""
         now = observation[(FRAMES - 1) * FEATURES : FRAMES * FEATURES].astype(np.float64)
         speed, arrival = now[SPEED] * SPEED_SCALE, float(observation[ARRIVAL])
-        self._waited = self._waited + 1 if speed < 0.5 else 0
+        self._waited = (self._waited + 1) * bool(speed < 0.5)
         others = _others(now, speed)
-        wish = _wish(now)
         errors = now[HEADINGS : HEADINGS + WAYPOINTS]
         path = _path(errors)
         is_first = arrival <= 0.0
         claims = self._waited > (PATIENCE if is_first else 3 * PATIENCE)
         horizons = _horizons(others, turns_left=errors.max() > 0.3, yields=not is_first, claims=claims)
         ways = _ways(others, may_speed_up=not is_first and not claims)
-        driven = _driven(speed, SPEEDING_UP)
         ahead = float(expanded(now[GOAL], GOAL_SCALE))
-        is_urgent = ahead < URGENT
-        # Who stops between two lanes, before a junction, is run into from behind.
-        may_change = wish is not None and mask[wish] and (arrival < 0.0 or is_urgent)
-        if wish is not None and may_change and _is_free(others, speed, wish, is_urgent):
+        wish = _wish(now, mask)
+        if wish is not None and _is_free(others, speed, wish, arrival, is_urgent=ahead < URGENT):
             crosses = ~_goes_along(others)
-            if _time_to_conflict(path, driven, ways[crosses], horizons[crosses]) == np.inf:
+            if (
+                _time_to_conflict(path, _driven(speed, SPEEDING_UP), ways[crosses], horizons[crosses])
+                == np.inf
+            ):
                 return wish
-        if speed > JUNCTION_SPEED and arrival >= 0.0:
+        number = observation[FRAMES * FEATURES : -SITUATION]
+        if speed > _most_speed(others, wish, arrival, ahead, number):
             return LaneAction.slow_down
-        if wish is not None and mask[wish] and ahead < OVERDUE:
-            is_even = int(np.argmax(observation[FRAMES * FEATURES : -SITUATION])) % 2 == 0
-            in_time = np.sqrt(2 * BRAKING * max(0.0, ahead - LAST_PLACE))
-            if speed > min(_speed_to_let_by(others, wish, is_even), in_time):
-                return LaneAction.slow_down
         safe = SAFE_STANDING if claims else SAFE
-        going = _time_to_conflict(path, driven, ways, horizons, safe)
+        going = _time_to_conflict(path, _driven(speed, SPEEDING_UP), ways, horizons, safe)
         slowing = _time_to_conflict(path, _driven(speed, -BRAKING), ways, horizons, safe)
         is_better = going == np.inf or going > slowing
         return LaneAction.keep_lane if is_better else LaneAction.slow_down
 
 
-def _wish(now: Floats) -> int | None:
-    """Return the lane change that leads towards the goal on a straight road, if any does."""
+def _wish(now: Floats, mask: NDArray[np.bool_]) -> int | None:
+    """Return the allowed lane change that leads towards the goal on a straight road, if any does."""
     ahead, aside = expanded(now[GOAL : GOAL + 2], GOAL_SCALE)
     is_straight = np.abs(now[HEADINGS : HEADINGS + WAYPOINTS]).max() < 0.08
     if not is_straight or ahead < 0.0 or not 0.6 * LANE < abs(aside) < 5 * LANE:
         return None
-    return LaneAction.change_lane_left if aside > 0 else LaneAction.change_lane_right
+    change = LaneAction.change_lane_left if aside > 0 else LaneAction.change_lane_right
+    return change if mask[change] else None
+
+
+def _most_speed(
+    others: Floats, wish: int | None, arrival: float, ahead: float, number: NDArray[np.float32]
+) -> float:
+    """Return the highest speed before a junction, and while a lane change is due [m/s]."""
+    most = JUNCTION_SPEED if arrival >= 0.0 else np.inf
+    if wish is None or ahead >= OVERDUE:
+        return most
+    in_time = np.sqrt(2 * BRAKING * max(0.0, ahead - LAST_PLACE))
+    is_even = int(np.argmax(number)) % 2 == 0
+    return min(most, _speed_to_let_by(others, wish, is_even), in_time)
 
 
 def _speed_to_let_by(others: Floats, change: int, is_even: bool) -> float:
     """Return how fast to go, at most, so that a gap opens in the lane to the side [m/s].
 
-    Of two who want each other's lane, the one behind falls back; of two who are level, the odd one.
+    Of two vehicles that want each other's lane, the one behind falls back; of two side by side, the odd one.
     """
     side = 1.0 if change == LaneAction.change_lane_left else -1.0
     beside = others[(side * others[:, 1] > 0.4 * LANE) & (side * others[:, 1] < 2.4 * LANE)]
@@ -140,11 +147,14 @@ def _speed_to_let_by(others: Floats, change: int, is_even: bool) -> float:
     return LOWEST_SPEED if falls_back else JUNCTION_SPEED
 
 
-def _is_free(others: Floats, speed: float, change: int, is_urgent: bool) -> bool:
-    """Return whether nobody is near, or soon will be, in the lane to the side.
+def _is_free(others: Floats, speed: float, change: int, arrival: float, *, is_urgent: bool) -> bool:
+    """Return whether the lane to the side is free, now and soon, and this is no place before a junction.
 
-    Where it is urgent, others are trusted to brake.
+    A vehicle that stops between two lanes before a junction is hit from behind. Where the change is urgent,
+    it may be made there too, and others are expected to brake.
     """
+    if arrival >= 0.0 and not is_urgent:
+        return False
     side = 1.0 if change == LaneAction.change_lane_left else -1.0
     for x, y, vx, _ in others:
         if not 0.4 * LANE < side * y < 2.4 * LANE:
@@ -156,7 +166,7 @@ def _is_free(others: Floats, speed: float, change: int, is_urgent: bool) -> bool
 
 
 def _others(now: Floats, speed: float) -> Floats:
-    """Return place and velocity of each neighbour as seen from the vehicle: x, y [m], vx, vy [m/s]."""
+    """Return x, y [m], vx, vy [m/s] of each neighbour in the vehicle's frame, shape (K, 4)."""
     rows = now[NEIGHBOURHOOD:FEATURES].reshape(-1, NEIGHBOUR_VALUES)
     rows = rows[rows[:, 0] > 0.0]
     velocities = expanded(rows[:, 3:5], SPEED_SCALE)
@@ -165,7 +175,7 @@ def _others(now: Floats, speed: float) -> Floats:
 
 
 def _path(errors: Floats) -> Floats:
-    """Return the points ahead, one a metre, as seen from the vehicle [m]; straight on behind the last."""
+    """Return points of the path ahead in the vehicle's frame, one a metre, straight on after the last [m]."""
     angles = np.arcsin(errors)
     angles = np.concatenate([angles, np.full(60, angles[-1])])
     steps = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -173,7 +183,7 @@ def _path(errors: Floats) -> Floats:
 
 
 def _driven(speed: float, acceleration: float) -> Floats:
-    """Return how far the vehicle has come at each of `TIMES` [m]."""
+    """Return the distance driven at each of `TIMES` [m]."""
     if acceleration < 0.0:
         moving = np.minimum(TIMES, speed / -acceleration)
         return speed * moving + 0.5 * acceleration * moving**2
@@ -182,13 +192,13 @@ def _driven(speed: float, acceleration: float) -> Floats:
 
 
 def _goes_along(others: Floats) -> NDArray[np.bool_]:
-    """Return who drives the same way, or stands."""
+    """Return which vehicles drive in the same direction or stand."""
     vx, vy = others[:, 2], others[:, 3]
     return (np.abs(vy) < 0.5 * np.abs(vx)) & (vx > 0.0) | (np.hypot(vx, vy) < 0.5)
 
 
 def _horizons(others: Floats, *, turns_left: bool, yields: bool, claims: bool) -> Floats:
-    """Return how far ahead each of the others is followed [s]."""
+    """Return the horizon of each vehicle [s]."""
     vx, vy = others[:, 2], others[:, 3]
     is_ahead = _goes_along(others)
     is_oncoming = (vx < 0.0) & (np.abs(vy) < -vx)
@@ -198,9 +208,9 @@ def _horizons(others: Floats, *, turns_left: bool, yields: bool, claims: bool) -
 
 
 def _ways(others: Floats, *, may_speed_up: bool) -> Floats:
-    """Return where the others may be at each of `TIMES` as seen from the vehicle, shape (K, 2, T, 2) [m].
+    """Return predicted places of vehicles at each of `TIMES` in the vehicle's frame, shape (K, 2, T, 2) [m].
 
-    There are two ways for each: on at its speed, and, for those who cross, speeding up if they may.
+    Two predictions each: constant speed, and accelerating for crossing vehicles that may.
     """
     speed = np.hypot(others[:, 2], others[:, 3])
     gain = np.where(may_speed_up & ~_goes_along(others), OTHERS_SPEEDING_UP, 0.0)
@@ -213,10 +223,10 @@ def _ways(others: Floats, *, may_speed_up: bool) -> Floats:
 def _time_to_conflict(
     path: Floats, driven: Floats, ways: Floats, horizons: Floats, from_standing: float = SAFE
 ) -> float:
-    """Return when somebody comes too near first, infinity if nobody does [s].
+    """Return when the first vehicle comes too near, infinity without one [s].
 
-    A vehicle is taken for three discs in a row along its way. How those who stand are turned is not known:
-    they are taken to stand along the nearest part of one's own path.
+    A vehicle is three discs in a row along its way. The heading of a standing vehicle is unknown: it is that
+    of the nearest part of the own path.
     """
     places = np.clip(driven, 0.0, len(path) - 2.0)
     first = places.astype(int)
@@ -231,7 +241,7 @@ def _time_to_conflict(
             way = tangents[np.argmin(np.hypot(*(path[:-1] - there[0]).T))] if stands else way / length
             gaps = own[:, :, None] - _discs(there, np.broadcast_to(way, there.shape))[:, None]
             distance = np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=(1, 2))
-            # Who is too near already must not come nearer; going past or away is allowed.
+            # A vehicle that is too near already must not come nearer; passing or leaving is allowed.
             kept = 2 * DISC + (from_standing if stands else SAFE)
             near = (distance < min(kept, distance[0] - SLACK)) & (horizon >= TIMES)
             if near.any():

@@ -26,8 +26,8 @@ from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
 from benchmark.results.progress import add_progress, begin_progress, read_progress
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.driver import Driver, jobs_of
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+from benchmark.running.jobs import JobScheduler, jobs_of
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
 
 ROOT = Path(__file__).parents[3]
@@ -232,13 +232,13 @@ def test_the_committed_results_are_finished(tmp_path):
     """Whatever keys with defaults configs have got since; on a copy, since nothing may be written there."""
     shutil.copytree(ROOT / "results" / "paper_table", tmp_path / "table")
     experiment = read_experiment(ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo, maddpg]"])
-    driver = Driver(jobs_of(experiment), tmp_path / "table", experiment.resources)
+    driver = JobScheduler(jobs_of(experiment), tmp_path / "table", experiment.resources)
     assert driver.is_done
     larger = read_experiment(
         ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo]", "budget.agent_steps=3000000"]
     )
     with pytest.raises(ResultsError, match="no checkpoint to train on from"):
-        Driver(jobs_of(larger), tmp_path / "table", larger.resources)
+        JobScheduler(jobs_of(larger), tmp_path / "table", larger.resources)
 
 
 def test_the_config_of_a_run_that_was_killed_before_it_began_is_written_anew(tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.cli.scripted import COLUMNS, Table, scripted
+from benchmark.cli.scripted import COLUMNS, CsvTable, scripted
 from benchmark.results.files import ResultsError
 from benchmark.scripted import SUMO_DRIVER
 from benchmark.scripted.play import play
@@ -75,7 +75,7 @@ def test_a_full_disk_loses_no_line_of_a_table(tmp_path, capsys):
         with file.open(newline="") as opened:
             return [*csv.reader(opened)]
 
-    table = Table(file)
+    table = CsvTable(file)
     table.add(lines[0])
     assert written() == [[*COLUMNS], lines[0]]
     with full_disk():

@@ -1,4 +1,4 @@
-"""Runs an experiment: its runs as Ray tasks side by side, each of which goes on where it was interrupted."""
+"""Schedules the jobs of an experiment as Ray tasks; each resumes where it was interrupted."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from benchmark.experiment.config import Experiment, Resources
 from benchmark.experiment.runs import Run, ScriptedRun, runs_of, scripted_runs_of
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING, RunFolder
 from benchmark.running.importing import named_own_code
-from benchmark.running.progress import STARTING, WAITING, Progress
+from benchmark.running.progress import STARTING, WAITING, RunProgress
 from smarts.errors import SmartsError, shortened
 from smarts.registry import import_own
 
 ATTEMPTS = 3
-"""How often a run may lose its process before it counts as failed."""
+"""How often a job may lose its process before it has failed."""
 
 STOP = ".stop"
-"""File in an experiment's folder that tells its runs to save and end: all machines of a cluster see it."""
+"""File in an experiment's folder at which its runs save and end; all machines of a cluster see it."""
 STOP_SECONDS = 60.0
-"""Time for runs to save: an iteration, a validation and a checkpoint."""
+"""Time limit for saving: an iteration, a validation and a checkpoint [s]."""
 
 Job = Run | ScriptedRun
 
 
 @dataclass
 class JobState:
-    """What is known of a job while an experiment runs."""
+    """State of a job while an experiment runs."""
 
     job: Job
     status: str = WAITING
-    """`WAITING`, `STARTING`, a phase of `Progress`, or "failed"."""
-    progress: Progress | None = None
+    """`WAITING`, `STARTING`, a phase of `RunProgress`, or "failed"."""
+    progress: RunProgress | None = None
     attempts: int = 0
     error: str = ""
     updates: Any = field(default=None, repr=False)
@@ -46,21 +46,21 @@ class JobState:
 
 
 def jobs_of(experiment: Experiment) -> list[Job]:
-    """Return all jobs of an experiment in the order in which they are begun."""
+    """Return all jobs of an experiment in the order in which they start."""
     return [*scripted_runs_of(experiment), *runs_of(experiment)]
 
 
-class Driver:
-    """Keeps as many jobs under way as resources allow.
+class JobScheduler:
+    """Runs as many jobs side by side as resources allow.
 
     Args:
-        jobs: What is to be done; what is finished already is not done again.
+        jobs: All jobs; finished ones are skipped.
         root: Folder of the experiment's results.
-        resources: What each run needs.
-        show: Called with the states of all jobs whenever one changes.
+        resources: Needed by each run.
+        show: Called with the states of all jobs when one changes.
 
     Raises:
-        ResultsError: In a job's folder are the results of something else.
+        ResultsError: A job's folder holds other results.
     """
 
     def __init__(
@@ -85,11 +85,11 @@ class Driver:
 
     @property
     def is_done(self) -> bool:
-        """Whether nothing is left to do."""
+        """Whether all jobs are finished."""
         return not self._waiting
 
     def run(self) -> list[JobState]:
-        """Do all jobs; return their states, in which a job that cannot be done says why."""
+        """Run all jobs; return their states, with the errors of failed jobs."""
         parallel = self._resources.parallel or self._fitting()
         (self._root / STOP).unlink(missing_ok=True)
         self._show(self.states)
@@ -103,7 +103,7 @@ class Driver:
         return self.states
 
     def stop(self) -> None:
-        """Let runs that train save, for at most `STOP_SECONDS`; the others have nothing to save."""
+        """Wait at most `STOP_SECONDS` until training runs have saved; other jobs have nothing to save."""
         deadline, file = time.monotonic() + STOP_SECONDS, self._root / STOP
         file.touch()
         try:
@@ -113,7 +113,7 @@ class Driver:
             file.unlink(missing_ok=True)
 
     def _training(self) -> list[Any]:
-        """Return the streams of runs that train or, for all that is known here, may train already."""
+        """Return the streams of runs that train, or may train without having reported it yet."""
         states = self._under_way.items()
         return [
             stream
@@ -122,7 +122,7 @@ class Driver:
         ]
 
     def _listen(self, streams: Sequence[Any]) -> None:
-        """Take in a message of one of the jobs, if there is one within a second."""
+        """Receive a message of one of the jobs, if one arrives within a second."""
         ready, _ = ray.wait([*streams], num_returns=1, timeout=1.0)
         for stream in ready:
             if not self._take(self._under_way[stream]):
@@ -140,7 +140,7 @@ class Driver:
         state.updates = task.remote(state.job, str(self._root))
 
     def _take(self, state: JobState) -> bool:
-        """Take a message of a job in; return whether more will come."""
+        """Receive a message of a job; return whether more will follow."""
         try:
             progress: Any = ray.get(next(state.updates))
             state.progress, state.status = progress, progress.phase
@@ -150,7 +150,7 @@ class Driver:
         except RayTaskError as error:
             state.status, state.error = "failed", _words(error.cause or error)
         except RayError as error:
-            # The process is gone, killed from outside or for want of memory: what it saved is not.
+            # The process was killed, by a user or for want of memory; its checkpoint remains.
             if state.attempts < ATTEMPTS:
                 self._waiting.appendleft(state)
                 state.status = WAITING
@@ -165,9 +165,9 @@ def _words(error: BaseException) -> str:
 
 
 @ray.remote
-def _execute(job: Job, root: str) -> Iterator[Progress]:
-    """Do a job in a process of its own; yields its progress."""
-    # Here, so that the driver's own process loads neither torch nor the simulation.
+def _execute(job: Job, root: str) -> Iterator[RunProgress]:
+    """Run a job in a process of its own; yield its progress."""
+    # Imported here, so that the driver's process loads neither torch nor the simulation.
     from benchmark.running.testing import play_scripted
     from benchmark.running.training import train_and_evaluate
 
@@ -178,4 +178,4 @@ def _execute(job: Job, root: str) -> Iterator[Progress]:
             yield from train_and_evaluate(job, folder, (Path(root) / STOP).exists)
         else:
             for share in play_scripted(job, folder):
-                yield Progress(TESTING, share)
+                yield RunProgress(TESTING, share)
