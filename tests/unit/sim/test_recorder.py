@@ -22,7 +22,7 @@ from smarts.sim.recorder_kernel import NEAR
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import AgentStatus
-from smarts.types.episode_schema import TABLE, TABLES
+from smarts.types.episode_schema import TABLE, TABLES, VERSION
 from smarts.types.events import Outcome
 
 WORLDS, EGOS, PERIOD, LIMIT = 2, 4, 5, 60
@@ -210,7 +210,7 @@ def test_agents_equal_the_log(pair):
             assert row["events"] == frame["bits"][agent_id]
             assert row["partner_slot"] == frame["partner"][agent_id]
             assert row["action_mask"] == sum(
-                1 << bit for bit in np.flatnonzero(frame["agents.legal"][agent_id]).tolist()
+                1 << bit for bit in np.flatnonzero(frame["agents.action_mask"][agent_id]).tolist()
             )
     assert len(recorded) == expected
 
@@ -227,7 +227,7 @@ def test_decisions_carry_the_state_they_were_made_on(pair):
             assert row["action"] == ActionSpaceType.Lane
             # The mask is that of the state before, which the agent saw.
             assert row["action_mask"] == sum(
-                1 << bit for bit in np.flatnonzero(before["agents.legal"][agent_id]).tolist()
+                1 << bit for bit in np.flatnonzero(before["agents.action_mask"][agent_id]).tolist()
             )
             assert row["is_effective"] == frame["agents.effective"][agent_id]
     assert len(recorded) == expected
@@ -240,7 +240,7 @@ def test_agents(pair):
     for agent_id, agent in enumerate(rows(episode, "agents")):
         last = next(f for f in log if f["agents.outcome"][agent_id])
         begin = start.agents[agent_id]
-        assert agent["name"] == begin.name == f"agent-{agent}"
+        assert agent["name"] == begin.name == f"agent-{agent_id}"
         assert (agent["start_x"], agent["start_y"]) == begin.pose[:2]
         assert agent["start_speed"] == np.float32(begin.speed)
         assert (agent["entry_step"], agent["end_step"]) == (0, last["step"])
@@ -350,7 +350,14 @@ def test_large_tables_are_written_in_pieces(tmp_path):
     writer.append(
         "episode",
         {name: [1] for name in TABLE["episode"].names}
-        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]},
+        | {
+            "version": [VERSION],
+            "map": ["x"],
+            "remark": [""],
+            "program": [""],
+            "scenario": [""],
+            "traffic": [""],
+        },
     )
     episode = RecordedEpisode(writer.finish())
     assert np.bincount(episode.table("vehicles")["step"]).tolist() == [1000] * 3
