@@ -26,6 +26,7 @@ from benchmark.cli import (
     report,
     run,
     scenario,
+    settings,
     sweep,
 )
 from benchmark.running.exit_codes import INTERRUPTED
@@ -81,6 +82,8 @@ app.command()(report.report)
 app.command()(leaderboard.leaderboard)
 app.command()(compare.compare)
 app.command("algorithms")(algorithms.list_algorithms)
+app.command()(settings.settings)
+app.command()(settings.schema)
 
 
 @app.callback()

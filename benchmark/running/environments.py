@@ -31,7 +31,7 @@ NAME = "smarts-bench"
 def environment(
     cell: Cell,
     *,
-    copies: int | None = None,
+    num_envs: int | None = None,
     scenarios: Sequence[str] = (),
     record: Path | None = None,
     discount: float | None = None,
@@ -40,7 +40,7 @@ def environment(
 
     Args:
         cell: What is played.
-        copies: Simulations side by side, by default the cell's.
+        num_envs: Simulations side by side, by default the cell's.
         scenarios: Others than the cell's, such as held-out variations.
         record: Where episodes are written to.
         discount: Of the learner, which shaped rewards have to agree with; by default that of the weights.
@@ -51,7 +51,7 @@ def environment(
     given = cell.environment
     import_own(cell.imports)
     return VectorHiWayEnv(
-        copies or cell.copies,
+        num_envs or cell.num_envs,
         list(scenarios or cell.task.scenarios),
         agents=dict.fromkeys(agent_names(given.agents), interface_of(given)),
         decision_interval=given.decision_interval,
@@ -86,7 +86,7 @@ def try_environment(cell: Cell) -> Any:
     Raises:
         SmartsError: It cannot be made or played; of own code, with its file and line.
     """
-    with named_own_code("the environment's own code"), closing(environment(cell, copies=1)) as env:
+    with named_own_code("the environment's own code"), closing(environment(cell, num_envs=1)) as env:
         env.reset()
         env.step([_some_actions(block) for block in env.spaces.blocks])
         return env.spaces
@@ -101,4 +101,4 @@ def _some_actions(block: Any) -> NDArray:
 
 def create(config: Any) -> Any:
     """Return the training environment that RLlib asks for: `config["cell"]`, for a learner's `"discount"`."""
-    return environment(config["cell"], copies=config["num_envs"], discount=config["discount"])
+    return environment(config["cell"], num_envs=config["num_envs"], discount=config["discount"])
