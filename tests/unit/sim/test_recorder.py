@@ -358,7 +358,7 @@ def test_large_tables_are_written_in_pieces(tmp_path):
 
 def test_another_format_is_refused(tmp_path):
     writer = EpisodeStore(tmp_path).begin("one")
-    texts = {name: [""] for name in ("map", "remark", "program", "scenario", "traffic")}
+    texts = {name: [""] for name in ("map", "remark", "program", "scenario", "traffic", "traffic_engine")}
     writer.append("episode", {name: [0] for name in TABLE["episode"].names} | texts)
     with pytest.raises(RecordError, match="format 0"):
         RecordedEpisode(writer.finish())
