@@ -96,7 +96,7 @@ class FleetVehicles:
         self._commanded: _Commanded | None = None
         self._bind()
 
-    def reset(self, world: World, env_mask: Bools) -> None:
+    def reset(self, env_mask: Bools) -> None:
         """Forget all vehicles of some simulations; those in their rows now are new."""
         for row in np.flatnonzero(env_mask).tolist():
             self.fleet.clear(row)
@@ -105,11 +105,10 @@ class FleetVehicles:
             self._with_boxes.discard(row)
             self._tracks.poses[row] = 0.0
 
-    def step(self, world: World, commands: Commands, env_mask: Bools) -> Tracks:
+    def step(self, commands: Commands, env_mask: Bools) -> Tracks:
         """Move the vehicles of active agents by one step; return how.
 
         Args:
-            world: The state at the beginning of the step.
             commands: From the controllers.
             env_mask: Which simulations make the step, shape (B,).
 
@@ -135,7 +134,7 @@ class FleetVehicles:
         if placed:
             self._place(self._groups.by_poses, commands.poses)
         if driven:
-            self._drive(world, self._commanded.drive, env_mask)
+            self._drive(self._commanded.drive, env_mask)
         return self._tracks
 
     def can_accept(self, rows: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[np.int8]:
@@ -193,11 +192,11 @@ class FleetVehicles:
         followed = commands.mode, commands.actuators, reference, commands.reference_length, commands.poses
         return _Commanded(commands, drive, bind(tracking.first_bad_command, *followed))
 
-    def _drive(self, world: World, driver: Driver, env_mask: Bools) -> None:
+    def _drive(self, driver: Driver, env_mask: Bools) -> None:
         """Advance the fleet, and write its motion into the world."""
         self._place_boxes(env_mask)
         if self._surfaces is not None:
-            self._surfaces.look_up(world, self._groups.driven, self.fleet)
+            self._surfaces.look_up(self._world, self._groups.driven, self.fleet)
         try:
             self.fleet.step(self._no_controls, simulations=env_mask, driver=driver)
         except MotionError:
