@@ -226,6 +226,6 @@ class LaneFollowing:
         given = scene.world.state, scene.atlas.roads, scene.routes.current, Abilities.of_all()
         self._follow = LateBound(follow_lanes, *given, self.manner, top_speeds)
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the reference along each chosen agent's lane; see `Controller`."""
         self._follow.to(actions, out)(chosen)

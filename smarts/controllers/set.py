@@ -59,11 +59,11 @@ class ControllerSet:
         for number, controller in enumerate(self._controllers):
             if in_use >> number & 1:
                 chosen = self._chosen[number]
-                controller.command(self._scene, actions, chosen, out)
+                controller.command(actions, chosen, out)
                 if controller.action not in LANE_TYPES:
                     self._steer_freely(chosen)
         if in_use >> len(self._controllers):
-            self._neutral.command(self._scene, actions, self._chosen[-1], out)
+            self._neutral.command(actions, self._chosen[-1], out)
         return out
 
     def _steer_freely(self, chosen: Bools) -> None:
