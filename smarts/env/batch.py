@@ -71,7 +71,7 @@ class Transition:
     finished: Bools
     """Whose episode is over, shape (B,)."""
     failures: Mapping[int, SmartsError]
-    """Simulations whose traffic failed: their decision is void, and they are to be reset."""
+    """Simulations whose traffic failed: their decision is invalid, and they are to be reset."""
 
 
 class Batch:

@@ -60,7 +60,7 @@ def void(world: World, events: Events, row: int) -> None:
     there = (agents.state[row] == AgentStatus.ACTIVE) | (agents.state[row] == AgentStatus.SHADOWING)
     agents.state[row, there] = AgentStatus.DONE
     agents.state[row, agents.state[row] == AgentStatus.WAITING] = AgentStatus.VACANT
-    agents.outcome[row, there] = Outcome.VOID
+    agents.outcome[row, there] = Outcome.INVALID
     events.just_done[row] |= there
     events.truncated[row] |= there
     events.finished[row] = True

@@ -44,11 +44,11 @@ class Outcome(enum.IntEnum):
     """Ended for another's sake: too few agents or vehicles of interest are left."""
     OTHER_TERMINAL = 9
     """Ended for driving against the direction or on the shoulder."""
-    VOID = 10
-    """The episode does not count: vehicles overlapped at the start, or the traffic engine failed."""
+    INVALID = 10
+    """The episode is to be discarded: vehicles overlapped at the start, or the traffic engine failed."""
 
 
-TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.VOID)
+TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID)
 """The future that an agent would have had is to be estimated; after all other outcomes it has none."""
 
 

@@ -296,12 +296,13 @@ def test_facts(pair):
     facts = episode.facts
     assert facts["scenario"] == "intersection"
     assert (facts["seed"], facts["world"], facts["episode"]) == (42, start.world, 1)
-    assert facts["sumo_seed"] == start.traffic_seed
+    assert facts["traffic_engine"] == start.engine
+    assert facts["traffic_seed"] == start.traffic_seed
     assert facts["traffic"] == start.traffic_name
     assert facts["steps"] == log[-1]["step"]
     assert facts["most_vehicles"] == max(frame["alive"].sum() for frame in log)
     assert facts["is_complete"]
-    assert not facts["is_void"]
+    assert not facts["is_invalid"]
     assert facts["remark"] == ""
     built = build_scenario("intersection").roads()
     assert episode.roads().lane_ids == built.lane_ids
