@@ -24,6 +24,8 @@ Leaves = Mapping[str, np.ndarray]
 
 CARRIED = "@"
 """Names of leaves that the sampler adds to what environments deliver begin with this."""
+LATENT = "@latent"
+"""Leaf with what a policy drew for an agent at the beginning of the episode, (..., n, *shape)."""
 MEMORY = "@memory"
 """Leaf with the memory (..., n, H) that a recurrent policy had before it saw the rest."""
 

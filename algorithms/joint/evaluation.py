@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from algorithms.joint.env import VectorJointEnv
+from algorithms.joint.progress import Episode
 from algorithms.joint.runner import JointEnvRunner
-from algorithms.joint.sampler import Episode, EvaluatedStep
+from algorithms.joint.sampler import EvaluatedStep
 from algorithms.joint.worlds import REPORTED_WORLDS
 
 if TYPE_CHECKING:

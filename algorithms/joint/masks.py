@@ -40,7 +40,7 @@ class Masks(NamedTuple):
     last: Bools
 
 
-def goes_on(alive: Bools, terminated: Bools, truncated: Bools, over: Bools) -> Bools:
+def same_trajectory(alive: Bools, terminated: Bools, truncated: Bools, over: Bools) -> Bools:
     """Return which of those who acted are still in the same life, (..., N).
 
     Args:
@@ -63,6 +63,6 @@ def derive_masks(alive: Bools, terminated: Bools, truncated: Bools, reset: Bools
         failed: Copies whose step t is void, shape (T, B).
     """
     bootstrap = alive[:-1] & ~terminated
-    chain = bootstrap & goes_on(alive[1:], terminated, truncated, reset | failed)
+    chain = bootstrap & same_trajectory(alive[1:], terminated, truncated, reset | failed)
     fresh = np.concatenate([np.zeros_like(alive[:1]), alive[1:] & ~chain])
     return Masks(bootstrap, chain, fresh, bootstrap & ~chain)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -27,6 +28,7 @@ class Policies:
         self._spec = spec
         self._modules = modules
         self._by_block = [[g for g in spec.groups if g.block == k] for k in range(len(spec.spaces.blocks))]
+        self._acts_jointly = any(module.acts_jointly for module in modules.values())
         self._stacked: list[Callable[[Mapping[str, Tensor]], Tensor] | None] = []
         self.refresh()
 
@@ -40,10 +42,40 @@ class Policies:
         with torch.no_grad():
             self._stacked = [self._stack([self._modules[g.id] for g in groups]) for groups in self._by_block]
 
+    def begin_episode(self, view: View, generator: Generator) -> list[Tensor]:
+        """Return the latents (K, n, ...) of each block for K episodes that begin with this view."""
+        with torch.inference_mode():
+            modules, views = self._all(view)
+            return self._by_blocks(type(modules[0]).begin_episode(modules, views, generator))
+
     def act(self, view: View, exploration: Exploration, generator: Generator) -> list[SampledActions]:
         """Return one `SampledActions` per block for a view with leading axis (B,)."""
         with torch.inference_mode():
+            if self._acts_jointly:
+                return self._act_jointly(view, exploration, generator)
             return [self._act(k, view, exploration, generator) for k in range(len(self._by_block))]
+
+    def _act_jointly(
+        self, view: View, exploration: Exploration, generator: Generator
+    ) -> list[SampledActions]:
+        modules, views = self._all(view)
+        drawn = type(modules[0]).act_jointly(modules, views, exploration, generator)
+        fields = [self._by_blocks(list(parts)) for parts in zip(*drawn, strict=True)]
+        return [SampledActions(*parts) for parts in zip(*fields, strict=True)]
+
+    def _all(self, view: View) -> tuple[list[JointModule], list[GroupView]]:
+        """Return the networks of all groups, and what their agents see."""
+        groups = self._spec.groups
+        return [self._modules[g.id] for g in groups], [_seen_by(g, view) for g in groups]
+
+    def _by_blocks(self, parts: Sequence[Any]) -> list[Any]:
+        """Return the parts (B, n, ...) of all groups as one of each block; None where groups have none."""
+        if any(part is None for part in parts):
+            return [None for _ in self._by_block]
+        return [
+            self._in_columns(k, [p for g, p in zip(self._spec.groups, parts, strict=True) if g.block == k])
+            for k in range(len(self._by_block))
+        ]
 
     def _act(self, block: int, view: View, exploration: Exploration, generator: Generator) -> SampledActions:
         leaves = {name: torch.from_numpy(leaf) for name, leaf in view.observations[block].items()}
@@ -68,9 +100,8 @@ class Policies:
         kind = type(self._modules[own[0].id])
         groups = self._spec.groups if kind.communicates else own
         outputs = kind.policies([self._modules[g.id] for g in groups], [_seen_by(g, view) for g in groups])
-        return self._in_columns(
-            block, [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
-        )
+        parts = [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
+        return self._in_columns(block, parts)
 
     def _in_columns(self, block: int, parts: Sequence[Tensor]) -> Tensor:
         """Return the parts (B, n, ...) of a block's groups in the order of its agents."""

@@ -7,7 +7,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from algorithms.joint.env import CARRIED, MEMORY, Bools, Final, Floats, Ints, JointSpaces, JointStep, Leaves
+from algorithms.joint.env import (
+    CARRIED,
+    LATENT,
+    MEMORY,
+    Bools,
+    Final,
+    Floats,
+    Ints,
+    JointSpaces,
+    JointStep,
+    Leaves,
+)
 from algorithms.joint.masks import Masks, derive_masks
 from algorithms.joint.spaces import stored_actions
 
@@ -198,6 +209,8 @@ class JointRollout:
             if (step, copy) in self._finals:
                 source, row = self._finals[step, copy]
                 final.write(k, final_row(source, row))
+        for leaves, before in zip(final.observations, self.views[t, b].observations, strict=True):
+            leaves |= {LATENT: before[LATENT]} if LATENT in before else {}  # of the episode that was cut
         _empty_memories(final.observations, ~masks.bootstrap[t, b])
         final.alive = masks.bootstrap[t, b] | (~self.reset[t, b, None] & self.views.alive[t + 1, b])
         self._forget(~masks.chain)

@@ -37,8 +37,9 @@ from algorithms.joint.config import JointConfig
 from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
 from algorithms.joint.metrics import EPISODE_MEAN
 from algorithms.joint.policies import Policies
+from algorithms.joint.progress import Episode
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.sampler import Episode, EvaluatedStep, Listener, Sampler
+from algorithms.joint.sampler import EpisodeListener, EvaluatedStep, Sampler
 from algorithms.joint.spec import SPEC, JointSpec, agent_spaces
 from algorithms.joint.threads import torch_threads
 from algorithms.joint.worlds import EVALUATION_WORLDS
@@ -269,7 +270,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         restart_id: int,
         *,
         seed: int | None = None,
-        listener: Listener | None = None,
+        listener: EpisodeListener | None = None,
     ) -> Sampler:
         self.make_module()
         worker = max(self.worker_index - 1, 0)
