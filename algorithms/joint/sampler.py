@@ -82,7 +82,7 @@ class Sampler:
         listener: EpisodeListener | None = None,
     ) -> None:
         self._listener = listener
-        self.env, self.policies, self._spec = env, policies, spec
+        self.env, self.policies, self.spec = env, policies, spec
         self._seed, self._source, self._max_failures = seed, source, max_failures
         self._generator = Generator().manual_seed(_mixed(seed, *source))
         self._now: View | None = None
@@ -94,7 +94,7 @@ class Sampler:
         step = self.env.reset(_restarted(self._seed, self._source[1]), worlds, stride=stride)
         step = self._finite_start(step)
         self.progress = EpisodeProgress.begin(
-            self._worlds(worlds), len(self._spec.agents), stride, self.progress.failed_total
+            self._worlds(worlds), len(self.spec.agents), stride, self.progress.failed_total
         )
         self._see(self._with_leaves(step, MEMORY, self._zeros(MEMORY)))
         every = np.arange(self.env.num_envs)
@@ -111,7 +111,7 @@ class Sampler:
         count = self.env.num_envs
         if self._now is None:
             self.begin(self._source[0] * count + np.arange(count))
-        spaces, now = self._spec.spaces, self._view()
+        spaces, now = self.spec.spaces, self._view()
         rollout = JointRollout.empty(spaces, steps, count, log_prob=self.policies.has_log_prob)
         rollout.source[:] = [(*self._source, b) for b in range(count)]
         rollout.start[:] = self.progress.steps
@@ -215,7 +215,7 @@ class Sampler:
         return self._now
 
     def _in_env_units(self, actions: list[np.ndarray]) -> tuple[np.ndarray, ...]:
-        return tuple(to_env(b.action, a) for b, a in zip(self._spec.spaces.blocks, actions, strict=True))
+        return tuple(to_env(b.action, a) for b, a in zip(self.spec.spaces.blocks, actions, strict=True))
 
     def _act(self, view: View, exploration: Exploration) -> list[SampledActions]:
         acting = self.policies.act(view, exploration, self._generator)
@@ -227,7 +227,7 @@ class Sampler:
         if annotate is None:
             return
         given = [chosen.distribution.numpy() for chosen in acting]
-        discrete = [isinstance(block.action, Discrete) for block in self._spec.spaces.blocks]
+        discrete = [isinstance(block.action, Discrete) for block in self.spec.spaces.blocks]
         for name, wanted in (("probabilities", True), ("mean_std", False)):
             if wanted in discrete:
                 annotate(name, [g if d == wanted else None for g, d in zip(given, discrete, strict=True)])
@@ -266,7 +266,7 @@ class Sampler:
             np.zeros((self.env.num_envs, len(block.agents), *block.observation[name].shape), np.float32)
             if name in block.observation
             else None
-            for block in self._spec.spaces.blocks
+            for block in self.spec.spaces.blocks
         ]
 
     @staticmethod
@@ -303,7 +303,7 @@ class Sampler:
     def _forget(self, continues: Bools) -> None:
         """Empty the memory of agents whose trajectory ended, (B, N); rows handed out before keep it."""
         column = 0
-        for leaves, block in zip(self._view().observations, self._spec.spaces.blocks, strict=True):
+        for leaves, block in zip(self._view().observations, self.spec.spaces.blocks, strict=True):
             if MEMORY in leaves:
                 own = continues[:, column : column + len(block.agents)]
                 leaves[MEMORY] = np.where(own[..., None], leaves[MEMORY], 0)
@@ -353,7 +353,7 @@ class Sampler:
 
     def _clear_inactive(self, rollout: JointRollout) -> None:
         alive, column = rollout.views.alive[:-1], 0
-        for actions, block in zip(rollout.actions, self._spec.spaces.blocks, strict=True):
+        for actions, block in zip(rollout.actions, self.spec.spaces.blocks, strict=True):
             there = alive[..., column : column + len(block.agents)]
             actions *= there.reshape(there.shape + (1,) * (actions.ndim - 3)).astype(actions.dtype)
             column += len(block.agents)
