@@ -14,7 +14,7 @@ from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import View
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import Exploration, SampledActions
-from algorithms.parts.networks import PlacedPerceptron, StackedPerceptrons
+from algorithms.parts.networks import Encoder, PlacedPerceptron, StackedPerceptrons
 
 
 class Policies:
@@ -113,18 +113,25 @@ class Policies:
 
     @staticmethod
     def _stack(modules: list[JointModule]) -> Callable[[Mapping[str, Tensor]], Tensor] | None:
-        """Return what maps the leaves of a block to outputs (B, n, P) in few steps, if that can be."""
-        plain = [parts for module in modules if (parts := module.feedforward_parts())]
-        bodies = [body for _, body in plain if isinstance(body, nn.Sequential)]
-        if not bodies or len(bodies) < len(modules) or not StackedPerceptrons.fits(bodies):
+        """Return a function from the leaves of a block to outputs (B, n, P) in few steps, if there is one."""
+        parts = [found for module in modules if (found := module.feedforward_parts())]
+        perceptrons = [body for _, body in parts if isinstance(body, nn.Sequential)]
+        if len(perceptrons) < len(modules) or not StackedPerceptrons.fits(perceptrons):
             return None
-        encoder = plain[0][0]
-        if len(modules) == 1:
-            return PlacedPerceptron(encoder, bodies[0]) if encoder.places else None
-        if any(module.group.size > 1 for module in modules) or not all(e.is_plain for e, _ in plain):
-            return None
-        perceptrons = StackedPerceptrons(bodies)
-        return lambda leaves: perceptrons(encoder(leaves))
+        if len(modules) > 1:
+            return _side_by_side([encoder for encoder, _ in parts], perceptrons, modules)
+        encoder = parts[0][0]
+        return PlacedPerceptron(encoder, perceptrons[0]) if encoder.places else None
+
+
+def _side_by_side(
+    encoders: Sequence[Encoder], perceptrons: list[nn.Sequential], modules: Sequence[JointModule]
+) -> Callable[[Mapping[str, Tensor]], Tensor] | None:
+    """Return the networks of single agents as one, where each flattens its observation and no more."""
+    if any(module.group.size > 1 for module in modules) or not all(each.is_plain for each in encoders):
+        return None
+    stacked = StackedPerceptrons(perceptrons)
+    return lambda leaves: stacked(encoders[0](leaves))
 
 
 def _seen_by(group: Group, view: View) -> GroupView:
