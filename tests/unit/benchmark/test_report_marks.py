@@ -70,9 +70,9 @@ class TestMarks:
         page = report_page(report)
         found = re.findall(r'paper (0\.\d+ / 0\.\d+) <span class="([\w-]+)"[^>]*>([\w ]*)</span>', page)
         assert set(found) == {
-            ("0.1 / 0.07", "as-good", NON_INFERIOR),
+            ("0.1 / 0.07", "non-inferior", NON_INFERIOR),
             ("0.1 / 0.07", "inferior", INFERIOR),
-            ("0.83 / 0.2", "as-good", NON_INFERIOR),
+            ("0.83 / 0.2", "non-inferior", NON_INFERIOR),
         }
 
     @pytest.mark.parametrize(
