@@ -85,7 +85,8 @@ class Simulation:
     def __init__(self, world: World, stages: Stages) -> None:
         self.world = world
         self._stages = stages
-        self._no_tracks = Tracks.of(np.zeros((*world.agents.slot.shape, 0, 3)), world.vehicles.capacity)
+        worlds, agents = world.agents.slot.shape
+        self._no_tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, 0)
         self._nobody = np.zeros(world.agents.slot.shape, np.bool_)
         self._see = bind(find_seen, world.agents.state)
 

@@ -61,8 +61,8 @@ class Log:
         for row in np.flatnonzero(frame.env_mask).tolist():
             if row in frame.starts:
                 self.frames[row] = []
-            kept = {name: column[row].copy() for name, column in world.vehicles.columns()}
-            kept |= {f"agents.{name}": column[row].copy() for name, column in world.agents.columns()}
+            kept = {name: column[row].copy() for name, column in world.vehicles._asdict().items()}
+            kept |= {f"agents.{name}": column[row].copy() for name, column in world.agents._asdict().items()}
             kept |= {"bits": frame.events.bits[row].copy(), "partner": frame.contacts.partner[row].copy()}
             kept |= {"side": frame.contacts.side[row].copy(), "step": int(world.step[row])}
             kept["names"] = [world.registry.name(row, slot) for slot in range(world.vehicles.capacity)]
@@ -349,15 +349,8 @@ def test_large_tables_are_written_in_pieces(tmp_path):
         writer.append("vehicles", {name: np.full(1000, piece) for name in names})
     writer.append(
         "episode",
-        {name: [1] for name in TABLE["episode"].names}
-        | {
-            "version": [VERSION],
-            "map": ["x"],
-            "remark": [""],
-            "program": [""],
-            "scenario": [""],
-            "traffic": [""],
-        },
+        {name: [VERSION] for name in TABLE["episode"].names}
+        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]},
     )
     episode = RecordedEpisode(writer.finish())
     assert np.bincount(episode.table("vehicles")["step"]).tolist() == [1000] * 3
