@@ -139,7 +139,7 @@ def test_marks_on_enough_episodes(tmp_path):
     assert mark(cells_of(report, "ppo")["intersection", ALONE]) == "non-inferior"
     # Wilson of 0.1 and 0.07 of 40: up to 0.2305, from 0.0233.
     assert mark_meaning(cells_of(report, "ppo")["intersection", ALONE]) == (
-        "As good: collision up to 0.230 and completion from 0.024"
+        "Non-inferior: collision up to 0.230 and completion from 0.024"
     )
 
 

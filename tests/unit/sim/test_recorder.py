@@ -350,7 +350,8 @@ def test_large_tables_are_written_in_pieces(tmp_path):
     writer.append(
         "episode",
         {name: [VERSION] for name in TABLE["episode"].names}
-        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]},
+        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]}
+        | {"traffic_engine": [""]},
     )
     episode = RecordedEpisode(writer.finish())
     assert np.bincount(episode.table("vehicles")["step"]).tolist() == [1000] * 3
