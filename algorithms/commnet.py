@@ -117,7 +117,7 @@ class CommNetLearner(A2CLearner):
         nets, groups = self.nets(), [own for _, own in batch.groups()]
         total = torch.zeros((), device=batch.alive.device)
         for net, own, hidden in zip(nets, groups, CommNetModule.converse(nets, groups), strict=True):
-            policy = net.head.distribution(net.decoder(hidden), own.legal)  # type: ignore[attr-defined]
+            policy = net.head.distribution(net.decoder(hidden), own.action_mask)  # type: ignore[attr-defined]
             loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
             error = (net.value(hidden) - net.moments.scaled(own.targets)).square()
             entropy = self.mean(policy.entropy(), own.alive)

@@ -174,8 +174,8 @@ class DQNLearner(OffPolicyLearner):
         with torch.no_grad():
             values = net.target_q((target_view or view).observations)
             ranking = net.policy(view) if self.config.double else values
-            if view.legal is not None:
-                ranking = ranking.masked_fill(~view.legal, ILLEGAL)
+            if view.action_mask is not None:
+                ranking = ranking.masked_fill(~view.action_mask, ILLEGAL)
             return values.gather(-1, ranking.argmax(-1, keepdim=True)).squeeze(-1)
 
 

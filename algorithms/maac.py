@@ -58,7 +58,7 @@ class MAACModule(JointModule):
     def distribution(self, view: GroupView, *, target: bool = False) -> CategoricalDistribution:
         """Return the policy or the target policy."""
         actor = self.target_actor if target else self.actor
-        return CategoricalDistribution(actor(view.observations), view.legal)
+        return CategoricalDistribution(actor(view.observations), view.action_mask)
 
 
 class AgentEmbedding(nn.Module):

@@ -72,7 +72,7 @@ class MADDPGModule(JointModule):
     def relax(self, outputs: Tensor, view: GroupView, generator: Generator) -> Tensor:
         """Return actions (M, n, A) as critics see them, with gradient; zeros for the absent."""
         if isinstance(self.head, CategoricalHead):
-            actions = straight_through_gumbel(outputs, view.legal, generator)
+            actions = straight_through_gumbel(outputs, view.action_mask, generator)
         else:
             actions = outputs.tanh()
         return actions * view.alive[..., None]
@@ -171,7 +171,7 @@ class MADDPGLearner(OffPolicyLearner):
             net = self.net(group.id)
             outputs = net.policy(own)
             q = self.net(critic_of(group)).q(batch, taken, net.relax(outputs, own, self.generator))
-            size = outputs.square() if own.legal is None else outputs.square() * own.legal
+            size = outputs.square() if own.action_mask is None else outputs.square() * own.action_mask
             penalty = self.config.logit_penalty * self.mean(size.mean(-1), own.alive)
             self.step_optimizer(penalty - self.mean(q, own.alive), group.id)
             self.log(group.id, "policy_q", self.mean(q, own.alive))

@@ -104,7 +104,7 @@ class MeanFieldQLearner(OffPolicyLearner):
             net, mean = self.net(group.id), {MEAN_ACTION: means[:, group.columns]}
             with torch.no_grad():
                 following = net.target_q({**own.next.observations, **mean})
-                policy = net.head.distribution(following, own.next.legal)
+                policy = net.head.distribution(following, own.next.action_mask)
                 value = (policy.log_probs.exp() * following).sum(-1)
                 target = self.config.reward_scale * own.rewards
                 target = target + self.gamma * torch.where(own.bootstrap, value, 0)

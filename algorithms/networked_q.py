@@ -113,8 +113,12 @@ class JointActions:
     @staticmethod
     def _possible(view: GroupView, place: int, size: int) -> Tensor:
         there = view.alive[:, place, None]
-        legal = torch.ones_like(there).expand(-1, size) if view.legal is None else view.legal[:, place]
-        return torch.where(there, legal, torch.arange(size, device=there.device) == 0)
+        action_mask = (
+            torch.ones_like(there).expand(-1, size)
+            if view.action_mask is None
+            else view.action_mask[:, place]
+        )
+        return torch.where(there, action_mask, torch.arange(size, device=there.device) == 0)
 
 
 class NetworkedQModule(JointModule):

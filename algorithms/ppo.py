@@ -95,7 +95,7 @@ class PPOLearner(OnPolicyLearner):
         for bundle in self.policy_bundles:
             own = batch.part(bundle.whole)
             head = self.net(bundle.groups[0].id).head
-            policy = head.distribution(self._outputs(bundle, own), own.legal)
+            policy = head.distribution(self._outputs(bundle, own), own.action_mask)
             loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
             entropy, weight = policy.entropy(), self.now(self.config.entropy_coeff)
             losses.append(bundle.means(loss - weight * entropy, own.alive).sum())

@@ -54,7 +54,7 @@ class HurriedAdapter(BenchmarkAdapter):
         before = self._is_new.copy()
         super().collect(frame, is_last)
         rows, agents = np.nonzero(settle & ~before)
-        slots = frame.world.seats.slot[rows, self._served.seats[agents]]
+        slots = frame.world.agents.slot[rows, self._served.agent_ids[agents]]
         missing = np.maximum(0.0, 10.0 - frame.world.vehicles.speed[rows, slots])
         self.rewards[rows, agents] -= 0.01 * missing
 

@@ -41,8 +41,8 @@ class MyLearner(OffPolicyLearner):
             net = self.net(group.id)
             with torch.no_grad():
                 values = net.target_body(net.target_encoder(own.next.observations))
-                if own.next.legal is not None:
-                    values = values.masked_fill(~own.next.legal, ILLEGAL)
+                if own.next.action_mask is not None:
+                    values = values.masked_fill(~own.next.action_mask, ILLEGAL)
                 following = torch.where(own.bootstrap, values.amax(-1), 0)
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
             error = (chosen - own.rewards - self.gamma * following).square()

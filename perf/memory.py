@@ -28,7 +28,7 @@ import numpy as np
 from smarts.env import VectorHiWayEnv
 from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.sim.assembly import Options
-from smarts.types.seats import agent_names
+from smarts.types.agent_states import agent_names
 
 EARLY = 200
 """Episodes after which everything has been used once."""

@@ -31,18 +31,18 @@ from smarts.errors import SmartsError
 from smarts.geometry.frames import wrap_angle
 from smarts.geometry.polylines import subdivide, without_repeats
 from smarts.providers.vehicle import FleetVehicles
+from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.scene import Scene
-from smarts.roads.seat_routes import SeatRoutes
 from smarts.roads.sources import find_map_source
 from smarts.roads.sumo_net import read_net
-from smarts.sim.locator import MapLocator
+from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
-from smarts.types.episode import SeatStart
-from smarts.types.mission import SeatMission
+from smarts.types.episode import AgentStart
+from smarts.types.mission import AgentMission
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
@@ -150,15 +150,15 @@ def drive_all(graph: LaneGraph, name: str, routes: int, seed: int, turning_back:
     for _ in range(routes):
         lanes = random_lanes(graph, kind, generator, turning_back)
         drives.append(Drive(lanes, float(sum(graph.length[lanes]))))
-    world = World(worlds=routes, capacity=1, seats=1, lanes=len(graph.lane_ids), vias=1)
+    world = World(worlds=routes, capacity=1, agents=1, lanes=len(graph.lane_ids), vias=1)
     atlas = RoadAtlas([graph])
-    seat_routes = SeatRoutes(atlas, routes, 1)
+    agent_routes = AgentRoutes(atlas, routes, 1)
     ownership = Ownership(world, {Owner.TRAFFIC: _Drives(), Owner.AGENT: _Drives()})
     for row, drive in enumerate(drives):
-        _start(graph, world, seat_routes, ownership, row, drive, kind, shape.length, shape.width)
+        _start(graph, world, agent_routes, ownership, row, drive, kind, shape.length, shape.width)
     vehicles = FleetVehicles(world)
     try:
-        _follow(graph, world, Scene(world, atlas, seat_routes), vehicles, drives, shape.length)
+        _follow(graph, world, Scene(world, atlas, agent_routes), vehicles, drives, shape.length)
     finally:
         vehicles.close()
     return drives
@@ -167,7 +167,7 @@ def drive_all(graph: LaneGraph, name: str, routes: int, seed: int, turning_back:
 def _start(
     graph: LaneGraph,
     world: World,
-    seat_routes: SeatRoutes,
+    agent_routes: AgentRoutes,
     ownership: Ownership,
     row: int,
     drive: Drive,
@@ -177,11 +177,11 @@ def _start(
 ) -> None:
     """Put a vehicle at rest on the begin of its route."""
     edges = [graph.edge_ids[graph.lane_edge[n]] for n in drive.lanes if not graph.is_internal[n]]
-    mission = SeatMission(route=tuple(edges))
-    seat_routes.assign(row, 0, [mission.route])
+    mission = AgentMission(route=tuple(edges))
+    agent_routes.assign(row, 0, [mission.route])
     world.missions.write(row, 0, mission, world.routes.number(row, map(graph.edge_number, mission.route)))
     pose = graph.pose_at(drive.lanes[0], 0.5 * length + 1.0)
-    ownership.admit(row, 0, SeatStart("agent", pose, 0.0, mission, kind, length, width))
+    ownership.admit(row, 0, AgentStart("agent", pose, 0.0, mission, kind, length, width))
 
 
 def _follow(
@@ -194,8 +194,8 @@ def _follow(
 ) -> None:
     """Step all simulations until each drive has ended."""
     rows = np.ones(len(drives), np.bool_)
-    locator = MapLocator(scene.atlas, scene.routes)
-    locator.locate(world, rows)
+    matcher = MapMatcher(scene.atlas, scene.routes)
+    matcher.locate(world, rows)
     for row in range(len(drives)):
         world.settle(row)
     controllers = ControllerSet(scene, [ActionSpaceType.Lane])
@@ -203,7 +203,7 @@ def _follow(
     actions.kind[:] = ActionSpaceType.Lane
     actions.given[:] = True
     actions.values[:, :, 0] = LaneAction.keep_lane
-    actions.legal[:, :, :2] = True
+    actions.action_mask[:, :, :2] = True
     vehicles.reset(world, rows)
     latest = max(drive.length for drive in drives) / SLOWEST / world.dt
     step = 0
@@ -212,7 +212,7 @@ def _follow(
         actions.fresh[:] = True
         world.advance(rows)
         vehicles.step(world, controllers.command(world, actions, rows), rows)
-        locator.locate(world, rows)
+        matcher.locate(world, rows)
         for row in np.flatnonzero(rows).tolist():
             if row in vehicles.failures:
                 raise vehicles.failures[row]
@@ -223,24 +223,24 @@ def _follow(
 
 def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float) -> bool:
     """Write what one vehicle did in this step; tell whether its drive is over."""
-    vehicles, seats = world.vehicles, world.seats
+    vehicles, agents = world.vehicles, world.agents
     x, y = vehicles.position[row, 0].tolist()
     lane, s, t = (getattr(vehicles, name)[row, 0] for name in ("lane", "lane_position", "lane_offset"))
     heading, speed = vehicles.heading[row, 0], vehicles.speed[row, 0]
-    drive.trace.append((x, y, heading, speed, seats.steering[row, 0], t, float(lane), s))
-    drive.shoulder += seats.corners_on_road[row, 0] < 4
+    drive.trace.append((x, y, heading, speed, agents.steering[row, 0], t, float(lane), s))
+    drive.shoulder += agents.corners_on_road[row, 0] < 4
     drive.offset = max(drive.offset, abs(float(t)))
     left = graph.length[drive.lanes[-1]] - s
-    on_route = seats.on_route[row, 0]
+    on_route = agents.on_route[row, 0]
     drive.strayed = 0 if on_route else drive.strayed + 1
     if drive.strayed * world.dt > STRAYED:
         drive.ends = "strayed"
-    elif lane == drive.lanes[-1] and left < 0.5 * length + 3.0 and seats.remaining[row, 0] < length:
+    elif lane == drive.lanes[-1] and left < 0.5 * length + 3.0 and agents.remaining[row, 0] < length:
         drive.ends = "done"
     elif lane >= 0 and not len(graph.successors(lane)) and graph.length[lane] - s < 0.5 * length + 3.0:
         # Off its route, but the road has an end.
         drive.ends = "done"
-    elif not seats.on_road[row, 0]:
+    elif not agents.on_road[row, 0]:
         is_exit = any(graph.is_internal[graph.predecessors(lane)]) and s < EXIT
         drive.ends = PLACES[0] if graph.is_internal[lane] else PLACES[1 if is_exit else 2]
         drive.place = f"{graph.lane_ids[lane]} at {s:.1f} m, {t:+.2f} m off, {speed:.1f} m/s"

@@ -167,13 +167,13 @@ class Run:
         now.begun = self._begun(set(np.flatnonzero(step.reset).tolist()), set(np.flatnonzero(over).tolist()))
         return now
 
-    def _watched(self, actions: Actions, rows: np.ndarray, wanted: np.ndarray) -> Frame:
+    def _watched(self, actions: Actions, env_mask: np.ndarray, observe_mask: np.ndarray) -> Frame:
         """Make a step and note where everybody is; the time for the notes is left out."""
-        frame = self._advance(actions, rows, wanted)
+        frame = self._advance(actions, env_mask, observe_mask)
         begin = time.process_time()
-        self._now.poses.append([self._poses(row) for row in range(len(rows))])
+        self._now.poses.append([self._poses(row) for row in range(len(env_mask))])
         self._now.social.append(self._social())
-        self._now.slowest.append(float(self._speeds().min()) if rows.all() else -1.0)
+        self._now.slowest.append(float(self._speeds().min()) if env_mask.all() else -1.0)
         self._aside += time.process_time() - begin
         return frame
 
@@ -206,13 +206,13 @@ class Run:
 
     def _speeds(self) -> np.ndarray:
         world = self._batch.world
-        slots = world.seats.slot[:, : world.egos]
+        slots = world.agents.slot[:, : world.egos]
         speeds = np.take_along_axis(world.vehicles.speed, np.maximum(slots, 0), axis=1)
         return np.where(slots >= 0, speeds, -1.0)
 
     def _poses(self, row: int) -> list[Pose]:
         world = self._batch.world
-        vehicles, slots = world.vehicles, np.maximum(world.seats.slot[row, : world.egos], 0)
+        vehicles, slots = world.vehicles, np.maximum(world.agents.slot[row, : world.egos], 0)
         heading = vehicles.heading[row, slots]
         ahead = np.stack([np.cos(heading), np.sin(heading)], -1) * vehicles.length[row, slots, None] / 2
         x, y = (vehicles.position[row, slots] + ahead).T.tolist()

@@ -7,20 +7,20 @@ import numpy as np
 
 from smarts.errors import SmartsError
 from smarts.providers.sumo_engine import SumoEngine
+from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
-from smarts.roads.seat_routes import SeatRoutes
 from smarts.sim.entries import Entries
-from smarts.sim.locator import MapLocator
+from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
 from smarts.sim.simulation import Simulation, Stages
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.missions import PlacedMission, place_missions
 from smarts.types.actions import Actions, CommandMode, Commands
-from smarts.types.episode import EpisodeStart, SeatStart
+from smarts.types.agent_states import AgentStatus
+from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.events import Contacts, Events
 from smarts.types.frame import Readings
-from smarts.types.mission import GoalKind, SeatMission
-from smarts.types.seats import SeatState
+from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.streams import Purpose, stream, traffic_seed
 from smarts.types.transfers import NO_TRANSFERS, Refusal
 from smarts.types.vehicles import Owner
@@ -34,8 +34,8 @@ LIMIT = 200
 class PassOn:
     """Controllers that take the first three values of every action for throttle, brake and steering."""
 
-    def __init__(self, worlds: int, seats: int) -> None:
-        self._commands = Commands.allocate(worlds, seats, substeps=SUBSTEPS)
+    def __init__(self, worlds: int, agents: int) -> None:
+        self._commands = Commands.allocate(worlds, agents, substeps=SUBSTEPS)
 
     def command(self, world, actions, rows):
         self._commands.mode[rows] = CommandMode.ACTUATORS
@@ -46,22 +46,22 @@ class PassOn:
 class Bicycles:
     """Vehicles that roll without slip: throttle 1 is 3 m/s^2, brake 1 is 8 m/s^2, steering 1 is 0.5 rad."""
 
-    def __init__(self, worlds: int, seats: int) -> None:
+    def __init__(self, worlds: int, agents: int) -> None:
         self.failures = {}
-        self._tracks = np.zeros((worlds, seats, SUBSTEPS, 3))
+        self._tracks = np.zeros((worlds, agents, SUBSTEPS, 3))
 
     def reset(self, world, rows):
         pass
 
     def step(self, world, commands, rows):
-        driven = (world.seats.state == SeatState.ACTIVE) & rows[:, None]
-        for row, seat in zip(*map(np.ndarray.tolist, np.nonzero(driven)), strict=True):
-            self._drive(world, row, seat, commands.actuators[row, seat].tolist())
+        driven = (world.agents.state == AgentStatus.ACTIVE) & rows[:, None]
+        for row, agent_id in zip(*map(np.ndarray.tolist, np.nonzero(driven)), strict=True):
+            self._drive(world, row, agent_id, commands.actuators[row, agent_id].tolist())
         return self._tracks
 
-    def _drive(self, world, row, seat, actuators):
+    def _drive(self, world, row, agent_id, actuators):
         throttle, brake, steering = actuators
-        vehicles, slot = world.vehicles, int(world.seats.slot[row, seat])
+        vehicles, slot = world.vehicles, int(world.agents.slot[row, agent_id])
         x, y = vehicles.position[row, slot].tolist()
         heading, speed = float(vehicles.heading[row, slot]), float(vehicles.speed[row, slot])
         dt = world.dt / SUBSTEPS
@@ -71,13 +71,13 @@ class Bicycles:
             yaw_rate = speed * math.tan(0.5 * steering) / (0.6 * float(vehicles.length[row, slot]))
             heading = math.remainder(heading + yaw_rate * dt, math.tau)
             x, y = x + speed * math.cos(heading) * dt, y + speed * math.sin(heading) * dt
-            self._tracks[row, seat, substep] = x, y, heading
+            self._tracks[row, agent_id, substep] = x, y, heading
         vehicles.position[row, slot] = x, y
         vehicles.heading[row, slot] = heading
         vehicles.acceleration[row, slot] = (speed - vehicles.speed[row, slot]) / world.dt
         vehicles.speed[row, slot] = speed
         vehicles.yaw_rate[row, slot] = yaw_rate
-        world.seats.steering[row, seat] = 0.5 * steering
+        world.agents.steering[row, agent_id] = 0.5 * steering
 
     def can_accept(self, rows, slots):
         return np.full(len(rows), Refusal.NONE)
@@ -87,8 +87,8 @@ class Bicycles:
 
 
 class NoContacts:
-    def __init__(self, worlds: int, seats: int, capacity: int) -> None:
-        self._contacts = Contacts.allocate(worlds, seats, capacity)
+    def __init__(self, worlds: int, agents: int, capacity: int) -> None:
+        self._contacts = Contacts.allocate(worlds, agents, capacity)
 
     def find(self, world, tracks, rows):
         return self._contacts
@@ -97,8 +97,8 @@ class NoContacts:
 class NoEvents:
     """Nothing ever happens, and no episode ends."""
 
-    def __init__(self, worlds: int, seats: int) -> None:
-        self._events = Events.allocate(worlds, seats)
+    def __init__(self, worlds: int, agents: int) -> None:
+        self._events = Events.allocate(worlds, agents)
 
     def reset(self, world, contacts, rows):
         return self._events
@@ -126,38 +126,38 @@ class NoRecorder:
 
 
 def simulation_of(
-    scenarios: Sequence[BuiltScenario], *, worlds: int, egos: int, spare_seats: int = 0
+    scenarios: Sequence[BuiltScenario], *, worlds: int, egos: int, spare_agents: int = 0
 ) -> tuple[Simulation, Actions]:
     """Return a simulation of SUMO's traffic and rolling egos, to be reset with `episode`, and its actions."""
     maps = [built.roads() for built in scenarios]
     atlas = RoadAtlas(maps)
-    seats = egos + spare_seats
+    agents = egos + spare_agents
     world = World(
         worlds=worlds,
-        capacity=LIMIT + seats,
-        seats=seats,
+        capacity=LIMIT + agents,
+        agents=agents,
         egos=egos,
         lanes=max(len(graph.lane_ids) for graph in maps),
         vias=4,
     )
     traffic = SumoEngine(world, maps)
-    vehicles = Bicycles(worlds, seats)
+    vehicles = Bicycles(worlds, agents)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
-    routes = SeatRoutes(atlas, worlds, seats)
+    routes = AgentRoutes(atlas, worlds, agents)
     stages = Stages(
         ownership=ownership,
         entries=Entries(ownership, routes),
-        controllers=PassOn(worlds, seats),
+        controllers=PassOn(worlds, agents),
         vehicles=vehicles,
         traffic=traffic,
-        locator=MapLocator(atlas, routes),
-        contacts=NoContacts(worlds, seats, world.vehicles.capacity),
-        events=NoEvents(worlds, seats),
+        matcher=MapMatcher(atlas, routes),
+        contacts=NoContacts(worlds, agents, world.vehicles.capacity),
+        events=NoEvents(worlds, agents),
         transfer_rules=NoTransfers(),
         sensors=NoSensors(),
         recorder=NoRecorder(),
     )
-    return Simulation(world, stages), Actions.allocate(worlds, seats)
+    return Simulation(world, stages), Actions.allocate(worlds, agents)
 
 
 def episode(
@@ -186,19 +186,19 @@ def episode(
         traffic_name=plan.traffic,
         traffic_seed=traffic_seed(seed, world=world, episode=episode),
         limit=LIMIT,
-        seats=tuple(_seat_start(f"ego-{ego}", mission, built) for ego, mission in enumerate(placed)),
+        agents=tuple(_agent_start(f"ego-{ego}", mission, built) for ego, mission in enumerate(placed)),
     )
 
 
-def _seat_start(name: str, placed: PlacedMission, built: BuiltScenario) -> SeatStart:
+def _agent_start(name: str, placed: PlacedMission, built: BuiltScenario) -> AgentStart:
     if placed.goal is None:
         raise SmartsError("the episodes of tests have goals", place=built.name)
     x, y, _ = placed.goal.pose(built.roads())
-    mission = SeatMission(
+    mission = AgentMission(
         route=placed.route,
         goal=GoalKind.POSITION,
         goal_position=(x, y),
         goal_lane=placed.goal.lane,
         goal_s=placed.goal.s,
     )
-    return SeatStart(name, placed.pose, placed.speed, mission, entry_time=placed.start_time)
+    return AgentStart(name, placed.pose, placed.speed, mission, entry_time=placed.start_time)

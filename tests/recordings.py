@@ -13,9 +13,9 @@ from benchmark.metrics.episode_data import EpisodeData
 from smarts.roads.lane_graph import ConflictKind, LaneGraph
 from smarts.sim.episode_files import EpisodeStore, RecordedEpisode
 from smarts.types.actions import ActionSpaceType
+from smarts.types.agent_states import AgentStatus
 from smarts.types.episode_schema import TABLE, VERSION
 from smarts.types.events import Outcome
-from smarts.types.seats import SeatState
 from smarts.types.vehicles import Owner
 from tests.maps import Road, crossing, graph_of, straight
 
@@ -48,7 +48,7 @@ class Drive:
     """Step and lane action of each decision."""
     extras: Sequence[tuple[int, str, Sequence[float]]] = ()
     free_flow_time: float = 5.0
-    legal: int = 15
+    action_mask: int = 15
     goal_lane: str = ""
     begin: int = 0
     """First instant."""
@@ -59,8 +59,8 @@ class Drive:
     """Further rows of `decisions`."""
     columns: dict[str, Any] = field(default_factory=dict)
     """Further columns of its row in `agents`."""
-    seats: dict[str, ArrayLike] = field(default_factory=dict)
-    """Further columns of its rows in `seats`, a number for each instant or one for all."""
+    agents: dict[str, ArrayLike] = field(default_factory=dict)
+    """Further columns of its rows in `agents`, a number for each instant or one for all."""
 
 
 def at_speed(speed: float, steps: int, begin: float = 0.0) -> np.ndarray:
@@ -88,7 +88,7 @@ def record(
             **facts,
         }
     ]
-    seat = 0
+    agent_id = 0
     for slot, drive in enumerate(drives):
         number = -1
         if drive.route:
@@ -101,8 +101,8 @@ def record(
             row["owner"] = int(Owner.AGENT if drive.agent else Owner.TRAFFIC)
             rows["vehicles"].append(row)
         if drive.agent:
-            _seat(rows, graph, drive, slot, seat)
-            seat += 1
+            _agent_id(rows, graph, drive, slot, agent_id)
+            agent_id += 1
     writer = store.begin(name)
     for table, each in rows.items():
         columns = TABLE[table].columns
@@ -146,37 +146,49 @@ def _beside(graph: LaneGraph, lane: int, t: float) -> tuple[int, float]:
     return lane, t
 
 
-def _seat(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: int, seat: int) -> None:
+def _agent_id(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: int, agent_id: int) -> None:
     last = drive.begin + len(np.asarray(drive.s)) - 1
-    seats = {name: np.broadcast_to(column, np.shape(drive.s)) for name, column in drive.seats.items()}
+    agents = {name: np.broadcast_to(column, np.shape(drive.s)) for name, column in drive.agents.items()}
     for k, s in enumerate(np.asarray(drive.s).tolist()):
-        state = SeatState.DONE if k == len(np.asarray(drive.s)) - 1 else SeatState.ACTIVE
-        rows["seats"].append(
+        state = AgentStatus.DONE if k == len(np.asarray(drive.s)) - 1 else AgentStatus.ACTIVE
+        rows["agent_states"].append(
             dict(
-                **dict(step=drive.begin + k, seat=seat, state=int(state), slot=slot, generation=1),
-                **dict(partner_slot=-1, target_lane=-1, ticket=-1, legal=drive.legal),
-                **dict(route_done=s - np.asarray(drive.s)[0], travelled=abs(s - np.asarray(drive.s)[0])),
-                **{name: column[k] for name, column in seats.items()},
+                **dict(step=drive.begin + k, agent_id=agent_id, state=int(state), slot=slot, generation=1),
+                **dict(partner_slot=-1, target_lane=-1, arrival_number=-1, action_mask=drive.action_mask),
+                **dict(
+                    route_progress=s - np.asarray(drive.s)[0],
+                    distance_travelled=abs(s - np.asarray(drive.s)[0]),
+                ),
+                **{name: column[k] for name, column in agents.items()},
             )
         )
     for step, action in drive.actions:
         kind = int(ActionSpaceType.Lane)
         rows["decisions"].append(
-            dict(step=step, seat=seat, action=kind, value_0=action, legal=drive.legal, is_effective=True)
+            dict(
+                step=step,
+                agent_id=agent_id,
+                action=kind,
+                value_0=action,
+                action_mask=drive.action_mask,
+                is_effective=True,
+            )
         )
-    rows["decisions"] += [dict(seat=seat, legal=drive.legal, **row) for row in drive.decisions]
+    rows["decisions"] += [
+        dict(agent_id=agent_id, action_mask=drive.action_mask, **row) for row in drive.decisions
+    ]
     for step, name, values in drive.extras:
-        rows["extras"].append(dict(step=step, seat=seat, name=name, values=list(values)))
+        rows["extras"].append(dict(step=step, agent_id=agent_id, name=name, values=list(values)))
     x, y, heading = graph.pose_at(graph.lane_of_id(drive.lanes[0]), float(np.asarray(drive.s)[0]))
     rows["agents"].append(
         {
-            **dict(seat=seat, name=drive.agent, slot=slot, generation=1, length=LENGTH, width=WIDTH),
+            **dict(agent_id=agent_id, name=drive.agent, slot=slot, generation=1, length=LENGTH, width=WIDTH),
             **dict(entry_step=drive.begin, end_step=last, outcome=int(drive.outcome), partner=""),
-            **dict(partner_slot=drive.partner, partner_generation=1, partner_seat=-1),
+            **dict(partner_slot=drive.partner, partner_generation=1, partner_agent_id=-1),
             **dict(start_x=x, start_y=y, start_heading=heading, start_speed=0.0, route=-1),
             **dict(goal_lane=graph.lane_of_id(drive.goal_lane) if drive.goal_lane else -1),
             **dict(route_length=100.0, free_flow_time=drive.free_flow_time, remaining=drive.remaining),
-            **dict(travelled=float(abs(np.asarray(drive.s)[-1] - np.asarray(drive.s)[0]))),
+            **dict(distance_travelled=float(abs(np.asarray(drive.s)[-1] - np.asarray(drive.s)[0]))),
             **drive.columns,
         }
     )

@@ -4,11 +4,11 @@ import numpy as np
 
 from smarts.providers.vehicle import FleetVehicles
 from smarts.types.actions import CommandMode, Commands
-from smarts.types.mission import SeatMission
+from smarts.types.mission import AgentMission
 from tests import maps
 from tests.worlds import Car, world_of
 
-MISSION = SeatMission(route=("road",))
+MISSION = AgentMission(route=("road",))
 
 
 def ego(x=20.0, y=0.0, speed=10.0, **options):
@@ -22,14 +22,14 @@ class VehicleStage:
         self.graph = maps.straight(lanes=3, length=600.0)
         self.made = world_of(*rows, maps=[self.graph])
         self.world = self.made.world
-        self.commands = Commands.allocate(*self.world.seats.slot.shape)
+        self.commands = Commands.allocate(*self.world.agents.slot.shape)
         self.vehicles = FleetVehicles(self.world, model, **options)
         self.all = np.ones(self.world.worlds, np.bool_)
         self.vehicles.reset(self.world, self.all)
 
-    def actuate(self, throttle=0.0, brake=0.0, steering=0.0, *, row=slice(None), seat=slice(None)):
-        self.commands.mode[row, seat] = CommandMode.ACTUATORS
-        self.commands.actuators[row, seat] = throttle, brake, steering
+    def actuate(self, throttle=0.0, brake=0.0, steering=0.0, *, row=slice(None), agent_id=slice(None)):
+        self.commands.mode[row, agent_id] = CommandMode.ACTUATORS
+        self.commands.actuators[row, agent_id] = throttle, brake, steering
 
     def step(self, steps=1, rows=None):
         rows = self.all if rows is None else rows

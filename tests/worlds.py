@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
-from smarts.roads.seat_routes import SeatRoutes
-from smarts.sim.locator import MapLocator
+from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
-from smarts.types.episode import SeatStart
-from smarts.types.mission import SeatMission
+from smarts.types.episode import AgentStart
+from smarts.types.mission import AgentMission
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
@@ -19,13 +19,13 @@ from smarts.types.world import World
 
 @dataclass(frozen=True)
 class Car:
-    """A vehicle; with a mission it has an agent, in the next free seat."""
+    """A vehicle; with a mission it has an agent, in the next free agent."""
 
     x: float
     y: float
     heading: float = 0.0
     speed: float = 0.0
-    mission: SeatMission | None = None
+    mission: AgentMission | None = None
     owner: int = Owner.TRAFFIC
     kind: VehicleKind = VehicleKind.PASSENGER
     length: float = 5.0
@@ -35,15 +35,15 @@ class Car:
 
 @dataclass(frozen=True)
 class HandMade:
-    """A world and what belongs to it. Slots and seats are in the order of the cars."""
+    """A world and what belongs to it. Slots and agents are in the order of the cars."""
 
     world: World
     atlas: RoadAtlas
-    routes: SeatRoutes
+    routes: AgentRoutes
     ownership: Ownership
 
     def locate(self) -> None:
-        MapLocator(self.atlas, self.routes).locate(self.world, np.ones(self.world.worlds, np.bool_))
+        MapMatcher(self.atlas, self.routes).locate(self.world, np.ones(self.world.worlds, np.bool_))
 
     def advance(self) -> None:
         """Begin a step: what is now becomes what was."""
@@ -53,19 +53,19 @@ class HandMade:
 class Willing:
     """A provider that drives on with any vehicle."""
 
-    def can_accept(self, rows: np.ndarray, slots: np.ndarray) -> np.ndarray:
-        return np.full(len(rows), Refusal.NONE)
+    def can_accept(self, env_mask: np.ndarray, slots: np.ndarray) -> np.ndarray:
+        return np.full(len(env_mask), Refusal.NONE)
 
 
 def world_of(
-    *rows: Sequence[Car], maps: Sequence[LaneGraph], capacity: int = 16, seats: int = 4, vias: int = 2
+    *rows: Sequence[Car], maps: Sequence[LaneGraph], capacity: int = 16, agents: int = 4, vias: int = 2
 ) -> HandMade:
     """Return a world with a simulation for each row of cars, on the map of the same place or the only map."""
     atlas = RoadAtlas(maps)
     world = World(
         worlds=len(rows),
         capacity=capacity,
-        seats=seats,
+        agents=agents,
         lanes=max(len(graph.lane_ids) for graph in maps),
         vias=vias,
     )
@@ -73,7 +73,7 @@ def world_of(
     made = HandMade(
         world,
         atlas,
-        SeatRoutes(atlas, len(rows), seats),
+        AgentRoutes(atlas, len(rows), agents),
         Ownership(world, {Owner.TRAFFIC: willing, Owner.AGENT: willing}),
     )
     for row, cars in enumerate(rows):
@@ -88,16 +88,16 @@ def world_of(
 def _place(made: HandMade, row: int, cars: Sequence[Car]) -> None:
     missions = [car.mission for car in cars if car.mission]
     made.routes.assign(row, int(made.world.map[row]), [mission.route for mission in missions])
-    seat = 0
+    agent_id = 0
     for car in cars:
         if car.mission:
             graph = made.atlas.graphs[made.world.map[row]]
             route = made.world.routes.number(row, map(graph.edge_number, car.mission.route))
-            made.world.missions.write(row, seat, car.mission, route)
+            made.world.missions.write(row, agent_id, car.mission, route)
             pose = (car.x, car.y, car.heading)
-            start = SeatStart(car.name, pose, car.speed, car.mission, car.kind, car.length, car.width)
-            made.ownership.admit(row, seat, start)
-            seat += 1
+            start = AgentStart(car.name, pose, car.speed, car.mission, car.kind, car.length, car.width)
+            made.ownership.admit(row, agent_id, start)
+            agent_id += 1
         else:
             slot = made.world.registry.admit(row, car.name, car.owner, car.kind, car.length, car.width)
             made.world.vehicles.position[row, slot] = car.x, car.y

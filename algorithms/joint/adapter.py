@@ -198,15 +198,15 @@ class JointVector:
             if seen is None and acted is not None and acted[column]:
                 continue  # the last that it saw stands for what it would see now
             if seen is None:
-                parts, legal = dict.fromkeys(leaves, 0), True
+                parts, action_mask = dict.fromkeys(leaves, 0), True
             elif self._flattening[agent].plain:
-                parts, legal = {"": seen}, None
+                parts, action_mask = {"": seen}, None
             else:
-                parts, legal = self._flattening[agent].split(seen)
+                parts, action_mask = self._flattening[agent].split(seen)
             for name, part in parts.items():
                 leaves[name][b, row] = part
             if mask is not None:
-                mask[b, row] = legal if legal is not None else (infos or {})[agent][MASK]
+                mask[b, row] = action_mask if action_mask is not None else (infos or {})[agent][MASK]
         common = (infos or {}).get(COMMON, {})
         if view.state is not None:
             view.state[b] = common["state"]

@@ -34,7 +34,7 @@ class GroupView:
 
     observations: Mapping[str, Tensor]
     alive: Tensor
-    legal: Tensor | None
+    action_mask: Tensor | None
     fresh: Tensor | None = field(default=None, kw_only=True)
     length: int = field(default=1, kw_only=True)
 

@@ -102,8 +102,8 @@ def _actions(env: VectorJointEnv, now: JointStep, rng: np.random.Generator) -> t
     for block, mask in zip(env.spaces.blocks, masks, strict=True):
         shape = (env.num_envs, len(block.agents))
         if isinstance(block.action, Discrete):
-            legal = np.ones((*shape, int(block.action.n)), bool) if mask is None else mask
-            chosen.append((rng.random(legal.shape) * legal).argmax(-1) + int(block.action.start))
+            action_mask = np.ones((*shape, int(block.action.n)), bool) if mask is None else mask
+            chosen.append((rng.random(action_mask.shape) * action_mask).argmax(-1) + int(block.action.start))
         else:
             low, high = np.clip(block.action.low, -1e3, None), np.clip(block.action.high, None, 1e3)
             chosen.append(rng.uniform(low, high, (*shape, *block.action.shape)).astype(np.float32))

@@ -12,7 +12,7 @@ from algorithms.joint.batch import GroupView
 from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import View
 from algorithms.joint.spec import Group, JointSpec
-from algorithms.parts.distributions import Acting, Exploration
+from algorithms.parts.distributions import AgentHost, Exploration
 from algorithms.parts.networks import PlacedPerceptron, StackedPerceptrons
 
 
@@ -40,15 +40,15 @@ class Policies:
         with torch.no_grad():
             self._stacked = [self._stack([self._modules[g.id] for g in groups]) for groups in self._by_block]
 
-    def act(self, view: View, exploration: Exploration, generator: Generator) -> list[Acting]:
+    def act(self, view: View, exploration: Exploration, generator: Generator) -> list[AgentHost]:
         """Return one `Acting` per block for a view with leading axis (B,)."""
         with torch.inference_mode():
             return [self._act(k, view, exploration, generator) for k in range(len(self._by_block))]
 
-    def _act(self, block: int, view: View, exploration: Exploration, generator: Generator) -> Acting:
+    def _act(self, block: int, view: View, exploration: Exploration, generator: Generator) -> AgentHost:
         leaves = {name: torch.from_numpy(leaf) for name, leaf in view.observations[block].items()}
         mask = view.masks[block]
-        legal = None if mask is None else torch.from_numpy(mask)
+        action_mask = None if mask is None else torch.from_numpy(mask)
         groups = self._by_block[block]
         first = self._modules[groups[0].id]
         stacked = self._stacked[block]
@@ -57,10 +57,10 @@ class Policies:
         elif first.memory_size:
             recalled = [self._modules[g.id].recall(_seen_by(g, view)) for g in groups]
             outputs, memory = (self._in_columns(block, parts) for parts in zip(*recalled, strict=True))
-            return first.head.act(outputs, legal, exploration, generator)._replace(memory=memory)
+            return first.head.act(outputs, action_mask, exploration, generator)._replace(memory=memory)
         else:
             outputs = self._gather(block, view)
-        return first.head.act(outputs, legal, exploration, generator)
+        return first.head.act(outputs, action_mask, exploration, generator)
 
     def _gather(self, block: int, view: View) -> Tensor:
         """Return (B, n, P): each group's outputs in the columns of its agents."""

@@ -73,9 +73,9 @@ class View:
             for name, leaf in mine.items():
                 if name in theirs or not name.startswith(CARRIED):
                     leaf[index] = theirs[name]
-        for mask, legal in zip(self.masks, seen.masks, strict=False):
+        for mask, action_mask in zip(self.masks, seen.masks, strict=False):
             if mask is not None:
-                mask[index] = legal
+                mask[index] = action_mask
         if self.state is not None:
             self.state[index] = seen.state
         if self.graph is not None:

@@ -27,7 +27,7 @@ class Exploration(NamedTuple):
     noise: float = 0.0
 
 
-class Acting(NamedTuple):
+class AgentHost(NamedTuple):
     """Actions of one block and where they came from.
 
     Attributes:
@@ -59,9 +59,9 @@ class Distribution(Protocol):
 class CategoricalDistribution:
     """Choice among A actions; illegal ones have probability zero. Logits (..., A), legal (..., A) or None."""
 
-    def __init__(self, logits: Tensor, legal: Tensor | None = None) -> None:
-        if legal is not None:
-            logits = logits.masked_fill(~legal, ILLEGAL)
+    def __init__(self, logits: Tensor, action_mask: Tensor | None = None) -> None:
+        if action_mask is not None:
+            logits = logits.masked_fill(~action_mask, ILLEGAL)
         self.log_probs = torch.log_softmax(logits, -1)
 
     def log_prob(self, actions: Tensor) -> Tensor:
@@ -113,8 +113,8 @@ class Head(Protocol):
     has_log_prob: bool
 
     def act(
-        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> Acting:
+        self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> AgentHost:
         """Return the actions for outputs (B, n, P) and legal actions (B, n, A) or None."""
         ...
 
@@ -127,17 +127,17 @@ class CategoricalHead:
     def __init__(self, space: Discrete) -> None:
         self.outputs = int(space.n)
 
-    def distribution(self, outputs: Tensor, legal: Tensor | None) -> CategoricalDistribution:
+    def distribution(self, outputs: Tensor, action_mask: Tensor | None) -> CategoricalDistribution:
         """Return the policy."""
-        return CategoricalDistribution(outputs, legal)
+        return CategoricalDistribution(outputs, action_mask)
 
     def act(
-        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> Acting:
+        self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> AgentHost:
         """Return sampled, or most probable, actions."""
-        policy = self.distribution(outputs, legal)
+        policy = self.distribution(outputs, action_mask)
         actions = policy.sample(generator) if exploration.explore else policy.mode()
-        return Acting(actions, policy.log_prob(actions), policy.log_probs.exp())
+        return AgentHost(actions, policy.log_prob(actions), policy.log_probs.exp())
 
 
 class GaussianHead:
@@ -149,18 +149,20 @@ class GaussianHead:
         self._k = math.prod(space.shape)
         self.outputs = 2 * self._k
 
-    def distribution(self, outputs: Tensor, legal: Tensor | None = None) -> GaussianDistribution:
+    def distribution(self, outputs: Tensor, action_mask: Tensor | None = None) -> GaussianDistribution:
         """Return the policy."""
         mean, log_std = outputs.split(self._k, -1)
         return GaussianDistribution(mean, log_std)
 
     def act(
-        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> Acting:
+        self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> AgentHost:
         """Return sampled actions, or the mean."""
         policy = self.distribution(outputs)
         actions = policy.sample(generator) if exploration.explore else policy.mean
-        return Acting(actions, policy.log_prob(actions), torch.stack([policy.mean, policy.log_std.exp()], -2))
+        return AgentHost(
+            actions, policy.log_prob(actions), torch.stack([policy.mean, policy.log_std.exp()], -2)
+        )
 
 
 class EpsilonGreedyHead:
@@ -172,20 +174,20 @@ class EpsilonGreedyHead:
         self.outputs = int(space.n)
 
     def act(
-        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> Acting:
+        self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> AgentHost:
         """Return epsilon-greedy actions."""
         epsilon = exploration.epsilon if exploration.explore else 0.0
-        allowed = torch.ones_like(outputs) if legal is None else legal.to(outputs.dtype)
-        values = outputs if legal is None else outputs.masked_fill(~legal, ILLEGAL)
+        allowed = torch.ones_like(outputs) if action_mask is None else action_mask.to(outputs.dtype)
+        values = outputs if action_mask is None else outputs.masked_fill(~action_mask, ILLEGAL)
         greedy = torch.zeros_like(outputs).scatter_(-1, values.argmax(-1, keepdim=True), 1.0)
         probabilities = (
             epsilon * allowed / allowed.sum(-1, keepdim=True).clamp(min=1) + (1 - epsilon) * greedy
         )
         if epsilon == 0:
-            return Acting(greedy.argmax(-1), None, probabilities)
+            return AgentHost(greedy.argmax(-1), None, probabilities)
         drawn = (probabilities / exponential(probabilities, generator)).argmax(-1)
-        return Acting(drawn, None, probabilities)
+        return AgentHost(drawn, None, probabilities)
 
 
 class BoltzmannHead:
@@ -197,17 +199,17 @@ class BoltzmannHead:
         self.outputs = int(space.n)
         self.temperature = temperature
 
-    def distribution(self, outputs: Tensor, legal: Tensor | None) -> CategoricalDistribution:
+    def distribution(self, outputs: Tensor, action_mask: Tensor | None) -> CategoricalDistribution:
         """Return the policy."""
-        return CategoricalDistribution(outputs / self.temperature, legal)
+        return CategoricalDistribution(outputs / self.temperature, action_mask)
 
     def act(
-        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> Acting:
+        self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> AgentHost:
         """Return sampled actions, or the best."""
-        policy = self.distribution(outputs, legal)
+        policy = self.distribution(outputs, action_mask)
         actions = policy.sample(generator) if exploration.explore else policy.mode()
-        return Acting(actions, policy.log_prob(actions), policy.log_probs.exp())
+        return AgentHost(actions, policy.log_prob(actions), policy.log_probs.exp())
 
 
 class DeterministicHead:
@@ -219,13 +221,13 @@ class DeterministicHead:
         self.outputs = math.prod(space.shape)
 
     def act(
-        self, outputs: Tensor, legal: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> Acting:
+        self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
+    ) -> AgentHost:
         """Return noisy actions, clipped to [-1, 1]."""
         mean = outputs.tanh()
         scale = exploration.noise if exploration.explore else 0.0
         noise = scale * torch.empty_like(mean).normal_(generator=generator)
-        return Acting(
+        return AgentHost(
             (mean + noise).clamp(-1, 1), None, torch.stack([mean, torch.full_like(mean, scale)], -2)
         )
 

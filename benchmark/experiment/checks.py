@@ -17,7 +17,7 @@ from benchmark.floors import FLOORS
 from smarts.config import Fault
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
 from smarts.registry import Registry, import_own, is_own_name
-from smarts.types.seats import agent_names
+from smarts.types.agent_states import agent_names
 
 Values = Mapping[str, Any]
 ADAPTER_NAMES = ("benchmark", "raw")

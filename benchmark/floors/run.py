@@ -127,9 +127,9 @@ def _actions(drivers: Sequence[Floor], now: VectorStep, env: VectorHiWayEnv) -> 
         chosen = np.zeros(shape, block.action.dtype)
         for place in np.flatnonzero(now.alive[0, first : first + len(block.agents)]).tolist():
             seen = {name: leaf[0, place] for name, leaf in leaves.items()}
-            legal = np.ones(len(LaneAction), np.bool_) if mask is None else mask[0, place]
+            action_mask = np.ones(len(LaneAction), np.bool_) if mask is None else mask[0, place]
             driver: Any = drivers[first + place]
-            chosen[0, place] = driver.act(_shown(driver, seen), legal)
+            chosen[0, place] = driver.act(_shown(driver, seen), action_mask)
         actions.append(chosen)
         first += len(block.agents)
     return actions

@@ -18,10 +18,10 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.assembly import Assembly, assemble
 from smarts.sim.outcomes import outcome_of
 from smarts.sstudio.build import build_scenario
-from smarts.types.episode import EpisodeStart, SeatStart
+from smarts.types.agent_states import UNSET, AgentStatus
+from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.events import Outcome
 from smarts.types.frame import Frame
-from smarts.types.seats import NEITHER, SeatState
 from smarts.types.transfers import Reason, transfers
 from smarts.types.vehicles import Owner
 
@@ -51,11 +51,13 @@ def sumo_episodes(
 
 def _freed(start: EpisodeStart, roads: LaneGraph) -> EpisodeStart:
     """Return an episode whose goals are reached in any lane, with ways on beyond them."""
-    return dataclasses.replace(start, seats=tuple(_freed_seat(seat, roads) for seat in start.seats))
+    return dataclasses.replace(
+        start, agents=tuple(_freed_agent(agent_id, roads) for agent_id in start.agents)
+    )
 
 
-def _freed_seat(seat: SeatStart, roads: LaneGraph) -> SeatStart:
-    mission = seat.mission
+def _freed_agent(agent_id: AgentStart, roads: LaneGraph) -> AgentStart:
+    mission = agent_id.mission
     goal = mission.goal_lane
     beside = np.flatnonzero(roads.lane_edge == roads.lane_edge[goal])
     # SUMO takes out who comes to the end of its route, which may be before the goal.
@@ -65,7 +67,9 @@ def _freed_seat(seat: SeatStart, roads: LaneGraph) -> SeatStart:
     more = tuple(roads.edge_ids[roads.lane_edge[lane]] for lane in onward[:1])
     radius = max(mission.goal_radius, float(roads.width[beside].sum()))
     route = (*mission.route, *more)
-    return dataclasses.replace(seat, mission=dataclasses.replace(mission, route=route, goal_radius=radius))
+    return dataclasses.replace(
+        agent_id, mission=dataclasses.replace(mission, route=route, goal_radius=radius)
+    )
 
 
 def _episode(parts: Assembly, start: EpisodeStart) -> tuple[Counter[str], float]:
@@ -74,40 +78,40 @@ def _episode(parts: Assembly, start: EpisodeStart) -> tuple[Counter[str], float]
     frame = simulation.reset({0: start})
     outcomes: Counter[str] = Counter()
     if frame.events.finished[0]:
-        return Counter({"void": len(start.seats)}), 0.0
-    left = set(range(len(start.seats)))
-    rows, wanted = np.ones(1, np.bool_), np.zeros(world.seats.state.shape, np.bool_)
+        return Counter({"void": len(start.agents)}), 0.0
+    left = set(range(len(start.agents)))
+    rows, wanted = np.ones(1, np.bool_), np.zeros(world.agents.state.shape, np.bool_)
     while left:
         if world.step[0] == UNTIL_HANDED_OVER:
             _hand_over(parts, left, Owner.TRAFFIC)
         frame = simulation.step(parts.actions, rows, wanted)
         for error in frame.failures.values():
             raise TrafficError("the traffic failed", place=f"world {start.world}") from error
-        ended = {seat: outcome for seat in left if (outcome := _outcome(parts, frame, seat))}
+        ended = {agent_id: outcome for agent_id in left if (outcome := _outcome(parts, frame, agent_id))}
         outcomes.update(Outcome(outcome).name.lower() for outcome in ended.values())
         left -= {*ended}
         _hand_over(parts, ended, Owner.NOBODY)
     return outcomes, float(world.step[0])
 
 
-def _outcome(parts: Assembly, frame: Frame, seat: int) -> int:
+def _outcome(parts: Assembly, frame: Frame, agent_id: int) -> int:
     """Return how an agent's episode has ended in this step, 0 if it goes on."""
-    seats = parts.simulation.world.seats
-    if seats.state[0, seat] == SeatState.DONE:
-        return int(seats.outcome[0, seat])
-    return int(outcome_of(int(frame.events.bits[0, seat] & parts.rules.ending[seat])))
+    agents = parts.simulation.world.agents
+    if agents.state[0, agent_id] == AgentStatus.DONE:
+        return int(agents.outcome[0, agent_id])
+    return int(outcome_of(int(frame.events.bits[0, agent_id] & parts.rules.ending[agent_id])))
 
 
 def _hand_over(parts: Assembly, chosen: Iterable[int], owner: Owner) -> None:
-    """Give the vehicles of some seats to another driver in the next step, or take them out of the world."""
+    """Give the vehicles of some agents to another driver in the next step, or take them out of the world."""
     world = parts.simulation.world
     rows = []
-    for seat in chosen:
-        slot = int(world.seats.slot[0, seat])
-        if slot == NEITHER:
+    for agent_id in chosen:
+        slot = int(world.agents.slot[0, agent_id])
+        if slot == UNSET:
             continue
-        to_seat = NEITHER if owner == Owner.NOBODY else seat
+        to_agent = UNSET if owner == Owner.NOBODY else agent_id
         reason = Reason.LEAVE if owner == Owner.NOBODY else Reason.RELEASE
-        generation, now = int(world.seats.generation[0, seat]), int(world.vehicles.owner[0, slot])
-        rows.append((0, slot, generation, now, seat, owner, to_seat, reason))
+        generation, now = int(world.agents.generation[0, agent_id]), int(world.vehicles.owner[0, slot])
+        rows.append((0, slot, generation, now, agent_id, owner, to_agent, reason))
     parts.ownership.submit(transfers(rows))

@@ -16,7 +16,7 @@ def measure(episode: EpisodeData) -> Columns:
 
 def measure_progress(episode: EpisodeData) -> Columns:
     """Return metres gained along the route, and seconds."""
-    done = episode.seat_column("route_done")
+    done = episode.agent_column("route_progress")
     agents = np.arange(episode.count)
     ends = [np.maximum(episode.agents[name], 0) for name in ("entry_step", "end_step")]
     first, last = (done[step, agents] for step in ends)

@@ -60,7 +60,7 @@ def _driven(episode: EpisodeData, agent: int, decisions: Decisions) -> tuple[Boo
     ends = np.minimum(np.append(decisions.step[1:], last), last)
     spans = np.maximum(ends - decisions.step, 1) * episode.dt
     speed = episode.motion.speed[:, episode.own[agent]]
-    steering = episode.seat_column("steering")[:, agent]
+    steering = episode.agent_column("steering")[:, agent]
     faster = np.abs(speed[ends] - speed[decisions.step]) / spans > ACCELERATION
     turned = np.abs(steering[ends] - steering[decisions.step]) / spans > STEERING_RATE
     return faster, turned

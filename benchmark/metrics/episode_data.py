@@ -18,8 +18,8 @@ from benchmark.metrics.lane_paths import PathBook, path_book
 from smarts.errors import RecordError
 from smarts.geometry.frames import wrap_angle
 from smarts.sim.episode_files import MAPS, RecordedEpisode
+from smarts.types.agent_states import AgentStatus
 from smarts.types.episode_schema import TABLES
-from smarts.types.seats import SeatState
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -41,7 +41,7 @@ _ON_LANES = ("s", "t")
 """Columns of the vehicles that mean nothing off the lanes."""
 _FINITE = (*sorted(set(_NUMBERS) - {*_ON_LANES}), "length", "width")
 """Other columns of the vehicles on which metrics rely."""
-_DRIVING = (int(SeatState.ACTIVE), int(SeatState.DONE))
+_DRIVING = (int(AgentStatus.ACTIVE), int(AgentStatus.DONE))
 
 
 class Motion(NamedTuple):
@@ -106,7 +106,7 @@ class Decisions:
     """An `ActionSpaceType`."""
     values: Floats
     """Shape (D, 8)."""
-    legal: Ints
+    action_mask: Ints
     """Bit i: lane action i was legal."""
     is_effective: Bools
 
@@ -132,10 +132,10 @@ class EpisodeData:
         self.dt = float(self.facts["dt"])
         self.steps = int(self.facts["steps"])
         self.agents = dict(episode.table("agents"))
-        self.count = len(self.agents["seat"])
+        self.count = len(self.agents["agent_id"])
         """A, the number of agents."""
         self._vehicles = episode.table("vehicles")
-        self._seats = episode.table("seats")
+        self._agent_states = episode.table("agent_states")
         self._decisions = episode.table("decisions")
         self._extras = episode.table("extras")
         self._routes = episode.table("routes")
@@ -150,8 +150,8 @@ class EpisodeData:
         ranges = (
             ("vehicles", self._vehicles["step"], 0, self.steps),
             ("vehicles", self._vehicles["lane"], -1, len(self.graph.lane_ids) - 1),
-            ("seats", self._seats["step"], 0, self.steps),
-            ("seats", self._seats["seat"], 0, self.count - 1),
+            ("agent_states", self._agent_states["step"], 0, self.steps),
+            ("agent_states", self._agent_states["agent_id"], 0, self.count - 1),
             ("decisions", self._decisions["step"], 0, self.steps),
             ("agents", self.agents["goal_lane"], -1, len(self.graph.lane_ids) - 1),
             ("agents", self.agents["entry_step"], -1, self.steps),
@@ -167,7 +167,7 @@ class EpisodeData:
         on_lane = self._vehicles["lane"] >= 0
         numbers = {name: self._vehicles[name] for name in _FINITE}
         numbers |= {name: self._vehicles[name][on_lane] for name in _ON_LANES}
-        numbers["travelled"] = self.agents["travelled"]
+        numbers["distance_travelled"] = self.agents["distance_travelled"]
         for name, each in numbers.items():
             if not np.isfinite(each).all():
                 raise RecordError(
@@ -221,14 +221,14 @@ class EpisodeData:
     def driving(self) -> Bools:
         """When each agent drove, the instants of entry and end included, shape (T, A)."""
         driving = np.zeros((self.steps + 1, self.count), np.bool_)
-        rows = np.isin(self._seats["state"], _DRIVING)
-        driving[self._seats["step"][rows], self._seats["seat"][rows]] = True
+        rows = np.isin(self._agent_states["state"], _DRIVING)
+        driving[self._agent_states["step"][rows], self._agent_states["agent_id"][rows]] = True
         return driving
 
-    def seat_column(self, name: str) -> Floats:
-        """Return a column of the table `seats`, NaN where there is none, shape (T, A)."""
+    def agent_column(self, name: str) -> Floats:
+        """Return a column of the table `agents`, NaN where there is none, shape (T, A)."""
         dense = np.full((self.steps + 1, self.count), np.nan)
-        dense[self._seats["step"], self._seats["seat"]] = self._seats[name]
+        dense[self._agent_states["step"], self._agent_states["agent_id"]] = self._agent_states[name]
         return dense
 
     @cached_property
@@ -318,20 +318,20 @@ class EpisodeData:
     def decisions(self, agent: int) -> Decisions:
         """Return what one agent chose."""
         table = self._decisions
-        rows = np.flatnonzero(table["seat"] == self.agents["seat"][agent])
+        rows = np.flatnonzero(table["agent_id"] == self.agents["agent_id"][agent])
         rows = rows[np.argsort(table["step"][rows], kind="stable")]
         return Decisions(
             step=table["step"][rows],
             action=table["action"][rows],
             values=np.stack([table[f"value_{number}"][rows] for number in range(8)], axis=-1),
-            legal=table["legal"][rows],
+            action_mask=table["action_mask"][rows],
             is_effective=table["is_effective"][rows],
         )
 
     def extras(self, agent: int, name: str) -> dict[int, Floats]:
         """Return what the algorithm said of one agent's decisions, by step."""
         table = self._extras
-        rows = np.flatnonzero((table["seat"] == self.agents["seat"][agent]) & (table["name"] == name))
+        rows = np.flatnonzero((table["agent_id"] == self.agents["agent_id"][agent]) & (table["name"] == name))
         return {int(table["step"][row]): np.asarray(table["values"][row], float) for row in rows}
 
 

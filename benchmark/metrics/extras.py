@@ -115,8 +115,8 @@ def measure_hard_brakes(episode: EpisodeData) -> Columns:
             causes.add(agent_of[leader])
         for agent in causes:
             brakes[agent] += episode.driving[k, agent]
-    drove = episode.entered & (episode.agents["travelled"] >= LEAST_DRIVEN)
-    kilometres = np.where(drove, episode.agents["travelled"] / 1000.0, 0.0)
+    drove = episode.entered & (episode.agents["distance_travelled"] >= LEAST_DRIVEN)
+    kilometres = np.where(drove, episode.agents["distance_travelled"] / 1000.0, 0.0)
     return {"hard_brakes": np.where(drove, brakes, 0.0), "kilometres": kilometres}
 
 

@@ -21,7 +21,7 @@ LEAST_DRIVEN = 5.0
 def measure(episode: EpisodeData) -> Columns:
     """Return collisions, driving time that is safe and in all, encounters that are safe and in all."""
     times = episode.shared(time_to_collision)
-    drove = episode.entered & (episode.agents["travelled"] >= LEAST_DRIVEN)
+    drove = episode.entered & (episode.agents["distance_travelled"] >= LEAST_DRIVEN)
     encounters = episode.shared(find_encounters)
     is_known = np.isfinite(encounters.gap_time)
     gaps = np.bincount(encounters.agent[is_known], minlength=episode.count)

@@ -7,7 +7,7 @@ import numpy as np
 from benchmark.metrics.episode_data import EpisodeData
 from benchmark.metrics.lane_changes import find_lane_changes
 from benchmark.metrics.measure import Columns, Floats, Measure, Totals, share
-from smarts.types.seats import ChangePhase
+from smarts.types.agent_states import ChangePhase
 
 JERK, LATERAL_ACCELERATION, OFFSET = 2.0, 1.5, 0.5
 """At which each term alone halves the index [m/s^3, m/s^2, m]."""
@@ -29,7 +29,7 @@ def measure(episode: EpisodeData) -> Columns:
     """
     columns = {name: np.zeros(episode.count) for name in METRIC.columns}
     changes = episode.shared(find_lane_changes)
-    phase = episode.seat_column("change_phase")
+    phase = episode.agent_column("change_phase")
     for agent in np.flatnonzero(episode.entered & (episode.own >= 0)).tolist():
         moving = episode.driving[:, agent] & (episode.motion.speed[:, episode.own[agent]] > LEAST_SPEED)
         if moving.sum() * episode.dt < LEAST_TIME:

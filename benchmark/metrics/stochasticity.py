@@ -25,12 +25,14 @@ def _discrete(episode: EpisodeData, agent: int) -> list[float]:
     """Return the entropy / log(number of legal actions) in each state with a choice."""
     decisions = episode.decisions(agent)
     by_lane = decisions.action == ActionSpaceType.Lane
-    legal = dict(zip(decisions.step[by_lane].tolist(), decisions.legal[by_lane].tolist(), strict=True))
+    action_mask = dict(
+        zip(decisions.step[by_lane].tolist(), decisions.action_mask[by_lane].tolist(), strict=True)
+    )
     found = []
     for step, probabilities in episode.extras(agent, PROBABILITIES).items():
         choices = len(probabilities)
-        if step in legal and choices == len(LaneAction):
-            choices = int(legal[step] & 0xF).bit_count()
+        if step in action_mask and choices == len(LaneAction):
+            choices = int(action_mask[step] & 0xF).bit_count()
         if choices > 1:
             kept = probabilities[probabilities > 0.0]
             found.append(float(-(kept * np.log(kept)).sum() / np.log(choices)))

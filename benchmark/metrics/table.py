@@ -115,7 +115,7 @@ def _rows(episode: EpisodeData, measures: Iterable[Measure], labels: Mapping[str
         "is_void": is_void,
         **{name: agents[name] for name in START},
         "duration": episode.duration,
-        "travelled": agents["travelled"],
+        "travelled": agents["distance_travelled"],
         "agents": took_part.astype(float),
     }
     for measure in measures:

@@ -22,7 +22,7 @@ from smarts.env.vector import VectorHiWayEnv
 from smarts.registry import import_own
 from smarts.sim.assembly import Options
 from smarts.types.actions import ActionSpaceType
-from smarts.types.seats import agent_names
+from smarts.types.agent_states import agent_names
 
 NAME = "smarts-bench"
 """Of the training environment among RLlib's."""

@@ -189,16 +189,16 @@ class Policy:
                 leaf: np.zeros((1, len(block.agents), *box.shape), box.dtype)
                 for leaf, box in block.observation.items()
             }
-            legal = np.ones((1, len(block.agents), int(block.action.n)), bool) if block.masked else None  # type: ignore[union-attr]
+            action_mask = np.ones((1, len(block.agents), int(block.action.n)), bool) if block.masked else None  # type: ignore[union-attr]
             for row, name in enumerate(block.agents):
                 if name in by_agent:
                     seen = self._arrays_of(name, by_agent[name])
                     _fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
-                    if legal is not None:
-                        legal[0, row] = _mask_in(name, seen, infos.get(name))
-                        legal[0, row, 0] |= not legal[0, row].any()
+                    if action_mask is not None:
+                        action_mask[0, row] = _mask_in(name, seen, infos.get(name))
+                        action_mask[0, row, 0] |= not action_mask[0, row].any()
             leaves.append(arrays)
-            masks.append(legal)
+            masks.append(action_mask)
         alive = np.array([[name in by_agent for name in self.agents]])
         ended = self._playing_in(1)[0].alive & ~alive
         nothing = np.zeros(alive.shape, bool)

@@ -1,4 +1,4 @@
-"""What interfaces mean for the step: rules for each seat."""
+"""What interfaces mean for the step: rules for each agent."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.errors import nearest_names
 from smarts.types.actions import ActionSpaceType
-from smarts.types.interface import SeatRules
+from smarts.types.interface import AgentRules
 
 NEVER = np.iinfo(np.int32).max
 """More steps than an episode has."""
 
 
-def seat_rules(interfaces: Sequence[AgentInterface | None], dt: float = 0.1) -> SeatRules:
-    """Return the rules for each seat; a seat without an interface has the default ones.
+def agent_rules(interfaces: Sequence[AgentInterface | None], dt: float = 0.1) -> AgentRules:
+    """Return the rules for each agent; an agent without an interface has the default ones.
 
     Args:
-        interfaces: Of each seat, shape (A,).
+        interfaces: Of each agent, shape (A,).
         dt: Length of a step [s].
     """
-    rules = SeatRules.allocate(len(interfaces))
-    for seat, interface in enumerate(interfaces):
+    rules = AgentRules.allocate(len(interfaces))
+    for agent_id, interface in enumerate(interfaces):
         if interface is None:
             continue
         moving = interface.event_configuration
-        rules.action[seat] = ActionSpaceType.Empty if interface.action is None else interface.action
-        rules.ending[seat] = interface.done_criteria.events
-        rules.max_steps[seat] = interface.max_episode_steps or 0
-        rules.not_moving_steps[seat] = round(min(max(1.0, moving.not_moving_time / dt), NEVER))
-        rules.not_moving_distance[seat] = moving.not_moving_distance
+        rules.action[agent_id] = ActionSpaceType.Empty if interface.action is None else interface.action
+        rules.ending[agent_id] = interface.done_criteria.events
+        rules.max_steps[agent_id] = interface.max_episode_steps or 0
+        rules.not_moving_steps[agent_id] = round(min(max(1.0, moving.not_moving_time / dt), NEVER))
+        rules.not_moving_distance[agent_id] = moving.not_moving_distance
     return rules
 
 
 @dataclass(frozen=True)
 class AliveRule:
-    """A seat's agent ends when fewer than `minimum` of the agents in some seats are left."""
+    """An agent's agent ends when fewer than `minimum` of the agents in some agents are left."""
 
-    seat: int
+    agent_id: int
     counted: NDArray[np.bool_]
     """Shape (A,)."""
     minimum: int
@@ -54,16 +54,16 @@ def alive_rules(
     """Return what the interfaces demand of the number of agents that are left.
 
     Args:
-        interfaces: Of each seat, shape (A,).
-        names: Of the agents in the seats, shape (A,).
-        egos: How many seats, the first ones, are the learning agents'.
+        interfaces: Of each agent, shape (A,).
+        names: Of the agents in the agents, shape (A,).
+        egos: How many agents, the first ones, are the learning agents'.
 
     Raises:
         InterfaceError: A list names an agent that there is not.
     """
     everybody = np.ones(len(names), np.bool_)
     rules: list[AliveRule] = []
-    for seat, interface in enumerate(interfaces):
+    for agent_id, interface in enumerate(interfaces):
         criteria = interface and interface.done_criteria.agents_alive
         if not criteria:
             continue
@@ -71,15 +71,15 @@ def alive_rules(
             (np.arange(len(names)) < egos, criteria.minimum_ego_agents_alive),
             (everybody, criteria.minimum_total_agents_alive),
             *(
-                (_seats_of(alive.agents_list, names), alive.minimum_agents_alive_in_list)
+                (_agent_ids_of(alive.agents_list, names), alive.minimum_agents_alive_in_list)
                 for alive in criteria.agent_lists_alive or ()
             ),
         ]
-        rules += [AliveRule(seat, counted, least) for counted, least in groups if least is not None]
+        rules += [AliveRule(agent_id, counted, least) for counted, least in groups if least is not None]
     return tuple(rules)
 
 
-def _seats_of(wanted: Sequence[str], names: Sequence[str]) -> NDArray[np.bool_]:
+def _agent_ids_of(wanted: Sequence[str], names: Sequence[str]) -> NDArray[np.bool_]:
     for name in wanted:
         if name not in names:
             raise InterfaceError(

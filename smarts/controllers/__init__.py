@@ -1,4 +1,4 @@
-"""Controllers: actions of one type -> commands to vehicles, for all seats that act so in one call.
+"""Controllers: actions of one type -> commands to vehicles, for all agents that act so in one call.
 
 Control has two levels. Ten times a second a controller writes what a vehicle is to follow (`Commands`): a
 reference, actuators, or poses. A hundred times a second one law (`tracking`) follows the reference, whoever

@@ -23,6 +23,6 @@ class ActuatorDynamic:
         pass
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the actuators of the chosen seats; see `Controller`."""
+        """Write the actuators of the chosen agents; see `Controller`."""
         out.mode[chosen] = CommandMode.ACTUATORS_RATE
         out.actuators[chosen] = np.clip(actions.values[chosen, :3], LEAST, MOST)

@@ -35,13 +35,13 @@ class Direct:
         pass
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the poses of the chosen seats; see `Controller`."""
+        """Write the poses of the chosen agents; see `Controller`."""
         world = scene.world
         vehicles = world.vehicles
         move_directly(
             chosen,
             actions.values,
-            world.seats.slot,
+            world.agents.slot,
             world.dt,
             vehicles.position,
             vehicles.heading,

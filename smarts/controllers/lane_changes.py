@@ -15,8 +15,8 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_graph import LaneKind
 from smarts.types.actions import LaneAction
+from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.guidance import GuidePhase
-from smarts.types.seats import ChangePhase, SeatState
 from smarts.types.vehicles import VehicleKind
 
 LOST = 0.75
@@ -31,7 +31,7 @@ LOOK_AHEAD = 20.0
 LOOK_AHEAD_TIME = 4.0
 """A lane that leaves the route is legal up to 20 m and 4 s before its end."""
 
-_SHADOWING, _ACTIVE = int(SeatState.SHADOWING), int(SeatState.ACTIVE)
+_SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 _MANOEUVRE = int(GuidePhase.MANOEUVRE)
 _NONE, _REQUESTED = int(ChangePhase.NONE), int(ChangePhase.REQUESTED)
 _MOVING, _SETTLED, _ABORTED = int(ChangePhase.MOVING), int(ChangePhase.SETTLED), int(ChangePhase.ABORTED)
@@ -64,7 +64,7 @@ def steered_lane(
         lane = here
     if lane < 0:
         return -1, 0.0, 0.0
-    route, hint = state.route[b, a], state.route_done[b, a]
+    route, hint = state.route[b, a], state.route_progress[b, a]
     row = row_of(table, world, route, first_lane + lane, first_lane, hint)
     if lane == here and 0.0 < state.lane_position[b, slot] < lane_length(roads, table.lane[row]):
         # Known from the locator.
@@ -127,7 +127,7 @@ def latch(
     a: int,
     change: int,
     fresh: bool,
-    legal: NDArray[np.bool_],
+    action_mask: NDArray[np.bool_],
 ) -> tuple[int, float, float]:
     """Take a command to change lanes (1 left, -1 right, 0 none); return row, s, t as `steered_lane` does.
 
@@ -148,12 +148,12 @@ def latch(
     phase = int(state.change_phase[b, a])
     if fresh:
         state.effective[b, a] = False
-        wanted = _command(state, lane, t, width, phase, change, legal)
+        wanted = _command(state, lane, t, width, phase, change, action_mask)
         if wanted >= 0 and is_drivable(roads, wanted, state.kind[b, slot]):
             state.effective[b, a] = True
             phase = _REQUESTED if phase == _NONE else _ABORTED
             first_lane, route = roads.lane_base[world], state.route[b, a]
-            row = row_of(table, world, route, wanted, first_lane, state.route_done[b, a])
+            row = row_of(table, world, route, wanted, first_lane, state.route_progress[b, a])
             lane = wanted
             s, t = place_on_lane(roads, lane, state.position[b, slot, 0], state.position[b, slot, 1])
     if phase == _REQUESTED and abs(t) < 0.5 * (width + state.width[b, slot]):
@@ -170,10 +170,16 @@ def latch(
 
 @kernel
 def _command(
-    state: LaneState, lane: int, t: float, width: float, phase: int, change: int, legal: NDArray[np.bool_]
+    state: LaneState,
+    lane: int,
+    t: float,
+    width: float,
+    phase: int,
+    change: int,
+    action_mask: NDArray[np.bool_],
 ) -> int:
     """Return the lane that a fresh command leads to, -1 if it is not to be carried out."""
-    if change == 0 or not legal[_LEFT if change > 0 else _RIGHT]:
+    if change == 0 or not action_mask[_LEFT if change > 0 else _RIGHT]:
         return -1
     if phase != _NONE and not _can_abort(phase, t, width, change):
         return -1
@@ -193,20 +199,20 @@ def write_legal(
     state: LaneState,
     occupied: NDArray[np.int8],
     guidance: NDArray[np.int8],
-    legal: NDArray[np.bool_],
-    rows: NDArray[np.bool_],
+    action_mask: NDArray[np.bool_],
+    env_mask: NDArray[np.bool_],
 ) -> None:
     """Write which of the four lane actions the agents of some simulations may take next, shape (B, A, 4).
 
-    `occupied` is the `SeatState` and `guidance` the `GuidePhase` of all seats, shape (B, A).
+    `occupied` is the `AgentStatus` and `guidance` the `GuidePhase` of all agents, shape (B, A).
     """
-    for b in range(len(rows)):
-        if not rows[b]:
+    for b in range(len(env_mask)):
+        if not env_mask[b]:
             continue
         for a in range(occupied.shape[1]):
             if occupied[b, a] not in (_ACTIVE, _SHADOWING) or state.slot[b, a] < 0:
                 continue
-            mask = legal[b, a]
+            mask = action_mask[b, a]
             mask[_KEEP], mask[_SLOW], mask[_LEFT], mask[_RIGHT] = True, True, False, False
             row, s, t = steered_lane(roads, table, state, b, a)
             if row >= 0 and guidance[b, a] != _MANOEUVRE:
@@ -248,7 +254,7 @@ def _leads_on(
     if route < 0:
         return True
     first_lane = roads.lane_base[world]
-    row = row_of(table, world, route, lane, first_lane, state.route_done[b, a])
+    row = row_of(table, world, route, lane, first_lane, state.route_progress[b, a])
     if row < table.start[table.free]:
         return False
     if table.onward_start[row + 1] > table.onward_start[row]:

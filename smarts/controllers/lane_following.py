@@ -21,8 +21,8 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.guide import Guide, guide_of
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands, LaneAction
+from smarts.types.agent_states import ChangePhase
 from smarts.types.guidance import GuidePhase
-from smarts.types.seats import ChangePhase
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -53,25 +53,25 @@ def follow_lanes(
     chosen: NDArray[np.bool_],
     fresh: NDArray[np.bool_],
     values: NDArray[np.float64],
-    legal: NDArray[np.bool_],
+    action_mask: NDArray[np.bool_],
     mode: NDArray[np.int8],
     reference: NDArray[np.float64],
     length: NDArray[np.int32],
     window: NDArray[np.float64],
 ) -> None:
-    """Write the references of chosen seats.
+    """Write the references of chosen agents.
 
     Args:
         roads: The maps' lanes.
         table: The routes.
         state: Of the world; latch, effective and desired speed are written.
-        guide: Where the missions' tasks lead, of all seats.
+        guide: Where the missions' tasks lead, of all agents.
         manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
         speeds: The largest speed of discrete actions on each map [m/s], shape (M,).
         chosen: Shape (B, A).
         fresh: See `Actions`, shape (B, A).
         values: See `Actions`, shape (B, A, 8).
-        legal: See `Actions`, shape (B, A, 4).
+        action_mask: See `Actions`, shape (B, A, 4).
         mode: Written, see `Commands`, shape (B, A).
         reference: Written, shape (B, A, R, 4).
         length: Written, shape (B, A).
@@ -87,7 +87,9 @@ def follow_lanes(
                 state.change_phase[b, a] = 0
             is_led = guide.phase[b, a] == _MANOEUVRE
             change = _change_of(manner, values[b, a])
-            row, s, t = latch(roads, table, state, b, a, 0 if is_led else change, fresh[b, a], legal[b, a])
+            row, s, t = latch(
+                roads, table, state, b, a, 0 if is_led else change, fresh[b, a], action_mask[b, a]
+            )
             mode[b, a], length[b, a] = _TRACK, 0
             if row < 0:
                 continue
@@ -220,6 +222,6 @@ class LaneFollowing:
         self._follow = bind(follow_lanes, *arrays, self.manner, top_speeds)
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the reference along each chosen seat's lane; see `Controller`."""
+        """Write the reference along each chosen agent's lane; see `Controller`."""
         command = out.mode, out.reference, out.reference_length, out.window
-        self._follow(chosen, actions.fresh, actions.values, actions.legal, *command)
+        self._follow(chosen, actions.fresh, actions.values, actions.action_mask, *command)

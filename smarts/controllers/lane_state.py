@@ -53,8 +53,8 @@ class LaneState(NamedTuple):
     slot: Ints
     entry_step: Ints
     route: Ints
-    """Number of each seat's route, shape (B, A)."""
-    route_done: Floats
+    """Number of each agent's route, shape (B, A)."""
+    route_progress: Floats
     target_lane: Ints
     change_phase: Bytes
     effective: Bools
@@ -73,24 +73,24 @@ class LaneState(NamedTuple):
     """Lane to the left in the same direction, numbered across all maps, -1 for none, shape (L,)."""
     right: Ints
     steering: Floats
-    """Angle of each seat's front wheels [rad], shape (B, A)."""
+    """Angle of each agent's front wheels [rad], shape (B, A)."""
     abilities: Abilities
 
     @classmethod
     def of(cls, scene: Scene) -> LaneState:
         """Return the state of a scene."""
-        world, vehicles, seats = scene.world, scene.world.vehicles, scene.world.seats
+        world, vehicles, agents = scene.world, scene.world.vehicles, scene.world.agents
         left, right = neighbours(scene.atlas)
         return cls(
             map=world.map,
             step=world.step,
-            slot=seats.slot,
-            entry_step=seats.entry_step,
+            slot=agents.slot,
+            entry_step=agents.entry_step,
             route=scene.routes.number,
-            route_done=seats.route_done,
-            target_lane=seats.target_lane,
-            change_phase=seats.change_phase,
-            effective=seats.effective,
+            route_progress=agents.route_progress,
+            target_lane=agents.target_lane,
+            change_phase=agents.change_phase,
+            effective=agents.effective,
             alive=vehicles.alive,
             kind=vehicles.kind,
             position=vehicles.position,
@@ -104,7 +104,7 @@ class LaneState(NamedTuple):
             desired_speed=vehicles.desired_speed,
             left=left,
             right=right,
-            steering=seats.steering,
+            steering=agents.steering,
             abilities=Abilities.of_all(),
         )
 

@@ -31,9 +31,9 @@ def write_led_reference(
         roads: The maps' lanes.
         table: The routes.
         state: Of the world.
-        guide: Of all seats.
+        guide: Of all agents.
         b: Simulation.
-        a: Seat.
+        a: Agent.
         cap: The largest speed [m/s].
         obeys: Whether the limit of the lane behind the curve holds too.
         reference: Written, shape (R, 4), see `Commands`.
@@ -55,7 +55,7 @@ def write_led_reference(
         on_curve += 1
     behind = reference[on_curve:]
     if len(behind) > 0:
-        row = row_of(table, world, state.route[b, a], lane, first_lane, state.route_done[b, a])
+        row = row_of(table, world, state.route[b, a], lane, first_lane, state.route_progress[b, a])
         s = guide.s[b, a] + station - stations[-1]
         write_reference(roads, table, world, row, s, 0.0, state.speed[b, slot], cap, obeys, agility, behind)
     limit_speeds(reference, len(reference), agility)

@@ -67,12 +67,12 @@ class ModelPredictive:
         self._sharpest = sharpest_curvatures()
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write a plan along each chosen seat's path; see `Controller`."""
+        """Write a plan along each chosen agent's path; see `Controller`."""
         world = scene.world
-        vehicles, seats = world.vehicles, world.seats
+        vehicles, agents = world.vehicles, world.agents
         write_paths(
             chosen,
-            seats.slot,
+            agents.slot,
             vehicles.position,
             actions.path,
             actions.path_length,
@@ -82,7 +82,7 @@ class ModelPredictive:
         )
         plan_references(
             chosen,
-            seats.slot,
+            agents.slot,
             vehicles.kind,
             vehicles.position,
             vehicles.heading,

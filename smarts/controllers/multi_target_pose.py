@@ -9,6 +9,6 @@ from smarts.types.actions import ActionSpaceType
 
 
 class MultiTargetPose(TargetPose):
-    """As `TargetPose`: each of the agent's vehicles has a seat, and its target stands there."""
+    """As `TargetPose`: each of the agent's vehicles has an agent, and its target stands there."""
 
     action: ClassVar[ActionSpaceType] = ActionSpaceType.MultiTargetPose

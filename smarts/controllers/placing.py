@@ -150,12 +150,12 @@ def place_by_targets(
     mode: NDArray[np.int8],
     poses: Floats,
 ) -> None:
-    """Write the poses that lead the vehicles of chosen seats to their targets.
+    """Write the poses that lead the vehicles of chosen agents to their targets.
 
     Args:
         chosen: Shape (B, A).
         fresh: Whether the target is new, shape (B, A).
-        relative: Whether targets are changes of the present pose, to be made by the seat's next decision.
+        relative: Whether targets are changes of the present pose, to be made by the agent's next decision.
         values: See `Actions`, shape (B, A, 8).
         slot: Shape (B, A).
         period: Steps from decision to decision, shape (B, A).

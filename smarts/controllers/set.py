@@ -8,61 +8,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.controllers import CONTROLLERS
-from smarts.controllers.neutral import Neutral
+from smarts.controllers.fallback import FallbackController
 from smarts.controllers.protocol import Controller
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.types.actions import KINKED, Actions, ActionSpaceType, CommandMode, Commands
-from smarts.types.seats import NEITHER, ChangePhase, SeatState
+from smarts.types.agent_states import UNSET, AgentStatus, ChangePhase
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.int8]
 Floats = NDArray[np.float64]
 
-_ACTIVE, _NONE = int(SeatState.ACTIVE), int(CommandMode.NONE)
+_ACTIVE, _NONE = int(AgentStatus.ACTIVE), int(CommandMode.NONE)
 
 LANE_TYPES = (ActionSpaceType.Lane, ActionSpaceType.LaneWithContinuousSpeed)
 
 
 class ControllerSet:
-    """Turns the actions of all active seats into commands, each by the controller of its type.
+    """Turns the actions of all active agents into commands, each by the controller of its type.
 
     An agent that has not acted since it entered keeps its lane and its distance, whatever its type.
 
     Args:
         scene: What the controllers work in.
-        kinds: The action types in use, as in `SeatRules.action`.
+        kinds: The action types in use, as in `AgentRules.action`.
         speeds: The largest speed of the discrete lane actions on each map [m/s], shape (M,); the lanes'
             limits alone if not given.
     """
 
     def __init__(self, scene: Scene, kinds: Iterable[int], speeds: Floats | None = None) -> None:
         self._scene = scene
-        shape = scene.world.seats.slot.shape
+        shape = scene.world.agents.slot.shape
         self._commands = Commands.allocate(*shape)
         self._controllers: list[Controller] = []
         for kind in sorted({ActionSpaceType(kind) for kind in kinds}):
             made = CONTROLLERS[kind.name]
             is_discrete = kind == ActionSpaceType.Lane
             self._controllers.append(made(scene, speeds) if is_discrete else made(scene))
-        self._neutral = Neutral(scene, speeds)
+        self._neutral = FallbackController(scene, speeds)
         types = np.array([int(controller.action) for controller in self._controllers], np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
         self._part = bind(
-            part_by_type,
-            scene.world.seats.state,
+            group_by_action_type,
+            scene.world.agents.state,
             types,
             self._commands.mode,
             self._commands.window,
             self._chosen,
         )
 
-    def command(self, world: World, actions: Actions, rows: Bools) -> Commands:
-        """Return what the vehicles of all active seats are to do in this step."""
+    def command(self, world: World, actions: Actions, env_mask: Bools) -> Commands:
+        """Return what the vehicles of all active agents are to do in this step."""
         out = self._commands
-        in_use = self._part(actions.kind, actions.given, rows)
+        in_use = self._part(actions.kind, actions.given, env_mask)
         for number, controller in enumerate(self._controllers):
             if in_use >> number & 1:
                 chosen = self._chosen[number]
@@ -74,12 +74,12 @@ class ControllerSet:
         return out
 
     def _steer_freely(self, world: World, chosen: Bools) -> None:
-        """Say of seats that steer by other means than lanes: bound for none, as fast as is allowed here."""
-        seats, vehicles = world.seats, world.vehicles
-        row, seat = np.nonzero(chosen)
-        slot = seats.slot[row, seat]
-        seats.target_lane[row, seat] = NEITHER
-        seats.change_phase[row, seat] = ChangePhase.NONE
+        """Say of agents that steer by other means than lanes: bound for none, as fast as is allowed here."""
+        agents, vehicles = world.agents, world.vehicles
+        row, agent_id = np.nonzero(chosen)
+        slot = agents.slot[row, agent_id]
+        agents.target_lane[row, agent_id] = UNSET
+        agents.change_phase[row, agent_id] = ChangePhase.NONE
         lane = vehicles.lane[row, slot]
         roads = self._scene.atlas.roads
         limits = roads.lane_speed[roads.lane_base[world.map[row]] + np.maximum(lane, 0)]
@@ -87,7 +87,7 @@ class ControllerSet:
 
 
 @kernel
-def part_by_type(
+def group_by_action_type(
     state: Bytes,
     types: Bytes,
     mode: Bytes,
@@ -95,27 +95,27 @@ def part_by_type(
     chosen: Bools,
     kind: Bytes,
     given: Bools,
-    rows: Bools,
+    env_mask: Bools,
 ) -> int:
-    """Say which active seats of some simulations each controller is to command.
+    """Say which active agents of some simulations each controller is to command.
 
     Args:
-        state: `SeatState` of all seats, shape (B, A).
+        state: `AgentStatus` of all agents, shape (B, A).
         types: Action types of the K controllers, shape (K,).
-        mode: Of the commands, shape (B, A); written: none for all seats of these simulations.
+        mode: Of the commands, shape (B, A); written: none for all agents of these simulations.
         window: Of the commands, shape (B, A); written: the usual one.
         chosen: Written, shape (K + 1, B, A); the last is for those who have not acted yet.
-        kind: How the seats act, shape (B, A).
+        kind: How the agents act, shape (B, A).
         given: Who has acted, shape (B, A).
-        rows: Which simulations, shape (B,).
+        env_mask: Which simulations, shape (B,).
 
     Returns:
         Bit k is set if controller k has anything to do, bit K if anybody has not acted yet.
     """
     in_use = 0
     chosen[:] = False
-    for b in range(len(rows)):
-        if not rows[b]:
+    for b in range(len(env_mask)):
+        if not env_mask[b]:
             continue
         for a in range(state.shape[1]):
             mode[b, a], window[b, a] = _NONE, KINKED

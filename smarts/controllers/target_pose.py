@@ -28,11 +28,11 @@ class TargetPose:
     relative: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        # A seat's plan is made by its first action, which is fresh, so nothing is to be reset.
-        self._plans = np.zeros((*scene.world.seats.slot.shape, PLAN))
+        # An agent's plan is made by its first action, which is fresh, so nothing is to be reset.
+        self._plans = np.zeros((*scene.world.agents.slot.shape, PLAN))
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the poses of the chosen seats; see `Controller`."""
+        """Write the poses of the chosen agents; see `Controller`."""
         world = scene.world
         vehicles = world.vehicles
         place_by_targets(
@@ -40,8 +40,8 @@ class TargetPose:
             actions.fresh,
             self.relative,
             actions.values,
-            world.seats.slot,
-            world.seats.period,
+            world.agents.slot,
+            world.agents.period,
             world.step,
             world.dt,
             vehicles.position,

@@ -33,10 +33,10 @@ class TrajectoryInterpolation:
     action: ClassVar[ActionSpaceType] = ActionSpaceType.TrajectoryWithTime
 
     def __init__(self, scene: Scene) -> None:
-        self._begin = np.zeros(scene.world.seats.slot.shape, np.int32)
+        self._begin = np.zeros(scene.world.agents.slot.shape, np.int32)
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the poses of the chosen seats; see `Controller`."""
+        """Write the poses of the chosen agents; see `Controller`."""
         world = scene.world
         follow_times(
             chosen,
@@ -63,7 +63,7 @@ def follow_times(
     mode: NDArray[np.int8],
     poses: Floats,
 ) -> None:
-    """Write poses interpolated in time; `begin` is the step from which a seat's times count, shape (B, A)."""
+    """Write poses interpolated in time; an agent's times count from step `begin`, shape (B, A)."""
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
             if not chosen[b, a]:

@@ -37,10 +37,10 @@ class TrajectoryTracking:
         pass
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the piece of each chosen seat's path that is ahead; see `Controller`."""
+        """Write the piece of each chosen agent's path that is ahead; see `Controller`."""
         write_paths(
             chosen,
-            scene.world.seats.slot,
+            scene.world.agents.slot,
             scene.world.vehicles.position,
             actions.path,
             actions.path_length,

@@ -31,11 +31,11 @@ trailers, and the lean of motorcycles.
 """
 
 from smarts.dynamics.bullet import Box
+from smarts.dynamics.checks import ControlError, MotionError
 from smarts.dynamics.fleet import Fleet
 from smarts.dynamics.layout import MODELS, TYRE_MODELS
 from smarts.dynamics.motion import Driver, Motion, Road, Wheels
 from smarts.dynamics.parameters import VehicleParameters, VehicleParametersError, vehicle, vehicle_names
-from smarts.dynamics.refusals import ControlError, MotionError
 from smarts.dynamics.tyre_faults import FLAT_TYRE, SOUND_TYRE, TyreFault
 
 __all__ = [

@@ -54,7 +54,7 @@ class Box:
     """[rad/s]; the velocity does not turn with it."""
 
 
-class Touch(NamedTuple):
+class BulletContact(NamedTuple):
     """A vehicle that Bullet has kept from going into another road user in a sub-step."""
 
     row: int
@@ -196,7 +196,7 @@ class BulletWorld:
             linear, angular = read_velocity(body, client)
             _ROW.pack_into(motion, row * _ROW.size, *position, *quaternion, *linear, *angular)
 
-    def touches(self, velocities: list[list[list[float]]]) -> Iterator[Touch]:
+    def touches(self, velocities: list[list[list[float]]]) -> Iterator[BulletContact]:
         """Yield who touched whom in the last sub-step, given the velocities that it began with."""
         contacts = pybullet.getContactPoints(physicsClientId=self._client)
         if not contacts:
@@ -214,7 +214,7 @@ class BulletWorld:
             speed = sum((there - here) * n for here, there, n in zip(*moving, normal, strict=True))
             if one not in rows:
                 one, two = two, one
-            yield Touch(rows[one], rows.get(two, -1), keys.get(two, -1), max(speed, 0.0))
+            yield BulletContact(rows[one], rows.get(two, -1), keys.get(two, -1), max(speed, 0.0))
 
     def _velocity_at(
         self,

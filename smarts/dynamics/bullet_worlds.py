@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.dynamics.bullet import Box, BulletWorld, Touch
+from smarts.dynamics.bullet import Box, BulletContact, BulletWorld
 from smarts.dynamics.free_motion import find_company
 from smarts.geometry.binding import bind
 
@@ -84,7 +84,7 @@ class BulletWorlds:
         self._asked = [self._worlds[number] for number in numbers.tolist()]
         return rows[~may_touch], rows[may_touch]
 
-    def substep(self, velocities: Floats) -> list[Touch]:
+    def substep(self, velocities: Floats) -> list[BulletContact]:
         """Advance the vehicles that may touch something by one sub-step, and return who has touched whom.
 
         Args:

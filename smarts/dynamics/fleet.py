@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.dynamics import chassis, free_motion, layout, readout, refusals, single_track
-from smarts.dynamics.bullet import Box, Touch
+from smarts.dynamics import chassis, checks, free_motion, layout, readout, single_track
+from smarts.dynamics.bullet import Box, BulletContact
 from smarts.dynamics.bullet_worlds import BulletWorlds
+from smarts.dynamics.checks import ControlError, MotionError
 from smarts.dynamics.layout import MODELS
 from smarts.dynamics.motion import Driver, Motion, Road, Wheels
-from smarts.dynamics.refusals import ControlError, MotionError
 from smarts.dynamics.tyre_faults import FLAT_TYRE, TyreFault
 from smarts.geometry.binding import bind
 
@@ -81,7 +81,7 @@ class Fleet:
         self.wheels = Wheels(
             position=_view(self._wheel_position), **{name: _view(self._states[name]) for name in names}
         )
-        self.touches: list[tuple[int, Touch]] = []
+        self.touches: list[tuple[int, BulletContact]] = []
         vehicles = self._cars, self._states, self._bodies
         self._take_controls = bind(readout.take_controls, self._controls)
         self._remember_velocity = bind(readout.remember_velocity, self._bodies, self._before)
@@ -158,12 +158,12 @@ class Fleet:
             UnknownNameError: A name is unknown.
         """
         self._require_row(row)
-        refusals.check_models(row, model, tyres)
+        checks.check_models(row, model, tyres)
         if self._model[row] >= 0:
             raise ControlError(
                 "the row is taken", place=f"vehicle in row {row}", remedy="despawn its vehicle first"
             )
-        refusals.check_start(row, position, heading, speed, steering, size)
+        checks.check_start(row, position, heading, speed, steering, size)
         car = layout.pack(name, tyres).copy()
         if size is not None:
             # Whatever it drives like, it is hit where others see it.
@@ -207,7 +207,7 @@ class Fleet:
             ControlError: There is no such vehicle or wheel.
         """
         self._require_vehicle(row)
-        refusals.check_wheel(row, wheel)
+        checks.check_wheel(row, wheel)
         names = ("radius_factor", "stiffness_factor", "grip_factor", "extra_resistance")
         for name, value in zip(names, astuple(fault), strict=True):
             self._states[name][row, wheel] = value
@@ -303,11 +303,11 @@ class Fleet:
             MotionError: A vehicle's motion is no longer finite; see `lost`. The others have made the step.
         """
         controls = np.asarray(controls, np.float64)
-        refusals.check_shape(controls, self._controls.shape)
+        checks.check_shape(controls, self._controls.shape)
         moving, rows = self._chosen(simulations)
         bad = self._take_controls(moving, controls)
         if bad >= 0:
-            raise refusals.not_numbers(bad, controls[bad])
+            raise checks.not_numbers(bad, controls[bad])
         self._lost[:] = False
         self.touches.clear()
         self._remember_velocity()
@@ -332,7 +332,7 @@ class Fleet:
 
     def motion_error(self, row: int) -> MotionError:
         """Return what there is to say of a row that is `lost`."""
-        return refusals.not_finite(row, self._bodies[row], self._road[row])
+        return checks.not_finite(row, self._bodies[row], self._road[row])
 
     def _chosen(
         self, simulations: NDArray[np.bool_] | None

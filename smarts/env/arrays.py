@@ -19,7 +19,7 @@ from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.env.adapters import ADAPTERS
 from smarts.env.adapters.actions import action_of, remedy_of
 from smarts.env.adapters.benchmark import benchmark_interface
-from smarts.env.adapters.protocol import MASK, ArrayAdapter, Served
+from smarts.env.adapters.protocol import MASK, AdapterContext, ArrayAdapter
 from smarts.env.batch import Batch, EpisodeKey, Transition
 from smarts.env.setting_checks import (
     LONGEST_DECISION,
@@ -36,8 +36,8 @@ from smarts.sim.assembly import Assembly, Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import ActionSpaceType
+from smarts.types.agent_states import agent_names
 from smarts.types.interface import Field
-from smarts.types.seats import agent_names
 from smarts.types.streams import check_seed
 
 ALONE = "observation"
@@ -51,7 +51,7 @@ options by their names."""
 
 
 @dataclass(frozen=True)
-class Setting:
+class EnvSettings:
     """What all environments are made from."""
 
     scenarios: Sequence[str | Path]
@@ -136,8 +136,8 @@ class Setting:
     ) -> dict[int, Collection[str]]:
         adapted = self.adapted()
         return {
-            seat: sensors
-            for seat, name in enumerate(interfaces)
+            agent_id: sensors
+            for agent_id, name in enumerate(interfaces)
             if sensors is not None and name not in adapted
         }
 
@@ -148,7 +148,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Group:
-    """Agents with equal spaces, in consecutive seats."""
+    """Agents with equal spaces, in consecutive agents."""
 
     agents: tuple[str, ...]
     columns: slice
@@ -176,9 +176,9 @@ class Group:
         mask = self.adapter.observations.get(MASK)
         if mask is None:
             return None
-        legal = mask.astype(np.bool_)
-        legal[..., 0] |= ~legal.any(axis=-1)
-        return legal
+        action_mask = mask.astype(np.bool_)
+        action_mask[..., 0] |= ~action_mask.any(axis=-1)
+        return action_mask
 
 
 class ArrayWorlds:
@@ -187,7 +187,7 @@ class ArrayWorlds:
     Egos are in the order of their groups, and those in the order of their first members.
     """
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: EnvSettings) -> None:
         make = maker_of(setting.adapter)
         # Callables that say nothing may look at everything.
         sensors = getattr(make, "sensors", None)
@@ -344,17 +344,17 @@ def _grouped(
 def _groups(
     grouped: Sequence[Mapping[str, AgentInterface]],
     parts: Assembly,
-    setting: Setting,
+    setting: EnvSettings,
     make: Callable[..., ArrayAdapter],
 ) -> list[Group]:
     groups, first = [], 0
     for members in grouped:
         interface = next(iter(members.values()))
         columns = slice(first, first + len(members))
-        served = Served(
+        served = AdapterContext(
             scene=parts.scene,
             agents=tuple(members),
-            seats=np.arange(columns.start, columns.stop, dtype=np.int32),
+            agent_ids=np.arange(columns.start, columns.stop, dtype=np.int32),
             action=ActionSpaceType.Empty if interface.action is None else interface.action,
             period=setting.decision_interval,
             max_steps=interface.max_episode_steps or 0,

@@ -10,37 +10,37 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.agents.acting import Acting, Question
+from smarts.agents.acting import ActionRequest, AgentHost
 from smarts.env.adapters.actions import encode_one
 from smarts.env.batch_kernels import choose_wanted, join_events
-from smarts.env.parts import Parts, Watcher
+from smarts.env.parts import Parts, StepListener
 from smarts.env.setting_checks import check_instance
 from smarts.errors import ScenarioError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.types.actions import ActionSpaceType
+from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import EpisodeStart
 from smarts.types.frame import Frame
-from smarts.types.seats import SeatState
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
 
 # A number: to compare an array with a member of an enumeration takes three times as long.
-_ACTIVE = int(SeatState.ACTIVE)
+_ACTIVE = int(AgentStatus.ACTIVE)
 
 PATIENCE = 6000
 """Steps after which agents that have not entered are given up."""
 
 
 @dataclass(frozen=True)
-class Others:
-    """The agents that are not the user's, in the seats behind the egos'."""
+class SocialAgents:
+    """The agents that are not the user's, in the agents behind the egos'."""
 
-    acting: Acting
+    acting: AgentHost
     observe: Callable[[Frame, int, int], Any]
-    """Makes what the agent of (row, seat) sees out of a frame; valid after the frame."""
+    """Makes what the agent of (row, agent) sees out of a frame; valid after the frame."""
     names: Sequence[str]
-    """Of the agents by seat, the egos' included."""
+    """Of the agents by agent, the egos' included."""
     deadline: float = 0.5
     """How long to wait for answers [s]."""
 
@@ -90,7 +90,12 @@ class Batch:
     """
 
     def __init__(
-        self, parts: Parts, watchers: Sequence[Watcher], *, period: int = 1, others: Others | None = None
+        self,
+        parts: Parts,
+        watchers: Sequence[StepListener],
+        *,
+        period: int = 1,
+        others: SocialAgents | None = None,
     ) -> None:
         self.simulation, self.actions, self.scene = parts.simulation, parts.actions, parts.scene
         self.world = self.simulation.world
@@ -108,8 +113,8 @@ class Batch:
         """Whose episode is going on, shape (B,)."""
         self.alive = np.zeros(shape, np.bool_)
         """Which egos decide now, shape (B, N)."""
-        self._wanted = np.zeros(self.world.seats.state.shape, np.bool_)
-        self._open: dict[tuple[int, int], Question] = {}
+        self._wanted = np.zeros(self.world.agents.state.shape, np.bool_)
+        self._open: dict[tuple[int, int], ActionRequest] = {}
         self._ended = np.zeros(shape, np.bool_)
         self._acted = np.zeros(shape, np.bool_)
         self._events = np.zeros(shape, np.int32)
@@ -121,12 +126,12 @@ class Batch:
         self._frame: Frame | None = None
         self._closed = False
         self._choose_wanted = bind(
-            choose_wanted, self.world.seats.next_due, self.world.step, self.world.egos, self._wanted
+            choose_wanted, self.world.agents.next_due, self.world.step, self.world.egos, self._wanted
         )
         self._join = bind(join_events, self._events, self._terminated, self._truncated, self.running)
         self._kept = {name: column.copy() for name, column in vars(self.actions).items()}
 
-    def watch(self, watcher: Watcher) -> None:
+    def watch(self, watcher: StepListener) -> None:
         """Show one more watcher every step."""
         self._watchers = (*self._watchers, watcher)
 
@@ -156,7 +161,7 @@ class Batch:
             field[rows] = False
         frame = self._look(self.simulation.reset(starts))
         self.running[rows] = True
-        self.world.seats.period[rows, : self.world.egos] = self.period
+        self.world.agents.period[rows, : self.world.egos] = self.period
         for watcher in self._watchers:
             watcher.collect(frame, True)
         self._wait_for_entries(rows)
@@ -173,11 +178,11 @@ class Batch:
         self._wait_for_entries(self.running)
         self._find_alive()
         self._ended = self._terminated | self._truncated
-        seats = self.world.seats
+        agents = self.world.agents
         return Transition(
             self._acted,
             self._events,
-            seats.outcome[:, : self.world.egos],
+            agents.outcome[:, : self.world.egos],
             self._terminated & self._acted,
             self._truncated & self._acted,
             ~self.running,
@@ -243,18 +248,18 @@ class Batch:
         """Ask those of the other agents who are to decide now; the last thing before the user's turn."""
         if self._others is None or self._frame is None:
             return
-        world, seats = self.world, self.world.seats
-        due = (seats.state == SeatState.ACTIVE) | (seats.state == SeatState.SHADOWING)
-        due &= self._seen & (seats.next_due <= world.step[:, None]) & self.running[:, None]
+        world, agents = self.world, self.world.agents
+        due = (agents.state == AgentStatus.ACTIVE) | (agents.state == AgentStatus.SHADOWING)
+        due &= self._seen & (agents.next_due <= world.step[:, None]) & self.running[:, None]
         due[:, : world.egos] = False
         asked = {}
-        for row, seat in np.argwhere(due).tolist():
+        for row, agent_id in np.argwhere(due).tolist():
             step = int(world.step[row])
-            generation = int(seats.generation[row, seat])
-            question = Question(row, int(world.episode[row]), seat, generation, step)
-            asked[question] = self._others.observe(self._frame, row, seat)
-            seats.next_due[row, seat] = step + seats.period[row, seat]
-            self._open[row, seat] = question
+            generation = int(agents.generation[row, agent_id])
+            question = ActionRequest(row, int(world.episode[row]), agent_id, generation, step)
+            asked[question] = self._others.observe(self._frame, row, agent_id)
+            agents.next_due[row, agent_id] = step + agents.period[row, agent_id]
+            self._open[row, agent_id] = question
         if asked:
             self._others.acting.dispatch(asked)
 
@@ -280,13 +285,13 @@ class Batch:
         self._events[:] = 0
         self._terminated[:] = self._truncated[:] = False
         self._failures.clear()
-        next_due = self.world.seats.next_due[:, : self.world.egos]
+        next_due = self.world.agents.next_due[:, : self.world.egos]
         due_then = np.broadcast_to((self.world.step + self.period)[:, None], next_due.shape)
         np.copyto(next_due, due_then, where=self.alive)
 
-    def _advance(self, rows: Bools) -> None:
+    def _advance(self, env_mask: Bools) -> None:
         """Step some simulations by a decision; none beyond the end of its last agent."""
-        pending = rows & self.running
+        pending = env_mask & self.running
         left = np.count_nonzero(pending)
         for number in range(self.period):
             if not left:
@@ -307,7 +312,7 @@ class Batch:
     def _look(self, frame: Frame) -> Frame:
         # What was seen of simulations that are not in this frame is still there.
         self._frame = frame
-        np.copyto(self._seen, frame.wanted, where=frame.rows[:, None])
+        np.copyto(self._seen, frame.observe_mask, where=frame.env_mask[:, None])
         return frame
 
     def _gather(self) -> None:
@@ -315,39 +320,39 @@ class Batch:
         if self._others is None or not self._open:
             return
         for question, action in self._others.acting.gather(self._others.deadline).items():
-            row, seat = question.row, question.seat
-            if self._open.get((row, seat)) != question:
+            row, agent_id = question.row, question.agent_id
+            if self._open.get((row, agent_id)) != question:
                 continue
-            del self._open[row, seat]
-            kind = ActionSpaceType(int(self.actions.kind[row, seat]))
-            legal = self.world.seats.legal[row, seat]
-            encode_one(self._others.names[seat], kind, action, row, seat, legal, self.actions)
+            del self._open[row, agent_id]
+            kind = ActionSpaceType(int(self.actions.kind[row, agent_id]))
+            action_mask = self.world.agents.action_mask[row, agent_id]
+            encode_one(self._others.names[agent_id], kind, action, row, agent_id, action_mask, self.actions)
         self.late += len(self._open)
         self._open.clear()
 
-    def _close_questions(self, rows: Bools) -> None:
-        for place in [place for place in self._open if rows[place[0]]]:
+    def _close_questions(self, env_mask: Bools) -> None:
+        for place in [place for place in self._open if env_mask[place[0]]]:
             del self._open[place]
 
-    def _wait_for_entries(self, rows: Bools) -> None:
+    def _wait_for_entries(self, env_mask: Bools) -> None:
         """Step on where agents are still to enter and none is there, by whole decisions."""
-        seats, waited = self.world.seats, 0
+        agents, waited = self.world.agents, 0
         while True:
-            state = seats.state[:, : self.world.egos]
-            idle = rows & self.running & ~(state == _ACTIVE).any(axis=1)
+            state = agents.state[:, : self.world.egos]
+            idle = env_mask & self.running & ~(state == _ACTIVE).any(axis=1)
             if not idle.any():
                 return
             if waited >= PATIENCE:
                 row = int(np.argmax(idle))
-                waiting = np.flatnonzero(state[row] == SeatState.WAITING).tolist()
+                waiting = np.flatnonzero(state[row] == AgentStatus.WAITING).tolist()
                 raise ScenarioError(
                     f"no agent has entered simulation {row} within {PATIENCE * self.world.dt:g} s",
-                    place=f"episode {self.world.episode[row]}, seats {waiting}",
+                    place=f"episode {self.world.episode[row]}, agents {waiting}",
                     remedy="give their missions earlier start times, or traps with a time limit",
                 )
             self._advance(idle)
             waited += self.period
 
     def _find_alive(self) -> None:
-        state = self.world.seats.state[:, : self.world.egos]
+        state = self.world.agents.state[:, : self.world.egos]
         np.logical_and(state == _ACTIVE, self.running[:, None], out=self.alive)

@@ -12,11 +12,11 @@ Ints = NDArray[np.int32]
 
 
 @kernel
-def choose_wanted(next_due: Ints, step: Ints, egos: int, wanted: Bools, is_last: bool) -> None:
+def choose_wanted(next_due: Ints, step: Ints, egos: int, observe_mask: Bools, is_last: bool) -> None:
     """Say who is to be observed after the coming step: egos after the last of a decision, others when due."""
-    for b in range(wanted.shape[0]):
-        for a in range(wanted.shape[1]):
-            wanted[b, a] = is_last if a < egos else next_due[b, a] <= step[b] + 1
+    for b in range(observe_mask.shape[0]):
+        for a in range(observe_mask.shape[1]):
+            observe_mask[b, a] = is_last if a < egos else next_due[b, a] <= step[b] + 1
 
 
 @kernel

@@ -14,12 +14,12 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters.actions import encode_one
-from smarts.env.adapters.protocol import ArrayAdapter, Served
+from smarts.env.adapters.protocol import AdapterContext, ArrayAdapter
 from smarts.env.adapters.reward import Rewards
-from smarts.env.arrays import Adapter, Setting, maker_of
+from smarts.env.arrays import Adapter, EnvSettings, maker_of
 from smarts.env.batch import Batch, Transition
 from smarts.env.not_copied import NotCopied
-from smarts.env.onlooker import Onlooker
+from smarts.env.observation_collector import ObservationCollector
 from smarts.env.setting_checks import check_instance
 from smarts.env.solo import Episodes, annotate_each, as_row, check_names, info_of
 from smarts.sim.assembly import Options
@@ -63,7 +63,7 @@ class HiWayEnv(NotCopied, gym.Env):
         sim_name: str | None = None,
     ) -> None:
         check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
-        setting = Setting(
+        setting = EnvSettings(
             scenarios=scenarios,
             agents=agent_specs,
             seed=seed,
@@ -82,12 +82,14 @@ class HiWayEnv(NotCopied, gym.Env):
         parts = setting.assemble(interfaces)
         self._kinds = [ActionSpaceType(int(kind)) for kind in parts.rules.action]
         self._scene = parts.scene
-        seats = np.arange(len(self.agent_ids), dtype=np.int32)
+        agents = np.arange(len(self.agent_ids), dtype=np.int32)
         none = ActionSpaceType.Empty
-        served = Served(parts.scene, tuple(self.agent_ids), seats, none, decision_interval, max_steps=0)
-        self._onlooker, self._metres = Onlooker(parts, served), Rewards(served, "route_metres")
-        self._columns = {name: seat for seat, name in enumerate(self.agent_ids)}
-        self._batch = Batch(parts, [self._metres, self._onlooker], period=decision_interval)
+        served = AdapterContext(
+            parts.scene, tuple(self.agent_ids), agents, none, decision_interval, max_steps=0
+        )
+        self._collector, self._metres = ObservationCollector(parts, served), Rewards(served, "route_metres")
+        self._columns = {name: agent_id for agent_id, name in enumerate(self.agent_ids)}
+        self._batch = Batch(parts, [self._metres, self._collector], period=decision_interval)
         self._episodes = Episodes(seed)
 
     def reset(
@@ -100,8 +102,10 @@ class HiWayEnv(NotCopied, gym.Env):
         self._batch.reset({0: self._episodes.next(seed)})
         self._batch.dispatch()
         present = np.flatnonzero(self._batch.alive[0]).tolist()
-        infos = {self.agent_ids[seat]: {"env_obs": self._onlooker.seen[seat]} for seat in present}
-        return {self.agent_ids[seat]: self._adapted(seat) for seat in present}, infos
+        infos = {
+            self.agent_ids[agent_id]: {"env_obs": self._collector.seen[agent_id]} for agent_id in present
+        }
+        return {self.agent_ids[agent_id]: self._adapted(agent_id) for agent_id in present}, infos
 
     def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
         """Carry out a decision; return observations, rewards, terminated, truncated and infos by agent.
@@ -163,7 +167,7 @@ class HiWayEnv(NotCopied, gym.Env):
                 remedy="give them equal interfaces",
             )
         kind = ActionSpaceType.Empty if interfaces[0].action is None else interfaces[0].action
-        served = Served(
+        served = AdapterContext(
             self._scene,
             tuple(self.agent_ids),
             np.arange(len(self.agent_ids), dtype=np.int32),
@@ -181,30 +185,30 @@ class HiWayEnv(NotCopied, gym.Env):
         self._batch.close()
 
     def _put(self, name: str, action: Any) -> None:
-        seat = self._columns[name]
-        if self._batch.alive[0, seat]:
+        agent_id = self._columns[name]
+        if self._batch.alive[0, agent_id]:
             adapted = self.agent_specs[name].action_adapter(action)
-            legal = self._batch.world.seats.legal[0, seat]
-            encode_one(name, self._kinds[seat], adapted, 0, seat, legal, self._batch.actions)
+            action_mask = self._batch.world.agents.action_mask[0, agent_id]
+            encode_one(name, self._kinds[agent_id], adapted, 0, agent_id, action_mask, self._batch.actions)
 
     def _told(self, transition: Transition) -> tuple[dict, dict, dict, dict, dict]:
         observations, rewards, infos = {}, {}, {}
         terminated: dict[str, bool] = {}
         truncated: dict[str, bool] = {}
         acted = transition.acted[0]
-        for seat in np.flatnonzero(acted | self._batch.alive[0]).tolist():
-            name, seen = self.agent_ids[seat], self._onlooker.seen[seat]
-            reward = float(self._metres.values[0, seat]) if acted[seat] else 0.0
-            observations[name] = self._adapted(seat)
+        for agent_id in np.flatnonzero(acted | self._batch.alive[0]).tolist():
+            name, seen = self.agent_ids[agent_id], self._collector.seen[agent_id]
+            reward = float(self._metres.values[0, agent_id]) if acted[agent_id] else 0.0
+            observations[name] = self._adapted(agent_id)
             rewards[name] = self.agent_specs[name].reward_adapter(seen, reward)
-            score = float(self._batch.world.seats.travelled[0, seat])
-            info = {**info_of(transition, seat), "score": score, "env_obs": seen}
+            score = float(self._batch.world.agents.distance_travelled[0, agent_id])
+            info = {**info_of(transition, agent_id), "score": score, "env_obs": seen}
             infos[name] = self.agent_specs[name].info_adapter(seen, reward, info)
-            terminated[name] = bool(transition.terminated[0, seat])
-            truncated[name] = bool(transition.truncated[0, seat])
+            terminated[name] = bool(transition.terminated[0, agent_id])
+            truncated[name] = bool(transition.truncated[0, agent_id])
         terminated["__all__"] = bool(transition.finished[0])
         truncated["__all__"] = terminated["__all__"] and any(truncated.values())
         return observations, rewards, terminated, truncated, infos
 
-    def _adapted(self, seat: int) -> Any:
-        return self.agent_specs[self.agent_ids[seat]].observation_adapter(self._onlooker.seen[seat])
+    def _adapted(self, agent_id: int) -> Any:
+        return self.agent_specs[self.agent_ids[agent_id]].observation_adapter(self._collector.seen[agent_id])

@@ -14,11 +14,11 @@ from smarts.env import observation_types as t
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.sensors.lidar_point_cloud import ABOVE_ROOF
+from smarts.types.agent_states import AgentStatus
 from smarts.types.coordinates import Dimensions, Heading, Point, RefLinePoint
 from smarts.types.events import Event
 from smarts.types.frame import Frame
 from smarts.types.mission import GoalKind
-from smarts.types.seats import SeatState
 from smarts.types.traffic import Signal
 
 Block = Mapping[str, NDArray]
@@ -52,58 +52,58 @@ class ObservationMaker:
     def __init__(self, parts: Parts) -> None:
         self._graphs = parts.scene.atlas.graphs
         self._places: dict[int, list[tuple[str, str, int]]] = {}
-        """By seat: sensor, block of the readings, column in it."""
+        """By agent: sensor, block of the readings, column in it."""
 
-    def touched(self, frame: Frame, row: int, seat: int) -> list[str]:
-        """Return the public names of the vehicles that a seat's vehicle touched in a frame's step."""
-        slots = np.flatnonzero(frame.contacts.touching[row, seat]).tolist()
+    def touched(self, frame: Frame, row: int, agent_id: int) -> list[str]:
+        """Return the public names of the vehicles that an agent's vehicle touched in a frame's step."""
+        slots = np.flatnonzero(frame.contacts.touching[row, agent_id]).tolist()
         return [frame.world.registry.name(row, slot) for slot in slots]
 
     def __call__(
         self,
         frame: Frame,
         row: int,
-        seat: int,
+        agent_id: int,
         events: int | None = None,
         touched: Sequence[str] | None = None,
     ) -> Observation:
-        """Return what the agent of a seat sees; the frame must hold its readings.
+        """Return what the agent of an agent sees; the frame must hold its readings.
 
         Args:
             frame: A step's, or a reset's.
             row: The simulation.
-            seat: The agent's.
+            agent_id: The agent's.
             events: What happened in all steps since the agent's last observation, as `Event` bits; by default
                 what happened in this step.
             touched: Whom it touched in those steps, by public name; by default in this step.
         """
-        if seat not in self._places:
-            self._places[seat] = [
-                (name.partition(":")[0], name, seats.tolist().index(seat))
-                for name, seats in frame.readings.seats.items()
-                if seat in seats
+        if agent_id not in self._places:
+            self._places[agent_id] = [
+                (name.partition(":")[0], name, agents.tolist().index(agent_id))
+                for name, agents in frame.readings.agent_ids.items()
+                if agent_id in agents
             ]
         readings = {
             sensor: {field: array[row, column].copy() for field, array in frame.readings.blocks[name].items()}
-            for sensor, name, column in self._places[seat]
+            for sensor, name, column in self._places[agent_id]
         }
         world = frame.world
-        bits = int(frame.events.bits[row, seat]) if events is None else events
-        touched = self.touched(frame, row, seat) if touched is None else touched
+        bits = int(frame.events.bits[row, agent_id]) if events is None else events
+        touched = self.touched(frame, row, agent_id) if touched is None else touched
         near = readings.get("neighborhood_vehicle_states")
         slots = [] if near is None else near["slot"][: int(near["count"])].tolist()
         step = int(world.step[row])
         return Observation(
             dt=world.dt,
             step_count=step,
-            steps_completed=step - int(world.seats.entry_step[row, seat]),
+            steps_completed=step - int(world.agents.entry_step[row, agent_id]),
             elapsed_sim_time=step * world.dt,
             events=_events(bits, touched),
-            under_this_agent_control=bool(world.seats.state[row, seat] != SeatState.SHADOWING),
-            distance_travelled=float(world.seats.travelled[row, seat]),
+            under_this_agent_control=bool(world.agents.state[row, agent_id] != AgentStatus.SHADOWING),
+            distance_travelled=float(world.agents.distance_travelled[row, agent_id]),
             readings=readings,
             graph=self._graphs[int(world.map[row])],
-            name=world.registry.name(row, int(world.seats.slot[row, seat])),
+            name=world.registry.name(row, int(world.agents.slot[row, agent_id])),
             neighbours=[world.registry.name(row, slot) for slot in slots],
         )
 

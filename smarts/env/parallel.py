@@ -9,7 +9,7 @@ from typing import Any
 from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
-from smarts.env.arrays import Adapter, Agents, Setting
+from smarts.env.arrays import Adapter, Agents, EnvSettings
 from smarts.env.not_copied import NotCopied
 from smarts.env.solo import SoloWorld
 from smarts.sim.assembly import Options
@@ -20,7 +20,7 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
 
     metadata = {"name": "hiway_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: EnvSettings) -> None:
         self._world = SoloWorld(setting)
         self.possible_agents = self._world.possible_agents
         self.agents: list[str] = []
@@ -104,7 +104,7 @@ def hiway_parallel_env(
         SmartsError: A scenario or an agent is not what it has to be.
     """
     return ParallelHiWayEnv(
-        Setting(
+        EnvSettings(
             scenarios=scenarios,
             agents=agents,
             seed=seed,

@@ -25,14 +25,14 @@ class Schedule(Protocol):
         ...
 
 
-class Notes(Protocol):
+class EpisodeAnnotator(Protocol):
     """What `smarts.sim.recorder.EpisodeRecorder` offers to those who have something to say."""
 
-    def annotate(self, name: str, values: ArrayLike, seats: Bools, step: Ints | None = None) -> None:
+    def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
         """Add to the record what is said about decisions, by default about those on the present state."""
         ...
 
-    def finish(self, rows: Bools) -> None:
+    def finish(self, env_mask: Bools) -> None:
         """Have the episodes of some simulations written."""
         ...
 
@@ -61,12 +61,12 @@ class Parts(Protocol):
         ...
 
     @property
-    def recorder(self) -> Notes | None:
+    def recorder(self) -> EpisodeAnnotator | None:
         """Where to note what is said about decisions, if episodes are recorded."""
         ...
 
 
-class Watcher(Protocol):
+class StepListener(Protocol):
     """What an environment lets see every step: an `ArrayAdapter`, or what makes objects for users."""
 
     def collect(self, frame: Frame, is_last: bool) -> object:

@@ -9,7 +9,7 @@ from typing import Any
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 from ray.rllib.utils.typing import AgentID
 
-from smarts.env.arrays import Setting
+from smarts.env.arrays import EnvSettings
 from smarts.env.not_copied import NotCopied
 from smarts.env.setting_checks import check_instance
 from smarts.env.solo import SoloStep, SoloWorld
@@ -21,14 +21,14 @@ _WITHOUT_EFFECT = ("headless", "sim_name", "num_envs")
 # The last is what `algorithms` tells every environment, for those that are several at once.
 
 
-def setting_of(config: Mapping[str, Any]) -> Setting:
+def setting_of(config: Mapping[str, Any]) -> EnvSettings:
     """Return the setting that an `env_config` describes.
 
     Raises:
         SmartsError: It has an unknown key; the remedy names the nearest.
     """
     check_instance("env_config", config, Mapping, "a dict, such as {'scenarios': ['loop'], 'agents': 4}")
-    known = [field.name for field in fields(Setting) if field.name != "worlds"]
+    known = [field.name for field in fields(EnvSettings) if field.name != "worlds"]
     given = {_OLD_NAMES.get(key, key): value for key, value in config.items() if key not in _WITHOUT_EFFECT}
     for key in given:
         if key not in known:
@@ -41,7 +41,7 @@ def setting_of(config: Mapping[str, Any]) -> Setting:
         raise SmartsError("agents and agent_specs are both there", place="env_config", remedy="give one")
     if "scenarios" not in given:
         raise SmartsError("there are no scenarios", place="env_config", remedy="give {'scenarios': ['loop']}")
-    return Setting(**given)
+    return EnvSettings(**given)
 
 
 class RLlibHiWayEnv(NotCopied, MultiAgentEnv):

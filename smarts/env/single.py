@@ -10,7 +10,7 @@ import gymnasium as gym
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
-from smarts.env.arrays import Adapter, Setting
+from smarts.env.arrays import Adapter, EnvSettings
 from smarts.env.not_copied import NotCopied
 from smarts.env.solo import SoloWorld
 from smarts.errors import ActionError
@@ -54,7 +54,7 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         action_mask: bool = False,
     ) -> None:
         self._world = SoloWorld(
-            Setting(
+            EnvSettings(
                 scenarios=scenarios,
                 agents=1 if agent is None else {"agent-0": agent},
                 seed=seed,

@@ -13,11 +13,11 @@ from smarts.agents.options import InterfaceError
 from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.controllers.lane_actions import lane_action_number
 from smarts.env.adapters.actions import action_of, action_space, encode_one, remedy_of
-from smarts.env.adapters.protocol import MASK, Served
-from smarts.env.arrays import ArrayWorlds, Group, Setting
+from smarts.env.adapters.protocol import MASK, AdapterContext
+from smarts.env.arrays import ArrayWorlds, EnvSettings, Group
 from smarts.env.batch import Batch, EpisodeKey, Transition
 from smarts.env.observation import Observation
-from smarts.env.onlooker import Onlooker
+from smarts.env.observation_collector import ObservationCollector
 from smarts.errors import ActionError, nearest_names
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import Event, Outcome
@@ -68,7 +68,7 @@ class SoloWorld:
         InterfaceError: A spec has an observation adapter, and does not say what space it leads to.
     """
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: EnvSettings) -> None:
         self._worlds = ArrayWorlds(setting)
         self._episodes = Episodes(setting.seed)
         self._groups: dict[str, tuple[Group, int]] = {
@@ -83,7 +83,7 @@ class SoloWorld:
         ]
         self._adapted = setting.adapted()
         self._checked: set[str] = set()
-        self._onlooker = self._look_on(setting.decision_interval)
+        self._collector = self._look_on(setting.decision_interval)
         self.observation_spaces: dict[str, Space] = {
             name: self._observation_space(name) for name in self.possible_agents
         }
@@ -165,13 +165,15 @@ class SoloWorld:
     def _has(self, name: str, adapter: str) -> bool:
         return name in self._adapted and adapter in self._adapted[name].own_adapters
 
-    def _look_on(self, period: int) -> Onlooker | None:
+    def _look_on(self, period: int) -> ObservationCollector | None:
         if not self._adapted:
             return None
-        seats = np.array([self._columns[name] for name in self._adapted], np.int32)
+        agents = np.array([self._columns[name] for name in self._adapted], np.int32)
         parts = self._worlds.parts
-        served = Served(parts.scene, tuple(self._adapted), seats, ActionSpaceType.Empty, period, max_steps=0)
-        onlooker = Onlooker(parts, served)
+        served = AdapterContext(
+            parts.scene, tuple(self._adapted), agents, ActionSpaceType.Empty, period, max_steps=0
+        )
+        onlooker = ObservationCollector(parts, served)
         self._worlds.batch.watch(onlooker)
         return onlooker
 
@@ -195,7 +197,7 @@ class SoloWorld:
         column, batch = self._columns[name], self._worlds.batch
         adapted = self._adapted[name].action_adapter(action)
         kind = ActionSpaceType(int(self._worlds.parts.rules.action[column]))
-        encode_one(name, kind, adapted, 0, column, batch.world.seats.legal[0, column], batch.actions)
+        encode_one(name, kind, adapted, 0, column, batch.world.agents.action_mask[0, column], batch.actions)
 
     def _put(self, name: str, action: Any) -> None:
         group, place = self._groups[name]
@@ -228,7 +230,9 @@ class SoloWorld:
         infos = {name: info_of(transition, self._columns[name]) for name in seen}
         for name in (name for name in self._adapted if name in infos):
             spec, reward, there = self._adapted[name], rewards.get(name, 0.0), self._object(name)
-            infos[name]["score"] = float(self._worlds.batch.world.seats.travelled[0, self._columns[name]])
+            infos[name]["score"] = float(
+                self._worlds.batch.world.agents.distance_travelled[0, self._columns[name]]
+            )
             infos[name] = spec.info_adapter(there, reward, infos[name])
             if name in rewards:
                 rewards[name] = spec.reward_adapter(there, reward)
@@ -276,7 +280,7 @@ class SoloWorld:
 
     def _object(self, name: str) -> Observation:
         # There is an onlooker where anybody has adapters.
-        return self._onlooker.seen[self._columns[name]]  # type: ignore[union-attr]
+        return self._collector.seen[self._columns[name]]  # type: ignore[union-attr]
 
 
 def info_of(transition: Transition, column: int) -> dict[str, Any]:

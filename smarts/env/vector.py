@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.options import InterfaceError
 from smarts.env.adapters.protocol import MASK
-from smarts.env.arrays import ALONE, Adapter, Agents, ArrayWorlds, Group, Setting, box_of
+from smarts.env.arrays import ALONE, Adapter, Agents, ArrayWorlds, EnvSettings, Group, box_of
 from smarts.env.batch import EpisodeKey, Transition
 from smarts.env.not_copied import NotCopied
 from smarts.env.setting_checks import check_whole
@@ -131,7 +131,7 @@ class VectorHiWayEnv(NotCopied):
         simulation: Options | None = None,
         traffic: Sequence[str] | None = None,
     ) -> None:
-        setting = Setting(
+        setting = EnvSettings(
             scenarios=scenarios,
             agents=agents,
             worlds=num_envs,

@@ -16,9 +16,9 @@ from shapely import Polygon, shortest_line
 from smarts.envision.labels import TextMeasure, place_labels
 from smarts.envision.scenario_picture import CAR, EGOS, LARGE_VEHICLES, draw_roads
 from smarts.sim.episode_files import RecordedEpisode
+from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
 from smarts.types.mission import GoalKind
-from smarts.types.seats import SeatState
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import VehicleKind
 
@@ -65,7 +65,7 @@ class EpisodePicture:
         self.steps = int(episode.facts["steps"])
         self._agents = _rows(episode.table("agents"))
         self._vehicles = episode.table("vehicles")
-        self._seats = episode.table("seats")
+        self._agent_states = episode.table("agent_states")
         self._first = np.searchsorted(self._vehicles["step"], np.arange(self.steps + 2))
         self._roads = episode.roads()
         self._label_size = TextMeasure(8, "normal", DOTS_PER_INCH)
@@ -179,14 +179,14 @@ class EpisodePicture:
         x, y, heading, length, width, kind, slot, generation = (
             self._vehicles[name][rows] for name in columns
         )
-        seats = {
+        agents = {
             (agent["slot"], agent["generation"]): agent
             for agent in self._agents
             if agent["entry_step"] <= step <= agent["end_step"]
         }
         colours = []
         for vehicle in zip(kind.tolist(), slot.tolist(), generation.tolist(), strict=True):
-            agent = seats.get(vehicle[1:])
+            agent = agents.get(vehicle[1:])
             colours.append(_colour(agent) if agent else LARGE_VEHICLES.get(VehicleKind(vehicle[0]), CAR))
         boxes = _boxes(x, y, heading, length, width)
         nose = 0.3 * length
@@ -209,7 +209,7 @@ class EpisodePicture:
                 self._mark_end(agent, x, y, is_gone=since > 0)
             if since * self.dt <= REMEMBERED or step == self.steps:
                 text = _outcome_name(agent) if has_ended else ""
-                labelled.append((agent, f"{agent['seat']} {text}".strip(), (x, y)))
+                labelled.append((agent, f"{agent['agent_id']} {text}".strip(), (x, y)))
         self._write_labels(step, labelled)
 
     def _mark_end(self, agent: dict[str, Any], x: float, y: float, *, is_gone: bool) -> None:
@@ -278,7 +278,7 @@ class EpisodePicture:
         self._artists.append(self._figure.text(0.01, 1 - 13 / height, title, fontsize=10, va="center"))
         for place, agent in enumerate(self._agents):
             row, column = divmod(place, self._columns)
-            line = f"{agent['seat']} {agent['name']}: {self._status(agent, step)}"
+            line = f"{agent['agent_id']} {agent['name']}: {self._status(agent, step)}"
             text = self._figure.text(
                 0.01 + 0.98 * column / self._columns,
                 1 - (TITLE + LINE * row + 9) / height,
@@ -299,8 +299,10 @@ class EpisodePicture:
         rows = slice(self._first[step], self._first[step + 1])
         own = self._vehicles["slot"][rows] == agent["slot"]
         speed = self._vehicles["speed"][rows][own]
-        state = self._seats["state"][(self._seats["step"] == step) & (self._seats["seat"] == agent["seat"])]
-        watches = len(state) and state[0] == SeatState.SHADOWING
+        state = self._agent_states["state"][
+            (self._agent_states["step"] == step) & (self._agent_states["agent_id"] == agent["agent_id"])
+        ]
+        watches = len(state) and state[0] == AgentStatus.SHADOWING
         return ("watches, " if watches else "") + (f"{speed[0]:.1f} m/s" if len(speed) else "")
 
     def _add(self, collection: Any) -> None:
@@ -315,11 +317,11 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 def _longest_line(agent: dict[str, Any], seconds: float) -> str:
     """Return the longest that is written about an agent above the map."""
     ending = f"{_outcome_name(agent)} at {seconds:.1f} s"
-    return f"{agent['seat']} {agent['name']}: {max(ending, 'watches, 88.8 m/s', key=len)}"
+    return f"{agent['agent_id']} {agent['name']}: {max(ending, 'watches, 88.8 m/s', key=len)}"
 
 
 def _colour(agent: dict[str, Any]) -> str:
-    return EGOS[int(agent["seat"]) % len(EGOS)]
+    return EGOS[int(agent["agent_id"]) % len(EGOS)]
 
 
 def _outcome_name(agent: dict[str, Any]) -> str:

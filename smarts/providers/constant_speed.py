@@ -83,14 +83,14 @@ class ConstantSpeed(TrafficEngine):
         is_past = begun[self._coming["row"]] & (self._coming["time"] <= 0.0)
         self._coming = self._coming[~is_past]
 
-    def step(self, world: World, rows: Bools) -> None:
+    def step(self, world: World, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
         vehicles = world.vehicles
-        driven = vehicles.alive & (vehicles.owner == self._owner) & rows[:, None]
+        driven = vehicles.alive & (vehicles.owner == self._owner) & env_mask[:, None]
         b, v = np.nonzero(driven & (self._generation != vehicles.generation))
         self._path[b, v], self._s[b, v], self._t[b, v] = self._nearest(b, v)
         vehicles.route[b, v] = -1  # it follows that path from now on, whatever it had planned
-        self._generation[rows] = np.where(driven, vehicles.generation, -1)[rows]
+        self._generation[env_mask] = np.where(driven, vehicles.generation, -1)[env_mask]
         b, v = np.nonzero(driven)
         self._s[b, v] += vehicles.speed[b, v] * world.dt
         is_out = (self._path[b, v] < 0) | (self._s[b, v] > self._paths.length[self._path[b, v]])
@@ -101,7 +101,7 @@ class ConstantSpeed(TrafficEngine):
         vehicles.yaw_rate[b, v] = wrap_angle(vehicles.heading[b, v] - heading) / world.dt
         vehicles.lateral_acceleration[b, v] = vehicles.speed[b, v] * vehicles.yaw_rate[b, v]
         vehicles.acceleration[b, v] = vehicles.lateral_speed[b, v] = vehicles.yaw_acceleration[b, v] = 0.0
-        self._let_in(rows)
+        self._let_in(env_mask)
 
     def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
         """See `TrafficEngine`: there must be a path close by."""
@@ -110,12 +110,12 @@ class ConstantSpeed(TrafficEngine):
     def close(self) -> None:
         """See `TrafficEngine`; there is nothing to free."""
 
-    def _let_in(self, rows: Bools) -> None:
+    def _let_in(self, env_mask: Bools) -> None:
         """Admit the vehicles whose time has come, each if there is room for it."""
         vehicles, coming, paths = self._world.vehicles, self._coming, self._paths
         late = self._world.time[coming["row"]] - coming["time"]
         s = np.where(self._world.step[coming["row"]] == 0, late * paths.speed[coming["path"]], 0.0)
-        due = np.flatnonzero(rows[coming["row"]] & (late >= 0.0) & (s <= paths.length[coming["path"]]))
+        due = np.flatnonzero(env_mask[coming["row"]] & (late >= 0.0) & (s <= paths.length[coming["path"]]))
         due = due[np.argsort(coming["time"][due], kind="stable")]
         b, path, s = coming["row"][due], coming["path"][due], s[due]
         x, y, _ = paths.poses(path, s, np.zeros(len(due))).T

@@ -48,10 +48,10 @@ class SumoEngine(TrafficEngine):
             self._broken.discard(row)
             self.is_full[row] = self._drivers[row].is_full
 
-    def step(self, world: World, rows: Bools) -> None:
+    def step(self, world: World, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
         failures: dict[int, TrafficError] = {}
-        for row in np.flatnonzero(rows).tolist():
+        for row in np.flatnonzero(env_mask).tolist():
             try:
                 self._drivers[row].step()
                 self.is_full[row] = self._drivers[row].is_full

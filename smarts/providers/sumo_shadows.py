@@ -38,8 +38,8 @@ import numpy as np
 
 from smarts.geometry.binding import bind
 from smarts.providers.sumo_library import SumoLibrary
+from smarts.providers.sumo_proxies import SumoProxies
 from smarts.providers.sumo_rows import lead
-from smarts.providers.sumo_stand_ins import SumoStandIns
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
@@ -123,7 +123,7 @@ class SumoShadows:
         self._ways_on: dict[str, list[str]] = {}
         self._courses: dict[str, tuple[list[float], list[float]]] = {}
         self._told: list[list[float]] = []
-        self.stand_ins = SumoStandIns(library)
+        self.stand_ins = SumoProxies(library)
 
     def __contains__(self, slot: int) -> bool:
         return slot in self._shadows

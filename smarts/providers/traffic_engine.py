@@ -48,12 +48,12 @@ class TrafficEngine(Protocol):
         """
         ...
 
-    def step(self, world: World, rows: Bools) -> None:
+    def step(self, world: World, env_mask: Bools) -> None:
         """Advance some simulations by `world.dt`; others' vehicles are where they are at its end.
 
         Args:
             world: The state.
-            rows: Which simulations, shape (B,).
+            env_mask: Which simulations, shape (B,).
         """
         ...
 

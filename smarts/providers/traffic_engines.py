@@ -66,10 +66,10 @@ class EnginesByEpisode(TrafficEngine):
             engine.reset(world, own)
             self.is_full[list(own)] = engine.is_full[list(own)]
 
-    def step(self, world: World, rows: Bools) -> None:
+    def step(self, world: World, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
         for name, engine in self._engines.items():
-            engine.step(world, rows & self._driven[name])
+            engine.step(world, env_mask & self._driven[name])
             self.is_full[self._driven[name]] = engine.is_full[self._driven[name]]
         self.failures = {
             row: error for engine in self._engines.values() for row, error in engine.failures.items()

@@ -16,10 +16,10 @@ from smarts.errors import ActionError, SmartsError
 from smarts.geometry.binding import bind
 from smarts.providers.vehicle_kernels import (
     NOWHERE,
-    SeatGroups,
+    AgentGroups,
     find_changes,
     find_touchable,
-    part_seats,
+    part_agents,
     place_vehicles,
     show_vehicles,
 )
@@ -50,16 +50,16 @@ class _Commanded:
 class FleetVehicles:
     """All agents' vehicles of all simulations, in one `Fleet`: the stage that moves them.
 
-    The world says which vehicle a seat drives. A vehicle that is new in a seat goes on from its row: pose,
-    velocity, yaw rate, steering on the circle that it drives. Vehicles that are commanded by poses are not in
-    the fleet; they stand where they are told, and the others collide with them as with traffic.
+    The world says which vehicle an agent drives. A vehicle that an agent takes over continues from its row:
+    pose, velocity, yaw rate, steering on the circle that it drives. Vehicles that are commanded by poses are
+    not in the fleet; they stand where they are told, and the others collide with them as with traffic.
 
     Args:
         world: What is to be read and written.
-        models: How each seat's vehicle moves, one of `smarts.dynamics.MODELS`, shape (A,) or one for all.
+        models: How each agent's vehicle moves, one of `smarts.dynamics.MODELS`, shape (A,) or one for all.
         surfaces: Friction patches by map.
-        tyres: The tyre model of each seat's vehicle, shape (A,) or one for all.
-        flat_tyres: Wheels of each seat's vehicle whose tyre is flat when it spawns, by seat.
+        tyres: The tyre model of each agent's vehicle, shape (A,) or one for all.
+        flat_tyres: Wheels of each agent's vehicle whose tyre is flat when it spawns, by agent.
     """
 
     def __init__(
@@ -71,47 +71,47 @@ class FleetVehicles:
         tyres: str | Sequence[str] = "pacejka",
         flat_tyres: Mapping[int, Sequence[int]] | None = None,
     ) -> None:
-        worlds, seats = world.seats.slot.shape
+        worlds, agents = world.agents.slot.shape
         self.failures: dict[int, SmartsError] = {}
         """What went wrong in the last step, by row: a command that is not finite, a motion that cannot be."""
-        self._models = [models] * seats if isinstance(models, str) else list(models)
-        self.fleet = Fleet(worlds, seats, step=world.dt, substeps=SUBSTEPS)
-        """For read-outs and faults; row b * A + a is the vehicle of seat a of simulation b."""
+        self._models = [models] * agents if isinstance(models, str) else list(models)
+        self.fleet = Fleet(worlds, agents, step=world.dt, substeps=SUBSTEPS)
+        """For read-outs and faults; row b * A + a is the vehicle of agent a of simulation b."""
         self._world = world
         self._surfaces = surfaces
-        self._tyres = [tyres] * seats if isinstance(tyres, str) else list(tyres)
+        self._tyres = [tyres] * agents if isinstance(tyres, str) else list(tyres)
         self._flat_tyres = flat_tyres or {}
-        self._slot = np.full((worlds, seats), NOWHERE, np.int32)
-        self._generation = np.zeros((worlds, seats), np.int32)
-        self._wanted = np.zeros((worlds, seats), np.int32)
+        self._slot = np.full((worlds, agents), NOWHERE, np.int32)
+        self._generation = np.zeros((worlds, agents), np.int32)
+        self._wanted = np.zeros((worlds, agents), np.int32)
         self._slips = np.tile([model != "kinematic" for model in self._models], worlds)
-        self._memory = np.zeros((worlds * seats, tracking.MEMORY))
-        self._tracks = Tracks.of(np.zeros((worlds, seats, SUBSTEPS, 3)), world.vehicles.capacity)
-        self._no_controls = np.zeros((worlds * seats, 3))
-        self._shown = np.zeros((worlds * seats, 3))
+        self._memory = np.zeros((worlds * agents, tracking.MEMORY))
+        self._tracks = Tracks.of(np.zeros((worlds, agents, SUBSTEPS, 3)), world.vehicles.capacity)
+        self._no_controls = np.zeros((worlds * agents, 3))
+        self._shown = np.zeros((worlds * agents, 3))
         self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)
         self._with_boxes: set[int] = set()
         self._has_touched = False
-        self._groups = SeatGroups(*(np.zeros((worlds, seats), np.bool_) for _ in SeatGroups._fields))
+        self._groups = AgentGroups(*(np.zeros((worlds, agents), np.bool_) for _ in AgentGroups._fields))
         self._commanded: _Commanded | None = None
         self._bind()
 
-    def reset(self, world: World, rows: Bools) -> None:
+    def reset(self, world: World, env_mask: Bools) -> None:
         """Forget all vehicles of some simulations; those in their rows now are new."""
-        for row in np.flatnonzero(rows).tolist():
+        for row in np.flatnonzero(env_mask).tolist():
             self.fleet.clear(row)
             self._slot[row] = NOWHERE
             self._boxed[row] = False
             self._with_boxes.discard(row)
             self._tracks.poses[row] = 0.0
 
-    def step(self, world: World, commands: Commands, rows: Bools) -> Tracks:
-        """Move the vehicles of active seats by one step; return how.
+    def step(self, world: World, commands: Commands, env_mask: Bools) -> Tracks:
+        """Move the vehicles of active agents by one step; return how.
 
         Args:
             world: The state at the beginning of the step.
             commands: From the controllers.
-            rows: Which simulations make the step, shape (B,).
+            env_mask: Which simulations make the step, shape (B,).
 
         Returns:
             Refilled by the next step. Those of simulations that are in `failures` after it mean nothing.
@@ -123,19 +123,19 @@ class FleetVehicles:
             self._has_touched = False
         if self._commanded is None or self._commanded.commands is not commands:
             self._commanded = self._bind_commands(commands)
-        placed, driven = self._part_seats(commands.mode, rows)
+        placed, driven = self._part_agents(commands.mode, env_mask)
         while (bad := self._commanded.first_bad(self._groups.active)) >= 0:
             row = bad // self._slot.shape[1]
             failures[row] = self._refusal(commands, bad)
-            rows = rows.copy()
-            rows[row] = False
-            placed, driven = self._part_seats(commands.mode, rows)
-        if self._find_changes(self._groups.active, self._groups.by_poses, rows):
+            env_mask = env_mask.copy()
+            env_mask[row] = False
+            placed, driven = self._part_agents(commands.mode, env_mask)
+        if self._find_changes(self._groups.active, self._groups.by_poses, env_mask):
             self._follow_ownership()
         if placed:
             self._place(self._groups.by_poses, commands.poses)
         if driven:
-            self._drive(world, self._commanded.drive, rows)
+            self._drive(world, self._commanded.drive, env_mask)
         return self._tracks
 
     def can_accept(self, rows: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[np.int8]:
@@ -149,21 +149,21 @@ class FleetVehicles:
 
     def _bind(self) -> None:
         """Hand the kernels what stays the same."""
-        vehicles, seats, motion = self._world.vehicles, self._world.seats, self.fleet.motion
+        vehicles, agents, motion = self._world.vehicles, self._world.agents, self.fleet.motion
         columns = (
             *(vehicles.position, vehicles.heading, vehicles.speed, vehicles.lateral_speed),
             *(vehicles.acceleration, vehicles.lateral_acceleration),
             *(vehicles.yaw_rate, vehicles.yaw_acceleration),
         )
         shown = self._world.dt, self._tracks.poses, columns
-        shown = *shown, (seats.throttle, seats.brake, seats.steering, seats.travelled)
+        shown = *shown, (agents.throttle, agents.brake, agents.steering, agents.distance_travelled)
         moved = motion.substeps, motion.velocity, motion.yaw_rate, motion.acceleration, motion.steering
-        self._show = bind(show_vehicles, seats.slot, *moved, self._shown, *shown)
-        self._place = bind(place_vehicles, seats.slot, *shown)
+        self._show = bind(show_vehicles, agents.slot, *moved, self._shown, *shown)
+        self._place = bind(place_vehicles, agents.slot, *shown)
         is_bullet = np.array([model == MODELS[0] for model in self._models])
-        self._part_seats = bind(part_seats, seats.state, is_bullet, self._groups)
+        self._part_agents = bind(part_agents, agents.state, is_bullet, self._groups)
         held = self._slot, self._generation, self._wanted
-        self._find_changes = bind(find_changes, seats.slot, seats.generation, *held)
+        self._find_changes = bind(find_changes, agents.slot, agents.generation, *held)
         moving = (
             vehicles.position,
             vehicles.heading,
@@ -172,7 +172,7 @@ class FleetVehicles:
             vehicles.yaw_rate,
         )
         footprints = *moving, vehicles.length, vehicles.width
-        known = seats.slot, vehicles.alive, *footprints, motion.overhang
+        known = agents.slot, vehicles.alive, *footprints, motion.overhang
         self._find_touchable = bind(find_touchable, *known, self._world.dt, self._boxed)
 
     def _bind_commands(self, commands: Commands) -> _Commanded:
@@ -193,13 +193,13 @@ class FleetVehicles:
         followed = commands.mode, commands.actuators, reference, commands.reference_length, commands.poses
         return _Commanded(commands, drive, bind(tracking.first_bad_command, *followed))
 
-    def _drive(self, world: World, driver: Driver, rows: Bools) -> None:
+    def _drive(self, world: World, driver: Driver, env_mask: Bools) -> None:
         """Advance the fleet, and write its motion into the world."""
-        self._place_boxes(rows)
+        self._place_boxes(env_mask)
         if self._surfaces is not None:
             self._surfaces.look_up(world, self._groups.driven, self.fleet)
         try:
-            self.fleet.step(self._no_controls, simulations=rows, driver=driver)
+            self.fleet.step(self._no_controls, simulations=env_mask, driver=driver)
         except MotionError:
             for number in np.flatnonzero(self.fleet.lost).tolist():
                 row = number // self._slot.shape[1]
@@ -212,37 +212,37 @@ class FleetVehicles:
     def _tell_touches(self) -> None:
         """Write whom Bullet kept apart, for both of them."""
         self._has_touched = True
-        capacity, seats = self._world.vehicles.capacity, self._slot.shape[1]
+        capacity, agents = self._world.vehicles.capacity, self._slot.shape[1]
         for substep, touch in self.fleet.touches:
-            row, seat = divmod(touch.row, seats)
-            slot = touch.box % capacity if touch.other_row < 0 else self._slot[row, touch.other_row % seats]
-            self._tell_touch(row, seat, slot, substep, touch.speed)
-            for other in np.flatnonzero(self._world.seats.slot[row] == slot).tolist():
-                self._tell_touch(row, other, self._slot[row, seat], substep, touch.speed)
+            row, agent_id = divmod(touch.row, agents)
+            slot = touch.box % capacity if touch.other_row < 0 else self._slot[row, touch.other_row % agents]
+            self._tell_touch(row, agent_id, slot, substep, touch.speed)
+            for other in np.flatnonzero(self._world.agents.slot[row] == slot).tolist():
+                self._tell_touch(row, other, self._slot[row, agent_id], substep, touch.speed)
 
-    def _tell_touch(self, row: int, seat: int, slot: int, substep: int, speed: float) -> None:
+    def _tell_touch(self, row: int, agent_id: int, slot: int, substep: int, speed: float) -> None:
         tracks = self._tracks
-        if not tracks.touched[row, seat, slot]:
-            tracks.touched[row, seat, slot] = substep + 1
-            tracks.touch_speed[row, seat, slot] = speed
+        if not tracks.touched[row, agent_id, slot]:
+            tracks.touched[row, agent_id, slot] = substep + 1
+            tracks.touch_speed[row, agent_id, slot] = speed
 
     def _follow_ownership(self) -> None:
-        """Let vehicles into the fleet and out of it, as the seats say."""
-        seats, wanted = self._world.seats, self._wanted
-        changed = (wanted != self._slot) | (self._groups.active & (seats.generation != self._generation))
-        for row, seat in np.argwhere(changed).tolist():
-            number = row * self._slot.shape[1] + seat
-            if self._slot[row, seat] >= 0:
+        """Let vehicles into the fleet and out of it, as the agents say."""
+        agents, wanted = self._world.agents, self._wanted
+        changed = (wanted != self._slot) | (self._groups.active & (agents.generation != self._generation))
+        for row, agent_id in np.argwhere(changed).tolist():
+            number = row * self._slot.shape[1] + agent_id
+            if self._slot[row, agent_id] >= 0:
                 self.fleet.despawn(number)
-            self._slot[row, seat] = wanted[row, seat]
-            self._generation[row, seat] = seats.generation[row, seat]
-            if wanted[row, seat] >= 0:
-                self._spawn(row, seat, number)
+            self._slot[row, agent_id] = wanted[row, agent_id]
+            self._generation[row, agent_id] = agents.generation[row, agent_id]
+            if wanted[row, agent_id] >= 0:
+                self._spawn(row, agent_id, number)
 
-    def _spawn(self, row: int, seat: int, number: int) -> None:
-        """Put a seat's vehicle on the road, going on as its row of the world says."""
+    def _spawn(self, row: int, agent_id: int, number: int) -> None:
+        """Put an agent's vehicle on the road, going on as its row of the world says."""
         vehicles = self._world.vehicles
-        slot = int(self._slot[row, seat])
+        slot = int(self._slot[row, agent_id])
         name = TYPES[VehicleKind(int(vehicles.kind[row, slot]))]
         x, y = vehicles.position[row, slot].tolist()
         speed, heading = float(vehicles.speed[row, slot]), float(vehicles.heading[row, slot])
@@ -256,21 +256,21 @@ class FleetVehicles:
             heading,
             speed,
             steering=steering,
-            model=self._models[seat],
-            tyres=self._tyres[seat],
+            model=self._models[agent_id],
+            tyres=self._tyres[agent_id],
             size=(float(vehicles.length[row, slot]), float(vehicles.width[row, slot])),
         )
-        for wheel in self._flat_tyres.get(seat, ()):
+        for wheel in self._flat_tyres.get(agent_id, ()):
             self.fleet.set_fault(number, wheel)
         self._memory[number] = 0.0
         self._memory[number, tracking.CURVATURE] = math.tan(steering) / wheelbase
         self.fleet.road.friction[number] = DRY
 
-    def _place_boxes(self, rows: Bools) -> None:
+    def _place_boxes(self, env_mask: Bools) -> None:
         """Put the road users that vehicles in Bullet may touch there as boxes."""
-        if not self._find_touchable(self._groups.in_bullet, rows) and not self._with_boxes:
+        if not self._find_touchable(self._groups.in_bullet, env_mask) and not self._with_boxes:
             return
-        for row in np.flatnonzero(rows).tolist():
+        for row in np.flatnonzero(env_mask).tolist():
             slots = np.flatnonzero(self._boxed[row]).tolist()
             if slots or row in self._with_boxes:
                 self.fleet.place_boxes(row, {self._key(row, slot): self._box(row, slot) for slot in slots})
@@ -306,15 +306,15 @@ class FleetVehicles:
 
     def _refusal(self, commands: Commands, bad: int) -> ActionError:
         """Return what is wrong with a command that is not finite; it must not come near Bullet."""
-        row, seat = divmod(bad, self._slot.shape[1])
-        mode = CommandMode(int(commands.mode[row, seat]))
+        row, agent_id = divmod(bad, self._slot.shape[1])
+        mode = CommandMode(int(commands.mode[row, agent_id]))
         shown: Any = {
-            CommandMode.TRACK: commands.reference[row, seat],
-            CommandMode.PLACE: commands.poses[row, seat],
-        }.get(mode, commands.actuators[row, seat])
+            CommandMode.TRACK: commands.reference[row, agent_id],
+            CommandMode.PLACE: commands.poses[row, agent_id],
+        }.get(mode, commands.actuators[row, agent_id])
         wrong = shown[~np.isfinite(shown).reshape(len(shown), -1).all(axis=1)]
         return ActionError(
             f"a command by {mode.name} is not finite: {wrong[:1].tolist()}",
-            place=f"seat {seat} of simulation {row}",
+            place=f"agent {agent_id} of simulation {row}",
             remedy="send finite actions",
         )

@@ -13,7 +13,7 @@ from smarts.geometry.boxes import Mover, may_meet
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import inside_outline, wrapped
 from smarts.types.actions import CommandMode
-from smarts.types.seats import SeatState
+from smarts.types.agent_states import AgentStatus
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -25,18 +25,18 @@ STAYS = 1.0
 """Who could be touched remains in Bullet until it is this much farther away [m]: to come and go costs as
 much as a step."""
 
-_ACTIVE, _PLACE = int(SeatState.ACTIVE), int(CommandMode.PLACE)
+_ACTIVE, _PLACE = int(AgentStatus.ACTIVE), int(CommandMode.PLACE)
 
 NOWHERE = -1
 BY_POSES = -2
-"""Of the slot that a seat's row of the fleet is for: it holds no vehicle, or one that goes by poses."""
+"""Of the slot that an agent's row of the fleet is for: it holds no vehicle, or one that goes by poses."""
 
 
-class SeatGroups(NamedTuple):
-    """Which seats' vehicles are moved how, shape (B, A)."""
+class AgentGroups(NamedTuple):
+    """Which agents' vehicles are moved how, shape (B, A)."""
 
     active: Bools
-    """Seats that drive in this step."""
+    """AgentStates that drive in this step."""
     by_poses: Bools
     """Those of them whose vehicle is put where the commands say."""
     driven: Bools
@@ -46,22 +46,22 @@ class SeatGroups(NamedTuple):
 
 
 @kernel
-def part_seats(
-    state: NDArray[np.int8], is_bullet: Bools, groups: SeatGroups, mode: NDArray[np.int8], rows: Bools
+def part_agents(
+    state: NDArray[np.int8], is_bullet: Bools, groups: AgentGroups, mode: NDArray[np.int8], env_mask: Bools
 ) -> tuple[int, int]:
-    """Part the seats by how their vehicles are moved; return how many go by poses, how many are driven.
+    """Part the agents by how their vehicles are moved; return how many go by poses, how many are driven.
 
     Args:
-        state: A `SeatState`, shape (B, A).
-        is_bullet: Whether the seat's vehicles are modelled in Bullet, shape (A,).
+        state: A `AgentStatus`, shape (B, A).
+        is_bullet: Whether the agent's vehicles are modelled in Bullet, shape (A,).
         groups: Written.
         mode: A `CommandMode`, shape (B, A).
-        rows: Shape (B,).
+        env_mask: Shape (B,).
     """
     placed = driven = 0
     for b in range(state.shape[0]):
         for a in range(state.shape[1]):
-            is_active = rows[b] and state[b, a] == _ACTIVE
+            is_active = env_mask[b] and state[b, a] == _ACTIVE
             is_placed = is_active and mode[b, a] == _PLACE
             is_driven = is_active and not is_placed
             groups.active[b, a], groups.by_poses[b, a] = is_active, is_placed
@@ -80,25 +80,25 @@ def find_changes(
     wanted: Ints,
     active: Bools,
     by_poses: Bools,
-    rows: Bools,
+    env_mask: Bools,
 ) -> bool:
-    """Write which slot each seat's row of the fleet is to be for; tell if any is for another vehicle now.
+    """Write which slot each agent's row of the fleet is to be for; tell if any is for another vehicle now.
 
     Args:
-        slot: Of the seats' vehicles, shape (B, A), as are the following.
-        generation: Of the seats' vehicles.
+        slot: Of the agents' vehicles, shape (B, A), as are the following.
+        generation: Of the agents' vehicles.
         held_slot: What the fleet holds, a slot, `NOWHERE` or `BY_POSES`.
         held_generation: Of that vehicle.
         wanted: Written; what the fleet is to hold.
-        active: Seats that drive.
+        active: AgentStates that drive.
         by_poses: Those of them that are told their poses.
-        rows: Shape (B,).
+        env_mask: Shape (B,).
     """
     any_change = False
     for b in range(active.shape[0]):
         for a in range(active.shape[1]):
             wanted[b, a] = held_slot[b, a]
-            if not rows[b]:
+            if not env_mask[b]:
                 continue
             if not active[b, a]:
                 wanted[b, a] = NOWHERE
@@ -123,10 +123,10 @@ def show_vehicles(
     dt: float,
     tracks: Floats,
     columns: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats],
-    seats: tuple[Floats, Floats, Floats, Floats],
+    agents: tuple[Floats, Floats, Floats, Floats],
     driven: Bools,
 ) -> None:
-    """Write the motion of the driven seats' vehicles into their rows of the world.
+    """Write the motion of the driven agents' vehicles into their rows of the world.
 
     Args:
         slot: Shape (B, A).
@@ -140,11 +140,11 @@ def show_vehicles(
         tracks: Written, shape (B, A, S, 3).
         columns: Written: position, heading, speed, lateral_speed, acceleration, lateral_acceleration,
             yaw_rate, yaw_acceleration of the world, shape (B, V).
-        seats: Written: throttle, brake, steering, travelled, shape (B, A).
-        driven: Seats whose vehicle the fleet moves, shape (B, A).
+        agents: Written: throttle, brake, steering, travelled, shape (B, A).
+        driven: AgentStates whose vehicle the fleet moves, shape (B, A).
     """
     position, heading, speed, lateral_speed, forward_acc, lateral_acc, yaw_rates, yaw_acc = columns
-    throttle, brake, angle, travelled = seats
+    throttle, brake, angle, distance_travelled = agents
     egos, last = driven.shape[1], poses.shape[1] - 1
     for b in range(driven.shape[0]):
         for a in range(egos):
@@ -166,7 +166,7 @@ def show_vehicles(
             yaw_rates[b, v] = yaw_rate[e]
             throttle[b, a], brake[b, a] = max(controls[e, 0], 0.0), controls[e, 1]
             angle[b, a] = steering[e]
-            travelled[b, a] += way
+            distance_travelled[b, a] += way
 
 
 @kernel
@@ -175,7 +175,7 @@ def place_vehicles(
     dt: float,
     tracks: Floats,
     columns: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats],
-    seats: tuple[Floats, Floats, Floats, Floats],
+    agents: tuple[Floats, Floats, Floats, Floats],
     placed: Bools,
     poses: Floats,
 ) -> None:
@@ -186,15 +186,15 @@ def place_vehicles(
         dt: Step [s].
         tracks: See `show_vehicles`, as are the others.
         columns: Written.
-        seats: Written.
+        agents: Written.
         placed: Shape (B, A).
         poses: x, y [m], heading [rad], speed [m/s] after each sub-step, shape (B, A, S, 4).
     """
     position, heading, speed, lateral_speed, forward_acc, lateral_acc, yaw_rates, yaw_acc = columns
-    throttle, brake, angle, travelled = seats
-    seats_each, last = placed.shape[1], poses.shape[2] - 1
+    throttle, brake, angle, distance_travelled = agents
+    agents_each, last = placed.shape[1], poses.shape[2] - 1
     for b in range(placed.shape[0]):
-        for a in range(seats_each):
+        for a in range(agents_each):
             if not placed[b, a]:
                 continue
             v = slot[b, a]
@@ -222,7 +222,7 @@ def place_vehicles(
             yaw_acc[b, v] = (turn / dt - yaw_rates[b, v]) / dt
             yaw_rates[b, v] = turn / dt
             throttle[b, a], brake[b, a], angle[b, a] = 0.0, 0.0, 0.0
-            travelled[b, a] += way
+            distance_travelled[b, a] += way
 
 
 @kernel
@@ -240,7 +240,7 @@ def find_touchable(
     dt: float,
     boxed: Bools,
     in_bullet: Bools,
-    rows: Bools,
+    env_mask: Bools,
 ) -> bool:
     """Write which road users that are not in Bullet a vehicle in there may touch in this step; tell if any.
 
@@ -254,16 +254,16 @@ def find_touchable(
         yaw_rate: [rad/s]
         length: [m]
         width: [m]
-        overhang: How far the bodies of the seats' vehicles may reach beyond their footprints [m], shape (B *
+        overhang: How far the bodies of the agents' vehicles may reach beyond their footprints [m], shape (B *
             A,).
         dt: Length of the step [s].
         boxed: Whether it could be touched in the step before; written.
-        in_bullet: Seats whose vehicle is in Bullet, shape (B, A).
-        rows: Shape (B,).
+        in_bullet: AgentStates whose vehicle is in Bullet, shape (B, A).
+        env_mask: Shape (B,).
     """
     any_found = False
-    for b in range(rows.shape[0]):
-        if not rows[b]:
+    for b in range(env_mask.shape[0]):
+        if not env_mask[b]:
             continue
         for v in range(alive.shape[1]):
             slack = SLACK + (STAYS if boxed[b, v] else 0.0)

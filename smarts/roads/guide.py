@@ -68,9 +68,9 @@ def write_led_path(
     Args:
         roads: The maps' lanes.
         table: The routes.
-        guide: Of all seats.
+        guide: Of all agents.
         b: Simulation.
-        a: Seat.
+        a: Agent.
         world: Map number.
         place: The vehicle's x, y [m] and lane within the map.
         route: Number of the agent's route, -1 without one.

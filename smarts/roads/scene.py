@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
-from smarts.roads.seat_routes import SeatRoutes
 from smarts.types.world import World
 
 
@@ -15,4 +15,4 @@ class Scene:
 
     world: World
     atlas: RoadAtlas
-    routes: SeatRoutes
+    routes: AgentRoutes

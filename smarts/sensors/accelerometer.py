@@ -44,13 +44,13 @@ class AccelerationAndJerk:
             ),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         now, before = scene.world.vehicles, scene.world.before
         _observe(
-            seats,
-            wanted,
-            scene.world.seats.slot,
+            agent_ids,
+            observe_mask,
+            scene.world.agents.slot,
             scene.world.dt,
             now.generation,
             now.heading,
@@ -79,8 +79,8 @@ def _in_map(heading: float, along: float, across: float) -> tuple[float, float]:
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     dt: float,
     generation: Ints,
@@ -98,11 +98,11 @@ def _observe(
     jerk_out: Singles,
     turn_jerk_out: Singles,
 ) -> None:
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            v = slots[b, seats[g]]
+            v = slots[b, agent_ids[g]]
             x, y = _in_map(heading[b, v], along[b, v], across[b, v])
             acceleration_out[b, g, 0] = clipped(x, 2 * HARDEST)
             acceleration_out[b, g, 1] = clipped(y, 2 * HARDEST)

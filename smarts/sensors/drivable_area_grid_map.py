@@ -38,13 +38,13 @@ class DrivableArea:
             Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         world = scene.world
         _observe(
-            seats,
-            wanted,
-            world.seats.slot,
+            agent_ids,
+            observe_mask,
+            world.agents.slot,
             world.map,
             world.vehicles.position,
             world.vehicles.heading,
@@ -52,13 +52,13 @@ class DrivableArea:
             self.option.resolution,
             out["data"],
         )
-        out["resolution"][wanted] = self.option.resolution
+        out["resolution"][observe_mask] = self.option.resolution
 
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     maps: Ints,
     position: Floats,
@@ -67,11 +67,11 @@ def _observe(
     resolution: float,
     views: Pixels,
 ) -> None:
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            v, m = slots[b, seats[g]], maps[b]
+            v, m = slots[b, agent_ids[g]], maps[b]
             cut_view(
                 raster.cells,
                 raster.first[m],

@@ -50,15 +50,15 @@ class EgoVehicleState:
             Field("distance_travelled", (), np.float32, 0, FARTHEST, "m", "driven since entry"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         world, vehicles, roads = scene.world, scene.world.vehicles, scene.atlas.roads
         _observe(
-            seats,
-            wanted,
-            world.seats.slot,
-            world.seats.steering,
-            world.seats.travelled,
+            agent_ids,
+            observe_mask,
+            world.agents.slot,
+            world.agents.steering,
+            world.agents.distance_travelled,
             world.map,
             vehicles.kind,
             vehicles.position,
@@ -86,11 +86,11 @@ class EgoVehicleState:
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     steering: Floats,
-    travelled: Floats,
+    distance_travelled: Floats,
     maps: Ints,
     kind: Bytes,
     position: Floats,
@@ -114,11 +114,11 @@ def _observe(
     lane_index_out: Ints,
     travelled_out: Singles,
 ) -> None:
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            a = seats[g]
+            a = agent_ids[g]
             v = slots[b, a]
             position_out[b, g, 0] = clipped(position[b, v, 0], FARTHEST)
             position_out[b, g, 1] = clipped(position[b, v, 1], FARTHEST)
@@ -136,4 +136,4 @@ def _observe(
             velocity_out[b, g, 1] = forward * sine + aside * cosine
             lane_out[b, g] = lane[b, v]
             lane_index_out[b, g] = lane_index[lane_base[maps[b]] + lane[b, v]] if lane[b, v] >= 0 else 0
-            travelled_out[b, g] = clipped_above(travelled[b, a], FARTHEST)
+            travelled_out[b, g] = clipped_above(distance_travelled[b, a], FARTHEST)

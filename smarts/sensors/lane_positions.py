@@ -31,13 +31,13 @@ class LanePosition:
         meaning = "along the lane from its begin, to the left of its centreline, above it (always 0)"
         return (Field("lane_position", (3,), np.float32, -FARTHEST, FARTHEST, "m", meaning),)
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         vehicles = scene.world.vehicles
         _observe(
-            seats,
-            wanted,
-            scene.world.seats.slot,
+            agent_ids,
+            observe_mask,
+            scene.world.agents.slot,
             vehicles.lane_position,
             vehicles.lane_offset,
             out["lane_position"],
@@ -45,11 +45,13 @@ class LanePosition:
 
 
 @kernel
-def _observe(seats: Ints, wanted: Bools, slots: Ints, s: Floats, t: Floats, result: Singles) -> None:
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if wanted[b, g]:
-                v = slots[b, seats[g]]
+def _observe(
+    agent_ids: Ints, observe_mask: Bools, slots: Ints, s: Floats, t: Floats, result: Singles
+) -> None:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if observe_mask[b, g]:
+                v = slots[b, agent_ids[g]]
                 result[b, g, 0] = clipped(s[b, v], FARTHEST)
                 result[b, g, 1] = clipped(t[b, v], FARTHEST)
                 result[b, g, 2] = 0.0

@@ -54,13 +54,13 @@ class LidarPoints:
         level = np.cos(up)
         return np.stack((level * np.cos(around), level * np.sin(around), np.sin(up)), axis=-1)
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         vehicles = scene.world.vehicles
         _observe(
-            seats,
-            wanted,
-            scene.world.seats.slot,
+            agent_ids,
+            observe_mask,
+            scene.world.agents.slot,
             vehicles.alive,
             vehicles.kind,
             vehicles.position,
@@ -132,8 +132,8 @@ def _boxes_within(
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     alive: Bools,
     kind: Bytes,
@@ -148,11 +148,11 @@ def _observe(
     ray_out: Singles,
 ) -> None:
     boxes = np.empty((alive.shape[1], 7))
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            own = slots[b, seats[g]]
+            own = slots[b, agent_ids[g]]
             count = _boxes_within(
                 *(reach, own, alive[b], kind[b], position[b], heading[b], length[b], width[b], boxes)
             )

@@ -41,12 +41,12 @@ class MissionAndGoal:
             Field("lap", (), np.int32, 0, MOST, "", "laps completed"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
-        missions, states = scene.world.missions, scene.world.seats
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
+        missions, states = scene.world.missions, scene.world.agents
         _observe(
-            seats,
-            wanted,
+            agent_ids,
+            observe_mask,
             missions.goal,
             missions.goal_position,
             missions.goal_radius,
@@ -66,8 +66,8 @@ class MissionAndGoal:
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     goal: Bytes,
     goal_position: Floats,
     goal_radius: Floats,
@@ -83,10 +83,10 @@ def _observe(
     laps_out: Ints,
     lap_out: Ints,
 ) -> None:
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if wanted[b, g]:
-                a = seats[g]
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if observe_mask[b, g]:
+                a = agent_ids[g]
                 goal_out[b, g] = goal[b, a]
                 goal_position_out[b, g, 0] = clipped(goal_position[b, a, 0], FARTHEST)
                 goal_position_out[b, g, 1] = clipped(goal_position[b, a, 1], FARTHEST)

@@ -60,14 +60,14 @@ class NeighborhoodVehicleStates:
             Field("lane_position", (k, 3), np.float32, -FARTHEST, FARTHEST, "m", "along, left of, above it"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         vehicles, roads = scene.world.vehicles, scene.atlas.roads
         radius = self.option.radius
         _observe(
-            seats,
-            wanted,
-            scene.world.seats.slot,
+            agent_ids,
+            observe_mask,
+            scene.world.agents.slot,
             scene.world.map,
             math.inf if radius is None else float(radius),
             vehicles.alive,
@@ -127,8 +127,8 @@ def _clear(entries: _Entries, b: int, g: int, first: int) -> None:
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     maps: Ints,
     radius: float,
@@ -150,11 +150,11 @@ def _observe(
 ) -> None:
     most = entries.slot.shape[2]
     found, far = np.empty(most, np.int32), np.empty(most)
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            count = _nearest(alive[b], position[b], slots[b, seats[g]], radius, found, far)
+            count = _nearest(alive[b], position[b], slots[b, agent_ids[g]], radius, found, far)
             counts[b, g] = count
             _clear(entries, b, g, count)
             for k in range(count):

@@ -41,13 +41,13 @@ class VisibleArea:
             Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         vehicles = scene.world.vehicles
         _observe(
-            seats,
-            wanted,
-            scene.world.seats.slot,
+            agent_ids,
+            observe_mask,
+            scene.world.agents.slot,
             vehicles.alive,
             vehicles.position,
             vehicles.heading,
@@ -57,7 +57,7 @@ class VisibleArea:
             *_lines_of_sight(self.option),
             out["data"],
         )
-        out["resolution"][wanted] = self.option.resolution
+        out["resolution"][observe_mask] = self.option.resolution
 
 
 @lru_cache(maxsize=8)
@@ -112,8 +112,8 @@ def _shade(reach: Floats, ahead: float, aside: float, turn: float, length: float
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     alive: Bools,
     position: Floats,
@@ -128,11 +128,11 @@ def _observe(
     rows, columns = ray.shape
     reach = np.empty(_rays(rows, columns))
     corner = 0.5 * resolution * math.hypot(rows, columns)
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            own = slots[b, seats[g]]
+            own = slots[b, agent_ids[g]]
             x, y = clipped(position[b, own, 0], FARTHEST), clipped(position[b, own, 1], FARTHEST)
             direction = clipped(heading[b, own], math.pi)
             reach[:] = np.inf

@@ -71,13 +71,13 @@ class RoadWaypointsAround:
             Field("lane_offset", (k, w), np.float32, 0, FARTHEST, "m", "along the lane from its begin"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         world = scene.world
         _observe(
-            seats,
-            wanted,
-            world.seats.slot,
+            agent_ids,
+            observe_mask,
+            world.agents.slot,
             scene.atlas.roads,
             road_links(scene.atlas),
             world.map,
@@ -170,8 +170,8 @@ def _clear(entries: _Entries, b: int, g: int, k: int, first: int) -> None:
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     roads: Roads,
     links: RoadLinks,
@@ -183,12 +183,12 @@ def _observe(
 ) -> None:
     number, foot, offset = np.empty(1, np.int32), np.empty(1), np.empty(1)
     most = entries.beside.shape[2]
-    for b in range(wanted.shape[0]):
+    for b in range(observe_mask.shape[0]):
         base = roads.lane_base[maps[b]]
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            v, count = slots[b, seats[g]], 0
+            v, count = slots[b, agent_ids[g]], 0
             if lane[b, v] >= 0:
                 own = base + lane[b, v]
                 first, last = links.beside_start[own], links.beside_start[own + 1]

@@ -49,17 +49,17 @@ class SignalsAhead:
             Field("lane", (k,), np.int32, 0, MOST, "", "the lane behind the light, number in the map"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         world = scene.world
         _observe(
-            seats,
-            wanted,
-            world.seats.slot,
+            agent_ids,
+            observe_mask,
+            world.agents.slot,
             scene.atlas.roads,
             scene.routes.table,
             scene.routes.number,
-            world.seats.route_done,
+            world.agents.route_progress,
             world.map,
             world.signals,
             world.vehicles.lane,
@@ -117,13 +117,13 @@ def _find(
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     roads: Roads,
     table: RouteTable,
     route: Ints,
-    route_done: Floats,
+    route_progress: Floats,
     maps: Ints,
     signals: Bytes,
     lane: Ints,
@@ -138,16 +138,16 @@ def _observe(
     most = state_out.shape[2]
     lanes, far = np.empty(most, np.int32), np.empty(most)
     rows, begins = np.empty(_MOST_OPEN, np.int32), np.empty(_MOST_OPEN)
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            a = seats[g]
+            a = agent_ids[g]
             own, base, count = lane[b, slots[b, a]], roads.lane_base[maps[b]], 0
             if own >= 0:
                 row = -1
                 if route[b, a] >= 0:
-                    row = find_row(table, table.free + route[b, a], base + own, route_done[b, a])
+                    row = find_row(table, table.free + route[b, a], base + own, route_progress[b, a])
                 if row < 0 or table.onward_start[row] == table.onward_start[row + 1]:
                     row = int(table.start[maps[b]] + own)
                 left = lane_length(roads, base + own) - clipped(s[b, slots[b, a]], FARTHEST)

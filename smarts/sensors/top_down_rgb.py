@@ -74,13 +74,13 @@ class TopDownRgb:
             Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         world, vehicles = scene.world, scene.world.vehicles
         paint_scene(
-            seats,
-            wanted,
-            world.seats.slot,
+            agent_ids,
+            observe_mask,
+            world.agents.slot,
             world.map,
             vehicles.alive,
             vehicles.owner,
@@ -94,7 +94,7 @@ class TopDownRgb:
             self.option.resolution,
             out["data"],
         )
-        out["resolution"][wanted] = self.option.resolution
+        out["resolution"][observe_mask] = self.option.resolution
 
 
 @kernel
@@ -133,8 +133,8 @@ def _paint_road(
 
 @kernel
 def paint_scene(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     maps: Ints,
     alive: Bools,
@@ -149,12 +149,12 @@ def paint_scene(
     resolution: float,
     views: Pixels,
 ) -> None:
-    """Paint what is around the wanted seats' vehicles.
+    """Paint what is around the wanted agents' vehicles.
 
     Args:
-        seats: The seats, shape (G,).
-        wanted: Whose views to paint, shape (B, G).
-        slots: Of each seat's vehicle, shape (B, A).
+        agent_ids: The agents, shape (G,).
+        observe_mask: Whose views to paint, shape (B, G).
+        slots: Of each agent's vehicle, shape (B, A).
         maps: Map of each simulation, shape (B,).
         alive: Shape (B, V), as the columns of `VehicleStates` that follow.
         owner: An `Owner`.
@@ -169,11 +169,11 @@ def paint_scene(
         views: Written, shape (B, G, height, width, channels).
     """
     bits = np.empty((views.shape[2], views.shape[3], 1), np.uint8)
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            own = slots[b, seats[g]]
+            own = slots[b, agent_ids[g]]
             x, y = clipped(position[b, own, 0], FARTHEST), clipped(position[b, own, 1], FARTHEST)
             direction = clipped(heading[b, own], math.pi)
             _paint_road(raster, maps[b], x, y, direction, resolution, palette, bits[:, :, 0], views[b, g])

@@ -39,21 +39,21 @@ class ViaPoints:
             Field("hit", (k,), np.int8, 0, 1, "", "1 if it has been passed, in laps in this one"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         world, roads = scene.world, scene.atlas.roads
         missions = world.missions
         _observe(
-            seats,
-            wanted,
-            world.seats.slot,
+            agent_ids,
+            observe_mask,
+            world.agents.slot,
             world.map,
             world.vehicles.position,
             missions.via_count,
             missions.via_position,
             missions.via_lane,
             missions.via_speed,
-            world.seats.via_hit,
+            world.agents.via_hit,
             roads.lane_base,
             roads.lane_index,
             self.option.acquisition_range,
@@ -86,8 +86,8 @@ def _nearest(vias: Floats, count: int, x: float, y: float, reach: float, order: 
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     maps: Ints,
     position: Floats,
@@ -108,11 +108,11 @@ def _observe(
 ) -> None:
     most = lane_out.shape[2]
     order, far = np.empty(most, np.int32), np.empty(most)
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            a = seats[g]
+            a = agent_ids[g]
             x, y = position[b, slots[b, a], 0], position[b, slots[b, a], 1]
             count = _nearest(via_position[b, a], via_count[b, a], x, y, reach, order, far)
             count_out[b, g] = count

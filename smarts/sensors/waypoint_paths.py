@@ -74,17 +74,17 @@ class WaypointPathsAhead:
             Field("lane_offset", (k, w), np.float32, 0, FARTHEST, "m", "along the lane from its begin"),
         )
 
-    def observe(self, scene: Scene, seats: Ints, wanted: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted seats."""
+    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
+        """Write the readings of the wanted agents."""
         world = scene.world
         _observe(
-            seats,
-            wanted,
-            world.seats.slot,
+            agent_ids,
+            observe_mask,
+            world.agents.slot,
             scene.atlas.roads,
             scene.routes.table,
             scene.routes.number,
-            world.seats.route_done,
+            world.agents.route_progress,
             world.map,
             world.vehicles.kind,
             world.vehicles.position,
@@ -97,13 +97,13 @@ class WaypointPathsAhead:
 
 @kernel
 def _observe(
-    seats: Ints,
-    wanted: Bools,
+    agent_ids: Ints,
+    observe_mask: Bools,
     slots: Ints,
     roads: Roads,
     table: RouteTable,
     route: Ints,
-    route_done: Floats,
+    route_progress: Floats,
     maps: Ints,
     kind: Bytes,
     position: Floats,
@@ -126,13 +126,13 @@ def _observe(
         np.zeros(shape),
     )
     hint = np.empty(1)
-    for b in range(wanted.shape[0]):
-        for g in range(wanted.shape[1]):
-            if not wanted[b, g]:
+    for b in range(observe_mask.shape[0]):
+        for g in range(observe_mask.shape[1]):
+            if not observe_mask[b, g]:
                 continue
-            a = seats[g]
+            a = agent_ids[g]
             v = slots[b, a]
-            hint[0] = route_done[b, a]
+            hint[0] = route_progress[b, a]
             mask = _BUS_LANES if kind[b, v] == _BUS or kind[b, v] == _COACH else _CAR_LANES
             if is_led(guide, b, a) and lane[b, v] >= 0:
                 write_led_path(
@@ -144,7 +144,7 @@ def _observe(
                     maps[b],
                     (position[b, v, 0], position[b, v, 1], lane[b, v]),
                     route[b, a],
-                    route_done[b, a],
+                    route_progress[b, a],
                     mask,
                     spacing,
                     paths,

@@ -12,8 +12,8 @@ import numpy as np
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
-from smarts.agents.rules import alive_rules, seat_rules
-from smarts.controllers.legality import Legality
+from smarts.agents.rules import agent_rules, alive_rules
+from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
 from smarts.dynamics import vehicle
 from smarts.errors import SmartsError
@@ -21,26 +21,26 @@ from smarts.providers.traffic_engine import TrafficEngine
 from smarts.providers.traffic_engines import traffic_of
 from smarts.providers.vehicle import SUBSTEPS, FleetVehicles
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
+from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
-from smarts.roads.seat_routes import SeatRoutes
 from smarts.sensors.suite import SensorSuite
 from smarts.sim.contacts import FootprintContacts
 from smarts.sim.entries import Entries
 from smarts.sim.events import AgentEvents
 from smarts.sim.interest import interest_of
-from smarts.sim.locator import MapLocator
 from smarts.sim.manoeuvres import Manoeuvres
+from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
 from smarts.sim.schedule import Schedule
 from smarts.sim.simulation import Simulation, Stages
 from smarts.sim.starts import Shape
-from smarts.sim.transfer_rules import TakeOverRules
+from smarts.sim.transfer_rules import HandoverRules
 from smarts.sstudio.built import BuiltScenario
 from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.agent_states import agent_names
 from smarts.types.frame import Frame
-from smarts.types.interface import SeatRules
-from smarts.types.seats import agent_names
+from smarts.types.interface import AgentRules
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
@@ -103,10 +103,10 @@ class Assembly:
     """Which episode comes when; `simulation.reset({row: schedule.start(world, episode)})`."""
     scene: Scene
     """What sensors, controllers and adapters look at."""
-    rules: SeatRules
-    """Of all seats."""
+    rules: AgentRules
+    """Of all agents."""
     actions: Actions
-    """Buffers with the kinds of all seats."""
+    """Buffers with the kinds of all agents."""
     ownership: Ownership
     """Carries out transfers of vehicles between owners."""
     recorder: EpisodeRecorder | None
@@ -123,19 +123,19 @@ class NoRecorder:
         """Do nothing."""
 
 
-class LocatorStage:
+class MatcherStage:
     """Says where everybody is, and then where tasks lead and what may be done there."""
 
     def __init__(self, scene: Scene) -> None:
-        self._locator = MapLocator(scene.atlas, scene.routes)
+        self._matcher = MapMatcher(scene.atlas, scene.routes)
         self._manoeuvres = Manoeuvres(scene)
-        self._legality = Legality(scene)
+        self._legality = ActionMasker(scene)
 
-    def locate(self, world: World, rows: np.ndarray) -> None:
-        """Write all vehicles' places, the seats' progress, their guidance and their legal actions."""
-        self._locator.locate(world, rows)
-        self._manoeuvres.plan(world, rows)
-        self._legality.write(world, rows)
+    def locate(self, world: World, env_mask: np.ndarray) -> None:
+        """Write all vehicles' places, the agents' progress, their guidance and their legal actions."""
+        self._matcher.locate(world, env_mask)
+        self._manoeuvres.plan(world, env_mask)
+        self._legality.write(world, env_mask)
 
 
 def assemble(
@@ -153,12 +153,12 @@ def assemble(
 
     Args:
         scenarios: What is played, in turns.
-        interfaces: Of the egos, in the order of their seats.
+        interfaces: Of the egos, in the order of their agents.
         agents: The egos' names; by default `agent_names`.
-        others: Agents that are not the user's, by name. Their seats are behind the egos' and vacant until
+        others: Agents that are not the user's, by name. Their agents are behind the egos' and vacant until
             an episode or a transfer puts somebody there: a social agent, or one that takes a vehicle over.
-        looked_at: Names of the sensors that somebody looks at, by seat: the others are not observed. All are
-            in the seats that are not in it.
+        looked_at: Names of the sensors that somebody looks at, by agent: the others are not observed. All are
+            in the agents that are not in it.
         worlds: B.
         seed: Of the run.
         options: How it is run.
@@ -174,29 +174,29 @@ def assemble(
     engine = options.traffic_engine
     schedule = Schedule(scenarios, names, shapes=shapes, others=len(others), seed=seed, engine=engine)
     scene = _scene(schedule, worlds, len(interfaces), len(others), options)
-    seated = [*interfaces, *others.values()]
+    egos_now = [*interfaces, *others.values()]
     with ExitStack() as on_failure:
-        vehicles = _vehicles(scene, seated, schedule, options)
+        vehicles = _vehicles(scene, egos_now, schedule, options)
         on_failure.callback(vehicles.close)
         traffic = traffic_of(schedule.engines, scene.world, schedule.maps)
         on_failure.callback(traffic.close)
-        parts = _assemble(scene, seated, (*names, *others), schedule, vehicles, traffic, options, looked_at)
+        parts = _assemble(scene, egos_now, (*names, *others), schedule, vehicles, traffic, options, looked_at)
         on_failure.pop_all()
     return parts
 
 
 def _scene(schedule: Schedule, worlds: int, egos: int, others: int, options: Options) -> Scene:
-    atlas, seats = RoadAtlas(schedule.maps), egos + others
+    atlas, agents = RoadAtlas(schedule.maps), egos + others
     world = World(
         worlds=worlds,
-        capacity=schedule.limit + seats,
-        seats=seats,
+        capacity=schedule.limit + agents,
+        agents=agents,
         egos=egos,
         lanes=max(len(graph.lane_ids) for graph in schedule.maps),
         vias=schedule.vias,
         dt=options.dt,
     )
-    return Scene(world, atlas, SeatRoutes(atlas, worlds, seats))
+    return Scene(world, atlas, AgentRoutes(atlas, worlds, agents))
 
 
 def _vehicles(
@@ -209,7 +209,7 @@ def _vehicles(
         [interface.vehicle_model for interface in interfaces],
         surfaces=RoadSurfaces(schedule.surfaces, schedule.maps, friction) if has_surfaces else None,
         tyres=[interface.tyre_model for interface in interfaces],
-        flat_tyres={seat: interface.flat_tyres for seat, interface in enumerate(interfaces)},
+        flat_tyres={agent_id: interface.flat_tyres for agent_id, interface in enumerate(interfaces)},
     )
 
 
@@ -223,7 +223,7 @@ def _assemble(
     options: Options,
     looked_at: Mapping[int, Collection[str]] | None,
 ) -> Assembly:
-    world, rules = scene.world, seat_rules(interfaces, options.dt)
+    world, rules = scene.world, agent_rules(interfaces, options.dt)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
     entries = Entries(ownership, scene.routes)
     alive = alive_rules(interfaces, names, world.egos)
@@ -235,10 +235,10 @@ def _assemble(
         controllers=ControllerSet(scene, rules.action.tolist(), schedule.speeds),
         vehicles=vehicles,
         traffic=traffic,
-        locator=LocatorStage(scene),
+        matcher=MatcherStage(scene),
         contacts=FootprintContacts(world),
         events=AgentEvents(scene, rules, alive, interest),
-        transfer_rules=TakeOverRules(entries, vehicles.can_accept),
+        transfer_rules=HandoverRules(entries, vehicles.can_accept),
         sensors=SensorSuite(scene, interfaces, looked_at),
         recorder=recorder or NoRecorder(),
     )
@@ -262,7 +262,7 @@ def _shape(interface: AgentInterface) -> Shape:
     return Shape(kind, parameters.length, parameters.width)
 
 
-def _actions(rules: SeatRules, worlds: int, options: Options) -> Actions:
+def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
     has_paths = bool(np.isin(rules.action, PATH_ACTIONS).any())
     actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
     actions.kind[:] = rules.action

@@ -13,8 +13,8 @@ from smarts.geometry.boxes import Pose, box_gaps, contact_direction, facing
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped
 from smarts.sim.columns import columns_of
+from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Contacts
-from smarts.types.seats import SeatState
 from smarts.types.tracks import Tracks
 from smarts.types.world import World
 
@@ -31,8 +31,8 @@ HalfSize = tuple[float, float]
 SHORTEST_LOOK = 1 / 64
 """Overlaps that last a shorter part of a sub-step may go unseen: 1 cm of the way at 60 m/s."""
 
-_ACTIVE = int(SeatState.ACTIVE)
-_SHADOWING = int(SeatState.SHADOWING)
+_ACTIVE = int(AgentStatus.ACTIVE)
+_SHADOWING = int(AgentStatus.SHADOWING)
 
 
 class Footprints(NamedTuple):
@@ -46,8 +46,8 @@ class Footprints(NamedTuple):
     width: Floats
 
 
-class SeatSlots(NamedTuple):
-    """The columns of `Seats` that say which vehicle an agent has, shape (B, A)."""
+class AgentSlots(NamedTuple):
+    """The columns of `AgentStates` that say which vehicle an agent has, shape (B, A)."""
 
     state: Bytes
     slot: Ints
@@ -77,26 +77,26 @@ class FootprintContacts:
     """
 
     def __init__(self, world: World) -> None:
-        worlds, seats = world.seats.slot.shape
-        self._contacts = Contacts.allocate(worlds, seats, world.vehicles.capacity)
+        worlds, agents = world.agents.slot.shape
+        self._contacts = Contacts.allocate(worlds, agents, world.vehicles.capacity)
         self._find = bind(
             find_contacts,
             columns_of(world.vehicles, Footprints),
             columns_of(world.before, Footprints),
-            columns_of(world.seats, SeatSlots),
+            columns_of(world.agents, AgentSlots),
             world.dt,
             columns_of(self._contacts, ContactColumns),
         )
 
-    def find(self, world: World, tracks: Tracks, rows: Bools) -> Contacts:
-        """Return the first contact of each seat's vehicle during the step.
+    def find(self, world: World, tracks: Tracks, env_mask: Bools) -> Contacts:
+        """Return the first contact of each agent's vehicle during the step.
 
         Args:
             world: The one that this was made for.
-            tracks: How the seats' vehicles have moved. Where they have not yet, only the present counts.
-            rows: Which simulations made the step, shape (B,).
+            tracks: How the agents' vehicles have moved. Where they have not yet, only the present counts.
+            env_mask: Which simulations made the step, shape (B,).
         """
-        self._find(tracks.poses, tracks.touched, tracks.touch_speed, rows)
+        self._find(tracks.poses, tracks.touched, tracks.touch_speed, env_mask)
         return self._contacts
 
 
@@ -104,33 +104,33 @@ class FootprintContacts:
 def find_contacts(
     now: Footprints,
     before: Footprints,
-    seats: SeatSlots,
+    agents: AgentSlots,
     dt: float,
     out: ContactColumns,
     tracks: Floats,
     touched: Bytes,
     touch_speed: Floats,
-    rows: Bools,
+    env_mask: Bools,
 ) -> None:
-    """Write the contacts of all seats; those of simulations that made no step have none.
+    """Write the contacts of all agents; those of simulations that made no step have none.
 
     Args:
         now: All vehicles.
         before: A step ago.
-        seats: Who drives.
+        agents: Who drives.
         dt: Length of the step [s].
         out: Written.
-        tracks: Poses of the seats' vehicles after each sub-step, shape (B, A, S, 3); S is 0 at a reset.
+        tracks: Poses of the agents' vehicles after each sub-step, shape (B, A, S, 3); S is 0 at a reset.
         touched: As in `Tracks`, shape (B, A, V), as is the next.
         touch_speed: As in `Tracks` [m/s].
-        rows: Which simulations made the step, shape (B,).
+        env_mask: Which simulations made the step, shape (B,).
     """
     # Arrays by themselves: to take one out of a tuple costs more than to read from it.
     position, length, width = now.position, now.length, now.width
-    state, slots, touching, partner = seats.state, seats.slot, out.touching, out.partner
+    state, slots, touching, partner = agents.state, agents.slot, out.touching, out.partner
     capacity, substeps = position.shape[1], max(1, tracks.shape[2])
     near, reach = np.empty(capacity, np.int32), np.empty(capacity)
-    seat_of = np.empty(capacity, np.int32)
+    agent_id_of = np.empty(capacity, np.int32)
     path, path2 = np.empty((substeps + 1, 3)), np.empty((substeps + 1, 3))
     partner[:] = -1
     out.partner_generation[:] = 0
@@ -138,31 +138,31 @@ def find_contacts(
     out.closing_speed[:] = 0.0
     out.side[:] = 0
     touching[:] = False
-    for row in range(len(rows)):
-        if not rows[row]:
+    for row in range(len(env_mask)):
+        if not env_mask[row]:
             continue
-        alive = _survey(now, before, tracks, seats, row, near, reach, seat_of)
-        for seat in range(state.shape[1]):
-            slot = slots[row, seat]
-            if slot < 0 or state[row, seat] not in (_ACTIVE, _SHADOWING):
+        alive = _survey(now, before, tracks, agents, row, near, reach, agent_id_of)
+        for agent_id in range(state.shape[1]):
+            slot = slots[row, agent_id]
+            if slot < 0 or state[row, agent_id] not in (_ACTIVE, _SHADOWING):
                 continue
-            _follow(now, before, tracks, row, slot, seat_of[slot], path)
+            _follow(now, before, tracks, row, slot, agent_id_of[slot], path)
             first = np.inf
             for number in range(alive):
                 other = near[number]
                 dx = position[row, other, 0] - position[row, slot, 0]
                 dy = position[row, other, 1] - position[row, slot, 1]
                 far = reach[slot] + reach[other]
-                held, held_speed = _held_apart(now, before, touched, touch_speed, row, seat, other)
+                held, held_speed = _held_apart(now, before, touched, touch_speed, row, agent_id, other)
                 if other == slot or (held < 0 and dx * dx + dy * dy > far * far):
                     continue
-                _follow(now, before, tracks, row, other, seat_of[other], path2)
+                _follow(now, before, tracks, row, other, agent_id_of[other], path2)
                 size = 0.5 * length[row, slot], 0.5 * width[row, slot]
                 size2 = 0.5 * length[row, other], 0.5 * width[row, other]
                 substep, until = _first_overlap(path, size, path2, size2)
                 if substep < 0 and held < 0:
                     continue
-                touching[row, seat, other] = True
+                touching[row, agent_id, other] = True
                 if held >= 0 and (substep < 0 or held <= substep):
                     substep, when, closing_speed = held, 0.0, held_speed
                     side = _side_facing(path[held + 1], size, path2[held + 1], size2)
@@ -174,26 +174,32 @@ def find_contacts(
                     closing_speed = max(closing_speed, held_speed)
                 if substep + when < first:
                     first = substep + when
-                    partner[row, seat] = other
-                    out.partner_generation[row, seat] = now.generation[row, other]
-                    out.substep[row, seat] = substep
-                    out.closing_speed[row, seat] = closing_speed
-                    out.side[row, seat] = side
+                    partner[row, agent_id] = other
+                    out.partner_generation[row, agent_id] = now.generation[row, other]
+                    out.substep[row, agent_id] = substep
+                    out.closing_speed[row, agent_id] = closing_speed
+                    out.side[row, agent_id] = side
 
 
 @kernel
 def _held_apart(
-    now: Footprints, before: Footprints, touched: Bytes, touch_speed: Floats, row: int, seat: int, other: int
+    now: Footprints,
+    before: Footprints,
+    touched: Bytes,
+    touch_speed: Floats,
+    row: int,
+    agent_id: int,
+    other: int,
 ) -> tuple[int, float]:
-    """Return in which sub-step Bullet first kept a seat's vehicle from another, and how fast they were.
+    """Return in which sub-step Bullet first kept an agent's vehicle from another, and how fast they were.
 
     Sub-steps count from 0; it is -1 if Bullet did not.
     """
-    if touched[row, seat, other] == 0:
+    if touched[row, agent_id, other] == 0:
         return -1, 0.0
     # Who has come into the slot within the step was not there.
     if before.alive[row, other] and before.generation[row, other] == now.generation[row, other]:
-        return touched[row, seat, other] - 1, touch_speed[row, seat, other]
+        return touched[row, agent_id, other] - 1, touch_speed[row, agent_id, other]
     return -1, 0.0
 
 
@@ -202,23 +208,23 @@ def _survey(
     now: Footprints,
     before: Footprints,
     tracks: Floats,
-    seats: SeatSlots,
+    agents: AgentSlots,
     row: int,
     near: Ints,
     reach: Floats,
-    seat_of: Ints,
+    agent_id_of: Ints,
 ) -> int:
     """List the vehicles of one simulation, and how far from its present centre each box was at most.
 
     Args:
         now: All vehicles.
         before: A step ago.
-        tracks: Of the seats' vehicles.
-        seats: Who drives.
+        tracks: Of the agents' vehicles.
+        agents: Who drives.
         row: The simulation.
         near: Written: the slots, in order.
         reach: Written: by slot [m].
-        seat_of: Written: by slot, the seat whose track the vehicle follows, -1 if it moves evenly.
+        agent_id_of: Written: by slot, the agent whose track the vehicle follows, -1 if it moves evenly.
 
     Returns:
         How many vehicles there are.
@@ -236,20 +242,20 @@ def _survey(
         if alive[row, slot]:
             near[count] = slot
             count += 1
-            seat_of[slot] = -1
+            agent_id_of[slot] = -1
             reach[slot] = 0.5 * math.hypot(length[row, slot], width[row, slot])
             if was_alive[row, slot] and old_generation[row, slot] == generation[row, slot]:
                 dx = position[row, slot, 0] - old_position[row, slot, 0]
                 reach[slot] += math.hypot(dx, position[row, slot, 1] - old_position[row, slot, 1])
-    for seat in range(tracks.shape[1]):
-        slot = seats.slot[row, seat]
-        if seats.state[row, seat] == _ACTIVE and slot >= 0 and tracks.shape[2] > 0:
-            seat_of[slot] = seat
+    for agent_id in range(tracks.shape[1]):
+        slot = agents.slot[row, agent_id]
+        if agents.state[row, agent_id] == _ACTIVE and slot >= 0 and tracks.shape[2] > 0:
+            agent_id_of[slot] = agent_id
             farthest = 0.0
             for substep in range(tracks.shape[2]):
-                dx = tracks[row, seat, substep, 0] - position[row, slot, 0]
+                dx = tracks[row, agent_id, substep, 0] - position[row, slot, 0]
                 farthest = max(
-                    farthest, math.hypot(dx, tracks[row, seat, substep, 1] - position[row, slot, 1])
+                    farthest, math.hypot(dx, tracks[row, agent_id, substep, 1] - position[row, slot, 1])
                 )
             reach[slot] = max(reach[slot], farthest + 0.5 * math.hypot(length[row, slot], width[row, slot]))
     return count
@@ -257,16 +263,16 @@ def _survey(
 
 @kernel
 def _follow(
-    now: Footprints, before: Footprints, tracks: Floats, row: int, slot: int, seat: int, path: Floats
+    now: Footprints, before: Footprints, tracks: Floats, row: int, slot: int, agent_id: int, path: Floats
 ) -> None:
     """Write a vehicle's poses at the beginning of the step and after each sub-step, shape (S + 1, 3)."""
     x, y, heading = now.position[row, slot, 0], now.position[row, slot, 1], now.heading[row, slot]
     is_new = not before.alive[row, slot] or before.generation[row, slot] != now.generation[row, slot]
     last = len(path) - 1
-    if seat >= 0:
+    if agent_id >= 0:
         for i in range(path.shape[1]):
             for step in range(tracks.shape[2]):
-                path[step + 1, i] = tracks[row, seat, step, i]
+                path[step + 1, i] = tracks[row, agent_id, step, i]
             path[0, i] = path[1, i]
         if not is_new:
             path[0, 0], path[0, 1] = before.position[row, slot]

@@ -1,4 +1,4 @@
-"""Cutting in: past a vehicle in the lane beside, and over in front of it. Compiled, for one seat."""
+"""Cutting in: past a vehicle in the lane beside, and over in front of it. Compiled, for one agent."""
 
 from __future__ import annotations
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from smarts.errors import MapError
 from smarts.geometry.boxes import boxes_overlap
+from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import shortest_route
-from smarts.roads.seat_routes import SeatRoutes
 from smarts.sim.clearing import vehicles_in_the_way
 from smarts.sim.ownership import Ownership
 from smarts.sim.starts import corridor_of, distance_along
-from smarts.types.episode import EpisodeStart, SeatStart
+from smarts.types.agent_states import AgentStatus
+from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.mission import GoalKind
-from smarts.types.seats import SeatState
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
@@ -27,14 +27,14 @@ Bools = NDArray[np.bool_]
 
 
 class Entries:
-    """Puts agents into their seats, at the beginning of the episode or when their time has come.
+    """Puts agents into their agents, at the beginning of the episode or when their time has come.
 
     An agent's new vehicle is put into a cleared gap: traffic that would have to brake hard for it is taken
-    out of the world. An agent that is to take over a vehicle waits until `TakeOverRules` has found one; if
+    out of the world. An agent that is to take over a vehicle waits until `HandoverRules` has found one; if
     its patience ends first, it gets a new vehicle.
     """
 
-    def __init__(self, ownership: Ownership, routes: SeatRoutes) -> None:
+    def __init__(self, ownership: Ownership, routes: AgentRoutes) -> None:
         self.episodes: list[EpisodeStart | None] = [None] * len(routes.number)
         """What each simulation plays."""
         self.pending: set[int] = set()
@@ -42,24 +42,24 @@ class Entries:
         self._ownership = ownership
         self._routes = routes
 
-    def starts(self, row: int) -> Sequence[SeatStart]:
-        """Return how the agents of a simulation begin, in the order of their seats."""
+    def starts(self, row: int) -> Sequence[AgentStart]:
+        """Return how the agents of a simulation begin, in the order of their agents."""
         episode = self.episodes[row]
-        return episode.seats if episode else ()
+        return episode.agents if episode else ()
 
     def reset(self, world: World, row: int, start: EpisodeStart) -> None:
         """Give the missions of an episode out, in an empty simulation, and let in who enters at once."""
         self.episodes[row] = start
         self.pending.discard(row)
-        self._routes.assign(row, start.map, [seat.mission.route for seat in start.seats])
+        self._routes.assign(row, start.map, [agent_id.mission.route for agent_id in start.agents])
         roads = self._routes.atlas.graphs[start.map]
-        for seat, seat_start in enumerate(start.seats):
-            route = world.routes.number(row, map(roads.edge_number, seat_start.mission.route))
-            world.missions.write(row, seat, seat_start.mission, route)
-            world.seats.agent[row, seat] = seat
-            world.seats.state[row, seat] = SeatState.WAITING
-            if seat_start.entry_time <= 0 and not seat_start.take_over:
-                self._ownership.admit(row, seat, seat_start)
+        for agent_id, agent_start in enumerate(start.agents):
+            route = world.routes.number(row, map(roads.edge_number, agent_start.mission.route))
+            world.missions.write(row, agent_id, agent_start.mission, route)
+            world.agents.agent[row, agent_id] = agent_id
+            world.agents.state[row, agent_id] = AgentStatus.WAITING
+            if agent_start.entry_time <= 0 and not agent_start.take_over:
+                self._ownership.admit(row, agent_id, agent_start)
             else:
                 self.pending.add(row)
 
@@ -68,23 +68,23 @@ class Entries:
         for slot in np.flatnonzero(world.vehicles.owner[row] == Owner.AGENT).tolist():
             self._clear_around(world, row, slot)
 
-    def enter(self, world: World, rows: Bools) -> None:
+    def enter(self, world: World, env_mask: Bools) -> None:
         """Let in those whose time has come, and send on those who have just taken a vehicle over."""
-        state = world.seats.state
-        for row in sorted(row for row in self.pending if rows[row]):
+        state = world.agents.state
+        for row in sorted(row for row in self.pending if env_mask[row]):
             # This is the beginning of the step: its number is already that of its end.
             now = (int(world.step[row]) - 1) * world.dt
-            for seat, start in enumerate(self.starts(row)):
-                if state[row, seat] == SeatState.WAITING:
-                    self._enter(world, row, seat, start, now)
-                elif start.take_over and world.seats.entry_step[row, seat] == world.step[row]:
-                    self._go_on(world, row, seat)
+            for agent_id, start in enumerate(self.starts(row)):
+                if state[row, agent_id] == AgentStatus.WAITING:
+                    self._enter(world, row, agent_id, start, now)
+                elif start.take_over and world.agents.entry_step[row, agent_id] == world.step[row]:
+                    self._go_on(world, row, agent_id)
 
-    def _enter(self, world: World, row: int, seat: int, start: SeatStart, now: float) -> None:
+    def _enter(self, world: World, row: int, agent_id: int, start: AgentStart, now: float) -> None:
         patience = start.take_over.patience if start.take_over else 0.0
         if now < start.entry_time + patience - 1e-9 or self._is_occupied(world, row, start):
             return
-        slot = self._ownership.admit(row, seat, start)
+        slot = self._ownership.admit(row, agent_id, start)
         vehicles = world.vehicles
         found = self._routes.atlas.locate(
             world.map[[row]], vehicles.position[row, [slot]], vehicles.heading[row, [slot]]
@@ -92,7 +92,7 @@ class Entries:
         vehicles.lane[row, slot], vehicles.lane_position[row, slot] = found.lane[0], found.s[0]
         self._clear_around(world, row, slot)
 
-    def _is_occupied(self, world: World, row: int, start: SeatStart) -> bool:
+    def _is_occupied(self, world: World, row: int, start: AgentStart) -> bool:
         """Return whether another agent's vehicle is at the start, which only time can clear."""
         vehicles = world.vehicles[row]
         others = np.flatnonzero(vehicles.owner == Owner.AGENT)
@@ -121,31 +121,31 @@ class Entries:
         for other in vehicles_in_the_way(roads, vehicles, slot, leads_here):
             world.registry.dismiss(row, other)
 
-    def _go_on(self, world: World, row: int, seat: int) -> None:
+    def _go_on(self, world: World, row: int, agent_id: int) -> None:
         """Give an agent that has taken a vehicle over a route from where that is, if it is off its own."""
-        slot, lane = int(world.seats.slot[row, seat]), -1
-        if slot >= 0 and world.missions.goal[row, seat] != GoalKind.ENDLESS:
+        slot, lane = int(world.agents.slot[row, agent_id]), -1
+        if slot >= 0 and world.missions.goal[row, agent_id] != GoalKind.ENDLESS:
             lane = int(world.vehicles.lane[row, slot])
-        route, roads = self._routes.route(row, seat), self._roads(world, row)
+        route, roads = self._routes.route(row, agent_id), self._roads(world, row)
         if lane < 0 or not route:
             return
-        s, goal = float(world.vehicles.lane_position[row, slot]), int(world.missions.goal_lane[row, seat])
+        s, goal = float(world.vehicles.lane_position[row, slot]), int(world.missions.goal_lane[row, agent_id])
         if math.isnan(distance_along(corridor_of(roads, route), roads, lane, s)):
             try:
                 route = shortest_route(roads, _edge_ahead(roads, lane), route[-1])
             except MapError:
                 return  # No way leads from here to the goal, so the agent begins off its route.
-            self._routes.assign_seat(row, seat, route)
+            self._routes.assign_agent(row, agent_id, route)
             number = world.routes.number(row, map(roads.edge_number, route))
-            world.missions.route[row, seat] = world.vehicles.route[row, slot] = number
-            mission = dataclasses.replace(self.starts(row)[seat].mission, route=route)
-            world.missions.write(row, seat, mission, number)
-        corridor, goal_s = corridor_of(roads, route), float(world.missions.goal_s[row, seat])
+            world.missions.route[row, agent_id] = world.vehicles.route[row, slot] = number
+            mission = dataclasses.replace(self.starts(row)[agent_id].mission, route=route)
+            world.missions.write(row, agent_id, mission, number)
+        corridor, goal_s = corridor_of(roads, route), float(world.missions.goal_s[row, agent_id])
         begin = distance_along(corridor, roads, lane, s)
         length = distance_along(corridor, roads, goal, goal_s, last=True) - (
             0.0 if math.isnan(begin) else begin
         )
-        world.missions.route_length[row, seat] = max(0.0, length)
+        world.missions.route_length[row, agent_id] = max(0.0, length)
 
     def _roads(self, world: World, row: int) -> LaneGraph:
         return self._routes.atlas.graphs[world.map[row]]

@@ -25,8 +25,8 @@ traffic. What was cut short is kept, too, and `is_complete` is false. Tables car
 one is refused with a `RecordError`. The maps lie beside the episodes as `maps/<map>.npz` and are lane
 graphs.
 
-Row `step = k` of vehicles, seats and signals is the state after k steps; k = 0 is the reset. Row `step = k`
-of decisions and extras is what was decided on that state, or followed from it until the seat's next decision.
+Row `step = k` of vehicles, agents and signals is the state after k steps; k = 0 is the reset. Row `step = k`
+of decisions and extras is what was decided on that state, or followed from it until the next decision.
 A vehicle is (slot, generation); lanes and edges are numbers in the lane graph.
 """
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.types.episode import EpisodeStart, SeatStart
-from smarts.types.episode_schema import AGENTS, DECISIONS, SEATS
+from smarts.types.agent_states import UNSET
+from smarts.types.episode import AgentStart, EpisodeStart
+from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS
 from smarts.types.events import Outcome
-from smarts.types.seats import NEITHER
 
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
@@ -27,11 +27,11 @@ class Ending:
     outcome: int = Outcome.NONE
     terminated: bool = False
     truncated: bool = False
-    partner_slot: int = NEITHER
+    partner_slot: int = UNSET
     partner_generation: int = 0
     partner: str = ""
     partner_owner: int = 0
-    partner_seat: int = NEITHER
+    partner_agent_id: int = UNSET
     side: int = 0
     closing_speed: float = 0.0
     substep: int = 0
@@ -47,19 +47,19 @@ def agents_table(
 
     Args:
         start: Of the episode.
-        endings: By seat; who is not in it had not ended.
-        tables: Columns of `seats` and `decisions`.
+        endings: By agent; who is not in it had not ended.
+        tables: Columns of `agents` and `decisions`.
         routes: Number of each route.
     """
     rows = []
-    for seat, begin in enumerate(start.seats):
-        ending = endings.get(seat, Ending())
-        row = {"seat": seat, **_of_start(begin, routes), **dataclasses.asdict(ending)}
-        rows.append(row | _of_drive(seat, tables[SEATS.name], tables[DECISIONS.name]))
+    for agent_id, begin in enumerate(start.agents):
+        ending = endings.get(agent_id, Ending())
+        row = {"agent_id": agent_id, **_of_start(begin, routes), **dataclasses.asdict(ending)}
+        rows.append(row | _of_drive(agent_id, tables[AGENT_STATES.name], tables[DECISIONS.name]))
     return {name: [row[name] for row in rows] for name in AGENTS.names}
 
 
-def _of_start(start: SeatStart, routes: Mapping[tuple[str, ...], int]) -> dict[str, Any]:
+def _of_start(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> dict[str, Any]:
     mission = start.mission
     return {
         "name": start.name,
@@ -78,23 +78,23 @@ def _of_start(start: SeatStart, routes: Mapping[tuple[str, ...], int]) -> dict[s
         "goal_lane": mission.goal_lane,
         "goal_s": mission.goal_s,
         "laps": mission.laps,
-        "route": routes.get(mission.route, NEITHER),
+        "route": routes.get(mission.route, UNSET),
         "route_length": mission.route_length,
         "free_flow_time": mission.free_flow_time,
     }
 
 
-def _of_drive(seat: int, seats: Mapping[str, Floats], decisions: Mapping[str, Floats]) -> dict[str, Any]:
+def _of_drive(agent_id: int, agents: Mapping[str, Floats], decisions: Mapping[str, Floats]) -> dict[str, Any]:
     """Return what an agent's rows tell of its drive, from the first to the last."""
-    own = np.flatnonzero(seats["seat"] == seat)
-    first_decision = np.flatnonzero(decisions["seat"] == seat)[:1]
+    own = np.flatnonzero(agents["agent_id"] == agent_id)
+    first_decision = np.flatnonzero(decisions["agent_id"] == agent_id)[:1]
     drive: dict[str, Any] = {
         "action": int(decisions["action"][first_decision[0]]) if len(first_decision) else -1
     }
-    columns = {"slot": -1.0, "generation": 0.0, "remaining": np.nan, "travelled": 0.0}
+    columns = {"slot": -1.0, "generation": 0.0, "remaining": np.nan, "distance_travelled": 0.0}
     for name, without in columns.items():
-        drive[name] = seats[name][own[-1]] if len(own) else without
-    drive["entry_step"], drive["end_step"] = seats["step"][own[[0, -1]]] if len(own) else (-1, -1)
+        drive[name] = agents[name][own[-1]] if len(own) else without
+    drive["entry_step"], drive["end_step"] = agents["step"][own[[0, -1]]] if len(own) else (-1, -1)
     return drive
 
 
@@ -104,12 +104,12 @@ def routes_table(routes: Sequence[Ints]) -> Rows:
 
 
 def extras_table(extras: Sequence[tuple[str, int, Ints, Floats]]) -> Rows:
-    """Return a row for each seat of each annotation: name, step, seats (S,), values (S, ...)."""
-    table: dict[str, list[Any]] = {"step": [], "seat": [], "name": [], "values": []}
-    for name, step, seats, values in extras:
-        for seat, numbers in zip(seats.tolist(), values, strict=True):
+    """Return a row for each agent of each annotation: name, step, agents (S,), values (S, ...)."""
+    table: dict[str, list[Any]] = {"step": [], "agent_id": [], "name": [], "values": []}
+    for name, step, agents, values in extras:
+        for agent_id, numbers in zip(agents.tolist(), values, strict=True):
             table["step"].append(step)
-            table["seat"].append(seat)
+            table["agent_id"].append(agent_id)
             table["name"].append(name)
             table["values"].append(np.ravel(numbers).tolist())
     return table

@@ -1,4 +1,4 @@
-"""The rules of events: what one agent's vehicle has done in a step. Compiled, for one seat at a time."""
+"""The rules of events: what one agent's vehicle has done in a step. Compiled, for one agent at a time."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _AT_END = 0.01
 
 
 class Rules(NamedTuple):
-    """Columns of `SeatRules`, shape (A,)."""
+    """Columns of `AgentRules`, shape (A,)."""
 
     ending: NDArray[np.int32]
     max_steps: NDArray[np.int32]
@@ -62,24 +62,24 @@ class Rules(NamedTuple):
 
 
 @kernel
-def judge(state: State, table: RouteTable, rules: Rules, patience: int, row: int, seat: int) -> int:
+def judge(state: State, table: RouteTable, rules: Rules, patience: int, row: int, agent_id: int) -> int:
     """Return the events of one agent in this step, but for those that others cause; write what it remembers.
 
     Args:
         state: The world.
         table: The routes.
-        rules: Of the seats.
+        rules: Of the agents.
         patience: Steps off its route after which a vehicle counts as off-route.
         row: The simulation.
-        seat: A seat with a vehicle.
+        agent_id: An agent with a vehicle.
     """
-    has_left = _has_left_map(state, row, seat)
-    bits = 0 if has_left else _road_events(state, table, patience, row, seat)
-    bits |= _goal_events(state, table, has_left, row, seat) | _via_events(state, row, seat)
-    if _rests(state, table, rules, row, seat):
+    has_left = _has_left_map(state, row, agent_id)
+    bits = 0 if has_left else _road_events(state, table, patience, row, agent_id)
+    bits |= _goal_events(state, table, has_left, row, agent_id) | _via_events(state, row, agent_id)
+    if _rests(state, table, rules, row, agent_id):
         bits |= _NOT_MOVING
-    limit = rules.max_steps[seat]
-    if limit > 0 and state.step[row] - state.seats.entry_step[row, seat] >= limit:
+    limit = rules.max_steps[agent_id]
+    if limit > 0 and state.step[row] - state.agents.entry_step[row, agent_id] >= limit:
         bits |= _TIME_OUT
     return bits
 
@@ -107,11 +107,11 @@ def _passes(state: State, row: int, slot: int, x: float, y: float, radius: float
 
 
 @kernel
-def _has_left_map(state: State, row: int, seat: int) -> bool:
+def _has_left_map(state: State, row: int, agent_id: int) -> bool:
     """Tell whether an agent without a goal on the map has driven off it, over the end of a road."""
-    goal, slot = state.goals.goal[row, seat], state.seats.slot[row, seat]
+    goal, slot = state.goals.goal[row, agent_id], state.agents.slot[row, agent_id]
     lane = lane_of(state, state.now, row, slot)
-    if goal not in (_ENDLESS, _OFF_MAP) or state.seats.on_road[row, seat] or lane < 0:
+    if goal not in (_ENDLESS, _OFF_MAP) or state.agents.on_road[row, agent_id] or lane < 0:
         return False
     is_at_end = state.now.lane_position[row, slot] >= lane_length(state.roads, lane) - _AT_END
     is_ahead = abs(state.now.lane_offset[row, slot]) <= state.roads.lane_width[lane]
@@ -119,21 +119,21 @@ def _has_left_map(state: State, row: int, seat: int) -> bool:
 
 
 @kernel
-def _road_events(state: State, table: RouteTable, patience: int, row: int, seat: int) -> int:
+def _road_events(state: State, table: RouteTable, patience: int, row: int, agent_id: int) -> int:
     """Return how the vehicle stands to the road and to its route."""
-    seats, slot = state.seats, state.seats.slot[row, seat]
+    agents, slot = state.agents, state.agents.slot[row, agent_id]
     bits = 0
-    if not seats.on_road[row, seat]:
+    if not agents.on_road[row, agent_id]:
         bits |= _OFF_ROAD
-    if seats.corners_on_road[row, seat] < 4:
+    if agents.corners_on_road[row, agent_id] < 4:
         bits |= _ON_SHOULDER
-    if seats.on_road[row, seat] and _is_against_lane(state, row, slot):
+    if agents.on_road[row, agent_id] and _is_against_lane(state, row, slot):
         bits |= _WRONG_WAY
-    if not _is_off_route(state, table, row, seat):
-        seats.off_route_since[row, seat] = -1
-    elif seats.off_route_since[row, seat] < 0:
-        seats.off_route_since[row, seat] = state.step[row]
-    elif state.step[row] - seats.off_route_since[row, seat] >= patience:
+    if not _is_off_route(state, table, row, agent_id):
+        agents.off_route_since[row, agent_id] = -1
+    elif agents.off_route_since[row, agent_id] < 0:
+        agents.off_route_since[row, agent_id] = state.step[row]
+    elif state.step[row] - agents.off_route_since[row, agent_id] >= patience:
         bits |= _OFF_ROUTE
     return bits
 
@@ -150,59 +150,59 @@ def _is_against_lane(state: State, row: int, slot: int) -> bool:
 
 
 @kernel
-def _is_off_route(state: State, table: RouteTable, row: int, seat: int) -> bool:
+def _is_off_route(state: State, table: RouteTable, row: int, agent_id: int) -> bool:
     """Tell whether an agent that has a route is beside it; on the other side of its road it is not."""
-    if state.seats.on_route[row, seat] or state.route[row, seat] < 0:
+    if state.agents.on_route[row, agent_id] or state.route[row, agent_id] < 0:
         return False
-    if state.goals.goal[row, seat] in (_ENDLESS, _OFF_MAP):
+    if state.goals.goal[row, agent_id] in (_ENDLESS, _OFF_MAP):
         return False
-    lane = lane_of(state, state.now, row, state.seats.slot[row, seat])
+    lane = lane_of(state, state.now, row, state.agents.slot[row, agent_id])
     twin = state.lanes.twin[lane] if lane >= 0 else -1
-    return corridor_row(state, table, row, seat, twin) < 0
+    return corridor_row(state, table, row, agent_id, twin) < 0
 
 
 @kernel
-def _via_events(state: State, row: int, seat: int) -> int:
+def _via_events(state: State, row: int, agent_id: int) -> int:
     """Mark the via points that were passed, each once, or once in every lap."""
-    goals, slot = state.goals, state.seats.slot[row, seat]
-    lap, bits = state.seats.lap[row, seat], 0
-    begins_lap = state.laps_before[row, seat] < lap < goals.laps[row, seat]
-    for via in range(goals.via_count[row, seat]):
-        if begins_lap and goals.goal[row, seat] == _LAPS:
-            state.seats.via_hit[row, seat, via] = False
-        x, y = goals.via_position[row, seat, via]
-        is_new = not state.seats.via_hit[row, seat, via]
-        if is_new and _passes(state, row, slot, x, y, goals.via_radius[row, seat, via]):
-            state.seats.via_hit[row, seat, via] = True
+    goals, slot = state.goals, state.agents.slot[row, agent_id]
+    lap, bits = state.agents.lap[row, agent_id], 0
+    begins_lap = state.laps_before[row, agent_id] < lap < goals.laps[row, agent_id]
+    for via in range(goals.via_count[row, agent_id]):
+        if begins_lap and goals.goal[row, agent_id] == _LAPS:
+            state.agents.via_hit[row, agent_id, via] = False
+        x, y = goals.via_position[row, agent_id, via]
+        is_new = not state.agents.via_hit[row, agent_id, via]
+        if is_new and _passes(state, row, slot, x, y, goals.via_radius[row, agent_id, via]):
+            state.agents.via_hit[row, agent_id, via] = True
             bits = _VIA_HIT
     return bits
 
 
 @kernel
-def _rests(state: State, table: RouteTable, rules: Rules, row: int, seat: int) -> bool:
+def _rests(state: State, table: RouteTable, rules: Rules, row: int, agent_id: int) -> bool:
     """Tell whether the vehicle has stayed near one place for too long; see `_has_to_wait`."""
-    seats, slot = state.seats, state.seats.slot[row, seat]
+    agents, slot = state.agents, state.agents.slot[row, agent_id]
     x, y = state.now.position[row, slot]
-    rest = seats.rest_position[row, seat]
-    if math.hypot(x - rest[0], y - rest[1]) >= rules.not_moving_distance[seat]:
+    rest = agents.last_moved_position[row, agent_id]
+    if math.hypot(x - rest[0], y - rest[1]) >= rules.not_moving_distance[agent_id]:
         rest[0], rest[1] = x, y
-        seats.rest_step[row, seat] = state.step[row]
-    elif _has_to_wait(state, table, row, seat):
-        seats.rest_step[row, seat] += 1
-    return state.step[row] - seats.rest_step[row, seat] >= rules.not_moving_steps[seat]
+        agents.last_moved_step[row, agent_id] = state.step[row]
+    elif _has_to_wait(state, table, row, agent_id):
+        agents.last_moved_step[row, agent_id] += 1
+    return state.step[row] - agents.last_moved_step[row, agent_id] >= rules.not_moving_steps[agent_id]
 
 
 @kernel
-def _has_to_wait(state: State, table: RouteTable, row: int, seat: int) -> bool:
+def _has_to_wait(state: State, table: RouteTable, row: int, agent_id: int) -> bool:
     """Tell whether a vehicle waits near a red light, behind one that stands, or for those who cross its path.
 
     Who waits so does not rest. The first of a queue at a green light or at a crossing does while nobody comes
     (`yields_to_stream`); as soon as it has moved, or is gone, the next is the first.
     """
-    now, slot = state.now, state.seats.slot[row, seat]
+    now, slot = state.now, state.agents.slot[row, agent_id]
     lane = lane_of(state, now, row, slot)
     if lane >= 0 and lane_length(state.roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
-        here, base = corridor_row(state, table, row, seat, lane), state.roads.lane_base[state.map[row]]
+        here, base = corridor_row(state, table, row, agent_id, lane), state.roads.lane_base[state.map[row]]
         free = table.start[state.map[row]]
         if here < 0:
             here = free + lane - base
@@ -223,50 +223,50 @@ def _has_to_wait(state: State, table: RouteTable, row: int, seat: int) -> bool:
         # Two that face each other do not wait for each other.
         if math.cos(now.heading[row, other] - now.heading[row, slot]) > 0.0:
             return True
-    return yields_to_stream(state, table, row, seat)
+    return yields_to_stream(state, table, row, agent_id)
 
 
 @kernel
-def _goal_events(state: State, table: RouteTable, has_left: bool, row: int, seat: int) -> int:
+def _goal_events(state: State, table: RouteTable, has_left: bool, row: int, agent_id: int) -> int:
     """Return whether the goal was reached or missed, or a lap completed."""
-    goal = state.goals.goal[row, seat]
+    goal = state.goals.goal[row, agent_id]
     if goal in (_ENDLESS, _OFF_MAP):
         return _REACHED if has_left else 0
-    behind, crossed, is_last = _at_line(state, table, row, seat)
+    behind, crossed, is_last = _at_line(state, table, row, agent_id)
     if goal == _LAPS:
-        laps, before = state.goals.laps[row, seat], state.laps_before[row, seat]
+        laps, before = state.goals.laps[row, agent_id], state.laps_before[row, agent_id]
         # The locator counts laps on the route, but who crosses a line at its very end has left the route.
         if crossed and is_last and before == laps - 1:
-            state.seats.lap[row, seat] = laps
-        lap = state.seats.lap[row, seat]
+            state.agents.lap[row, agent_id] = laps
+        lap = state.agents.lap[row, agent_id]
         bits = _LAP_COMPLETED if lap > before else 0
         return bits | (_REACHED if lap >= laps else 0)
-    if crossed and crossed - 1 == state.goals.goal_lane[row, seat] and is_last:
+    if crossed and crossed - 1 == state.goals.goal_lane[row, agent_id] and is_last:
         return _REACHED
-    if goal == _POSITION and _is_at_goal(state, table, row, seat):
+    if goal == _POSITION and _is_at_goal(state, table, row, agent_id):
         return _REACHED
     return _MISSED if is_last and behind > MISSED_BY else 0
 
 
 @kernel
-def _is_at_goal(state: State, table: RouteTable, row: int, seat: int) -> bool:
+def _is_at_goal(state: State, table: RouteTable, row: int, agent_id: int) -> bool:
     """Tell whether the centre has come within the goal's radius; where a route passes twice, at last."""
-    goals, slot = state.goals, state.seats.slot[row, seat]
-    x, y = goals.goal_position[row, seat]
-    if not _passes(state, row, slot, x, y, goals.goal_radius[row, seat]):
+    goals, slot = state.goals, state.agents.slot[row, agent_id]
+    x, y = goals.goal_position[row, agent_id]
+    if not _passes(state, row, slot, x, y, goals.goal_radius[row, agent_id]):
         return False
     lane = lane_of(state, state.now, row, slot)
-    is_on_route = corridor_row(state, table, row, seat, lane) >= 0
-    return not is_on_route or _is_last_time(state, table, row, seat, lane)
+    is_on_route = corridor_row(state, table, row, agent_id, lane) >= 0
+    return not is_on_route or _is_last_time(state, table, row, agent_id, lane)
 
 
 @kernel
-def _is_last_time(state: State, table: RouteTable, row: int, seat: int, lane: int) -> bool:
+def _is_last_time(state: State, table: RouteTable, row: int, agent_id: int, lane: int) -> bool:
     """Tell whether the route does not come by this lane again; so it is without a route."""
-    here = corridor_row(state, table, row, seat, lane)
+    here = corridor_row(state, table, row, agent_id, lane)
     if here < 0:
-        return bool(state.route[row, seat] < 0)
-    corridor = table.free + state.route[row, seat]
+        return bool(state.route[row, agent_id] < 0)
+    corridor = table.free + state.route[row, agent_id]
     again = 0
     for later in range(here + 1, table.start[corridor + 1]):
         again += table.lane[later] == lane
@@ -274,7 +274,7 @@ def _is_last_time(state: State, table: RouteTable, row: int, seat: int, lane: in
 
 
 @kernel
-def _at_line(state: State, table: RouteTable, row: int, seat: int) -> tuple[float, int, bool]:
+def _at_line(state: State, table: RouteTable, row: int, agent_id: int) -> tuple[float, int, bool]:
     """Return how the vehicle stands to the goal's line, which runs across the whole road of the goal's lane.
 
     Returns:
@@ -282,12 +282,12 @@ def _at_line(state: State, table: RouteTable, row: int, seat: int) -> tuple[floa
         -infinity where it has nothing to do with the line; the lane, within its map, on which it crossed the
         line in this step, plus one, 0 if it did not; whether the route leads there for the last time.
     """
-    slot, lanes = state.seats.slot[row, seat], state.lanes
-    if state.goals.goal_lane[row, seat] < 0:
+    slot, lanes = state.agents.slot[row, agent_id], state.lanes
+    if state.goals.goal_lane[row, agent_id] < 0:
         return -np.inf, 0, False
     base = state.roads.lane_base[state.map[row]]
-    goal_s = state.goals.goal_s[row, seat]
-    edge = lanes.edge[base + state.goals.goal_lane[row, seat]]
+    goal_s = state.goals.goal_s[row, agent_id]
+    edge = lanes.edge[base + state.goals.goal_lane[row, agent_id]]
     lane = lane_of(state, state.now, row, slot)
     old = lane_of(state, state.before, row, slot) if _was_there(state, row, slot) else -1
     is_there, was_there = lane >= 0 and lanes.edge[lane] == edge, old >= 0 and lanes.edge[old] == edge
@@ -299,12 +299,12 @@ def _at_line(state: State, table: RouteTable, row: int, seat: int) -> tuple[floa
         if not was_there:
             before = behind - moved
         crossed = int(lane - base + 1 if old >= 0 and before < 0.0 <= behind else 0)
-        return behind, crossed, _is_last_time(state, table, row, seat, lane)
+        return behind, crossed, _is_last_time(state, table, row, agent_id, lane)
     if was_there:
         end = lane_length(state.roads, old) - goal_s
         behind = place_on_lane(state.roads, old, end_x, end_y)[0] - goal_s
         if behind >= end - AT_JOINT:
             behind = max(behind, end)
         crossed = int(old - base + 1 if before < 0.0 <= behind else 0)
-        return np.inf if behind >= end else -np.inf, crossed, _is_last_time(state, table, row, seat, old)
+        return np.inf if behind >= end else -np.inf, crossed, _is_last_time(state, table, row, agent_id, old)
     return -np.inf, 0, False

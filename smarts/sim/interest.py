@@ -18,10 +18,10 @@ Bools = NDArray[np.bool_]
 
 
 class NamedInterest:
-    """Knows by their names the vehicles that matter to each seat's agent.
+    """Knows by their names the vehicles that matter to each agent's agent.
 
     Args:
-        criteria: Of each seat, None for agents that end without regard to others.
+        criteria: Of each agent, None for agents that end without regard to others.
         marked: The pattern of the names that each scenario marks, by the scenario's name; "" for none.
         entries: Knows which scenarios are played.
     """
@@ -33,28 +33,30 @@ class NamedInterest:
         entries: Entries,
     ) -> None:
         shape = len(entries.episodes), len(criteria)
-        self._criteria = {seat: each for seat, each in enumerate(criteria) if each is not None}
+        self._criteria = {agent_id: each for agent_id, each in enumerate(criteria) if each is not None}
         self._marked = marked
         self._entries = entries
         self._seen = np.zeros(shape, np.bool_)
         self._gone = np.zeros(shape, np.bool_)
 
-    def is_gone(self, world: World, rows: Bools) -> Bools:
-        """Return for which seats no vehicle of interest is left, shape (B, A)."""
+    def is_gone(self, world: World, env_mask: Bools) -> Bools:
+        """Return for which agents no vehicle of interest is left, shape (B, A)."""
         self._gone[:] = False
-        self._seen[rows & (world.step <= 1)] = False
-        for row in np.flatnonzero(rows).tolist():
+        self._seen[env_mask & (world.step <= 1)] = False
+        for row in np.flatnonzero(env_mask).tolist():
             slots = np.flatnonzero(world.vehicles.alive[row]).tolist()
             names = {slot: world.registry.name(row, slot) for slot in slots}
-            for seat, criteria in self._criteria.items():
-                own = int(world.seats.slot[row, seat])
+            for agent_id, criteria in self._criteria.items():
+                own = int(world.agents.slot[row, agent_id])
                 patterns = self._patterns(row, criteria)
                 is_there = any(
                     slot != own and any(re.match(pattern, name) for pattern in patterns)
                     for slot, name in names.items()
                 )
-                self._seen[row, seat] |= is_there
-                self._gone[row, seat] = not is_there and (bool(self._seen[row, seat]) or criteria.strict)
+                self._seen[row, agent_id] |= is_there
+                self._gone[row, agent_id] = not is_there and (
+                    bool(self._seen[row, agent_id]) or criteria.strict
+                )
         return self._gone
 
     def _patterns(self, row: int, criteria: InterestDoneCriteria) -> tuple[str, ...]:

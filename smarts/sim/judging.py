@@ -1,6 +1,6 @@
 """What the judges of events read and write, as tuples of arrays for their kernels.
 
-Axis letters: B simulations, A seats, V vehicle slots, W via points, L lanes.
+Axis letters: B simulations, A agents, V vehicle slots, W via points, L lanes.
 """
 
 from __future__ import annotations
@@ -42,23 +42,23 @@ class Places(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is known of agents: columns of `Seats`, shape (B, A)."""
+    """What is known of agents: columns of `AgentStates`, shape (B, A)."""
 
     state: Bytes
     slot: Ints
     entry_step: Ints
     outcome: Bytes
-    route_done: Floats
+    route_progress: Floats
     lap: NDArray[np.int16]
     on_road: Bools
     corners_on_road: Bytes
     on_route: Bools
-    rest_position: Floats
-    rest_step: Ints
+    last_moved_position: Floats
+    last_moved_step: Ints
     off_route_since: Ints
     via_hit: Bools
-    ticket: Ints
-    ticket_junction: Ints
+    arrival_number: Ints
+    arrival_junction: Ints
 
 
 class Goals(NamedTuple):
@@ -86,10 +86,10 @@ class State(NamedTuple):
     """Shape (B, L)."""
     now: Places
     before: Places
-    seats: Memory
+    agents: Memory
     goals: Goals
     laps_before: NDArray[np.int16]
-    """`Seats.lap` one step ago, shape (B, A)."""
+    """`AgentStates.lap` one step ago, shape (B, A)."""
     route: Ints
     """Number in the table of routes, shape (B, A)."""
     roads: Roads
@@ -105,9 +105,9 @@ def state_of(scene: Scene) -> State:
         signals=world.signals,
         now=columns_of(world.vehicles, Places),
         before=columns_of(world.before, Places),
-        seats=columns_of(world.seats, Memory),
+        agents=columns_of(world.agents, Memory),
         goals=columns_of(world.missions, Goals),
-        laps_before=world.seats.lap.copy(),
+        laps_before=world.agents.lap.copy(),
         route=scene.routes.number,
         roads=scene.atlas.roads,
         lanes=lane_facts(scene.atlas),
@@ -122,9 +122,9 @@ def lane_of(state: State, places: Places, row: int, slot: int) -> int:
 
 
 @kernel
-def corridor_row(state: State, table: RouteTable, row: int, seat: int, lane: int) -> int:
-    """Return the row of a lane in the seat's route, where the agent is along it; -1 off the route."""
-    if lane < 0 or state.route[row, seat] < 0:
+def corridor_row(state: State, table: RouteTable, row: int, agent_id: int, lane: int) -> int:
+    """Return the row of a lane in the agent's route, where the agent is along it; -1 off the route."""
+    if lane < 0 or state.route[row, agent_id] < 0:
         return -1
-    corridor = table.free + state.route[row, seat]
-    return find_row(table, corridor, lane, state.seats.route_done[row, seat])
+    corridor = table.free + state.route[row, agent_id]
+    return find_row(table, corridor, lane, state.agents.route_progress[row, agent_id])

@@ -13,9 +13,9 @@ from smarts.roads.scene import Scene
 from smarts.sim.cut_in import pace_cut_in, plan_cut_in
 from smarts.sim.surroundings import Surroundings, surroundings_of
 from smarts.sim.u_turn import plan_u_turn
+from smarts.types.agent_states import AgentStatus
 from smarts.types.guidance import GuidePhase
 from smarts.types.mission import TaskKind
-from smarts.types.seats import SeatState
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
@@ -25,7 +25,7 @@ STRAYED = 6.0
 
 _NONE, _CUT_IN = int(TaskKind.NONE), int(TaskKind.CUT_IN)
 _FREE, _MANOEUVRE, _OVER = int(GuidePhase.FREE), int(GuidePhase.MANOEUVRE), int(GuidePhase.OVER)
-_SHADOWING, _ACTIVE = int(SeatState.SHADOWING), int(SeatState.ACTIVE)
+_SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
 class Manoeuvres:
@@ -37,18 +37,18 @@ class Manoeuvres:
 
     def __init__(self, scene: Scene) -> None:
         around, guide = surroundings_of(scene), guide_of(scene.world)
-        self._plan = bind(plan_manoeuvres, around, guide, scene.world.seats.state)
+        self._plan = bind(plan_manoeuvres, around, guide, scene.world.agents.state)
 
-    def plan(self, world: World, rows: Bools) -> None:
+    def plan(self, world: World, env_mask: Bools) -> None:
         """Say where tasks lead in some simulations."""
-        self._plan(rows)
+        self._plan(env_mask)
 
 
 @kernel
-def plan_manoeuvres(around: Surroundings, guide: Guide, state: NDArray[np.int8], rows: Bools) -> None:
-    """Write the guidance of the occupied seats of some simulations that have a task, shape (B, A)."""
-    for b in range(len(rows)):
-        if not rows[b]:
+def plan_manoeuvres(around: Surroundings, guide: Guide, state: NDArray[np.int8], env_mask: Bools) -> None:
+    """Write the guidance of the occupied agents of some simulations that have a task, shape (B, A)."""
+    for b in range(len(env_mask)):
+        if not env_mask[b]:
             continue
         for a in range(state.shape[1]):
             if around.task[b, a] == _NONE or state[b, a] not in (_ACTIVE, _SHADOWING):

@@ -65,9 +65,9 @@ def _reset(played: BuiltScenario, egos: int, seconds: float, seed: int) -> Momen
         columns = (column.copy() for _, column in world.vehicles[0].columns())
         missions = expand(played.scenario.ego_missions or ())
         slots = [-1] * len(missions)
-        for seat, mission in enumerate(parts.schedule.combination(0, 0).plan.missions):
+        for agent_id, mission in enumerate(parts.schedule.combination(0, 0).plan.missions):
             number = next(n for n, each in enumerate(missions) if each == mission and slots[n] < 0)
-            slots[number] = int(world.seats.slot[0, seat])
+            slots[number] = int(world.agents.slot[0, agent_id])
         return Moment(VehicleStates(*columns), slots)
     finally:
         parts.simulation.close()

@@ -1,4 +1,4 @@
-"""Ownership: the only place that says who drives which vehicle, and which seat it belongs to.
+"""Ownership: the only place that says who drives which vehicle, and which agent it belongs to.
 
 Providers follow: at the beginning of their stage they compare the owner column with what they saw last. So a
 hand-over is a write to one row, pose and speed stay as they are, and nothing is carried from one provider to
@@ -13,8 +13,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.types.episode import SeatStart
-from smarts.types.seats import NEITHER, SeatState
+from smarts.types.agent_states import UNSET, AgentStatus
+from smarts.types.episode import AgentStart
 from smarts.types.transfers import NO_TRANSFERS, Refusal, Transfers
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
@@ -34,8 +34,8 @@ class Driver(Protocol):
 class Ownership:
     """Lets vehicles in for agents, and carries out transfers, each wholly or not at all.
 
-    Always true of every simulation: a vehicle is in at most one seat; a seat with a slot holds a vehicle that
-    is alive and of the seat's generation; an active seat's vehicle is owned by AGENT.
+    Invariants of every simulation: at most one agent holds a vehicle; an agent with a slot holds a vehicle
+    that is alive and of the agent's generation; an active agent's vehicle is owned by AGENT.
 
     Args:
         world: What is written to.
@@ -51,8 +51,8 @@ class Ownership:
         """Forget the transfers that are pending in one simulation."""
         self._queue = self._queue[self._queue["row"] != row]
 
-    def admit(self, row: int, seat: int, start: SeatStart) -> int:
-        """Let an agent's vehicle in at its start, put the agent in the seat, and return the slot.
+    def admit(self, row: int, agent_id: int, start: AgentStart) -> int:
+        """Let an agent's vehicle in at its start, put the agent in the agent, and return the slot.
 
         Raises:
             TrafficError: No slot is free.
@@ -62,8 +62,8 @@ class Ownership:
         x, y, vehicles.heading[row, slot] = start.pose
         vehicles.position[row, slot] = x, y
         vehicles.speed[row, slot] = start.speed
-        vehicles.route[row, slot] = self._world.missions.route[row, seat]
-        self._sit(row, seat, slot, SeatState.ACTIVE)
+        vehicles.route[row, slot] = self._world.missions.route[row, agent_id]
+        self._sit(row, agent_id, slot, AgentStatus.ACTIVE)
         return slot
 
     def submit(self, transfers: Transfers) -> None:
@@ -71,19 +71,19 @@ class Ownership:
         if len(transfers):
             self._queue = np.concatenate([self._queue, transfers])
 
-    def apply(self, rows: Bools) -> Sequence[Any]:
+    def apply(self, env_mask: Bools) -> Sequence[Any]:
         """Carry out what is pending in some simulations; return the transfers that were refused.
 
-        They are tried in the order of `Reason`, then by seat, then by slot, whatever the order in which they
+        They are tried in the order of `Reason`, then by agent, then by slot, whatever the order in which they
         were proposed. One is refused, and changes nothing, if its vehicle is gone or no longer with the owner
-        and the seat that the proposer saw, if the seat it is to go to is taken, or if the new owner cannot
+        and the agent that the proposer saw, if the agent it is to go to is taken, or if the new owner cannot
         drive on with it.
         """
         if not len(self._queue):
             return ()
-        due = rows[self._queue["row"]]
+        due = env_mask[self._queue["row"]]
         pending, self._queue = self._queue[due], self._queue[~due]
-        order = np.lexsort((pending["slot"], pending["to_seat"], pending["reason"], pending["row"]))
+        order = np.lexsort((pending["slot"], pending["to_agent"], pending["reason"], pending["row"]))
         pending = pending[order]
         is_accepted = self._answers(pending) == Refusal.NONE
         return [
@@ -103,59 +103,59 @@ class Ownership:
         return answers
 
     def _carry_out(self, transfer: Any) -> bool:
-        row, slot, to_seat = int(transfer["row"]), int(transfer["slot"]), int(transfer["to_seat"])
+        row, slot, to_agent = int(transfer["row"]), int(transfer["slot"]), int(transfer["to_agent"])
         if not (self._is_as_seen(transfer) and self._can_go(transfer)):
             return False
-        from_seat, owner = int(transfer["from_seat"]), int(transfer["to_owner"])
+        from_agent, owner = int(transfer["from_agent"]), int(transfer["to_owner"])
         vehicles = self._world.vehicles
-        if from_seat not in (NEITHER, to_seat):
-            self._rise(row, from_seat)
+        if from_agent not in (UNSET, to_agent):
+            self._rise(row, from_agent)
         if owner == Owner.NOBODY:
             self._world.registry.dismiss(row, slot)
             return True
         if owner != vehicles.owner[row, slot]:
             vehicles.owner[row, slot] = owner
             # Whoever drives now has plans of its own.
-            vehicles.route[row, slot] = NEITHER
-        if to_seat != NEITHER:
-            state = SeatState.ACTIVE if owner == Owner.AGENT else SeatState.SHADOWING
-            self._sit(row, to_seat, slot, state)
+            vehicles.route[row, slot] = UNSET
+        if to_agent != UNSET:
+            state = AgentStatus.ACTIVE if owner == Owner.AGENT else AgentStatus.SHADOWING
+            self._sit(row, to_agent, slot, state)
             if owner == Owner.AGENT:
-                vehicles.route[row, slot] = self._world.missions.route[row, to_seat]
+                vehicles.route[row, slot] = self._world.missions.route[row, to_agent]
         return True
 
     def _is_as_seen(self, transfer: Any) -> bool:
         """Return whether the vehicle is still with whom the proposer saw it."""
         row, slot = int(transfer["row"]), int(transfer["slot"])
-        vehicles, seats = self._world.vehicles, self._world.seats
+        vehicles, agents = self._world.vehicles, self._world.agents
         if not vehicles.alive[row, slot] or vehicles.generation[row, slot] != transfer["generation"]:
             return False
-        holders = np.flatnonzero(seats.slot[row] == slot)
-        seat = int(holders[0]) if len(holders) else NEITHER
-        return seat == transfer["from_seat"] and vehicles.owner[row, slot] == transfer["from_owner"]
+        holders = np.flatnonzero(agents.slot[row] == slot)
+        agent_id = int(holders[0]) if len(holders) else UNSET
+        return agent_id == transfer["from_agent"] and vehicles.owner[row, slot] == transfer["from_owner"]
 
     def _can_go(self, transfer: Any) -> bool:
         """Return whether the vehicle can go where it is to go."""
         row = int(transfer["row"])
-        owner, to_seat = int(transfer["to_owner"]), int(transfer["to_seat"])
+        owner, to_agent = int(transfer["to_owner"]), int(transfer["to_agent"])
         if owner == Owner.NOBODY:
-            return to_seat == NEITHER
-        if owner == Owner.AGENT and to_seat == NEITHER:
+            return to_agent == UNSET
+        if owner == Owner.AGENT and to_agent == UNSET:
             return False
-        is_taken = to_seat != NEITHER and to_seat != transfer["from_seat"]
-        return not (is_taken and self._world.seats.slot[row, to_seat] != NEITHER)
+        is_taken = to_agent != UNSET and to_agent != transfer["from_agent"]
+        return not (is_taken and self._world.agents.slot[row, to_agent] != UNSET)
 
-    def _sit(self, row: int, seat: int, slot: int, state: SeatState) -> None:
-        seats, vehicles = self._world.seats, self._world.vehicles
-        seats.slot[row, seat] = slot
-        seats.generation[row, seat] = vehicles.generation[row, slot]
-        seats.state[row, seat] = state
-        seats.entry_step[row, seat] = self._world.step[row]
-        seats.next_due[row, seat] = self._world.step[row]
-        seats.rest_position[row, seat] = vehicles.position[row, slot]
-        seats.rest_step[row, seat] = self._world.step[row]
+    def _sit(self, row: int, agent_id: int, slot: int, state: AgentStatus) -> None:
+        agents, vehicles = self._world.agents, self._world.vehicles
+        agents.slot[row, agent_id] = slot
+        agents.generation[row, agent_id] = vehicles.generation[row, slot]
+        agents.state[row, agent_id] = state
+        agents.entry_step[row, agent_id] = self._world.step[row]
+        agents.next_due[row, agent_id] = self._world.step[row]
+        agents.last_moved_position[row, agent_id] = vehicles.position[row, slot]
+        agents.last_moved_step[row, agent_id] = self._world.step[row]
 
-    def _rise(self, row: int, seat: int) -> None:
-        seats = self._world.seats
-        seats.slot[row, seat] = NEITHER
-        seats.state[row, seat] = SeatState.VACANT
+    def _rise(self, row: int, agent_id: int) -> None:
+        agents = self._world.agents
+        agents.slot[row, agent_id] = UNSET
+        agents.state[row, agent_id] = AgentStatus.VACANT

@@ -17,26 +17,26 @@ from smarts.sim.columns import columns_of
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
 from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table
 from smarts.sim.recorder_kernel import (
+    AGENT_ROWS,
     DECISION_ROWS,
     FOR_A_WHILE,
     NEWCOMERS,
-    SEAT_ROWS,
     SIGNAL_ROWS,
     VEHICLE_ROWS,
     ActionColumns,
+    AgentColumns,
     Buffers,
-    SeatColumns,
     StepColumns,
     VehicleColumns,
     take_frame,
 )
 from smarts.sim.recorder_thread import WriterThread
 from smarts.types.actions import Actions
+from smarts.types.agent_states import UNSET
 from smarts.types.episode import EpisodeStart
-from smarts.types.episode_schema import DECISIONS, SEATS, SIGNALS, TABLE, VEHICLES, VERSION
+from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, TABLE, VEHICLES, VERSION
 from smarts.types.events import Outcome
 from smarts.types.frame import Frame
-from smarts.types.seats import NEITHER
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -47,7 +47,7 @@ _OVERLAP = "vehicles overlapped at the start"
 
 _TABLES = (
     (VEHICLES.name, VEHICLE_ROWS),
-    (SEATS.name, SEAT_ROWS),
+    (AGENT_STATES.name, AGENT_ROWS),
     (DECISIONS.name, DECISION_ROWS),
     (SIGNALS.name, SIGNAL_ROWS),
 )
@@ -68,9 +68,9 @@ class _Episode:
     names: list[tuple[int, int, str, int]] = field(default_factory=list)
     endings: dict[int, Ending] = field(default_factory=dict)
     extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
-    """Name, step, seats (S,), values (S, ...)."""
+    """Name, step, agents (S,), values (S, ...)."""
     small: dict[str, list[Floats]] = field(
-        default_factory=lambda: {SEATS.name: [], DECISIONS.name: [], SIGNALS.name: []}
+        default_factory=lambda: {AGENT_STATES.name: [], DECISIONS.name: [], SIGNALS.name: []}
     )
     """Rows of the tables that are written in one piece."""
 
@@ -92,18 +92,18 @@ class EpisodeRecorder:
 
     def __init__(self, scene: Scene, folder: Path) -> None:
         world = scene.world
-        worlds, seats = world.seats.slot.shape
+        worlds, agents = world.agents.slot.shape
         self._scene = scene
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds
         self._unfinished: list[EpisodeWriter] = []
         self._vehicles = columns_of(world.vehicles, VehicleColumns)
-        self._seats = columns_of(world.seats, SeatColumns)
-        self._no_actions = Actions.allocate(worlds, seats)
+        self._agent_states = columns_of(world.agents, AgentColumns)
+        self._no_actions = Actions.allocate(worlds, agents)
         self._keep = round(FOR_A_WHILE / world.dt)
         capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
-        self._buffers = Buffers.allocate(worlds, seats, capacity, lanes)
+        self._buffers = Buffers.allocate(worlds, agents, capacity, lanes)
         self._program = version("smarts-bench")
 
     def record(self, frame: Frame) -> None:
@@ -120,16 +120,16 @@ class EpisodeRecorder:
         actions = self._no_actions if frame.actions is None else frame.actions
         is_busy = take_frame(
             world.step,
-            frame.rows,
+            frame.env_mask,
             world.signals,
             self._vehicles,
-            self._seats,
+            self._agent_states,
             StepColumns(events.bits, contacts.partner, contacts.partner_generation),
             columns_of(actions, ActionColumns),
             self._keep,
             self._buffers,
         )
-        rows = np.flatnonzero(frame.rows).tolist()
+        rows = np.flatnonzero(frame.env_mask).tolist()
         for row in rows:
             episode = self._episodes[row]
             if episode is not None:
@@ -146,32 +146,32 @@ class EpisodeRecorder:
                 who = "traffic" if isinstance(failure, TrafficError) else "a vehicle"
                 episode.void = f"{who} failed: {failure.problem}"
 
-    def annotate(self, name: str, values: ArrayLike, seats: Bools, step: Ints | None = None) -> None:
+    def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
         """Add to the record what an algorithm says about its decisions, or what came of them.
 
         Args:
             name: What it is, such as "probabilities" or "reward".
-            values: Numbers of each seat, shape (B, N, ...), N at most A.
-            seats: Whose count, shape (B, N).
+            values: Numbers of each agent, shape (B, N, ...), N at most A.
+            agent_ids: Whose count, shape (B, N).
             step: Step of the state on which each simulation's decision was made, shape (B,); by default now,
                 which is right for what is said before the step.
         """
         table = np.asarray(values, np.float64)
         steps = self._scene.world.step if step is None else step
-        for row in np.flatnonzero(seats.any(axis=1)).tolist():
+        for row in np.flatnonzero(agent_ids.any(axis=1)).tolist():
             episode = self._episodes[row]
             if episode is not None:
-                who = np.flatnonzero(seats[row]).astype(np.int32)
+                who = np.flatnonzero(agent_ids[row]).astype(np.int32)
                 # Fancy indexing copies: the caller may go on with its array.
                 episode.extras.append((name, int(steps[row]), who, table[row, who]))
 
-    def finish(self, rows: Bools) -> None:
+    def finish(self, env_mask: Bools) -> None:
         """Have the episodes of some simulations written, since all has been said about them.
 
         Args:
-            rows: Which, shape (B,); those without an episode do not matter.
+            env_mask: Which, shape (B,); those without an episode do not matter.
         """
-        for row in np.flatnonzero(rows).tolist():
+        for row in np.flatnonzero(env_mask).tolist():
             self._finish(row)
 
     def close(self) -> None:
@@ -214,37 +214,37 @@ class EpisodeRecorder:
 
     def _take_endings(self, frame: Frame) -> None:
         """Note how agents have ended, as long as their vehicles are there."""
-        seats, events = frame.world.seats, frame.events
+        agents, events = frame.world.agents, frame.events
         for row in np.flatnonzero(events.just_done.any(axis=1) | events.finished).tolist():
             episode = self._episodes[row]
             if episode is None:
                 continue
             episode.is_complete |= bool(events.finished[row])
-            for seat in np.flatnonzero(seats.outcome[row] != Outcome.NONE).tolist():
-                if seat not in episode.endings:
-                    episode.endings[seat] = self._ending(frame, row, seat)
-            if (seats.outcome[row] == Outcome.VOID).any():
+            for agent_id in np.flatnonzero(agents.outcome[row] != Outcome.NONE).tolist():
+                if agent_id not in episode.endings:
+                    episode.endings[agent_id] = self._ending(frame, row, agent_id)
+            if (agents.outcome[row] == Outcome.VOID).any():
                 episode.void = episode.void or _OVERLAP
 
-    def _ending(self, frame: Frame, row: int, seat: int) -> Ending:
+    def _ending(self, frame: Frame, row: int, agent_id: int) -> Ending:
         world, contacts, events = frame.world, frame.contacts, frame.events
         ending = Ending(
-            outcome=int(world.seats.outcome[row, seat]),
-            terminated=bool(events.terminated[row, seat]),
-            truncated=bool(events.truncated[row, seat]),
+            outcome=int(world.agents.outcome[row, agent_id]),
+            terminated=bool(events.terminated[row, agent_id]),
+            truncated=bool(events.truncated[row, agent_id]),
         )
-        slot = int(contacts.partner[row, seat])
-        if ending.outcome != Outcome.COLLISION or slot == NEITHER:
+        slot = int(contacts.partner[row, agent_id])
+        if ending.outcome != Outcome.COLLISION or slot == UNSET:
             return ending
-        holders = np.flatnonzero(world.seats.slot[row] == slot)
+        holders = np.flatnonzero(world.agents.slot[row] == slot)
         ending.partner_slot = slot
-        ending.partner_generation = int(contacts.partner_generation[row, seat])
+        ending.partner_generation = int(contacts.partner_generation[row, agent_id])
         ending.partner = self._scene.world.registry.name(row, slot)
         ending.partner_owner = int(world.vehicles.owner[row, slot])
-        ending.partner_seat = int(holders[0]) if len(holders) else NEITHER
-        ending.side = int(contacts.side[row, seat])
-        ending.closing_speed = float(contacts.closing_speed[row, seat])
-        ending.substep = int(contacts.substep[row, seat])
+        ending.partner_agent_id = int(holders[0]) if len(holders) else UNSET
+        ending.side = int(contacts.side[row, agent_id])
+        ending.closing_speed = float(contacts.closing_speed[row, agent_id])
+        ending.substep = int(contacts.substep[row, agent_id])
         return ending
 
     def _flush(self, row: int, episode: _Episode) -> None:

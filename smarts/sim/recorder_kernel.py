@@ -1,7 +1,7 @@
 """What the recorder copies out of a frame, in one call for all simulations.
 
 Rows are floating-point numbers in the order of the columns of `smarts.types.episode_schema`; all its whole
-numbers are exact in them. Axis letters: B simulations, A seats, V slots, L lanes.
+numbers are exact in them. Axis letters: B simulations, A agents, V slots, L lanes.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
-from smarts.types.episode_schema import DECISIONS, SEATS, SIGNALS, VEHICLES
-from smarts.types.seats import SeatState
+from smarts.types.agent_states import AgentStatus
+from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, VEHICLES
 
 NEAR = 150.0
 """Vehicles this near to an agent are recorded [m]."""
 FOR_A_WHILE = 15.0
 """Once recorded, a vehicle is recorded for so long [s], that no encounter is cut off."""
 
-VEHICLE_ROWS, SEAT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS = range(5)
+VEHICLE_ROWS, AGENT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS = range(5)
 """Columns of `Buffers.used`."""
 
 Bools = NDArray[np.bool_]
@@ -28,7 +28,7 @@ Bytes = NDArray[np.int8]
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
-_SHADOWING, _ACTIVE, _DONE = int(SeatState.SHADOWING), int(SeatState.ACTIVE), int(SeatState.DONE)
+_SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE), int(AgentStatus.DONE)
 
 
 class VehicleColumns(NamedTuple):
@@ -54,8 +54,8 @@ class VehicleColumns(NamedTuple):
     desired_speed: Floats
 
 
-class SeatColumns(NamedTuple):
-    """Columns of `Seats`, shape (B, A)."""
+class AgentColumns(NamedTuple):
+    """Columns of `AgentStates`, shape (B, A)."""
 
     state: Bytes
     slot: Ints
@@ -63,14 +63,14 @@ class SeatColumns(NamedTuple):
     throttle: Floats
     brake: Floats
     steering: Floats
-    route_done: Floats
+    route_progress: Floats
     remaining: Floats
-    travelled: Floats
+    distance_travelled: Floats
     lap: NDArray[np.int16]
     target_lane: Ints
     change_phase: Bytes
-    legal: Bools
-    ticket: Ints
+    action_mask: Bools
+    arrival_number: Ints
     effective: Bools
 
 
@@ -88,7 +88,7 @@ class ActionColumns(NamedTuple):
     kind: Bytes
     fresh: Bools
     values: Floats
-    legal: Bools
+    action_mask: Bools
 
 
 class Buffers(NamedTuple):
@@ -96,7 +96,7 @@ class Buffers(NamedTuple):
 
     vehicles: Floats
     """Shape (B, rows, columns), like those below."""
-    seats: Floats
+    agent_states: Floats
     decisions: Floats
     signals: Floats
     used: Ints
@@ -113,12 +113,12 @@ class Buffers(NamedTuple):
     """The most vehicles at a time, shape (B,)."""
 
     @classmethod
-    def allocate(cls, worlds: int, seats: int, capacity: int, lanes: int, rows: int = 4096) -> Buffers:
+    def allocate(cls, worlds: int, agents: int, capacity: int, lanes: int, rows: int = 4096) -> Buffers:
         """Return empty buffers; one that is less than half full has room for the rows of a frame."""
         return cls(
             vehicles=np.zeros((worlds, max(rows, capacity) + capacity, len(VEHICLES.columns))),
-            seats=np.zeros((worlds, max(rows // 4, seats) + seats, len(SEATS.columns))),
-            decisions=np.zeros((worlds, max(rows // 8, seats) + seats, len(DECISIONS.columns))),
+            agent_states=np.zeros((worlds, max(rows // 4, agents) + agents, len(AGENT_STATES.columns))),
+            decisions=np.zeros((worlds, max(rows // 8, agents) + agents, len(DECISIONS.columns))),
             signals=np.zeros((worlds, max(rows // 8, lanes) + lanes, len(SIGNALS.columns))),
             used=np.zeros((worlds, 5), np.int32),
             until=np.zeros((worlds, capacity), np.int32),
@@ -137,10 +137,10 @@ class Buffers(NamedTuple):
 @kernel
 def take_frame(
     step: Ints,
-    rows: Bools,
+    env_mask: Bools,
     signals: Bytes,
     vehicles: VehicleColumns,
-    seats: SeatColumns,
+    agents: AgentColumns,
     events: StepColumns,
     actions: ActionColumns,
     keep: int,
@@ -150,10 +150,10 @@ def take_frame(
 
     Args:
         step: Of each simulation, shape (B,).
-        rows: Which of them the frame is of, shape (B,).
+        env_mask: Which of them the frame is of, shape (B,).
         signals: Shape (B, L).
         vehicles: All of them.
-        seats: All of them.
+        agents: All of them.
         events: Of the step.
         actions: That led here; none is fresh in the frame of a reset.
         keep: Steps for which a vehicle is recorded once it was near.
@@ -163,41 +163,44 @@ def take_frame(
         Whether there are newcomers, or a buffer has no room for another frame, in any simulation.
     """
     is_busy = False
-    for row in range(len(rows)):
-        if not rows[row]:
+    for row in range(len(env_mask)):
+        if not env_mask[row]:
             continue
         out.used[row, NEWCOMERS] = 0
-        _take_vehicles(step[row], row, vehicles, seats, keep, out)
-        for seat in range(seats.state.shape[1]):
-            if seats.state[row, seat] in (_SHADOWING, _ACTIVE, _DONE) and seats.slot[row, seat] >= 0:
-                _take_seat(step[row], row, seat, seats, events, out)
-            if actions.fresh[row, seat]:
-                _take_decision(step[row] - 1, row, seat, seats, actions, out)
+        _take_vehicles(step[row], row, vehicles, agents, keep, out)
+        for agent_id in range(agents.state.shape[1]):
+            if (
+                agents.state[row, agent_id] in (_SHADOWING, _ACTIVE, _DONE)
+                and agents.slot[row, agent_id] >= 0
+            ):
+                _take_agent_id(step[row], row, agent_id, agents, events, out)
+            if actions.fresh[row, agent_id]:
+                _take_decision(step[row] - 1, row, agent_id, agents, actions, out)
         for lane in range(signals.shape[1]):
             if signals[row, lane] != out.lights[row, lane]:
                 out.lights[row, lane] = signals[row, lane]
                 into = out.signals[row, out.used[row, SIGNAL_ROWS]]
                 into[0], into[1], into[2] = step[row], lane, signals[row, lane]
                 out.used[row, SIGNAL_ROWS] += 1
-        is_busy |= out.used[row, NEWCOMERS] > 0 or _is_full(row, seats.state.shape[1], out)
+        is_busy |= out.used[row, NEWCOMERS] > 0 or _is_full(row, agents.state.shape[1], out)
     return is_busy
 
 
 @kernel
-def _is_full(row: int, seats: int, out: Buffers) -> bool:
+def _is_full(row: int, agents: int, out: Buffers) -> bool:
     """Tell whether a buffer has no room for another frame."""
     used = out.used[row]
     return (
         used[VEHICLE_ROWS] + out.until.shape[1] > out.vehicles.shape[1]
-        or used[SEAT_ROWS] + seats > out.seats.shape[1]
-        or used[DECISION_ROWS] + seats > out.decisions.shape[1]
+        or used[AGENT_ROWS] + agents > out.agent_states.shape[1]
+        or used[DECISION_ROWS] + agents > out.decisions.shape[1]
         or used[SIGNAL_ROWS] + out.lights.shape[1] > out.signals.shape[1]
     )
 
 
 @kernel
 def _take_vehicles(
-    step: int, row: int, vehicles: VehicleColumns, seats: SeatColumns, keep: int, out: Buffers
+    step: int, row: int, vehicles: VehicleColumns, agents: AgentColumns, keep: int, out: Buffers
 ) -> None:
     alive = 0
     for slot in range(vehicles.alive.shape[1]):
@@ -206,7 +209,7 @@ def _take_vehicles(
         alive += 1
         generation = vehicles.generation[row, slot]
         is_known = out.known[row, slot] == generation
-        if _is_near(row, slot, vehicles, seats):
+        if _is_near(row, slot, vehicles, agents):
             out.until[row, slot] = step + keep
         elif not is_known or step > out.until[row, slot]:
             continue
@@ -220,11 +223,11 @@ def _take_vehicles(
 
 
 @kernel
-def _is_near(row: int, slot: int, vehicles: VehicleColumns, seats: SeatColumns) -> bool:
+def _is_near(row: int, slot: int, vehicles: VehicleColumns, agents: AgentColumns) -> bool:
     """Tell whether a vehicle is near an agent's that drives, or has ended in this step."""
-    for seat in range(seats.state.shape[1]):
-        other = seats.slot[row, seat]
-        if other < 0 or seats.state[row, seat] not in (_SHADOWING, _ACTIVE, _DONE):
+    for agent_id in range(agents.state.shape[1]):
+        other = agents.slot[row, agent_id]
+        if other < 0 or agents.state[row, agent_id] not in (_SHADOWING, _ACTIVE, _DONE):
             continue
         dx = vehicles.position[row, other, 0] - vehicles.position[row, slot, 0]
         dy = vehicles.position[row, other, 1] - vehicles.position[row, slot, 1]
@@ -249,31 +252,33 @@ def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleColumns, into
 
 
 @kernel
-def _take_seat(step: int, row: int, seat: int, seats: SeatColumns, events: StepColumns, out: Buffers) -> None:
-    into = out.seats[row, out.used[row, SEAT_ROWS]]
-    out.used[row, SEAT_ROWS] += 1
-    into[0], into[1], into[2] = step, seat, seats.state[row, seat]
-    into[3], into[4] = seats.slot[row, seat], seats.generation[row, seat]
-    into[5] = events.bits[row, seat]
-    into[6], into[7] = events.partner[row, seat], events.partner_generation[row, seat]
-    into[8], into[9] = seats.throttle[row, seat], seats.brake[row, seat]
-    into[10] = seats.steering[row, seat]
-    into[11], into[12] = seats.route_done[row, seat], seats.remaining[row, seat]
-    into[13], into[14] = seats.travelled[row, seat], seats.lap[row, seat]
-    into[15], into[16] = seats.target_lane[row, seat], seats.change_phase[row, seat]
-    into[17], into[18] = _bits(seats.legal[row, seat]), seats.ticket[row, seat]
+def _take_agent_id(
+    step: int, row: int, agent_id: int, agents: AgentColumns, events: StepColumns, out: Buffers
+) -> None:
+    into = out.agent_states[row, out.used[row, AGENT_ROWS]]
+    out.used[row, AGENT_ROWS] += 1
+    into[0], into[1], into[2] = step, agent_id, agents.state[row, agent_id]
+    into[3], into[4] = agents.slot[row, agent_id], agents.generation[row, agent_id]
+    into[5] = events.bits[row, agent_id]
+    into[6], into[7] = events.partner[row, agent_id], events.partner_generation[row, agent_id]
+    into[8], into[9] = agents.throttle[row, agent_id], agents.brake[row, agent_id]
+    into[10] = agents.steering[row, agent_id]
+    into[11], into[12] = agents.route_progress[row, agent_id], agents.remaining[row, agent_id]
+    into[13], into[14] = agents.distance_travelled[row, agent_id], agents.lap[row, agent_id]
+    into[15], into[16] = agents.target_lane[row, agent_id], agents.change_phase[row, agent_id]
+    into[17], into[18] = _bits(agents.action_mask[row, agent_id]), agents.arrival_number[row, agent_id]
 
 
 @kernel
 def _take_decision(
-    step: int, row: int, seat: int, seats: SeatColumns, actions: ActionColumns, out: Buffers
+    step: int, row: int, agent_id: int, agents: AgentColumns, actions: ActionColumns, out: Buffers
 ) -> None:
     into = out.decisions[row, out.used[row, DECISION_ROWS]]
     out.used[row, DECISION_ROWS] += 1
-    into[0], into[1], into[2] = step, seat, actions.kind[row, seat]
+    into[0], into[1], into[2] = step, agent_id, actions.kind[row, agent_id]
     for number in range(8):
-        into[3 + number] = actions.values[row, seat, number]
-    into[11], into[12] = _bits(actions.legal[row, seat]), seats.effective[row, seat]
+        into[3 + number] = actions.values[row, agent_id, number]
+    into[11], into[12] = _bits(actions.action_mask[row, agent_id]), agents.effective[row, agent_id]
 
 
 @kernel

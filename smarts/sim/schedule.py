@@ -167,6 +167,6 @@ class Schedule:
             traffic_name=plan.traffic,
             traffic_seed=traffic_seed(seed, world=world, episode=episode),
             limit=self._limits[built.name] + self._most_agents,
-            seats=draw_starts(built, plan.missions, self.agents, self._shapes, generator),
+            agents=draw_starts(built, plan.missions, self.agents, self._shapes, generator),
             engine=chosen.engine,
         )

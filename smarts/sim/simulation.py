@@ -18,23 +18,23 @@ from smarts.sim.stages import (
     Controllers,
     EntryRules,
     EventDetector,
-    Locator,
+    Matcher,
     Recorder,
     Sensors,
     TransferRules,
     Vehicles,
 )
 from smarts.types.actions import Actions
+from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Events, Outcome
 from smarts.types.frame import Frame
-from smarts.types.seats import SeatState
 from smarts.types.tracks import Tracks
 from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
 
-_SHADOWING, _ACTIVE = int(SeatState.SHADOWING), int(SeatState.ACTIVE)
+_SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Stages:
     controllers: Controllers
     vehicles: Vehicles
     traffic: TrafficEngine
-    locator: Locator
+    matcher: Matcher
     contacts: ContactFinder
     events: EventDetector
     transfer_rules: TransferRules
@@ -56,22 +56,22 @@ class Stages:
 
 def void(world: World, events: Events, row: int) -> None:
     """End the episode of one simulation for all of its agents, without counting it."""
-    seats = world.seats
-    there = (seats.state[row] == SeatState.ACTIVE) | (seats.state[row] == SeatState.SHADOWING)
-    seats.state[row, there] = SeatState.DONE
-    seats.state[row, seats.state[row] == SeatState.WAITING] = SeatState.VACANT
-    seats.outcome[row, there] = Outcome.VOID
+    agents = world.agents
+    there = (agents.state[row] == AgentStatus.ACTIVE) | (agents.state[row] == AgentStatus.SHADOWING)
+    agents.state[row, there] = AgentStatus.DONE
+    agents.state[row, agents.state[row] == AgentStatus.WAITING] = AgentStatus.VACANT
+    agents.outcome[row, there] = Outcome.VOID
     events.just_done[row] |= there
     events.truncated[row] |= there
     events.finished[row] = True
 
 
-def _without(rows: Bools, failures: Mapping[int, SmartsError]) -> Bools:
+def _without(env_mask: Bools, failures: Mapping[int, SmartsError]) -> Bools:
     """Return which simulations make the rest of the step."""
     if failures:
-        rows = rows.copy()
-        rows[list(failures)] = False
-    return rows
+        env_mask = env_mask.copy()
+        env_mask[list(failures)] = False
+    return env_mask
 
 
 class Simulation:
@@ -85,17 +85,17 @@ class Simulation:
     def __init__(self, world: World, stages: Stages) -> None:
         self.world = world
         self._stages = stages
-        self._no_tracks = Tracks.of(np.zeros((*world.seats.slot.shape, 0, 3)), world.vehicles.capacity)
-        self._nobody = np.zeros(world.seats.slot.shape, np.bool_)
-        self._see = bind(find_seen, world.seats.state)
+        self._no_tracks = Tracks.of(np.zeros((*world.agents.slot.shape, 0, 3)), world.vehicles.capacity)
+        self._nobody = np.zeros(world.agents.slot.shape, np.bool_)
+        self._see = bind(find_seen, world.agents.state)
 
-    def step(self, actions: Actions, rows: Bools, wanted: Bools) -> Frame:
+    def step(self, actions: Actions, env_mask: Bools, observe_mask: Bools) -> Frame:
         """Advance some simulations by `dt`; the order of these lines is the contract.
 
         Args:
-            actions: Of all seats.
-            rows: Which simulations make the step, shape (B,).
-            wanted: Which seats are to be observed, shape (B, A); those whose agent is done always are.
+            actions: Of all agents.
+            env_mask: Which simulations make the step, shape (B,).
+            observe_mask: Which agents are to be observed, shape (B, A); those whose agent is done always are.
 
         Returns:
             What happened. Where traffic failed, or a vehicle's command or motion is not finite, the frame's
@@ -103,28 +103,28 @@ class Simulation:
             reset. The others have made the step.
         """
         world, stages = self.world, self._stages
-        world.advance(rows)
+        world.advance(env_mask)
         # Those who are done were still to be seen in the last frame.
-        stages.ownership.apply(rows)
-        stages.entries.enter(world, rows)
-        commands = stages.controllers.command(world, actions, rows)
+        stages.ownership.apply(env_mask)
+        stages.entries.enter(world, env_mask)
+        commands = stages.controllers.command(world, actions, env_mask)
         # Before traffic, so that its drivers find agents where they are at the end of the step.
-        tracks = stages.vehicles.step(world, commands, rows)
+        tracks = stages.vehicles.step(world, commands, env_mask)
         failures = dict(stages.vehicles.failures)
-        rows = _without(rows, failures)
-        stages.traffic.step(world, rows)
-        stages.locator.locate(world, rows)
+        env_mask = _without(env_mask, failures)
+        stages.traffic.step(world, env_mask)
+        stages.matcher.locate(world, env_mask)
         failures |= stages.traffic.failures
-        rows = _without(rows, stages.traffic.failures)
-        contacts = stages.contacts.find(world, tracks, rows)
+        env_mask = _without(env_mask, stages.traffic.failures)
+        contacts = stages.contacts.find(world, tracks, env_mask)
         # Before the sensors: the last observation of an agent is of the step that ended it.
-        events = stages.events.detect(world, contacts, rows)
+        events = stages.events.detect(world, contacts, env_mask)
         for row in failures:
             void(world, events, row)
-        stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
-        seen = self._see(rows, wanted, events.just_done)
+        stages.ownership.submit(stages.transfer_rules.propose(world, events, env_mask))
+        seen = self._see(env_mask, observe_mask, events.just_done)
         readings = stages.sensors.observe(world, seen)
-        frame = Frame(world, rows, actions, commands, contacts, events, seen, readings, failures)
+        frame = Frame(world, env_mask, actions, commands, contacts, events, seen, readings, failures)
         stages.recorder.record(frame)
         return frame
 
@@ -142,7 +142,7 @@ class Simulation:
         # After agents, since traffic makes room for them.
         stages.traffic.reset(world, starts)
         stages.vehicles.reset(world, rows)
-        stages.locator.locate(world, rows)
+        stages.matcher.locate(world, rows)
         for row in starts:
             stages.entries.clear_way(world, row)
             world.settle(row)
@@ -172,11 +172,11 @@ class Simulation:
 
 
 @kernel
-def find_seen(state: NDArray[np.int8], rows: Bools, wanted: Bools, just_done: Bools) -> Bools:
-    """Return which seats are observed, shape (B, A): wanted and with an agent in a vehicle, or just done."""
+def find_seen(state: NDArray[np.int8], env_mask: Bools, observe_mask: Bools, just_done: Bools) -> Bools:
+    """Return which agents are observed, shape (B, A): wanted and with an agent in a vehicle, or just done."""
     seen = just_done.copy()
-    for b in range(len(rows)):
+    for b in range(len(env_mask)):
         for a in range(state.shape[1]):
-            if rows[b] and wanted[b, a] and state[b, a] in (_ACTIVE, _SHADOWING):
+            if env_mask[b] and observe_mask[b, a] and state[b, a] in (_ACTIVE, _SHADOWING):
                 seen[b, a] = True
     return seen

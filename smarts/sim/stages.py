@@ -27,7 +27,7 @@ Ints = NDArray[np.int32]
 
 
 class EntryRules(Protocol):
-    """Let agents in; write missions, and through `Ownership` the seats."""
+    """Let agents in; write missions, and through `Ownership` the agents."""
 
     def reset(self, world: World, row: int, start: EpisodeStart) -> None:
         """Begin an episode of one simulation, which is empty."""
@@ -37,32 +37,32 @@ class EntryRules(Protocol):
         """Make room for those who are in at the beginning; everybody has been located."""
         ...
 
-    def enter(self, world: World, rows: Bools) -> None:
+    def enter(self, world: World, env_mask: Bools) -> None:
         """Let in those whose time has come."""
         ...
 
 
 class Controllers(Protocol):
-    """Turn actions into commands; write the latch of lane changes in the seats."""
+    """Turn actions into commands; write the latch of lane changes in the agents."""
 
-    def command(self, world: World, actions: Actions, rows: Bools) -> Commands:
-        """Return what the vehicles of all active seats are to do in this step."""
+    def command(self, world: World, actions: Actions, env_mask: Bools) -> Commands:
+        """Return what the vehicles of all active agents are to do in this step."""
         ...
 
 
 class Vehicles(Protocol):
-    """Move the vehicles of owner AGENT; write their rows, and the seats' actuators."""
+    """Move the vehicles of owner AGENT; write their rows, and the agents' actuators."""
 
     @property
     def failures(self) -> Mapping[int, SmartsError]:
         """What went wrong in the last step, by row; those rows are to be reset."""
         ...
 
-    def reset(self, world: World, rows: Bools) -> None:
+    def reset(self, world: World, env_mask: Bools) -> None:
         """Forget all vehicles of some simulations; those in their rows now are new."""
         ...
 
-    def step(self, world: World, commands: Commands, rows: Bools) -> Tracks:
+    def step(self, world: World, commands: Commands, env_mask: Bools) -> Tracks:
         """Move them by one step; return how."""
         ...
 
@@ -75,10 +75,10 @@ class Vehicles(Protocol):
         ...
 
 
-class Locator(Protocol):
-    """Find all vehicles on the map; write lane, lane_position, lane_offset, and the seats' progress."""
+class Matcher(Protocol):
+    """Find all vehicles on the map; write lane, lane_position, lane_offset, and the agents' progress."""
 
-    def locate(self, world: World, rows: Bools) -> None:
+    def locate(self, world: World, env_mask: Bools) -> None:
         """Say where everybody is now."""
         ...
 
@@ -86,19 +86,19 @@ class Locator(Protocol):
 class ContactFinder(Protocol):
     """Tells which vehicles touch; writes nothing."""
 
-    def find(self, world: World, tracks: Tracks, rows: Bools) -> Contacts:
-        """Return the first contact of each seat's vehicle during the step."""
+    def find(self, world: World, tracks: Tracks, env_mask: Bools) -> Contacts:
+        """Return the first contact of each agent's vehicle during the step."""
         ...
 
 
 class EventDetector(Protocol):
     """Judges what happened; writes state, outcome, last lap, rest, off_route_since, via_hit, tickets."""
 
-    def reset(self, world: World, contacts: Contacts, rows: Bools) -> Events:
+    def reset(self, world: World, contacts: Contacts, env_mask: Bools) -> Events:
         """Return the (usually absent) events at the beginning of an episode."""
         ...
 
-    def detect(self, world: World, contacts: Contacts, rows: Bools) -> Events:
+    def detect(self, world: World, contacts: Contacts, env_mask: Bools) -> Events:
         """Return what happened to the agents in this step."""
         ...
 
@@ -106,7 +106,7 @@ class EventDetector(Protocol):
 class TransferRules(Protocol):
     """Decide which vehicles are to change hands; write nothing."""
 
-    def propose(self, world: World, events: Events, rows: Bools) -> Transfers:
+    def propose(self, world: World, events: Events, env_mask: Bools) -> Transfers:
         """Return the transfers that are to happen at the beginning of the next step."""
         ...
 
@@ -114,8 +114,8 @@ class TransferRules(Protocol):
 class Sensors(Protocol):
     """See the world for the agents; write nothing."""
 
-    def observe(self, world: World, wanted: Bools) -> Readings:
-        """Return the readings of the wanted seats, shape (B, A)."""
+    def observe(self, world: World, observe_mask: Bools) -> Readings:
+        """Return the readings of the wanted agents, shape (B, A)."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""Starts: a scenario's missions as the seats of one episode, with routes, goals and distances on the map."""
+"""Starts: a scenario's missions as the agents of one episode, with routes, goals and distances on the map."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.missions import PlacedMission, ViaPoint, place_missions
 from smarts.sstudio.placement import target_lane
-from smarts.types.episode import SeatStart, TakeOver
-from smarts.types.mission import GoalKind, SeatMission, Task, TaskKind, Via
+from smarts.types.episode import AgentStart, TakeOver
+from smarts.types.mission import AgentMission, GoalKind, Task, TaskKind, Via
 from smarts.types.vehicles import VehicleKind
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def draw_starts(
     names: Sequence[str],
     shapes: Sequence[Shape],
     generator: Generator,
-) -> tuple[SeatStart, ...]:
+) -> tuple[AgentStart, ...]:
     """Return how the egos of one episode begin, drawn anew while two overlap or one is past its goal.
 
     Args:
@@ -82,7 +82,7 @@ def draw_starts(
             missions, roads, generator, variation, vehicle_length=longest, place=built.name
         )
         starts = tuple(
-            seat_start(mission, roads, name, shape, f"{built.name}: mission {number}")
+            agent_start(mission, roads, name, shape, f"{built.name}: mission {number}")
             for number, (mission, name, shape) in enumerate(zip(placed, names, shapes, strict=True))
         )
         problem = _problem(starts)
@@ -95,7 +95,7 @@ def draw_starts(
     )
 
 
-def _problem(starts: Sequence[SeatStart]) -> str:
+def _problem(starts: Sequence[AgentStart]) -> str:
     """Return why an episode cannot begin like this, "" if it can."""
     for start in starts:
         if start.mission.route and start.mission.route_length < LEAST_ROUTE:
@@ -107,22 +107,22 @@ def _problem(starts: Sequence[SeatStart]) -> str:
     return ""
 
 
-def _box(start: SeatStart) -> tuple[NDArray, NDArray, NDArray]:
+def _box(start: AgentStart) -> tuple[NDArray, NDArray, NDArray]:
     """Return centre, heading and size."""
     return np.array(start.pose[:2]), np.array(start.pose[2]), np.array([start.length, start.width])
 
 
-def seat_start(placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape, place: str) -> SeatStart:
-    """Return the start of one seat.
+def agent_start(placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape, place: str) -> AgentStart:
+    """Return the start of one agent.
 
     Raises:
         ScenarioError: A condition of entry is about what nobody knows then.
     """
-    return SeatStart(
+    return AgentStart(
         name=name,
         pose=placed.start.pose(roads, behind=shape.length / 2),
         speed=placed.speed,
-        mission=_seat_mission(placed, roads, shape),
+        mission=_agent_mission(placed, roads, shape),
         kind=shape.kind,
         length=shape.length,
         width=shape.width,
@@ -131,10 +131,10 @@ def seat_start(placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape,
     )
 
 
-def _seat_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape) -> SeatMission:
+def _agent_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape) -> AgentMission:
     vias = tuple(_via(via, roads) for via in placed.via)
     if placed.goal is None:
-        return SeatMission(vias=vias)
+        return AgentMission(vias=vias)
     mission = placed.mission
     laps = mission.num_laps if isinstance(mission, t.LapMission) else 1
     x, y, _ = placed.goal.pose(roads)
@@ -145,7 +145,7 @@ def _seat_mission(placed: PlacedMission, roads: LaneGraph, shape: Shape) -> Seat
         behind = placed.start.s - shape.length / 2
         begin = distance_along(corridor, roads, placed.start.lane, behind)
         length = distance_along(corridor, roads, placed.goal.lane, placed.goal.s, last=True) - begin
-    return SeatMission(
+    return AgentMission(
         route=route,
         goal=GoalKind.LAPS if isinstance(mission, t.LapMission) else GoalKind.POSITION,
         goal_position=(x, y),

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 
 class Surroundings(NamedTuple):
-    """Axis letters: B simulations, A seats, V vehicle slots, L lanes across all maps."""
+    """Axis letters: B simulations, A agents, V vehicle slots, L lanes across all maps."""
 
     map: Ints
     """Shape (B,)."""
@@ -56,7 +56,7 @@ def surroundings_of(scene: Scene) -> Surroundings:
     world, atlas = scene.world, scene.atlas
     left, right = neighbours(atlas)
     known = {"map": world.map, "roads": atlas.roads, "left": left, "right": right}
-    known |= {"edge": lane_facts(atlas).edge, "slot": world.seats.slot}
+    known |= {"edge": lane_facts(atlas).edge, "slot": world.agents.slot}
     for name in Surroundings._fields:
         if name not in known:
             table = world.missions if name.startswith("task") else world.vehicles

@@ -34,7 +34,7 @@ class TrafficRun:
     ) -> None:
         roads, engine = built.roads(), engine or engine_of(built, traffic)
         self.dt = dt
-        self.world = World(worlds=1, capacity=CAPACITY, seats=0, lanes=len(roads.lane_ids), dt=dt)
+        self.world = World(worlds=1, capacity=CAPACITY, agents=0, lanes=len(roads.lane_ids), dt=dt)
         self.states = self.world.vehicles[0]
         start = EpisodeStart(
             seed=seed,
@@ -46,7 +46,7 @@ class TrafficRun:
             traffic_name=traffic,
             traffic_seed=traffic_seed(seed, episode=episode),
             limit=CAPACITY,
-            seats=(),
+            agents=(),
             engine=engine,
         )
         self.engine = traffic_of([engine], self.world, [roads])

@@ -1,4 +1,4 @@
-"""Turning round: out of the lane and into one of the road of the other direction. Compiled, for one seat."""
+"""Turning round: out of the lane and into one of the road of the other direction. Compiled, for one agent."""
 
 from __future__ import annotations
 

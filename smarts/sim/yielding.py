@@ -23,7 +23,7 @@ _STOP = int(Signal.STOP)
 
 
 @kernel
-def yields_to_stream(state: State, table: RouteTable, row: int, seat: int) -> bool:
+def yields_to_stream(state: State, table: RouteTable, row: int, agent_id: int) -> bool:
     """Tell whether the lanes on which an agent's standing vehicle is to go on are being crossed.
 
     It is at a stop line or inside a junction, and within `STREAM_TIME` a moving vehicle gets to where its
@@ -31,7 +31,7 @@ def yields_to_stream(state: State, table: RouteTable, row: int, seat: int) -> bo
     will turn is not known: any of its ways counts, but for those that a red light closes. Nor is the right
     of way; but of two that wait for each other neither moves, so neither has a stream to wait for.
     """
-    slot = state.seats.slot[row, seat]
+    slot = state.agents.slot[row, agent_id]
     lane = lane_of(state, state.now, row, slot)
     if lane < 0:
         return False
@@ -40,7 +40,7 @@ def yields_to_stream(state: State, table: RouteTable, row: int, seat: int) -> bo
         return False
     lanes = np.empty(_MOST_MEETINGS, np.int32)
     extents = np.empty((_MOST_MEETINGS, 2))
-    count = _meetings_ahead(state, table, row, seat, lane, front, lanes, extents)
+    count = _meetings_ahead(state, table, row, agent_id, lane, front, lanes, extents)
     if count == 0:
         return False
     for other in range(state.now.alive.shape[1]):
@@ -55,14 +55,14 @@ def _meetings_ahead(
     state: State,
     table: RouteTable,
     row: int,
-    seat: int,
+    agent_id: int,
     lane: int,
     front: float,
     lanes: NDArray[np.int32],
     extents: NDArray[np.float64],
 ) -> int:
     """List where others meet the way through the junction: their lanes, from and to [m]; return how many."""
-    here = corridor_row(state, table, row, seat, lane)
+    here = corridor_row(state, table, row, agent_id, lane)
     if here < 0:
         here = _free_row(state, table, row, lane)
     ways = np.empty(_MOST_WAYS, np.int32)

@@ -59,7 +59,7 @@ class LaneAction(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Actions:
-    """What the agents of all seats ask for, shape (B, A), refilled in place.
+    """What the agents of all agents ask for, shape (B, A), refilled in place.
 
     Values are finite and within their bounds: that was seen to when they were taken in.
     """
@@ -73,22 +73,22 @@ class Actions:
     begins now) happens only when fresh; what lasts (a speed, a throttle) goes on."""
     values: Floats
     """Shape (B, A, 8); how many count and what they mean follows from the kind."""
-    legal: Bools
-    """`Seats.legal` as the agent saw it when it decided, shape (B, A, 4)."""
+    action_mask: Bools
+    """`AgentStates.legal` as the agent saw it when it decided, shape (B, A, 4)."""
     path: Floats
-    """Rows of time, x, y, heading, speed, shape (B, A, P, 5); P is 0 if no seat acts by paths."""
+    """Rows of time, x, y, heading, speed, shape (B, A, P, 5); P is 0 if no agent acts by paths."""
     path_length: Ints
 
     @classmethod
-    def allocate(cls, worlds: int, seats: int, path: int = 0) -> Actions:
-        """Return buffers without actions for B simulations of A seats and paths of at most P points."""
-        shape = (worlds, seats)
+    def allocate(cls, worlds: int, agents: int, path: int = 0) -> Actions:
+        """Return buffers without actions for B simulations of A agents and paths of at most P points."""
+        shape = (worlds, agents)
         return cls(
             kind=np.full(shape, ActionSpaceType.Empty, np.int8),
             given=np.zeros(shape, np.bool_),
             fresh=np.zeros(shape, np.bool_),
             values=np.zeros((*shape, MOST_VALUES)),
-            legal=np.zeros((*shape, len(LaneAction)), np.bool_),
+            action_mask=np.zeros((*shape, len(LaneAction)), np.bool_),
             path=np.zeros((*shape, path, PATH_COLUMNS)),
             path_length=np.zeros(shape, np.int32),
         )
@@ -115,7 +115,7 @@ KINKED = 4.0
 
 @dataclass(frozen=True)
 class Commands:
-    """What controllers tell the vehicles of all seats for one step, shape (B, A), refilled in place."""
+    """What controllers tell the vehicles of all agents for one step, shape (B, A), refilled in place."""
 
     mode: Bytes
     """A `CommandMode`."""
@@ -130,9 +130,9 @@ class Commands:
     """At the end of each sub-step: x, y [m], heading [rad], speed [m/s], shape (B, A, S, 4)."""
 
     @classmethod
-    def allocate(cls, worlds: int, seats: int, *, reference: int = 64, substeps: int = 10) -> Commands:
-        """Return buffers without commands for B simulations of A seats, R points and S sub-steps."""
-        shape = (worlds, seats)
+    def allocate(cls, worlds: int, agents: int, *, reference: int = 64, substeps: int = 10) -> Commands:
+        """Return buffers without commands for B simulations of A agents, R points and S sub-steps."""
+        shape = (worlds, agents)
         return cls(
             mode=np.zeros(shape, np.int8),
             actuators=np.zeros((*shape, 3)),

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.types.mission import SeatMission
+from smarts.types.mission import AgentMission
 from smarts.types.traffic import DEFAULT_ENGINE, TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
@@ -40,7 +40,7 @@ class TakeOver:
 
 
 @dataclass(frozen=True)
-class SeatStart:
+class AgentStart:
     """How one agent begins an episode."""
 
     name: str
@@ -49,14 +49,14 @@ class SeatStart:
     """Of the vehicle's centre: x, y [m] and heading [rad]."""
     speed: float
     """[m/s]"""
-    mission: SeatMission
+    mission: AgentMission
     kind: VehicleKind = VehicleKind.PASSENGER
     length: float = 5.0
     """[m]"""
     width: float = 1.8
     """[m]"""
     entry_time: float = 0.0
-    """When it enters [s]; until then its seat waits."""
+    """When it enters [s]; until then its agent waits."""
     take_over: TakeOver | None = None
     """What it waits for from then on; None puts a new vehicle in."""
 
@@ -79,7 +79,7 @@ class EpisodeStart:
     """For the traffic engine, in [0, 2^31)."""
     limit: int
     """The most vehicles at a time that the traffic engine knows, the egos among them."""
-    seats: tuple[SeatStart, ...]
-    """Of the egos, in the order of their seats."""
+    agents: tuple[AgentStart, ...]
+    """Of the egos, in the order of their agents."""
     engine: str = DEFAULT_ENGINE
     """Which of `TRAFFIC_ENGINES` drives the traffic."""

@@ -2,9 +2,9 @@
 
 An episode is a folder with one Parquet file for each table. Metrics, viewer and replay read nothing else.
 
-Indices. Row `step = k` of `vehicles`, `seats` and `signals` is the state after k steps; k = 0 is the reset.
+Indices. Row `step = k` of `vehicles`, `agents` and `signals` is the state after k steps; k = 0 is the reset.
 Row `step = k` of `decisions` and `extras` is what was decided on that state, or followed from it until the
-seat's next decision, such as its reward. A vehicle is (slot, generation); a lane or an edge is its number in
+agent's next decision, such as its reward. A vehicle is (slot, generation); a lane or an edge is its number in
 the map's lane graph, which is the file `maps/<map>.npz` beside the episodes.
 """
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-VERSION = 1
+VERSION = 2
 """Of the format; readers refuse others."""
 
 TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
@@ -48,7 +48,7 @@ def _step(meaning: str = "the state is that after so many steps") -> Column:
     return Column("step", "int32", meaning)
 
 
-SEAT = Column("seat", "int16", "the agent's seat")
+AGENT_ID = Column("agent_id", "int16", "the agent's agent")
 VEHICLE = (
     Column("slot", "int32", "with the generation, the vehicle"),
     Column("generation", "int32", "with the slot, the vehicle"),
@@ -88,7 +88,7 @@ AGENTS = Table(
     "agents",
     "a row for each agent that was to take part",
     (
-        SEAT,
+        AGENT_ID,
         Column("name", TEXT, "the agent's"),
         *VEHICLE,
         Column("kind", "int8", "VehicleKind"),
@@ -116,12 +116,12 @@ AGENTS = Table(
         Column("terminated", "bool", "ended for good"),
         Column("truncated", "bool", "ended although it could have gone on"),
         Column("remaining", "float32", "left of the route at the end", "m"),
-        Column("travelled", "float32", "driven in all", "m"),
+        Column("distance_travelled", "float32", "driven in all", "m"),
         Column("partner_slot", "int32", "vehicle that it collided with when it ended, -1 for none"),
         Column("partner_generation", "int32", "of that vehicle"),
         Column("partner", TEXT, "public name of that vehicle"),
         Column("partner_owner", "int8", "who drove that vehicle: Owner"),
-        Column("partner_seat", "int16", "seat of the agent that drove it, -1 for none"),
+        Column("partner_agent_id", "int16", "agent of the agent that drove it, -1 for none"),
         Column("side", "int8", "where it was hit: 0 front, 1 left, 2 rear, 3 right"),
         Column("closing_speed", "float32", "at the collision", "m/s"),
         Column("substep", "int8", "of the collision"),
@@ -165,13 +165,13 @@ ROUTES = Table(
         Column("edges", INTEGERS, "numbers of its edges, in order"),
     ),
 )
-SEATS = Table(
-    "seats",
+AGENT_STATES = Table(
+    "agent_states",
     "a row for each step and each agent that has a vehicle, the step that ended it included",
     (
         _step(),
-        SEAT,
-        Column("state", "int8", "SeatState"),
+        AGENT_ID,
+        Column("state", "int8", "AgentStatus"),
         *VEHICLE,
         Column("events", "int32", "Event bits of this step"),
         Column("partner_slot", "int32", "first vehicle touched in this step, -1 for none"),
@@ -179,14 +179,14 @@ SEATS = Table(
         Column("throttle", "float32", "0 to 1"),
         Column("brake", "float32", "0 to 1"),
         Column("steering", "float32", "of the front wheels, positive to the left", "rad"),
-        Column("route_done", "float32", "along the route", "m"),
+        Column("route_progress", "float32", "along the route", "m"),
         Column("remaining", "float32", "to the goal along the route", "m"),
-        Column("travelled", "float32", "since entry", "m"),
+        Column("distance_travelled", "float32", "since entry", "m"),
         Column("lap", "int16", "laps completed"),
         Column("target_lane", "int32", "that it steers for, -1 for none"),
         Column("change_phase", "int8", "ChangePhase"),
-        Column("legal", "int8", "bit i: lane action i may be chosen next"),
-        Column("ticket", "int32", "place in the order of arrival at the junction ahead, -1 for none"),
+        Column("action_mask", "int8", "bit i: lane action i may be chosen next"),
+        Column("arrival_number", "int32", "place in the order of arrival at the junction ahead, -1 for none"),
     ),
 )
 DECISIONS = Table(
@@ -194,10 +194,10 @@ DECISIONS = Table(
     "a row for each action that an agent gave",
     (
         _step("the state on which it was decided"),
-        SEAT,
+        AGENT_ID,
         Column("action", "int8", "ActionSpaceType"),
         *(Column(f"value_{number}", "float32", "of the action, as carried out") for number in range(8)),
-        Column("legal", "int8", "bit i: lane action i was legal"),
+        Column("action_mask", "int8", "bit i: lane action i was legal"),
         Column("is_effective", "bool", "whether its lane command was carried out"),
     ),
 )
@@ -211,11 +211,11 @@ EXTRAS = Table(
     "whatever the algorithm has to say about its decisions: probabilities, means, values, rewards",
     (
         _step("the state on which the decision was made"),
-        SEAT,
+        AGENT_ID,
         Column("name", TEXT, "what it is"),
         Column("values", NUMBERS, "the numbers"),
     ),
 )
 
-TABLES = (EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, SEATS, DECISIONS, SIGNALS, EXTRAS)
+TABLES = (EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, AGENT_STATES, DECISIONS, SIGNALS, EXTRAS)
 TABLE = {table.name: table for table in TABLES}

@@ -61,21 +61,21 @@ class Contacts:
     """Who touched whom in a step, shape (B, A), refilled in place."""
 
     partner: Ints
-    """Slot of the first vehicle that the seat's vehicle touched, -1 for none."""
+    """Slot of the first vehicle that the agent's vehicle touched, -1 for none."""
     partner_generation: Ints
     substep: Bytes
     """The sub-step of first contact."""
     closing_speed: Floats
     """How fast the two approached each other [m/s]."""
     side: Bytes
-    """Where the seat's vehicle was touched: 0 front, 1 left, 2 rear, 3 right."""
+    """Where the agent's vehicle was touched: 0 front, 1 left, 2 rear, 3 right."""
     touching: Bools
     """Every vehicle that it touched, shape (B, A, V)."""
 
     @classmethod
-    def allocate(cls, worlds: int, seats: int, capacity: int) -> Contacts:
-        """Return buffers without contacts for B simulations of A seats and V slots."""
-        shape = (worlds, seats)
+    def allocate(cls, worlds: int, agents: int, capacity: int) -> Contacts:
+        """Return buffers without contacts for B simulations of A agents and V slots."""
+        shape = (worlds, agents)
         return cls(
             partner=np.full(shape, -1, np.int32),
             partner_generation=np.zeros(shape, np.int32),
@@ -102,9 +102,9 @@ class Events:
     """Whether no agent is left or to come, shape (B,)."""
 
     @classmethod
-    def allocate(cls, worlds: int, seats: int) -> Events:
-        """Return buffers without events for B simulations of A seats."""
-        shape = (worlds, seats)
+    def allocate(cls, worlds: int, agents: int) -> Events:
+        """Return buffers without events for B simulations of A agents."""
+        shape = (worlds, agents)
         return cls(
             bits=np.zeros(shape, np.int32),
             just_done=np.zeros(shape, np.bool_),

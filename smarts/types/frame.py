@@ -19,15 +19,15 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Readings:
-    """What the sensors have seen, by group of seats with equal options.
+    """What the sensors have seen, by group of agents with equal options.
 
-    Only the wanted seats' entries are of this step; the others are left as they were.
+    Only the wanted agents' entries are of this step; the others are left as they were.
     """
 
     blocks: Mapping[str, Mapping[str, NDArray]]
-    """Sensor -> field -> array of shape (B, G, ...), G the seats that have the sensor."""
-    seats: Mapping[str, NDArray[np.int32]]
-    """Sensor -> the seat of each column, shape (G,)."""
+    """Sensor -> field -> array of shape (B, G, ...), G the agents that have the sensor."""
+    agent_ids: Mapping[str, NDArray[np.int32]]
+    """Sensor -> the agent of each column, shape (G,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Frame:
 
     world: World
     """The state after the step."""
-    rows: Bools
+    env_mask: Bools
     """Which simulations were stepped or reset, shape (B,); those that failed are not among them."""
     actions: Actions | None
     """What was asked for, on the state before; None in the frame of a reset."""
@@ -45,7 +45,7 @@ class Frame:
     contacts: Contacts
     events: Events
     """Of this step alone; whoever steps several times in a decision joins them."""
-    wanted: Bools
+    observe_mask: Bools
     """Whose readings are of this step, shape (B, A)."""
     readings: Readings
     failures: Mapping[int, SmartsError] = field(default_factory=dict)

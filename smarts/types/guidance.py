@@ -47,9 +47,9 @@ class Guidance:
     """Its generation; with the slot, the vehicle itself."""
 
     @classmethod
-    def allocate(cls, worlds: int, seats: int) -> Guidance:
-        """Return no guidance for B simulations of A seats."""
-        shape = (worlds, seats)
+    def allocate(cls, worlds: int, agents: int) -> Guidance:
+        """Return no guidance for B simulations of A agents."""
+        shape = (worlds, agents)
         return cls(
             phase=np.zeros(shape, np.int8),
             speed=np.zeros(shape),

@@ -1,4 +1,4 @@
-"""What agents' interfaces ask of the step: the fields of observations, and the rules for each seat."""
+"""What agents' interfaces ask of the step: the fields of observations, and the rules for each agent."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ ENDING = (
 
 
 @dataclass(frozen=True)
-class SeatRules:
-    """What holds for each seat during the whole run, the same in all simulations; shape (A,)."""
+class AgentRules:
+    """What holds for each agent during the whole run, the same in all simulations; shape (A,)."""
 
     action: NDArray[np.int8]
     """An `ActionSpaceType`."""
@@ -57,12 +57,12 @@ class SeatRules:
     """Radius of that circle [m]."""
 
     @classmethod
-    def allocate(cls, seats: int) -> SeatRules:
-        """Return the default rules for A seats."""
+    def allocate(cls, agents: int) -> AgentRules:
+        """Return the default rules for A agents."""
         return cls(
-            action=np.full(seats, ActionSpaceType.Empty, np.int8),
-            ending=np.full(seats, ENDING, np.int32),
-            max_steps=np.zeros(seats, np.int32),
-            not_moving_steps=np.full(seats, 600, np.int32),
-            not_moving_distance=np.ones(seats),
+            action=np.full(agents, ActionSpaceType.Empty, np.int8),
+            ending=np.full(agents, ENDING, np.int32),
+            max_steps=np.zeros(agents, np.int32),
+            not_moving_steps=np.full(agents, 600, np.int32),
+            not_moving_distance=np.ones(agents),
         )

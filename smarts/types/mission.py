@@ -1,4 +1,4 @@
-"""Missions as arrays: where each seat's agent is bound for."""
+"""Missions as arrays: where each agent's agent is bound for."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Via:
 
 
 @dataclass(frozen=True)
-class SeatMission:
+class AgentMission:
     """One agent's mission in one episode, on its map."""
 
     route: tuple[str, ...] = ()
@@ -90,7 +90,7 @@ class SeatMission:
 
 @dataclass(frozen=True)
 class Missions:
-    """The missions of B simulations, shape (B, A); written when a seat is given out, read by all."""
+    """The missions of B simulations, shape (B, A); written when an agent is given out, read by all."""
 
     route: Ints
     """Number of the route in its simulation, as `VehicleStates.route`; -1 without one."""
@@ -129,9 +129,9 @@ class Missions:
     """[m/s], shape (B, A, W)."""
 
     @classmethod
-    def allocate(cls, worlds: int, seats: int, vias: int = 0) -> Missions:
-        """Return endless missions for B simulations of A seats and W via points."""
-        shape = (worlds, seats)
+    def allocate(cls, worlds: int, agents: int, vias: int = 0) -> Missions:
+        """Return endless missions for B simulations of A agents and W via points."""
+        shape = (worlds, agents)
         return cls(
             route=np.full(shape, -1, np.int32),
             goal=np.zeros(shape, np.int8),
@@ -153,26 +153,26 @@ class Missions:
             via_speed=np.zeros((*shape, vias)),
         )
 
-    def write(self, row: int, seat: int, mission: SeatMission, route: int) -> None:
-        """Put a mission into a seat; `route` is the number that its simulation gave to the route."""
-        self.clear(row, seat)
-        self.route[row, seat] = route
+    def write(self, row: int, agent_id: int, mission: AgentMission, route: int) -> None:
+        """Put a mission into an agent; `route` is the number that its simulation gave to the route."""
+        self.clear(row, agent_id)
+        self.route[row, agent_id] = route
         for name in ("goal", "goal_position", "goal_radius", "goal_lane", "goal_s"):
-            getattr(self, name)[row, seat] = getattr(mission, name)
+            getattr(self, name)[row, agent_id] = getattr(mission, name)
         for name in ("laps", "route_length", "free_flow_time"):
-            getattr(self, name)[row, seat] = getattr(mission, name)
-        self.task[row, seat] = mission.task.kind
+            getattr(self, name)[row, agent_id] = getattr(mission, name)
+        self.task[row, agent_id] = mission.task.kind
         for name in ("radius", "lane", "speed"):
-            getattr(self, f"task_{name}")[row, seat] = getattr(mission.task, name)
-        self.via_count[row, seat] = len(mission.vias)
+            getattr(self, f"task_{name}")[row, agent_id] = getattr(mission.task, name)
+        self.via_count[row, agent_id] = len(mission.vias)
         for number, via in enumerate(mission.vias):
-            self.via_position[row, seat, number] = via.position
-            self.via_lane[row, seat, number] = via.lane
-            self.via_radius[row, seat, number] = via.radius
-            self.via_speed[row, seat, number] = via.speed
+            self.via_position[row, agent_id, number] = via.position
+            self.via_lane[row, agent_id, number] = via.lane
+            self.via_radius[row, agent_id, number] = via.radius
+            self.via_speed[row, agent_id, number] = via.speed
 
-    def clear(self, row: int, seat: int | slice = slice(None)) -> None:
+    def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
         """Make missions of one simulation endless."""
         for column in dataclasses.fields(self):
             absent = -1 if column.name in ("route", "goal_lane", "task_lane", "via_lane") else 0
-            getattr(self, column.name)[row, seat] = absent
+            getattr(self, column.name)[row, agent_id] = absent

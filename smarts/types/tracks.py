@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Tracks:
-    """What happened to the vehicles of A seats between two steps; refilled in place by the next one."""
+    """What happened to the vehicles of A agents between two steps; refilled in place by the next one."""
 
     poses: Floats
     """x, y [m] and heading [rad] of the footprint after each sub-step, shape (B, A, S, 3); S is 0 where

@@ -39,13 +39,13 @@ TRANSFER = np.dtype(
         ("slot", np.int32),
         ("generation", np.int32),
         ("from_owner", np.int8),
-        ("from_seat", np.int16),
+        ("from_agent", np.int16),
         ("to_owner", np.int8),
-        ("to_seat", np.int16),
+        ("to_agent", np.int16),
         ("reason", np.int8),
     ]
 )
-"""Vehicle (slot, generation) of simulation `row` goes from an owner and a seat to others; seat -1 is none.
+"""Vehicle (slot, generation) of simulation `row` goes from an owner and an agent to others; agent -1 is none.
 The `from` side is what the proposer saw: a transfer that finds something else is refused."""
 
 Transfers = NDArray[np.void]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.types.agent_states import AgentStates
 from smarts.types.guidance import Guidance
 from smarts.types.mission import Missions
 from smarts.types.route_table import RouteTable
-from smarts.types.seats import Seats
 from smarts.types.vehicle_registry import VehicleRegistry
 from smarts.types.vehicles import VehicleStates
 
@@ -25,9 +25,9 @@ class World:
     Args:
         worlds: B.
         capacity: V, the slots for vehicles of each simulation.
-        seats: A, the seats of each simulation.
+        agents: A, the agents of each simulation.
         lanes: The lanes of the largest map.
-        egos: How many of the seats, the first ones, are the learning agents'.
+        egos: How many of the agents, the first ones, are the learning agents'.
         vias: W, the most via points of a mission.
         dt: Length of a step [s].
     """
@@ -37,14 +37,14 @@ class World:
         *,
         worlds: int,
         capacity: int,
-        seats: int,
+        agents: int,
         lanes: int,
         egos: int | None = None,
         vias: int = 0,
         dt: float = 0.1,
     ) -> None:
         self.dt = dt
-        self.egos = seats if egos is None else egos
+        self.egos = agents if egos is None else egos
         self.step = np.zeros(worlds, np.int32)
         """Steps since the episode began, shape (B,)."""
         self.episode = np.zeros(worlds, np.int32)
@@ -59,11 +59,11 @@ class World:
         """Issues slots and names."""
         self.routes = RouteTable(worlds)
         """The routes that `vehicles.route` and `missions.route` number."""
-        self.seats = Seats.allocate(worlds, seats, vias)
+        self.agents = AgentStates.allocate(worlds, agents, vias)
         """Shape (B, A)."""
-        self.missions = Missions.allocate(worlds, seats, vias)
+        self.missions = Missions.allocate(worlds, agents, vias)
         """Shape (B, A)."""
-        self.guidance = Guidance.allocate(worlds, seats)
+        self.guidance = Guidance.allocate(worlds, agents)
         """Where the missions' tasks lead, shape (B, A)."""
         self.signals = np.zeros((worlds, lanes), np.int8)
         """What each lane's light shows, a `Signal`, shape (B, L)."""
@@ -82,14 +82,14 @@ class World:
         """Of each episode [s], shape (B,)."""
         return np.multiply(self.step, self.dt, dtype=np.float64)
 
-    def advance(self, rows: Bools) -> None:
+    def advance(self, env_mask: Bools) -> None:
         """Begin a step of some simulations: what is now becomes what was, and stays until written."""
-        if np.count_nonzero(rows) == len(rows):
+        if np.count_nonzero(env_mask) == len(env_mask):
             self._before[:] = self._now
         else:
             for now, before in self._pairs:
-                before[rows] = now[rows]
-        self.step += rows
+                before[env_mask] = now[env_mask]
+        self.step += env_mask
 
     def clear(self, row: int) -> None:
         """Empty one simulation for an episode, down to the generations."""
@@ -97,7 +97,7 @@ class World:
         self.routes.reset(row)
         self.before.clear((row, slice(None)))
         self.before.generation[row] = 0
-        self.seats.clear(row)
+        self.agents.clear(row)
         self.missions.clear(row)
         self.guidance.clear(row)
         self.signals[row] = 0

@@ -72,17 +72,18 @@ def test_ppo_learns_from_pictures_and_its_evaluation_is_on_record(tmp_path):
     for episode in evaluated:
         extras, decisions = episode.table("extras"), episode.table("decisions")
         told = {name: extras["name"] == name for name in ("probabilities", "reward")}
-        decided = set(zip(decisions["step"].tolist(), decisions["seat"].tolist(), strict=True))
+        decided = set(zip(decisions["step"].tolist(), decisions["agent_id"].tolist(), strict=True))
         for rows in told.values():
             assert (
-                set(zip(extras["step"][rows].tolist(), extras["seat"][rows].tolist(), strict=True)) == decided
+                set(zip(extras["step"][rows].tolist(), extras["agent_id"][rows].tolist(), strict=True))
+                == decided
             )
         probabilities = np.stack([np.array(values) for values in extras["values"][told["probabilities"]]])
         np.testing.assert_allclose(probabilities.sum(axis=1), 1.0, rtol=1e-5)
-        legal = decisions["legal"][:, None] >> np.arange(4) & 1
-        order = np.lexsort((decisions["seat"], decisions["step"]))
-        said = np.lexsort((extras["seat"][told["probabilities"]], extras["step"][told["probabilities"]]))
-        assert not (probabilities[said] * (1 - legal[order])).any()
+        action_mask = decisions["action_mask"][:, None] >> np.arange(4) & 1
+        order = np.lexsort((decisions["agent_id"], decisions["step"]))
+        said = np.lexsort((extras["agent_id"][told["probabilities"]], extras["step"][told["probabilities"]]))
+        assert not (probabilities[said] * (1 - action_mask[order])).any()
 
 
 DRIVERS = ["dqn", "ppo", "maac", "mf_ac", "mf_q", "networked_q", "commnet", "maddpg"]

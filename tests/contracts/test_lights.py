@@ -35,10 +35,10 @@ def test_agents_are_told_what_sumo_shows_at_the_end_of_their_lane(city):
     world = batch.world
     state_of = batch.simulation._stages.traffic._drivers[0]._library.trafficlight.getRedYellowGreenState
     for _ in range(60):
-        seats, graph = world.seats, batch.scene.atlas.graphs[int(world.map[0])]
-        for agent in np.flatnonzero(now.alive[0] & seats.on_route[0]).tolist():
-            lane = int(world.vehicles.lane[0, seats.slot[0, agent]])
-            route = city.episodes[0].seats[agent].mission.route
+        agents, graph = world.agents, batch.scene.atlas.graphs[int(world.map[0])]
+        for agent in np.flatnonzero(now.alive[0] & agents.on_route[0]).tolist():
+            lane = int(world.vehicles.lane[0, agents.slot[0, agent]])
+            route = city.episodes[0].agents[agent].mission.route
             if lane < 0 or graph.is_internal[lane]:
                 continue
             sumos = net.getLane(graph.lane_ids[lane])

@@ -47,7 +47,7 @@ def moments(files, end, output):
 def test_a_minute_of_traffic_is_sumos(name, variation, tmp_path):
     built = build_scenario(name)
     files, roads = built.traffic[variation], built.roads()
-    world = World(worlds=1, capacity=1024, seats=0, lanes=len(roads.lane_ids), dt=DT)
+    world = World(worlds=1, capacity=1024, agents=0, lanes=len(roads.lane_ids), dt=DT)
     traffic = SumoTraffic(world, 0)
     traffic.reset(files, SEED, roads)
     steps, compared = 0, 0

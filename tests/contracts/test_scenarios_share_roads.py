@@ -46,7 +46,7 @@ class Wanderers:
 def test_wild_agents_and_hand_overs(name):
     built = build_scenario(name)
     roads = built.roads()
-    world = World(worlds=1, capacity=1024, seats=0, lanes=len(roads.lane_ids))
+    world = World(worlds=1, capacity=1024, agents=0, lanes=len(roads.lane_ids))
     states = world.vehicles[0]
     rng = np.random.Generator(np.random.Philox(3))
     wanderers = Wanderers(states, roads, rng)

@@ -12,14 +12,14 @@ from smarts.roads.scene import Scene
 from smarts.sensors import SENSORS
 from smarts.sensors.documentation import PAGE, sensors_page
 from smarts.sensors.suite import EVERYBODY_HAS, SensorSuite
-from smarts.types.mission import SeatMission, Via
+from smarts.types.mission import AgentMission, Via
 from smarts.types.traffic import Signal
 from tests import maps
 from tests.worlds import Car, world_of
 
 VIA = Via(position=(-40.0, -1.6), lane=1, radius=2.0, speed=8.0)
-ROUTE = SeatMission(route=("west_in", "north_out"), vias=(VIA,))
-SEATS = np.arange(2, dtype=np.int32)
+ROUTE = AgentMission(route=("west_in", "north_out"), vias=(VIA,))
+AGENT_STATES = np.arange(2, dtype=np.int32)
 NONSENSE = (np.nan, np.inf, -np.inf, 1e300, -1e300, -7.5, 0.0)
 
 
@@ -46,10 +46,10 @@ def scene_of(*rows):
 
 
 def observe(sensor, scene, wanted, filled_with=0):
-    out = {field.name: field.allocate(scene.world.worlds, len(SEATS)) for field in sensor.fields()}
+    out = {field.name: field.allocate(scene.world.worlds, len(AGENT_STATES)) for field in sensor.fields()}
     for array in out.values():
         array[:] = filled_with
-    sensor.observe(scene, SEATS, np.array(wanted), out)
+    sensor.observe(scene, AGENT_STATES, np.array(wanted), out)
     return out
 
 
@@ -77,7 +77,7 @@ def test_readings_are_in_bounds_where_the_world_is_nonsense(sensor, worlds):
 
 
 def make_nonsense(world, generator):
-    tables = (world.vehicles, world.before, world.seats, world.missions)
+    tables = (world.vehicles, world.before, world.agents, world.missions)
     for column in (getattr(table, field.name) for table in tables for field in dataclasses.fields(table)):
         if column.dtype == np.float64:
             hit = generator.random(column.shape) < 0.2

@@ -17,14 +17,14 @@ from smarts.types.vehicles import Owner
 LOCATION = {"lane", "lane_position", "lane_offset"}
 IDENTITY = {"alive", "generation", "owner", "kind", "length", "width", "home"}
 
-ACTUATORS = {f"seats.{name}" for name in ("steering", "throttle", "brake", "travelled")}
+ACTUATORS = {f"agents.{name}" for name in ("steering", "throttle", "brake", "distance_travelled")}
 
 
 def tables(world):
     """Return every array of the world by name."""
     found = {
         f"{name}.{column}": array
-        for name in ("vehicles", "before", "seats")
+        for name in ("vehicles", "before", "agent_states")
         for column, array in getattr(world, name).columns()
     }
     guidance = {f"guidance.{name}": array for name, array in dataclasses.asdict(world.guidance).items()}
@@ -66,7 +66,7 @@ def nothing(world, table, changed):
 
 
 def driving(world, table, changed):
-    """Allow motion of agents' vehicles, and the actuators of their seats."""
+    """Allow motion of agents' vehicles, and the actuators of their agents."""
     kind, _, column = table.partition(".")
     if kind == "vehicles" and column not in LOCATION | IDENTITY:
         return spread(world.vehicles.owner == Owner.AGENT, changed)
@@ -90,20 +90,23 @@ def columns(*names):
 
 ALLOWED = {
     "controllers": columns(
-        *("seats.target_lane", "seats.change_phase", "seats.effective", "vehicles.desired_speed")
+        *("agents.target_lane", "agents.change_phase", "agents.effective", "vehicles.desired_speed")
     ),
     "vehicles": driving,
     "traffic": engine,
-    "locator": columns(
+    "matcher": columns(
         *(f"vehicles.{name}" for name in LOCATION),
-        *(f"seats.{name}" for name in ("route_done", "remaining", "on_road", "corners_on_road", "on_route")),
-        *("seats.legal", "seats.lap", "seats.lane_changes"),
+        *(
+            f"agents.{name}"
+            for name in ("route_progress", "remaining", "on_road", "corners_on_road", "on_route")
+        ),
+        *("agents.legal", "agents.lap", "agents.lane_changes"),
         *(f"guidance.{column.name}" for column in dataclasses.fields(Guidance)),
     ),
     "contacts": nothing,
     "events": columns(
-        *(f"seats.{name}" for name in ("state", "outcome", "rest_position", "rest_step")),
-        *(f"seats.{name}" for name in ("off_route_since", "via_hit", "ticket", "ticket_junction")),
+        *(f"agents.{name}" for name in ("state", "outcome", "last_moved_position", "last_moved_step")),
+        *(f"agents.{name}" for name in ("off_route_since", "via_hit", "arrival_number", "arrival_junction")),
     ),
     "transfer_rules": nothing,
     "sensors": nothing,
@@ -147,7 +150,7 @@ def test_stages_write_what_is_theirs(watched):
         rows = np.array([True, step % 3 != 1])
         actions.given[:] = step > 2
         actions.fresh[:] = step % 5 == 0
-        actions.legal[:] = world.seats.legal
+        actions.action_mask[:] = world.agents.action_mask
         actions.values[:, 0, 0] = step // 5 % 4
         actions.values[:, 1, :3] = 0.4, 0.0, 0.1 * (step % 3 - 1)
         actions.values[:, 2, :2] = 6.0, step // 5 % 3 - 1

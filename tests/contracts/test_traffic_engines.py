@@ -41,7 +41,7 @@ class Case:
     def __init__(self, built, kind, worlds=2, **options):
         self.built, self.roads = built, built.roads()
         lanes = len(self.roads.lane_ids)
-        self.world = World(worlds=worlds, capacity=CAPACITY, seats=1, lanes=lanes)
+        self.world = World(worlds=worlds, capacity=CAPACITY, agents=1, lanes=lanes)
         self.vehicles = self.world.vehicles
         self.all = np.ones(worlds, np.bool_)
         self.engine = kind(self.world, [self.roads], **options)
@@ -57,7 +57,7 @@ class Case:
             traffic_name=traffic,
             traffic_seed=traffic_seed(7, world=world, episode=episode),
             limit=limit,
-            seats=(),
+            agents=(),
             engine=engine,
         )
 

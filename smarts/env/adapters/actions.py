@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.controllers.lane_actions import lane_action_number
-from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.protocol import AdapterContext
 from smarts.errors import ActionError
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 
@@ -71,40 +71,40 @@ def remedy_of(kind: ActionSpaceType, space: Space | None = None) -> str:
     return f"give an element of {action_space(kind)}{alone}"
 
 
-def encode_array(served: Served, given: NDArray, chosen: Bools, out: Actions) -> None:
+def encode_array(served: AdapterContext, given: NDArray, chosen: Bools, out: Actions) -> None:
     """Write the chosen agents' actions, given as rows of a space; see `ArrayAdapter.encode`.
 
     Raises:
         ActionError: An action is not finite, or not one of a discrete space.
     """
     rows, columns = np.nonzero(chosen)
-    seats = served.seats[columns]
-    out.legal[rows, seats] = served.scene.world.seats.legal[rows, seats]
-    out.given[rows, seats] = True
-    out.fresh[rows, seats] = True
+    agents = served.agent_ids[columns]
+    out.action_mask[rows, agents] = served.scene.world.agents.action_mask[rows, agents]
+    out.given[rows, agents] = True
+    out.fresh[rows, agents] = True
     values = np.asarray(given)[rows, columns]
     if served.action == ActionSpaceType.Lane:
         values = values.reshape(len(rows))
         bad = ~(values[:, None] == _LANE_ACTIONS).any(axis=1)
         _refuse(served, chosen, values, bad, "is no lane action")
-        out.values[rows, seats, 0] = values
+        out.values[rows, agents, 0] = values
     elif served.action in _PATH_COLUMNS:
         values = values.reshape(len(rows), -1, PATH_POINTS)
         _refuse(served, chosen, values, _not_finite(values), "is not finite")
         values = _within_bounds(served.action, values)
         for source, target in enumerate(_PATH_COLUMNS[served.action]):
-            out.path[rows, seats, :PATH_POINTS, target] = values[:, source]
-        out.path_length[rows, seats] = PATH_POINTS
+            out.path[rows, agents, :PATH_POINTS, target] = values[:, source]
+        out.path_length[rows, agents] = PATH_POINTS
     else:
         low, high = _BOUNDS[served.action]
         values = values.reshape(len(rows), len(low))
         _refuse(served, chosen, values, _not_finite(values), "is not finite")
-        out.values[rows, seats, : len(low)] = np.clip(values, low, high)
-        _round_lane_changes(served.action, rows, seats, out)
+        out.values[rows, agents, : len(low)] = np.clip(values, low, high)
+        _round_lane_changes(served.action, rows, agents, out)
 
 
 def encode_one(
-    agent: str, kind: ActionSpaceType, action: Any, row: int, seat: int, legal: Bools, out: Actions
+    agent: str, kind: ActionSpaceType, action: Any, row: int, agent_id: int, action_mask: Bools, out: Actions
 ) -> None:
     """Write one agent's action as users give it: numbers, a lane action's name, a tuple of columns.
 
@@ -112,12 +112,12 @@ def encode_one(
     an environment has one vehicle, and so one pose.
 
     Args:
-        agent: Its name, for errors.
+        agent_id: Its name, for errors.
         kind: How it acts.
         action: What it does.
         row: Its simulation.
-        seat: Its seat.
-        legal: Which lane actions it may choose, shape (4,).
+        agent: Its agent.
+        action_mask: Which lane actions it may choose, shape (4,).
         out: Written.
 
     Raises:
@@ -125,25 +125,25 @@ def encode_one(
     """
     place, remedy = action_of(agent), remedy_of(kind)
     if kind == ActionSpaceType.Lane:
-        out.values[row, seat, 0] = lane_action_number(action, agent=place)
+        out.values[row, agent_id, 0] = lane_action_number(action, agent=place)
     elif kind in _PATH_COLUMNS:
-        _write_path(agent, kind, action, row, seat, out)
+        _write_path(agent, kind, action, row, agent_id, out)
     elif kind == ActionSpaceType.Direct and _is_number(action):
         # The controller tells a speed from acceleration and yaw rate by the third value.
         speed = numbers_of(action, (), place=place, remedy=remedy)
-        out.values[row, seat, :3] = np.clip(speed, -60, 60), 0.0, 1.0
+        out.values[row, agent_id, :3] = np.clip(speed, -60, 60), 0.0, 1.0
     else:
         if kind == ActionSpaceType.MultiTargetPose and isinstance(action, Mapping):
             action = _only_pose(agent, action)
         low, high = _BOUNDS[kind]
         if low:
             values = numbers_of(action, (len(low),), place=place, remedy=remedy)
-            out.values[row, seat, : len(low)] = np.clip(values, low, high)
+            out.values[row, agent_id, : len(low)] = np.clip(values, low, high)
         if kind == ActionSpaceType.Direct:
-            out.values[row, seat, 2] = 0.0
-        _round_lane_changes(kind, row, seat, out)
-    out.legal[row, seat] = legal
-    out.given[row, seat] = out.fresh[row, seat] = True
+            out.values[row, agent_id, 2] = 0.0
+        _round_lane_changes(kind, row, agent_id, out)
+    out.action_mask[row, agent_id] = action_mask
+    out.given[row, agent_id] = out.fresh[row, agent_id] = True
 
 
 def _is_number(action: Any) -> bool:
@@ -162,17 +162,17 @@ def _only_pose(agent: str, poses: Mapping[Any, Any]) -> Any:
 
 
 def _round_lane_changes(
-    kind: ActionSpaceType, rows: NDArray | int, seats: NDArray | int, out: Actions
+    kind: ActionSpaceType, rows: NDArray | int, agents: NDArray | int, out: Actions
 ) -> None:
     if kind == ActionSpaceType.LaneWithContinuousSpeed:
-        out.values[rows, seats, 1] = np.round(out.values[rows, seats, 1])
+        out.values[rows, agents, 1] = np.round(out.values[rows, agents, 1])
 
 
 def _not_finite(values: NDArray) -> Bools:
     return np.array([not np.isfinite(value).all() for value in values], np.bool_)
 
 
-def _refuse(served: Served, chosen: Bools, values: NDArray, bad: Bools, problem: str) -> None:
+def _refuse(served: AdapterContext, chosen: Bools, values: NDArray, bad: Bools, problem: str) -> None:
     """Refuse the first bad one of the chosen agents' values, in the order of `np.nonzero`."""
     if not bad.any():
         return
@@ -196,7 +196,9 @@ def _within_bounds(kind: ActionSpaceType, path: NDArray) -> NDArray[np.float64]:
     return np.clip(path, -bound, bound)
 
 
-def _write_path(agent: str, kind: ActionSpaceType, action: Any, row: int, seat: int, out: Actions) -> None:
+def _write_path(
+    agent: str, kind: ActionSpaceType, action: Any, row: int, agent_id: int, out: Actions
+) -> None:
     columns, most = _PATH_COLUMNS[kind], out.path.shape[2]
     place, remedy = action_of(agent), f"give {len(columns)} columns of 1 to {most} points each"
     try:
@@ -206,6 +208,6 @@ def _write_path(agent: str, kind: ActionSpaceType, action: Any, row: int, seat: 
     if len(shape) != 2 or shape[0] != len(columns) or not 0 < shape[1] <= most:
         raise refusal(action, f"is of shape {shape}", place, remedy)
     values = _within_bounds(kind, numbers_of(action, shape, place=place, remedy=remedy))
-    out.path_length[row, seat] = values.shape[1]
+    out.path_length[row, agent_id] = values.shape[1]
     for source, target in enumerate(columns):
-        out.path[row, seat, : values.shape[1], target] = values[source]
+        out.path[row, agent_id, : values.shape[1], target] = values[source]

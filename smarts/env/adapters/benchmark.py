@@ -16,14 +16,14 @@ from smarts.env.adapters.actions import action_space, encode_array
 from smarts.env.adapters.features import (
     FEATURES,
     Driving,
+    EgoColumns,
     Missions,
-    Seated,
     write_features,
     write_stack,
 )
 from smarts.env.adapters.own_reward import Reward, make_rewards
 from smarts.env.adapters.picture import Pictures
-from smarts.env.adapters.protocol import MASK, Served
+from smarts.env.adapters.protocol import MASK, AdapterContext
 from smarts.env.adapters.situation import (
     SITUATION,
     write_arrival_order,
@@ -92,7 +92,7 @@ class BenchmarkAdapter:
 
     def __init__(
         self,
-        served: Served,
+        served: AdapterContext,
         interface: AgentInterface,
         *,
         reward: Reward = "benchmark",
@@ -134,7 +134,7 @@ class BenchmarkAdapter:
 
     def reset(self, egos: Bools) -> None:
         """Forget what is remembered of these egos, shape (B, N)."""
-        agents = egos[:, self._served.seats]
+        agents = egos[:, self._served.agent_ids]
         self._rewards.reset(egos)
         self._is_new[agents] = True
         for array in self.observations.values():
@@ -153,23 +153,23 @@ class BenchmarkAdapter:
 
     def _bind(self) -> None:
         """Hand the kernels what stays the same."""
-        scene, agents = self._served.scene, self._served.seats
-        world, seats, vectors = scene.world, scene.world.seats, self.observations["observation"]
+        scene, agent_ids = self._served.scene, self._served.agent_ids
+        world, agents, vectors = scene.world, scene.world.agents, self.observations["observation"]
         columns = (
-            columns_of(seats, Seated),
+            columns_of(agents, EgoColumns),
             columns_of(world.missions, Missions),
             columns_of(world.vehicles, Driving),
         )
         roads = scene.atlas.roads, scene.routes.current, world.map, scene.routes.number
-        self._write_features = bind(write_features, *roads, agents, *columns, self._features)
+        self._write_features = bind(write_features, *roads, agent_ids, *columns, self._features)
         self._write_stack = bind(write_stack, self._features, self._is_new, FRAMES, vectors)
         situation = columns[0], columns[2], world.signals, world.step, self._patience, vectors
-        self._write_situation = bind(write_situation, *roads, agents, *situation)
-        tickets = seats.state, seats.ticket, seats.ticket_junction
-        self._write_arrival_order = bind(write_arrival_order, agents, *tickets, vectors)
+        self._write_situation = bind(write_situation, *roads, agent_ids, *situation)
+        arrival_order = agents.state, agents.arrival_number, agents.arrival_junction
+        self._write_arrival_order = bind(write_arrival_order, agent_ids, *arrival_order, vectors)
         self._write_identity = bind(write_identity, FRAMES * FEATURES, vectors)
         mask = self.observations.get(MASK)
-        self._write_mask = None if mask is None else bind(write_mask, agents, seats.legal, mask)
+        self._write_mask = None if mask is None else bind(write_mask, agent_ids, agents.action_mask, mask)
 
 
 def _patience(interface: AgentInterface, dt: float) -> float:

@@ -3,7 +3,7 @@
 Relative positions and velocities are compressed (`compressed`): a goal one lane aside is 3 m in 200 m, a
 neighbour in the next lane 3 m in 50 m, and on a linear scale learners take long to notice either.
 
-Axis letters: B simulations, G agents of the adapter, A seats, V vehicle slots.
+Axis letters: B simulations, G agents of the adapter, A agents, V vehicle slots.
 """
 
 from __future__ import annotations
@@ -166,31 +166,33 @@ class Driving(NamedTuple):
     lane_offset: Floats
 
 
-class Seated(NamedTuple):
-    """Columns of `Seats`, shape (B, A)."""
+class EgoColumns(NamedTuple):
+    """Columns of `AgentStates`, shape (B, A)."""
 
     slot: Ints
     target_lane: Ints
-    route_done: Floats
+    route_progress: Floats
     steering: Floats
     lane_changes: Bytes
-    rest_step: Ints
+    last_moved_step: Ints
 
 
 class Missions(NamedTuple):
-    """Columns of the seats' missions, shape (B, A)."""
+    """Columns of the agents' missions, shape (B, A)."""
 
     goal: Bytes
     goal_position: Floats
 
 
 @kernel
-def _write_goal(missions: Missions, driving: Driving, b: int, seat: int, own: int, features: Singles) -> None:
+def _write_goal(
+    missions: Missions, driving: Driving, b: int, agent_id: int, own: int, features: Singles
+) -> None:
     features[GOAL : GOAL + 2] = 0.0
-    if missions.goal[b, seat] != 0:
+    if missions.goal[b, agent_id] != 0:
         cos, sin = math.cos(driving.heading[b, own]), math.sin(driving.heading[b, own])
-        dx = missions.goal_position[b, seat, 0] - driving.position[b, own, 0]
-        dy = missions.goal_position[b, seat, 1] - driving.position[b, own, 1]
+        dx = missions.goal_position[b, agent_id, 0] - driving.position[b, own, 0]
+        dy = missions.goal_position[b, agent_id, 1] - driving.position[b, own, 1]
         features[GOAL] = compressed(dx * cos + dy * sin, GOAL_SCALE)
         features[GOAL + 1] = compressed(dy * cos - dx * sin, GOAL_SCALE)
 
@@ -201,23 +203,23 @@ def _write_lane(
     table: RouteTable,
     map_number: int,
     route: int,
-    seated: Seated,
+    egos_now: EgoColumns,
     driving: Driving,
     b: int,
-    seat: int,
+    agent_id: int,
     features: Singles,
 ) -> None:
     """Write where the vehicle is in its lane, and how the lane that it steers for goes on."""
-    own, base = seated.slot[b, seat], roads.lane_base[map_number]
+    own, base = egos_now.slot[b, agent_id], roads.lane_base[map_number]
     headings = features[HEADINGS:NEIGHBOURHOOD]
     features[LANE_OFFSET], headings[:] = 0.0, 0.0
     lane = driving.lane[b, own]
     if lane < 0:
         return
     features[LANE_OFFSET] = clipped(driving.lane_offset[b, own] / roads.lane_width[base + lane])
-    s, done = driving.lane_position[b, own], seated.route_done[b, seat]
+    s, done = driving.lane_position[b, own], egos_now.route_progress[b, agent_id]
     row = path_ahead(roads, table, base, map_number, route, lane, done)
-    target = seated.target_lane[b, seat]
+    target = egos_now.target_lane[b, agent_id]
     if target >= 0 and target != lane:
         other = path_ahead(roads, table, base, map_number, route, target, done)
         # Only beside one's own: a target on another road is one that was passed.
@@ -234,8 +236,8 @@ def write_features(
     table: RouteTable,
     maps: Ints,
     routes: Ints,
-    seats: Ints,
-    seated: Seated,
+    agent_ids: Ints,
+    egos_now: EgoColumns,
     missions: Missions,
     driving: Driving,
     out: Singles,
@@ -247,25 +249,25 @@ def write_features(
         roads: The maps' lanes.
         table: The routes.
         maps: Map of each simulation, shape (B,).
-        routes: Number of each seat's route in the table, shape (B, A).
-        seats: The adapter's agents, shape (G,).
-        seated: Of all seats.
-        missions: Of all seats.
+        routes: Number of each agent's route in the table, shape (B, A).
+        agent_ids: The adapter's agents, shape (G,).
+        egos_now: Of all agents.
+        missions: Of all agents.
         driving: All vehicles.
         out: Written, shape (B, G, F).
         chosen: Whom to write, shape (B, G); each holds a vehicle that is alive.
     """
     order, squares = np.empty(NEIGHBOURS, np.int32), np.empty(NEIGHBOURS)
     for b in range(len(maps)):
-        for g in range(len(seats)):
+        for g in range(len(agent_ids)):
             if not chosen[b, g]:
                 continue
-            seat, features = seats[g], out[b, g]
-            own = seated.slot[b, seat]
-            _write_goal(missions, driving, b, seat, own, features)
+            agent_id, features = agent_ids[g], out[b, g]
+            own = egos_now.slot[b, agent_id]
+            _write_goal(missions, driving, b, agent_id, own, features)
             features[SPEED] = clipped(driving.speed[b, own] / SPEED_SCALE)
-            features[STEERING] = clipped(seated.steering[b, seat] / STEERING_SCALE)
-            _write_lane(roads, table, maps[b], routes[b, seat], seated, driving, b, seat, features)
+            features[STEERING] = clipped(egos_now.steering[b, agent_id] / STEERING_SCALE)
+            _write_lane(roads, table, maps[b], routes[b, agent_id], egos_now, driving, b, agent_id, features)
             _neighbours(
                 driving.alive[b],
                 driving.position[b],

@@ -9,13 +9,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.protocol import AdapterContext
 from smarts.env.adapters.reward import Rewards, RewardWeights, Weights, given_weights
 from smarts.errors import OwnCodeError
 from smarts.registry import adopted, guarded, is_own_name
+from smarts.types.agent_states import UNSET
 from smarts.types.events import Event
 from smarts.types.frame import Frame
-from smarts.types.seats import NEITHER
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -35,8 +35,8 @@ class RewardStep:
 
     frame: Frame
     """All that is known of the step; `frame.world` holds every vehicle."""
-    served: Served
-    """The agents: names, seats, scene."""
+    served: AdapterContext
+    """The agents: names, agents, scene."""
     driving: Bools
     """Which agents drove in this step, those included whose episode ended with it."""
 
@@ -83,7 +83,7 @@ class RewardStep:
     @property
     def distance_travelled(self) -> Floats:
         """Distance driven since the agent entered [m]."""
-        return self._of_agents("travelled")
+        return self._of_agents("distance_travelled")
 
     @property
     def steering(self) -> Floats:
@@ -102,16 +102,16 @@ class RewardStep:
 
     def happened(self, event: Event) -> Bools:
         """Return which agents an event happened to in this step: `step.happened(Event.COLLISION)`."""
-        return (self.frame.events.bits[:, self.served.seats] & int(event)) != 0
+        return (self.frame.events.bits[:, self.served.agent_ids] & int(event)) != 0
 
     def _of_agents(self, name: str) -> NDArray:
-        return getattr(self.frame.world.seats, name)[:, self.served.seats]
+        return getattr(self.frame.world.agents, name)[:, self.served.agent_ids]
 
     def _of_vehicles(self, name: str) -> Floats:
         slots = self._of_agents("slot")
         column = getattr(self.frame.world.vehicles, name)
         values = column[np.arange(len(slots))[:, None], np.maximum(slots, 0)]
-        has_vehicle = (slots != NEITHER).reshape(*slots.shape, *[1] * (values.ndim - 2))
+        has_vehicle = (slots != UNSET).reshape(*slots.shape, *[1] * (values.ndim - 2))
         return np.where(has_vehicle, values, 0.0)
 
 
@@ -143,7 +143,7 @@ class OwnRewards:
         OwnCodeError: The class cannot be made, or what is made cannot be called.
     """
 
-    def __init__(self, served: Served, reward: Any, name: str, discount: float | None = None) -> None:
+    def __init__(self, served: AdapterContext, reward: Any, name: str, discount: float | None = None) -> None:
         self._doing = f"the reward {name!r}"
         made = guarded(reward, self._doing)() if isinstance(reward, type) else reward
         if not callable(made):
@@ -175,7 +175,7 @@ class OwnRewards:
 
     def reset(self, egos: Bools) -> None:
         """Forget some egos, shape (B, N)."""
-        agents = egos[:, self._served.seats]
+        agents = egos[:, self._served.agent_ids]
         self._weighted.reset(egos)
         self._sum[agents], self._has_begun[agents] = 0.0, False
         if self._forget is not None:
@@ -200,7 +200,9 @@ class OwnRewards:
         return worth
 
 
-def make_rewards(served: Served, reward: Reward, discount: float | None = None) -> Rewards | OwnRewards:
+def make_rewards(
+    served: AdapterContext, reward: Reward, discount: float | None = None
+) -> Rewards | OwnRewards:
     """Return what adds up an adapter's rewards.
 
     Args:

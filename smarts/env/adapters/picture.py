@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.protocol import AdapterContext
 from smarts.errors import SmartsError
 from smarts.geometry.compiling import kernel
 from smarts.sensors.road_raster import CENTRE_LINE, DIVIDER, PATH, ROAD, road_raster
@@ -53,7 +53,7 @@ class Pictures:
         SmartsError: Size or resolution are not possible.
     """
 
-    def __init__(self, served: Served, size: int, resolution: float, frames: int) -> None:
+    def __init__(self, served: AdapterContext, size: int, resolution: float, frames: int) -> None:
         if not (_SMALLEST <= size <= _LARGEST and 0.0 < resolution < np.inf):
             raise SmartsError(
                 f"a picture of {size} pixels of {resolution} m",
@@ -69,9 +69,9 @@ class Pictures:
         """Append what the chosen agents see now to the pictures they hold; see `write_image_stack`."""
         scene, vehicles = self._served.scene, frame.world.vehicles
         paint_scene(
-            self._served.seats,
+            self._served.agent_ids,
             chosen,
-            frame.world.seats.slot,
+            frame.world.agents.slot,
             frame.world.map,
             vehicles.alive,
             vehicles.owner,

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from smarts.agents.interface import AgentInterface
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.agent_states import AgentStatus
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
-from smarts.types.seats import SeatState
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -25,14 +25,14 @@ MASK = "action_mask"
 
 
 @dataclass(frozen=True)
-class Served:
+class AdapterContext:
     """The agents that an adapter serves: some egos that act in the same way."""
 
     scene: Scene
     agents: tuple[str, ...]
     """Their names."""
-    seats: Ints
-    """Their seats, shape (G,)."""
+    agent_ids: Ints
+    """Their agents, shape (G,)."""
     action: ActionSpaceType
     period: int
     """Steps from one decision to the next."""
@@ -43,12 +43,12 @@ class Served:
 
     def ended(self, frame: Frame) -> Bools:
         """Return whose episode ended in a step, shape (B, G)."""
-        return frame.events.just_done[:, self.seats]
+        return frame.events.just_done[:, self.agent_ids]
 
     def present(self, frame: Frame) -> Bools:
         """Return who was there in a step, or at a reset, shape (B, G)."""
-        is_active = frame.world.seats.state[:, self.seats] == SeatState.ACTIVE
-        return (is_active & frame.rows[:, None]) | self.ended(frame)
+        is_active = frame.world.agents.state[:, self.agent_ids] == AgentStatus.ACTIVE
+        return (is_active & frame.env_mask[:, None]) | self.ended(frame)
 
 
 class ArrayAdapter(Protocol):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from smarts.agents.interface import AgentInterface
 from smarts.env.adapters.actions import action_space, encode_array
 from smarts.env.adapters.own_reward import Reward, make_rewards
-from smarts.env.adapters.protocol import MASK, Served
+from smarts.env.adapters.protocol import MASK, AdapterContext
 from smarts.sensors.suite import sensors_of
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 from smarts.types.frame import Frame, Readings
@@ -39,7 +39,7 @@ class RawAdapter:
 
     def __init__(
         self,
-        served: Served,
+        served: AdapterContext,
         interface: AgentInterface,
         *,
         reward: Reward = "route_metres",
@@ -77,7 +77,7 @@ class RawAdapter:
 
     def reset(self, egos: Bools) -> None:
         """Forget what is remembered of these egos, shape (B, N)."""
-        agents = egos[:, self._served.seats]
+        agents = egos[:, self._served.agent_ids]
         self._rewards.reset(egos)
         for array in self.observations.values():
             array[agents] = 0
@@ -88,14 +88,16 @@ class RawAdapter:
             name, columns = self._block(frame.readings, sensor)
             array[rows, agents] = frame.readings.blocks[name][field][rows, columns[agents]]
         if MASK in self.observations:
-            legal = frame.world.seats.legal
-            self.observations[MASK][rows, agents] = legal[rows, self._served.seats[agents]]
+            action_mask = frame.world.agents.action_mask
+            self.observations[MASK][rows, agents] = action_mask[rows, self._served.agent_ids[agents]]
 
     def _block(self, readings: Readings, sensor: str) -> tuple[str, Ints]:
         """Return the readings' block of a sensor of these agents, and their columns in it."""
         if sensor not in self._blocks:
-            for name, seats in readings.seats.items():
-                if name.partition(":")[0] == sensor and self._served.seats[0] in seats:
-                    columns = [seats.tolist().index(seat) for seat in self._served.seats.tolist()]
+            for name, agents in readings.agent_ids.items():
+                if name.partition(":")[0] == sensor and self._served.agent_ids[0] in agents:
+                    columns = [
+                        agents.tolist().index(agent_id) for agent_id in self._served.agent_ids.tolist()
+                    ]
                     self._blocks[sensor] = (name, np.array(columns, np.int32))
         return self._blocks[sensor]

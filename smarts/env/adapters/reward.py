@@ -12,8 +12,16 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from smarts.env.adapters.protocol import Served
-from smarts.env.adapters.reward_kernel import Driving, Happened, Memory, Missions, Seated, Terms, add_rewards
+from smarts.env.adapters.protocol import AdapterContext
+from smarts.env.adapters.reward_kernel import (
+    Driving,
+    EgoColumns,
+    Happened,
+    Memory,
+    Missions,
+    Terms,
+    add_rewards,
+)
 from smarts.errors import ScenarioError, nearest_names
 from smarts.geometry.binding import bind
 from smarts.sim.columns import columns_of
@@ -180,7 +188,7 @@ class Rewards:
         ScenarioError: There are no such weights, or the discount is not in [0, 1].
     """
 
-    def __init__(self, served: Served, weights: Weights, discount: float | None = None) -> None:
+    def __init__(self, served: AdapterContext, weights: Weights, discount: float | None = None) -> None:
         self._served = served
         chosen = given_weights(weights)
         if discount is not None:
@@ -194,7 +202,7 @@ class Rewards:
         world = served.scene.world
         self._memory = Memory.allocate(world.worlds, len(served.agents))
         self._columns = (
-            columns_of(world.seats, Seated),
+            columns_of(world.agents, EgoColumns),
             columns_of(world.missions, Missions),
             columns_of(world.vehicles, Driving),
         )
@@ -207,18 +215,18 @@ class Rewards:
         """Take one step in; return whose decision ends with it, shape (B, G), valid until the next."""
         if self._adding is None or self._adding.events is not frame.events:
             self._adding = self._bind(frame.events)
-        self._adding.add(frame.rows, is_last)
+        self._adding.add(frame.env_mask, is_last)
         return self._settled
 
     def reset(self, egos: Bools) -> None:
         """Forget some egos, shape (B, N)."""
-        agents = egos[:, self._served.seats]
+        agents = egos[:, self._served.agent_ids]
         for column in self._memory:
             column[agents] = 0
         self.values[agents] = 0.0
 
     def _bind(self, events: Events) -> _Adding:
         """Hand the kernel events, which a simulation writes into the same arrays in every step."""
-        known = self._terms, self._memory, self._served.seats, *self._columns
+        known = self._terms, self._memory, self._served.agent_ids, *self._columns
         written = self._settled, self.values
         return _Adding(events, bind(add_rewards, *known, columns_of(events, Happened), *written))

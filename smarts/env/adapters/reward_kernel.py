@@ -1,6 +1,6 @@
 """What decisions are worth, for many agents at once.
 
-Axis letters: B simulations, G agents of the adapter, A seats, V vehicle slots.
+Axis letters: B simulations, G agents of the adapter, A agents, V vehicle slots.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from smarts.env.adapters.features import NEIGHBOURS, RADIUS
 from smarts.env.adapters.situation import MOST_LANE_CHANGES
 from smarts.geometry.compiling import kernel
-from smarts.types.seats import SeatState
+from smarts.types.agent_states import AgentStatus
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -28,7 +28,7 @@ FAST = 60.0 / 3.6
 """Speed above which steering hard costs something [m/s]."""
 _FAST_BY = 20.0 / 3.6
 _HARD = 4.0
-_ACTIVE = int(SeatState.ACTIVE)
+_ACTIVE = int(AgentStatus.ACTIVE)
 
 
 class Terms(NamedTuple):
@@ -86,8 +86,8 @@ class Memory(NamedTuple):
         )
 
 
-class Seated(NamedTuple):
-    """Columns of `Seats`, shape (B, A)."""
+class EgoColumns(NamedTuple):
+    """Columns of `AgentStates`, shape (B, A)."""
 
     slot: Ints
     state: Bytes
@@ -98,7 +98,7 @@ class Seated(NamedTuple):
 
 
 class Missions(NamedTuple):
-    """Columns of the seats' missions, shape (B, A)."""
+    """Columns of the agents' missions, shape (B, A)."""
 
     goal: Bytes
     goal_position: Floats
@@ -201,22 +201,22 @@ def _hardness(speed: float, steering: float) -> float:
 def _standing(
     terms: Terms,
     memory: Memory,
-    seated: Seated,
+    egos_now: EgoColumns,
     missions: Missions,
     driving: Driving,
     b: int,
     g: int,
-    seat: int,
+    agent_id: int,
 ) -> tuple[float, float, float, float]:
     """Return where an agent stands: remaining metres, potential, distance to the goal, and to the centre."""
-    own = seated.slot[b, seat]
-    left, potential, distance = seated.remaining[b, seat], 0.0, 0.0
-    if missions.goal[b, seat] != 0:
+    own = egos_now.slot[b, agent_id]
+    left, potential, distance = egos_now.remaining[b, agent_id], 0.0, 0.0
+    if missions.goal[b, agent_id] != 0:
         progress, lane_change = terms.shares[1], terms.shares[2]
         potential = -progress * min(1.0, max(0.0, left / memory.initial[b, g]))
-        potential += lane_change * min(MOST_LANE_CHANGES, abs(seated.lane_changes[b, seat]))
-        dx = missions.goal_position[b, seat, 0] - driving.position[b, own, 0]
-        dy = missions.goal_position[b, seat, 1] - driving.position[b, own, 1]
+        potential += lane_change * min(MOST_LANE_CHANGES, abs(egos_now.lane_changes[b, agent_id]))
+        dx = missions.goal_position[b, agent_id, 0] - driving.position[b, own, 0]
+        dy = missions.goal_position[b, agent_id, 1] - driving.position[b, own, 1]
         distance = math.sqrt(dx * dx + dy * dy)
     return left, potential, distance, abs(driving.lane_offset[b, own])
 
@@ -225,30 +225,30 @@ def _standing(
 def _settle(
     terms: Terms,
     memory: Memory,
-    seated: Seated,
+    egos_now: EgoColumns,
     missions: Missions,
     driving: Driving,
     happened: Happened,
     b: int,
     g: int,
-    seat: int,
+    agent_id: int,
     distances: Floats,
     times: Floats,
 ) -> float:
     """Return what the decision that ends here is worth, 0 if there was none; remember the rest."""
     discount, _, _, time, each_step, metres, far, approach, centring, apart, meeting, hard = terms.shares
-    own, is_first = seated.slot[b, seat], memory.initial[b, g] == 0.0
+    own, is_first = egos_now.slot[b, agent_id], memory.initial[b, g] == 0.0
     if is_first:
         # Nothing remains for who begins off its route; the potential must not leap when it gets there.
-        length = max(seated.remaining[b, seat], missions.route_length[b, seat])
+        length = max(egos_now.remaining[b, agent_id], missions.route_length[b, agent_id])
         memory.initial[b, g] = max(length, 1.0)
-    left, potential, distance, aside = _standing(terms, memory, seated, missions, driving, b, g, seat)
+    left, potential, distance, aside = _standing(terms, memory, egos_now, missions, driving, b, g, agent_id)
     near, soon = 0.0, 0.0
     if apart != 0.0 or meeting != 0.0:
         near, soon = near_traffic(driving, b, own, distances, times)
     reward = 0.0
     if not is_first:
-        after = 0.0 if happened.terminated[b, seat] else potential
+        after = 0.0 if happened.terminated[b, agent_id] else potential
         reward = discount * after - memory.potential[b, g] + time
         reward += metres * (memory.remaining[b, g] - left)
         reward += far * distance * memory.steps[b, g]
@@ -256,9 +256,9 @@ def _settle(
         reward += centring * (memory.centring[b, g] - aside)
         reward += apart * (near - memory.neighbour_distance[b, g])
         reward += meeting * (soon - memory.time_to_collision[b, g])
-        reward += hard * _hardness(driving.speed[b, own], seated.steering[b, seat]) * memory.steps[b, g]
+        reward += hard * _hardness(driving.speed[b, own], egos_now.steering[b, agent_id]) * memory.steps[b, g]
         reward += each_step * memory.steps[b, g]
-        ending = seated.outcome[b, seat] if happened.just_done[b, seat] else -1
+        ending = egos_now.outcome[b, agent_id] if happened.just_done[b, agent_id] else -1
         reward += _worth_of_events(terms, memory.events[b, g], ending)
     memory.potential[b, g], memory.remaining[b, g] = potential, left
     memory.goal_distance[b, g], memory.centring[b, g] = distance, aside
@@ -271,14 +271,14 @@ def _settle(
 def add_rewards(
     terms: Terms,
     memory: Memory,
-    seats: Ints,
-    seated: Seated,
+    agent_ids: Ints,
+    egos_now: EgoColumns,
     missions: Missions,
     driving: Driving,
     happened: Happened,
     settled: Bools,
     rewards: Singles,
-    rows: Bools,
+    env_mask: Bools,
     is_last: bool,
 ) -> None:
     """Take one step in, and write the reward of the decision for those with whom it ends.
@@ -289,30 +289,30 @@ def add_rewards(
     Args:
         terms: The weights.
         memory: Of the last decision.
-        seats: The adapter's agents, shape (G,).
-        seated: Of all seats.
-        missions: Of all seats.
+        agent_ids: The adapter's agents, shape (G,).
+        egos_now: Of all agents.
+        missions: Of all agents.
         driving: All vehicles.
         happened: In this step.
         settled: Whose decision ends with this step; written, shape (B, G).
         rewards: Written, shape (B, G).
-        rows: Which simulations made the step, shape (B,).
+        env_mask: Which simulations made the step, shape (B,).
         is_last: Whether it is the last of the decision.
     """
     distances, times = np.empty(NEIGHBOURS), np.empty(NEIGHBOURS)
-    for b in range(len(rows)):
-        for g in range(len(seats)):
-            seat, is_first = seats[g], memory.initial[b, g] == 0.0
-            ends = happened.just_done[b, seat]
-            is_here = ends or (rows[b] and seated.state[b, seat] == _ACTIVE)
+    for b in range(len(env_mask)):
+        for g in range(len(agent_ids)):
+            agent_id, is_first = agent_ids[g], memory.initial[b, g] == 0.0
+            ends = happened.just_done[b, agent_id]
+            is_here = ends or (env_mask[b] and egos_now.state[b, agent_id] == _ACTIVE)
             settled[b, g] = ends or (is_here and is_last)
             if not is_here:
                 continue
-            memory.events[b, g] |= happened.bits[b, seat]
+            memory.events[b, g] |= happened.bits[b, agent_id]
             memory.steps[b, g] += 1
             if settled[b, g] or is_first:
                 reward = _settle(
-                    terms, memory, seated, missions, driving, happened, b, g, seat, distances, times
+                    terms, memory, egos_now, missions, driving, happened, b, g, agent_id, distances, times
                 )
                 if not is_first:
                     rewards[b, g] = reward

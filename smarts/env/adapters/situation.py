@@ -1,6 +1,6 @@
 """The numbers that stand once in an agent's vector, behind the instants: who it is, what ends its episode.
 
-Axis letters: B simulations, G agents of the adapter, A seats, L lanes.
+Axis letters: B simulations, G agents of the adapter, A agents, L lanes.
 """
 
 from __future__ import annotations
@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.env.adapters.features import Driving, Seated, clipped, path_ahead
+from smarts.env.adapters.features import Driving, EgoColumns, clipped, path_ahead
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.lights import light_ahead
-from smarts.types.seats import SeatState
+from smarts.types.agent_states import AgentStatus
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -30,40 +30,40 @@ LIGHTS = np.array([0.0, -1.0, -0.5, 1.0])
 MOST_LANE_CHANGES = 3
 """More count as so many."""
 
-_ACTIVE = int(SeatState.ACTIVE)
+_ACTIVE = int(AgentStatus.ACTIVE)
 
 
 @kernel
 def write_arrival_order(
-    seats: Ints, state: Bytes, ticket: Ints, junction: Ints, vectors: Singles, chosen: Bools
+    agent_ids: Ints, state: Bytes, arrival_number: Ints, junction: Ints, vectors: Singles, chosen: Bools
 ) -> None:
     """Write, as the last number of each vector, how many agents came to the agent's next junction before it.
 
     It is the share of the other agents; -1 for who has not come to a junction.
 
     Args:
-        seats: The adapter's agents, shape (G,).
-        state: Of all seats, shape (B, A), as the columns of `Seats` that follow.
-        ticket: Place in the order of arrival, -1 without one.
+        agent_ids: The adapter's agents, shape (G,).
+        state: Of all agents, shape (B, A), as the columns of `AgentStates` that follow.
+        arrival_number: Place in the order of arrival, -1 without one.
         junction: That the ticket is for.
         vectors: Written, shape (B, G, at least 1).
         chosen: Whom to write, shape (B, G).
     """
-    others = max(len(seats) - 1, 1)
+    others = max(len(agent_ids) - 1, 1)
     last = vectors.shape[2] - 1
     for b in range(chosen.shape[0]):
-        for g in range(len(seats)):
+        for g in range(len(agent_ids)):
             if not chosen[b, g]:
                 continue
-            own = seats[g]
-            if ticket[b, own] < 0:
+            own = agent_ids[g]
+            if arrival_number[b, own] < 0:
                 vectors[b, g, last] = -1.0
                 continue
             earlier = 0
-            for other in seats:
-                is_here = state[b, other] == _ACTIVE and ticket[b, other] >= 0
+            for other in agent_ids:
+                is_here = state[b, other] == _ACTIVE and arrival_number[b, other] >= 0
                 if is_here and junction[b, other] == junction[b, own]:
-                    earlier += ticket[b, other] < ticket[b, own]
+                    earlier += arrival_number[b, other] < arrival_number[b, own]
             vectors[b, g, last] = earlier / others
 
 
@@ -73,8 +73,8 @@ def write_situation(
     table: RouteTable,
     maps: Ints,
     routes: Ints,
-    seats: Ints,
-    seated: Seated,
+    agent_ids: Ints,
+    egos_now: EgoColumns,
     driving: Driving,
     signals: Bytes,
     step: Ints,
@@ -91,9 +91,9 @@ def write_situation(
         roads: The maps' lanes.
         table: The routes.
         maps: Map of each simulation, shape (B,).
-        routes: Number of each seat's route in the table, shape (B, A).
-        seats: The adapter's agents, shape (G,).
-        seated: Of all seats.
+        routes: Number of each agent's route in the table, shape (B, A).
+        agent_ids: The adapter's agents, shape (G,).
+        egos_now: Of all agents.
         driving: All vehicles.
         signals: Of all lanes, shape (B, L).
         step: Of each episode, shape (B,).
@@ -102,18 +102,22 @@ def write_situation(
         chosen: Whom to write, shape (B, G).
     """
     for b in range(chosen.shape[0]):
-        for g in range(len(seats)):
+        for g in range(len(agent_ids)):
             if not chosen[b, g]:
                 continue
-            seat, vector = seats[g], vectors[b, g]
-            lane = driving.lane[b, seated.slot[b, seat]]
+            agent_id, vector = agent_ids[g], vectors[b, g]
+            lane = driving.lane[b, egos_now.slot[b, agent_id]]
             vector[LIGHT] = 0.0
             if lane >= 0:
-                base, free, done = roads.lane_base[maps[b]], table.start[maps[b]], seated.route_done[b, seat]
-                here = path_ahead(roads, table, base, maps[b], routes[b, seat], lane, done)
+                base, free, done = (
+                    roads.lane_base[maps[b]],
+                    table.start[maps[b]],
+                    egos_now.route_progress[b, agent_id],
+                )
+                here = path_ahead(roads, table, base, maps[b], routes[b, agent_id], lane, done)
                 vector[LIGHT] = LIGHTS[light_ahead(table, here, base, free, signals[b])]
-            vector[RESTED] = min(1.0, (step[b] - seated.rest_step[b, seat]) / patience[g])
-            vector[LANE_CHANGES] = clipped(seated.lane_changes[b, seat] / MOST_LANE_CHANGES)
+            vector[RESTED] = min(1.0, (step[b] - egos_now.last_moved_step[b, agent_id]) / patience[g])
+            vector[LANE_CHANGES] = clipped(egos_now.lane_changes[b, agent_id] / MOST_LANE_CHANGES)
 
 
 @kernel
@@ -126,10 +130,10 @@ def write_identity(first: int, vectors: Singles, chosen: Bools) -> None:
 
 
 @kernel
-def write_mask(seats: Ints, legal: Bools, mask: Bytes, chosen: Bools) -> None:
-    """Copy which actions are legal, of all seats, shape (B, A, L), to the mask of the chosen ones."""
+def write_mask(agent_ids: Ints, action_mask: Bools, mask: Bytes, chosen: Bools) -> None:
+    """Copy which actions are legal, of all agents, shape (B, A, L), to the mask of the chosen ones."""
     for b in range(chosen.shape[0]):
-        for g in range(len(seats)):
+        for g in range(len(agent_ids)):
             if chosen[b, g]:
                 for action in range(mask.shape[2]):
-                    mask[b, g, action] = legal[b, seats[g], action]
+                    mask[b, g, action] = action_mask[b, agent_ids[g], action]

@@ -13,13 +13,13 @@ from smarts.agents import (
     InterestDoneCriteria,
     InterfaceError,
 )
-from smarts.agents.rules import alive_rules, seat_rules
+from smarts.agents.rules import agent_rules, alive_rules
 from smarts.types.events import Event
-from smarts.types.interface import ENDING, SeatRules
+from smarts.types.interface import ENDING, AgentRules
 
 
-def test_defaults_are_those_of_seats():
-    rules, default = seat_rules([AgentInterface(), None]), SeatRules.allocate(2)
+def test_defaults_are_those_of_agents():
+    rules, default = agent_rules([AgentInterface(), None]), AgentRules.allocate(2)
     for name in ("action", "ending", "max_steps", "not_moving_steps", "not_moving_distance"):
         assert getattr(rules, name).tolist() == getattr(default, name).tolist(), name
         assert getattr(rules, name).dtype == getattr(default, name).dtype
@@ -32,7 +32,7 @@ def test_rules_of_an_interface():
         event_configuration=EventConfiguration(not_moving_time=20, not_moving_distance=2.0),
         done_criteria=DoneCriteria(off_route=False, not_moving=True, wrong_way=True),
     )
-    rules = seat_rules([None, interface], dt=0.05)
+    rules = agent_rules([None, interface], dt=0.05)
     assert rules.action[1] == ActionSpaceType.Lane
     assert rules.max_steps[1] == 600
     assert (rules.not_moving_steps[1], rules.not_moving_distance[1]) == (400, 2.0)
@@ -44,7 +44,7 @@ def test_rules_of_an_interface():
 )
 def test_times_of_rest(time, steps):
     interface = AgentInterface(event_configuration=EventConfiguration(not_moving_time=time))
-    assert seat_rules([interface], dt=0.001).not_moving_steps.tolist() == [steps]
+    assert agent_rules([interface], dt=0.001).not_moving_steps.tolist() == [steps]
 
 
 def test_events_that_others_cause():
@@ -64,7 +64,7 @@ def test_how_many_must_be_left():
         None,
     ]
     rules = alive_rules(interfaces, ["a", "b", "c"], egos=2)
-    assert [(rule.seat, rule.counted.tolist(), rule.minimum) for rule in rules] == [
+    assert [(rule.agent_id, rule.counted.tolist(), rule.minimum) for rule in rules] == [
         (1, [True, True, False], 1),
         (1, [True, True, True], 3),
         (1, [True, False, True], 2),

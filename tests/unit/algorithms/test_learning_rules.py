@@ -216,14 +216,16 @@ class Gifts(Game):
         self.observation_spaces = {a: Dict(spaces) for a in self.agents}
 
     def observe(self):  # type: ignore[override] - a Dict observation
-        self.legal = (self.rng.random((2, 3)) < 0.5) | np.eye(3, dtype=bool)[self.rng.integers(3, size=2)]
+        self.action_mask = (self.rng.random((2, 3)) < 0.5) | np.eye(3, dtype=bool)[
+            self.rng.integers(3, size=2)
+        ]
         return {
             a: {"observations": np.zeros(2, np.float32), "action_mask": mask.astype(np.int8)}
-            for a, mask in zip(self.agents, self.legal, strict=True)
+            for a, mask in zip(self.agents, self.action_mask, strict=True)
         }
 
     def reward(self, actions):
-        return [float(not mask[action]) for action, mask in zip(actions, self.legal, strict=True)]
+        return [float(not mask[action]) for action, mask in zip(actions, self.action_mask, strict=True)]
 
 
 @pytest.mark.parametrize("name", algorithms.names())

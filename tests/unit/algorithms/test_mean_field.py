@@ -129,8 +129,8 @@ def test_actions_without_a_mean_are_refused(name):
 
 def test_the_boltzmann_policy_is_the_papers():
     head, values = BoltzmannHead(Discrete(3), 0.5), torch.tensor([[[1.0, 2.0, 0.5]]])
-    legal = torch.tensor([[[True, True, False]]])
-    acting = head.act(values, legal, Exploration(), torch.Generator().manual_seed(0))
+    action_mask = torch.tensor([[[True, True, False]]])
+    acting = head.act(values, action_mask, Exploration(), torch.Generator().manual_seed(0))
     expected = torch.tensor([np.exp(2.0), np.exp(4.0), 0.0])
     torch.testing.assert_close(acting.distribution[0, 0].double(), expected / expected.sum())
 

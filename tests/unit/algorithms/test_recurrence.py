@@ -25,7 +25,7 @@ def test_sequences_give_what_was_sampled_step_by_step_over_life_borders(sharing,
     batch = rig.learner.prepare(rollout)
     for group, own in batch.groups():
         net = rig.learner.net(group.id)
-        again = net.head.distribution(net.policy(own), own.legal).log_prob(own.actions)
+        again = net.head.distribution(net.policy(own), own.action_mask).log_prob(own.actions)
         torch.testing.assert_close(again[own.alive], own.log_prob[own.alive], rtol=0, atol=1e-6)
 
 

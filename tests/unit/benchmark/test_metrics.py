@@ -7,8 +7,8 @@ import pytest
 
 from benchmark.metrics.registry import ELEVEN, METRICS
 from smarts.types.actions import ActionSpaceType, LaneAction
+from smarts.types.agent_states import ChangePhase
 from smarts.types.events import Outcome
-from smarts.types.seats import ChangePhase
 from tests.measuring import (
     ROAD,
     following,
@@ -84,7 +84,7 @@ class TestStability:
             steps=99,
             acceleration=0.0,
             t=np.where(aside, 1.0, 0.0),
-            seats={"change_phase": np.where(aside, int(phase), int(ChangePhase.NONE))},
+            agents={"change_phase": np.where(aside, int(phase), int(ChangePhase.NONE))},
         )
         assert index == pytest.approx(1.0 if is_left_out else 0.5)
 
@@ -167,7 +167,7 @@ class TestStabilityOfStopAndGo:
 
 
 class TestDecisions:
-    def drive(self, folder, actions=(), extras=(), legal=15):
+    def drive(self, folder, actions=(), extras=(), action_mask=15):
         return episode_of(
             folder,
             ROAD,
@@ -178,7 +178,7 @@ class TestDecisions:
                 route=["road"],
                 actions=list(enumerate(actions)),
                 extras=extras,
-                legal=legal,
+                action_mask=action_mask,
             ),
         )
 
@@ -257,20 +257,20 @@ class TestDecisions:
             tmp_path,
             rows,
             s=at_speeds(5.0 + acceleration * seconds[1:]),
-            seats={"steering": np.radians(degrees) * seconds},
+            agents={"steering": np.radians(degrees) * seconds},
         )
         assert seen == expected
 
     def test_stochasticity_is_entropy_over_that_of_the_legal_actions(self, tmp_path):
         even_of_two = [(0, "probabilities", (0.5, 0.5, 0.0, 0.0))]
-        assert value("stochasticity", self.drive(tmp_path, [0], even_of_two, legal=0b0011)) == pytest.approx(
-            1.0
-        )
+        assert value(
+            "stochasticity", self.drive(tmp_path, [0], even_of_two, action_mask=0b0011)
+        ) == pytest.approx(1.0)
         assert value("stochasticity", self.drive(tmp_path, [0], even_of_two)) == pytest.approx(0.5)
         certain = [*even_of_two, (1, "probabilities", (1.0, 0.0, 0.0, 0.0))]
         assert value("stochasticity", self.drive(tmp_path, [0, 0], certain)) == pytest.approx(0.25)
         only_one = [(0, "probabilities", (1.0, 0.0, 0.0, 0.0))]
-        assert math.isnan(value("stochasticity", self.drive(tmp_path, [0], only_one, legal=0b0001)))
+        assert math.isnan(value("stochasticity", self.drive(tmp_path, [0], only_one, action_mask=0b0001)))
 
     def test_stochasticity_of_continuous_actions_is_cut_at_one(self, tmp_path):
         extras = [(0, "std", (0.2, 0.4)), (1, "std", (3.0, 3.0))]

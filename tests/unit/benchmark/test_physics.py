@@ -25,7 +25,7 @@ def speeds(env, actions, decisions):
         env.reset(3)
         world = env._worlds.batch.world
         for _ in range(decisions):
-            slot = world.seats.slot[0, 0]
+            slot = world.agents.slot[0, 0]
             found.append(float(world.vehicles.speed[0, slot]))
             length = float(world.vehicles.length[0, slot])
             env.step([actions])

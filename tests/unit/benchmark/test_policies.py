@@ -57,12 +57,12 @@ def make(tmp_path_factory):
 
 
 def decisions(root):
-    """Return what was decided in each recorded episode by world: agents' seats, steps, actions."""
+    """Return what was decided in each recorded episode by world: agents' agents, steps, actions."""
     found = {}
     for path in episodes_in(root):
         episode = RecordedEpisode(path)
         table = episode.table("decisions")
-        chosen = np.column_stack([table["seat"], table["step"], table["value_0"]])
+        chosen = np.column_stack([table["agent_id"], table["step"], table["value_0"]])
         if episode.facts["is_complete"]:
             found[int(episode.facts["world"])] = chosen.tolist()
     return found

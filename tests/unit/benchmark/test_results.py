@@ -77,7 +77,7 @@ def change(file, column, value):
     [
         ("agents", "entry_step", 10**6, "table 'agents' is not between -1 and 20"),
         ("agents", "outcome", 99, "not a whole episode: ValueError: 99 is not a valid Outcome"),
-        ("agents", "travelled", math.nan, "column 'travelled' is not finite"),
+        ("agents", "distance_travelled", math.nan, "column 'distance_travelled' is not finite"),
         ("vehicles", "length", math.nan, "column 'length' is not finite"),
         ("vehicles", "s", math.inf, "column 's' is not finite"),
     ],

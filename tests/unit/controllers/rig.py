@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from smarts.controllers.legality import Legality
+from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
 from smarts.providers.vehicle import FleetVehicles
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, ActionSpaceType
-from smarts.types.mission import SeatMission
+from smarts.types.mission import AgentMission
 from smarts.types.vehicles import VehicleKind
 from tests.maps import Road, graph_of
 from tests.worlds import Car, world_of
@@ -19,7 +19,7 @@ SIZES = {VehicleKind.PASSENGER: (4.5, 1.6), VehicleKind.BUS: (12.19, 2.55), Vehi
 
 def agent(x, y, heading=0.0, speed=0.0, *, route=("road",), kind=VehicleKind.PASSENGER):
     length, width = SIZES[kind]
-    return Car(x, y, heading, speed, SeatMission(route=route), kind=kind, length=length, width=width)
+    return Car(x, y, heading, speed, AgentMission(route=route), kind=kind, length=length, width=width)
 
 
 def winding(radius, *, before=80.0, turn=math.pi / 2, after=150.0, lanes=1, speed=40.0):
@@ -39,25 +39,25 @@ class Rig:
         self.world = self.made.world
         self.graph = graph
         scene = Scene(self.world, self.made.atlas, self.made.routes)
-        shape = self.world.seats.slot.shape
+        shape = self.world.agents.slot.shape
         self.actions = Actions.allocate(*shape, path=64)
         self.actions.kind[:] = kind
         self.controllers = ControllerSet(scene, [kind], **options)
         self.vehicles = FleetVehicles(self.world, model)
-        self.legality = Legality(scene)
+        self.legality = ActionMasker(scene)
         self.rows = np.ones(shape[0], np.bool_)
         self.vehicles.reset(self.world, self.rows)
         self.legality.write(self.world, self.rows)
         self.commands = self.tracks = None
 
-    def act(self, *values, path=None, seat=0):
+    def act(self, *values, path=None, agent_id=0):
         """Give an agent of all simulations a new action."""
-        self.actions.given[:, seat] = self.actions.fresh[:, seat] = True
-        self.actions.values[:, seat, : len(values)] = values
+        self.actions.given[:, agent_id] = self.actions.fresh[:, agent_id] = True
+        self.actions.values[:, agent_id, : len(values)] = values
         if path is not None:
-            self.actions.path[:, seat, : len(path)] = path
-            self.actions.path_length[:, seat] = len(path)
-        self.actions.legal[:, seat] = self.world.seats.legal[:, seat]
+            self.actions.path[:, agent_id, : len(path)] = path
+            self.actions.path_length[:, agent_id] = len(path)
+        self.actions.action_mask[:, agent_id] = self.world.agents.action_mask[:, agent_id]
 
     def step(self, steps=1, rows=None):
         rows = self.rows if rows is None else rows
@@ -93,8 +93,8 @@ class Rig:
         return float(self.world.vehicles.speed[0, 0])
 
     @property
-    def seats(self):
-        return self.world.seats
+    def agents(self):
+        return self.world.agents
 
     def close(self):
         self.vehicles.close()

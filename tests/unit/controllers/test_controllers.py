@@ -46,9 +46,9 @@ class TestContinuous:
         driven = straight(T.Continuous)
         driven.act(0.5, 0.0, 0.1)
         driven.step(3)
-        assert driven.seats.throttle[0, 0] == 0.5
-        assert driven.seats.brake[0, 0] == 0.0
-        assert driven.seats.steering[0, 0] > 0.01
+        assert driven.agents.throttle[0, 0] == 0.5
+        assert driven.agents.brake[0, 0] == 0.0
+        assert driven.agents.steering[0, 0] > 0.01
         assert driven.world.vehicles.yaw_rate[0, 0] > 0.0
 
     def test_out_of_range_is_clipped(self, straight):
@@ -60,7 +60,7 @@ class TestContinuous:
     def test_nan_is_named(self, straight):
         driven = straight(T.Continuous)
         driven.act(0.5, math.nan, 0.0)
-        with pytest.raises(ActionError, match=r"seat 0 of simulation 0: .*ACTUATORS.*nan"):
+        with pytest.raises(ActionError, match=r"agent 0 of simulation 0: .*ACTUATORS.*nan"):
             driven.step()
         driven.act(0.5, 0.0, 0.0)
         driven.step()
@@ -70,7 +70,7 @@ class TestContinuous:
 def test_the_steering_turns_at_the_rate_asked_for(straight):
     driven = straight(T.ActuatorDynamic, speed=2.0)
     driven.act(0.0, 0.0, 0.5)
-    angles = [float(driven.step().seats.steering[0, 0]) for _ in range(8)]
+    angles = [float(driven.step().agents.steering[0, 0]) for _ in range(8)]
     lock = float(driven.vehicles.fleet._cars["max_steering"][0])
     assert np.diff(angles) == pytest.approx(0.5 * 0.1 * lock)
 
@@ -224,7 +224,7 @@ class TestTargetPose:
 
     def test_a_change_of_pose_lasts_until_the_next_decision(self, straight):
         driven = straight(T.RelativeTargetPose, speed=0.0)
-        driven.seats.period[0, 0] = 5
+        driven.agents.period[0, 0] = 5
         driven.act(1.0, 0.0, 0.0)
         log = driven.log(7, "speed")
         assert log[:, 0] == pytest.approx([2.0] * 5 + [0.0] * 2)
@@ -241,8 +241,8 @@ class TestTargetPose:
     def test_several_vehicles_of_one_agent(self, rig):
         cars = [agent(20.0, 0.0, speed=10.0), agent(20.0, 3.2, speed=10.0)]
         driven = rig(cars, graph=maps.straight(length=200.0), kind=T.MultiTargetPose)
-        driven.act(30.0, 0.0, 0.0, 1.0, seat=0)
-        driven.act(28.0, 6.4, 0.0, 1.0, seat=1)
+        driven.act(30.0, 0.0, 0.0, 1.0, agent_id=0)
+        driven.act(28.0, 6.4, 0.0, 1.0, agent_id=1)
         driven.step(10)
         assert driven.world.vehicles.position[0, :2].tolist() == [
             pytest.approx([30, 0]),

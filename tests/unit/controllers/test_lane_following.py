@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.types.actions import ActionSpaceType, CommandMode, LaneAction
-from smarts.types.seats import ChangePhase
+from smarts.types.agent_states import ChangePhase
 from smarts.types.vehicles import VehicleKind
 from tests import maps
 from tests.unit.controllers.rig import agent, winding
@@ -63,11 +63,11 @@ def test_a_lane_change_latches(rig):
             # Held: the same values, not fresh. To keep the lane is not to give the change up.
             driven.act(10.0, 0.0)
         driven.step()
-        phases.append(ChangePhase(int(driven.seats.change_phase[0, 0])))
+        phases.append(ChangePhase(int(driven.agents.change_phase[0, 0])))
     order = list(dict.fromkeys(phases))
     assert order == [ChangePhase.REQUESTED, ChangePhase.MOVING, ChangePhase.SETTLED, ChangePhase.NONE]
     assert phases.count(ChangePhase.SETTLED) == 1
-    assert driven.seats.target_lane[0, 0] == 1
+    assert driven.agents.target_lane[0, 0] == 1
     assert driven.world.vehicles.lane[0, 0] == 1
 
 
@@ -75,20 +75,20 @@ def test_a_held_command_changes_lanes_once(rig):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=3, length=600.0))
     driven.act(10.0, 1.0)
     driven.step()
-    assert driven.seats.effective[0, 0]
+    assert driven.agents.effective[0, 0]
     driven.step(80)
     assert driven.world.vehicles.lane[0, 0] == 1
-    assert driven.seats.effective[0, 0]
+    assert driven.agents.effective[0, 0]
 
 
 def test_a_second_command_meanwhile_is_not_carried_out(rig):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=3, length=600.0))
     driven.act(10.0, 1.0)
     driven.step(5)
-    assert driven.seats.legal[0, 0].tolist() == [True, True, False, True]
+    assert driven.agents.action_mask[0, 0].tolist() == [True, True, False, True]
     driven.act(10.0, 1.0)
     driven.step(50)
-    assert not driven.seats.effective[0, 0]
+    assert not driven.agents.effective[0, 0]
     assert driven.world.vehicles.lane[0, 0] == 1
 
 
@@ -99,10 +99,10 @@ def test_the_opposite_command_takes_a_change_back_before_half_way(rig):
     assert 0.1 < driven.position[1] < 1.6
     driven.act(10.0, -1.0)
     driven.step()
-    assert driven.seats.change_phase[0, 0] == ChangePhase.ABORTED
-    assert driven.seats.effective[0, 0]
+    assert driven.agents.change_phase[0, 0] == ChangePhase.ABORTED
+    assert driven.agents.effective[0, 0]
     y = driven.track(50)[:, 1]
-    assert driven.seats.change_phase[0, 0] == ChangePhase.NONE
+    assert driven.agents.change_phase[0, 0] == ChangePhase.NONE
     assert y.max() < 1.6
     assert y[-1] == pytest.approx(0.0, abs=0.2)
 
@@ -112,10 +112,10 @@ def test_behind_half_way_there_is_no_way_back(rig):
     driven.act(10.0, 1.0)
     while driven.position[1] < 1.8:
         driven.step()
-    assert not driven.seats.legal[0, 0, RIGHT]
+    assert not driven.agents.action_mask[0, 0, RIGHT]
     driven.act(10.0, -1.0)
     driven.step(40)
-    assert not driven.seats.effective[0, 0]
+    assert not driven.agents.effective[0, 0]
     assert driven.world.vehicles.lane[0, 0] == 1
 
 
@@ -123,7 +123,7 @@ def test_what_the_agent_was_told_to_be_illegal_is_not_carried_out(rig):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=2, length=600.0))
     driven.act(10.0, -1.0)
     driven.step(10)
-    assert not driven.seats.effective[0, 0]
+    assert not driven.agents.effective[0, 0]
     assert abs(driven.position[1]) < 0.1
 
 
@@ -151,11 +151,11 @@ def test_a_batch_equals_separate_runs(rig):
     for driven in (together, *alone):
         for step in range(60):
             if step % 20 == 5:
-                for seat in range(2):
-                    driven.act(9.0, 1.0 - seat, seat=seat)
+                for agent_id in range(2):
+                    driven.act(9.0, 1.0 - agent_id, agent_id=agent_id)
             driven.step()
     for row in range(3):
-        for table in ("vehicles", "seats"):
+        for table in ("vehicles", "agents"):
             for name, column in getattr(together.world, table).columns():
                 other = getattr(getattr(alone[row].world, table), name)
                 assert np.array_equal(column[row], other[0]), name
@@ -164,15 +164,15 @@ def test_a_batch_equals_separate_runs(rig):
 class TestLegality:
     def test_at_the_edges_of_the_road(self, rig):
         cars = [agent(20.0, 3.2 * lane) for lane in range(3)]
-        legal = rig(cars, graph=maps.straight(lanes=3)).seats.legal[0]
-        assert legal[0].tolist() == [True, True, True, False]
-        assert legal[1].all()
-        assert legal[2].tolist() == [True, True, False, True]
+        action_mask = rig(cars, graph=maps.straight(lanes=3)).agents.action_mask[0]
+        assert action_mask[0].tolist() == [True, True, True, False]
+        assert action_mask[1].all()
+        assert action_mask[2].tolist() == [True, True, False, True]
 
     def test_not_inside_junctions(self, rig):
         car = agent(0.0, -1.6, route=("west_in", "east_out"))
         driven = rig([car], graph=maps.crossing())
-        assert driven.seats.legal[0, 0].tolist() == [True, True, False, False]
+        assert driven.agents.action_mask[0, 0].tolist() == [True, True, False, False]
 
     def test_not_into_a_lane_that_soon_leaves_the_route(self, rig):
         roads = {
@@ -183,18 +183,18 @@ class TestLegality:
         links = [(("in", 0), ("on", 0)), (("in", 1), ("off", 0))]
         route = ("in", "on")
         cars = [agent(x, 0.0, speed=10.0, route=route) for x in (20.0, 150.0)]
-        legal = rig(cars, graph=maps.graph_of(roads, links)).seats.legal[0]
-        assert legal[0, LEFT]
-        assert not legal[1, LEFT]
+        action_mask = rig(cars, graph=maps.graph_of(roads, links)).agents.action_mask[0]
+        assert action_mask[0, LEFT]
+        assert not action_mask[1, LEFT]
 
     def test_a_bus_lane_is_for_buses(self, rig):
         graph = maps.straight(lanes=2)
         kinds = graph.kind.copy()
         kinds[1] = 1
         object.__setattr__(graph, "kind", kinds)
-        legal = rig([agent(20.0, 0.0), agent(60.0, 0.0, kind=BUS)], graph=graph).seats.legal[0]
-        assert not legal[0, LEFT]
-        assert legal[1, LEFT]
+        action_mask = rig([agent(20.0, 0.0), agent(60.0, 0.0, kind=BUS)], graph=graph).agents.action_mask[0]
+        assert not action_mask[0, LEFT]
+        assert action_mask[1, LEFT]
 
 
 class TestLaneActions:
@@ -243,7 +243,7 @@ class TestLaneActions:
         driven.step(10)
         driven.act(after)
         speeds = []
-        while driven.seats.change_phase[0, 0] in (ChangePhase.REQUESTED, ChangePhase.MOVING):
+        while driven.agents.change_phase[0, 0] in (ChangePhase.REQUESTED, ChangePhase.MOVING):
             driven.step()
             speeds.append(driven.speed)
         assert len(speeds) > 5
@@ -255,7 +255,7 @@ class TestLaneActions:
         driven = drive(agent(10.0, 0.0, speed=13.5))
         driven.act(RIGHT)
         speeds = driven.log(20, "speed")[:, 0]
-        assert not driven.seats.effective[0, 0]
+        assert not driven.agents.effective[0, 0]
         assert speeds.min() > 13.3
 
     def test_brakes_before_a_turn(self, drive):

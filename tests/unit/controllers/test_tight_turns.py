@@ -48,13 +48,13 @@ def test_swings_wide_where_a_junction_is_tighter_than_the_turning_circle(rig, ki
     offsets = []
     for _ in range(350):
         driven.step()
-        assert driven.seats.on_road[0, 0]
+        assert driven.agents.on_road[0, 0]
         offsets.append(driven.world.vehicles.lane_offset[0, 0])
-        if driven.seats.remaining[0, 0] < 10.0:
+        if driven.agents.remaining[0, 0] < 10.0:
             break
     assert driven.graph.edge_ids[driven.graph.lane_edge[driven.world.vehicles.lane[0, 0]]] == end
     assert np.abs(offsets).max() < 1.3
-    assert driven.seats.remaining[0, 0] < 10.0
+    assert driven.agents.remaining[0, 0] < 10.0
 
 
 def corner(turn, *, before=12.0, after=60):
@@ -161,8 +161,8 @@ def test_across_the_opposite_lane_a_vehicle_keeps_steering_for_its_own(rig):
     driven = rig([agent(50.0, 2.7, speed=4.0, route=("east",))], graph=graph)
     driven.act(4.0, 0.0)
     driven.step()
-    driven.seats.target_lane[0, 0] = own
+    driven.agents.target_lane[0, 0] = own
     driven.step(60)
-    assert driven.seats.target_lane[0, 0] == own
+    assert driven.agents.target_lane[0, 0] == own
     assert driven.world.vehicles.lane[0, 0] == own
     assert abs(driven.position[1]) < 0.3

@@ -7,7 +7,7 @@ from smarts.agents import AgentInterface
 from smarts.env import HiWayEnv, RLlibHiWayEnv, VectorHiWayEnv
 from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.env.adapters.reward import RewardWeights, given_weights
-from smarts.env.arrays import Setting
+from smarts.env.arrays import EnvSettings
 from smarts.errors import SmartsError
 from smarts.sim.assembly import Options
 from smarts.types.streams import check_seed
@@ -45,20 +45,20 @@ LANER = benchmark_interface()
 )
 def test_settings(bad, message):
     with pytest.raises(SmartsError, match=message):
-        Setting(**{"scenarios": ["loop"], **bad})
+        EnvSettings(**{"scenarios": ["loop"], **bad})
 
 
 @pytest.mark.parametrize("seed", ["x", 1.5, None, -1, 2**63, True])
 def test_seeds_that_are_none(seed):
     with pytest.raises(SmartsError, match="is not a seed"):
-        Setting(["loop"], seed=seed)
+        EnvSettings(["loop"], seed=seed)
     with pytest.raises(SmartsError, match="is not a seed"):
         check_seed(seed, "here")
 
 
 @pytest.mark.parametrize("seed", [0, 2**63 - 1, np.int64(3)])
 def test_seeds(seed):
-    assert Setting(["loop"], seed=seed).seed == seed
+    assert EnvSettings(["loop"], seed=seed).seed == seed
     check_seed(seed, "here")
 
 

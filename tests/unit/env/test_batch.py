@@ -11,8 +11,8 @@ from smarts.env.adapters.situation import RESTED
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import ActionError, SmartsError
 from smarts.types.actions import ActionSpaceType, LaneAction
+from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.events import Outcome
-from smarts.types.seats import ChangePhase, SeatState
 
 KEEP, SLOW, LEFT, RIGHT = LaneAction
 
@@ -100,15 +100,15 @@ def test_a_held_lane_change_is_carried_out_once(new_env):
 def _change_once(env, change):
     """The action holds for the five steps of the decision, and is carried out in the first of them."""
     world = env._worlds.batch.world
-    before = int(world.seats.target_lane[0, 0])
+    before = int(world.agents.target_lane[0, 0])
     env.step([np.array([[change]])])
-    assert world.seats.effective[0, 0]
-    target = int(world.seats.target_lane[0, 0])
+    assert world.agents.effective[0, 0]
+    target = int(world.agents.target_lane[0, 0])
     assert target != before
-    assert world.seats.change_phase[0, 0] in (ChangePhase.REQUESTED, ChangePhase.MOVING)
+    assert world.agents.change_phase[0, 0] in (ChangePhase.REQUESTED, ChangePhase.MOVING)
     for _ in range(8):
         env.step([np.array([[KEEP]])])
-        assert world.seats.target_lane[0, 0] == target
+        assert world.agents.target_lane[0, 0] == target
 
 
 def test_finished_agents_are_zeros_after_their_last_observation(new_env):
@@ -222,15 +222,15 @@ def test_without_simulations_there_is_no_environment():
         VectorHiWayEnv(0, ["two_way"])
 
 
-def test_a_seat_is_due_every_half_second(new_env):
+def test_an_agent_is_due_every_half_second(new_env):
     env = new_env(1, ["two_way"], 2)
     env.reset()
-    seats = env._worlds.batch.world.seats
+    agents = env._worlds.batch.world.agents
     for decision in range(3):
         env.step([np.zeros((1, 2), int)])
-        assert seats.next_due[0].tolist() == [5 * (decision + 1)] * 2
-        assert seats.period[0].tolist() == [5, 5]
-        assert (seats.state[0] == SeatState.ACTIVE).all()
+        assert agents.next_due[0].tolist() == [5 * (decision + 1)] * 2
+        assert agents.period[0].tolist() == [5, 5]
+        assert (agents.state[0] == AgentStatus.ACTIVE).all()
 
 
 def test_stride_deals_out_a_list_of_worlds(new_env):
@@ -268,7 +268,7 @@ def test_each_is_told_the_share_of_its_own_patience(new_env):
     for _ in range(12):
         now = env.step([np.array([[SLOW, SLOW]])])
     world = env._worlds.batch.world
-    stood = (world.step[0] - world.seats.rest_step[0, :2]) * world.dt
+    stood = (world.step[0] - world.agents.last_moved_step[0, :2]) * world.dt
     assert (stood > 1.0).all()
     np.testing.assert_allclose(now.observations[0][""][0, :, RESTED], stood / patience, rtol=1e-5)
 

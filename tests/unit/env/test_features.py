@@ -19,15 +19,15 @@ from smarts.env.adapters.features import (
     compressed,
     expanded,
 )
-from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.protocol import AdapterContext
 from smarts.env.adapters.situation import LANE_CHANGES, LIGHT, RESTED
 from smarts.errors import SmartsError
 from smarts.roads.scene import Scene
 from smarts.types.actions import ActionSpaceType
+from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Contacts, Events
 from smarts.types.frame import Frame, Readings
-from smarts.types.mission import GoalKind, SeatMission
-from smarts.types.seats import SeatState
+from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import Owner
 from tests.maps import bend, crossing, straight
@@ -35,11 +35,11 @@ from tests.worlds import Car, world_of
 
 
 def mission(*route, goal=(190.0, 0.0)):
-    return SeatMission(route=route, goal=GoalKind.POSITION, goal_position=goal, goal_radius=2.0)
+    return AgentMission(route=route, goal=GoalKind.POSITION, goal_position=goal, goal_radius=2.0)
 
 
 def adapter_of(made, agents=1, interfaces=(), **options):
-    served = Served(
+    served = AdapterContext(
         Scene(made.world, made.atlas, made.routes),
         tuple(f"agent-{number}" for number in range(agents)),
         np.arange(agents, dtype=np.int32),
@@ -52,15 +52,15 @@ def adapter_of(made, agents=1, interfaces=(), **options):
 
 
 def frame_of(world):
-    worlds, seats = world.seats.state.shape
+    worlds, agents = world.agents.state.shape
     return Frame(
         world=world,
-        rows=np.ones(world.worlds, np.bool_),
+        env_mask=np.ones(world.worlds, np.bool_),
         actions=None,
         commands=None,
-        contacts=Contacts.allocate(worlds, seats, world.vehicles.capacity),
-        events=Events.allocate(worlds, seats),
-        wanted=np.ones((worlds, seats), np.bool_),
+        contacts=Contacts.allocate(worlds, agents, world.vehicles.capacity),
+        events=Events.allocate(worlds, agents),
+        observe_mask=np.ones((worlds, agents), np.bool_),
         readings=Readings({}, {}),
     )
 
@@ -94,7 +94,7 @@ def test_lengths_are_compressed(metres, feature):
 
 def test_own_state():
     made = world_of([Car(50.0, 0.8, 0.1, 15.0, mission=mission("road"))], maps=[straight()])
-    made.world.seats.steering[0, 0] = 0.3
+    made.world.agents.steering[0, 0] = 0.3
     seen = look(made)[0, 0, :FEATURES]
     dx, dy = 140.0, -0.8
     ahead = dx * math.cos(0.1) + dy * math.sin(0.1)
@@ -157,7 +157,7 @@ def test_headings_follow_the_route_through_a_junction():
 def test_headings_are_those_of_the_lane_that_is_steered_for():
     made = world_of([Car(30.0, 0.0, math.pi / 2, mission=mission("bend"))], maps=[bend(lanes=3)])
     here = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS].copy()
-    made.world.seats.target_lane[0, 0] = 2
+    made.world.agents.target_lane[0, 0] = 2
     there = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS]
     # The inner lane turns more for each metre.
     assert np.all(there > here)
@@ -238,18 +238,18 @@ def test_impossible_pictures_are_refused(option):
 
 
 @pytest.mark.parametrize(
-    ("tickets", "junctions", "expected"),
+    ("arrival_order", "junctions", "expected"),
     [
         ((-1, -1, -1), (-1, -1, -1), (-1, -1, -1)),
         ((4, 2, 9), (7, 7, 7), (0.5, 0, 1)),
         ((4, 2, 9), (7, 5, 7), (0, 0, 0.5)),
     ],
 )
-def test_order_of_arrival(tickets, junctions, expected):
+def test_order_of_arrival(arrival_order, junctions, expected):
     cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(3)]
     made = world_of(cars, maps=[straight()])
-    made.world.seats.ticket[0, :3] = tickets
-    made.world.seats.ticket_junction[0, :3] = junctions
+    made.world.agents.arrival_number[0, :3] = arrival_order
+    made.world.agents.arrival_junction[0, :3] = junctions
     np.testing.assert_allclose(look(made, agents=3)[0, :, -1], expected)
 
 
@@ -284,7 +284,7 @@ def test_a_lane_of_another_road_is_not_steered_for():
     made = world_of([Car(-15.0, -1.6, mission=route)], maps=[crossing()])
     here = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS].copy()
     graph = made.atlas.graphs[0]
-    made.world.seats.target_lane[0, 0] = next(
+    made.world.agents.target_lane[0, 0] = next(
         lane for lane, edge in enumerate(graph.lane_edge) if graph.edge_ids[edge] == "north_out"
     )
     np.testing.assert_array_equal(look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS], here)
@@ -294,7 +294,7 @@ def test_beside_in_a_bend_is_at_the_same_angle():
     angle = math.pi / 3
     car = Car(30.0 * math.cos(angle), 30.0 * math.sin(angle), angle + math.pi / 2, mission=mission("bend"))
     made = world_of([car], maps=[bend(lanes=3)])
-    made.world.seats.target_lane[0, 0] = 2
+    made.world.agents.target_lane[0, 0] = 2
     seen = look(made)[0, 0, HEADINGS : HEADINGS + WAYPOINTS]
     np.testing.assert_allclose(seen[:10], np.sin(np.arange(1, 11) / (30 - 6.4)), atol=5e-3)
 
@@ -302,15 +302,15 @@ def test_beside_in_a_bend_is_at_the_same_angle():
 def test_who_has_ended_is_not_before_anybody():
     cars = [Car(20.0 * n, 0.0, mission=mission("road"), name=f"a{n}") for n in range(3)]
     made = world_of(cars, maps=[straight()])
-    seats = made.world.seats
-    seats.ticket[0, :3], seats.ticket_junction[0, :3] = (4, 2, 3), 7
-    seats.state[0, 1] = SeatState.DONE
+    agents = made.world.agents
+    agents.arrival_number[0, :3], agents.arrival_junction[0, :3] = (4, 2, 3), 7
+    agents.state[0, 1] = AgentStatus.DONE
     assert look(made, agents=3)[0, 0, -1] == 0.5
 
 
 @pytest.mark.parametrize(("lane", "due"), [(0, 2 / 3), (1, 1 / 3), (2, 0.0)])
 def test_lane_changes_due(lane, due):
-    to_the_left = SeatMission(
+    to_the_left = AgentMission(
         route=("road",), goal=GoalKind.POSITION, goal_position=(190.0, 6.4), goal_lane=2, goal_s=190.0
     )
     made = world_of([Car(50.0, 3.2 * lane, mission=to_the_left)], maps=[straight()])
@@ -350,7 +350,7 @@ def test_in_the_junction_the_light_is_behind():
 def test_share_of_the_time_that_one_may_stand():
     made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
     made.world.step[0] = 150
-    made.world.seats.rest_step[0, 0] = 100
+    made.world.agents.last_moved_step[0, 0] = 100
     assert look(made)[0, 0, RESTED] == 0.25
 
 

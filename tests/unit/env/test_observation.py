@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 
 from smarts.agents import RGB, AgentInterface, AgentType
-from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.protocol import AdapterContext
 from smarts.env.observation import ObservationMaker
+from smarts.env.observation_collector import ObservationCollector
 from smarts.env.observation_types import SignalLightState
-from smarts.env.onlooker import Onlooker
 from smarts.roads.scene import Scene
 from smarts.sensors.suite import SensorSuite
 from smarts.types.actions import ActionSpaceType
+from smarts.types.agent_states import AgentStatus
 from smarts.types.coordinates import Dimensions
 from smarts.types.events import Contacts, Event, Events
 from smarts.types.frame import Frame
-from smarts.types.mission import GoalKind, SeatMission, Via
-from smarts.types.seats import SeatState
+from smarts.types.mission import AgentMission, GoalKind, Via
 from smarts.types.traffic import Signal
 from tests.maps import crossing
 from tests.worlds import Car, world_of
 
 VIA = Via((-20.0, -1.6), lane=1, radius=2.0, speed=8.0)
-MISSION = SeatMission(
+MISSION = AgentMission(
     ("west_in", "north_out"), GoalKind.POSITION, (1.6, 80.0), goal_radius=3.0, route_length=110.0, vias=(VIA,)
 )
 CARS = (
@@ -53,8 +53,8 @@ class Stage:
         rows = np.ones(1, np.bool_)
         return Frame(world, rows, None, None, self.contacts, self.events, self.wanted, readings)
 
-    def look(self, seat=0, **more):
-        return self.maker(self.frame(), 0, seat, **more)
+    def look(self, agent_id=0, **more):
+        return self.maker(self.frame(), 0, agent_id, **more)
 
 
 FULL = AgentInterface.from_type(AgentType.Full, rgb=RGB(32, 16, 1.0))
@@ -143,7 +143,7 @@ def test_what_is_off_is_none():
 def test_events_and_time():
     stage = Stage(FULL)
     world = stage.made.world
-    world.step[0], world.seats.entry_step[0, 0], world.seats.travelled[0, 0] = 25, 5, 12.0
+    world.step[0], world.agents.entry_step[0, 0], world.agents.distance_travelled[0, 0] = 25, 5, 12.0
     stage.events.bits[0, 0] = Event.OFF_ROUTE
     stage.contacts.touching[0, 0, 2] = True
     seen = stage.look()
@@ -155,7 +155,7 @@ def test_events_and_time():
     assert seen.events.off_route
     assert not seen.events.reached_goal
     assert stage.look(events=int(Event.REACHED_GOAL)).events.reached_goal
-    world.seats.state[0, 0] = SeatState.SHADOWING
+    world.agents.state[0, 0] = AgentStatus.SHADOWING
     assert not stage.look().under_this_agent_control
 
 
@@ -180,10 +180,10 @@ def test_an_observation_outlives_its_frame():
 
 def test_collisions_are_those_of_all_steps_of_a_decision():
     stage = Stage(FULL)
-    served = Served(
+    served = AdapterContext(
         stage.parts.scene, ("ego",), np.zeros(1, np.int32), ActionSpaceType.Empty, period=3, max_steps=0
     )
-    onlooker = Onlooker(stage.parts, served)
+    onlooker = ObservationCollector(stage.parts, served)
     touching = stage.contacts.touching
     told = []
     for step, slots in enumerate([(2,), (1, 2), (), (), (), ()]):

@@ -9,13 +9,13 @@ import pytest
 from smarts.agents import ActionSpaceType, Agent, AgentInterface, AgentPolicy, DoneCriteria
 from smarts.agents.acting import InProcess
 from smarts.agents.options import InterfaceError
-from smarts.env.batch import Batch, EpisodeKey, Others
+from smarts.env.batch import Batch, EpisodeKey, SocialAgents
 from smarts.env.observation import ObservationMaker
 from smarts.errors import ActionError, ScenarioError
 from smarts.sim.assembly import assemble
 from smarts.sstudio.build import build_scenario
+from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import TakeOver
-from smarts.types.seats import SeatState
 from smarts.types.transfers import Reason, transfers
 from smarts.types.vehicles import Owner
 
@@ -51,20 +51,22 @@ class Traffic:
         numbers = range(episode, episode + 20)
         starts = (self._schedule.start(world, number, seed) for number in numbers)
         start = next(start for start in starts if start.traffic.warm_up)
-        return dataclasses.replace(start, episode=episode, seats=self._change(start.seats))
+        return dataclasses.replace(start, episode=episode, agents=self._change(start.agents))
 
 
 class Played:
     """One ego and a social agent on the intersection."""
 
-    def __init__(self, acting, change=lambda seats: seats, *, social=LANER, egos=1, period=1, scenario=None):
+    def __init__(
+        self, acting, change=lambda agents: agents, *, social=LANER, egos=1, period=1, scenario=None
+    ):
         scenarios = [build_scenario(scenario or "intersection")]
         parts = assemble(scenarios, [LANER] * egos, others={"social": social})
         self.parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, change))
         names = [*(f"agent-{number}" for number in range(egos)), "social"]
-        others = Others(acting, ObservationMaker(parts), names, deadline=0.25)
+        others = SocialAgents(acting, ObservationMaker(parts), names, deadline=0.25)
         self.batch = Batch(self.parts, [], period=period, others=others)
-        self.world, self.seat = parts.simulation.world, egos
+        self.world, self.agent_id = parts.simulation.world, egos
 
     def reset(self, episode=0):
         self.batch.reset({0: EpisodeKey(0, episode, 42)})
@@ -79,7 +81,7 @@ class Played:
 
     @property
     def slot(self):
-        return int(self.world.seats.slot[0, self.seat])
+        return int(self.world.agents.slot[0, self.agent_id])
 
 
 @pytest.fixture
@@ -95,17 +97,17 @@ def play():
         one.batch.close()
 
 
-def beside(seats):
+def beside(agents):
     """Let a social agent enter with the ego."""
-    return (*seats, dataclasses.replace(seats[0], name="social", pose=second_start(), entry_time=0.0))
+    return (*agents, dataclasses.replace(agents[0], name="social", pose=second_start(), entry_time=0.0))
 
 
-def trap(patience=50.0, seat=SOCIAL):
-    """Let the agent of a seat wait for a vehicle of traffic."""
+def trap(patience=50.0, agent_id=SOCIAL):
+    """Let the agent of an agent wait for a vehicle of traffic."""
 
-    def change(seats):
-        waiting = dataclasses.replace(seats[0], name="social", take_over=TakeOver(patience=patience))
-        return (*seats[:seat], waiting, *seats[seat + 1 :])
+    def change(agents):
+        waiting = dataclasses.replace(agents[0], name="social", take_over=TakeOver(patience=patience))
+        return (*agents[:agent_id], waiting, *agents[agent_id + 1 :])
 
     return change
 
@@ -115,7 +117,7 @@ def second_start():
     """Return where the second ego of the scenario would begin, far from the first."""
     schedule = assemble([build_scenario("intersection")], [LANER] * 2)
     try:
-        return schedule.schedule.start(0, 0).seats[1].pose
+        return schedule.schedule.start(0, 0).agents[1].pose
     finally:
         schedule.simulation.close()
 
@@ -127,8 +129,8 @@ def test_a_social_agent_drives_as_its_policy_says(play):
         seen.append(observation)
         return "slow_down"
 
-    def build(seat):
-        built.append(seat)
+    def build(agent_id):
+        built.append(agent_id)
         return AgentPolicy.from_function(brake)
 
     played = play(InProcess(build), beside)
@@ -169,18 +171,18 @@ def test_answers_that_are_late_or_of_the_past_are_dropped(play):
 
 
 def test_a_bad_answer_names_the_agent(play):
-    played = play(InProcess(lambda seat: Agent.from_function(lambda seen: "fly")), beside)
+    played = play(InProcess(lambda agent_id: Agent.from_function(lambda seen: "fly")), beside)
     played.reset()
     with pytest.raises(ActionError, match="social"):
         played.step()
 
 
-def test_nobody_sits_in_a_seat_that_the_episode_does_not_fill(play):
+def test_nobody_sits_in_an_agent_that_the_episode_does_not_fill(play):
     answers = Answers()
     played = play(answers)
     played.reset()
     played.step(5)
-    assert played.world.seats.state[0, SOCIAL] == SeatState.VACANT
+    assert played.world.agents.state[0, SOCIAL] == AgentStatus.VACANT
     assert answers.asked == []
     assert played.world.egos == 1
 
@@ -190,7 +192,7 @@ def test_the_episode_ends_with_the_egos_whatever_the_others_do(play):
     played = play(Answers(), beside, social=short)
     played.reset()
     assert not played.step(8).finished[0]
-    assert played.world.seats.state[0, SOCIAL] == SeatState.VACANT
+    assert played.world.agents.state[0, SOCIAL] == AgentStatus.VACANT
 
 
 def jumps(played, slot):
@@ -205,7 +207,7 @@ def jumps(played, slot):
 @pytest.mark.parametrize("model", ["bullet", "kinematic"])
 def test_a_vehicle_goes_from_traffic_to_a_social_agent_and_back(play, model):
     played = play(
-        InProcess(lambda seat: Agent.from_function(lambda seen: "keep_lane")),
+        InProcess(lambda agent_id: Agent.from_function(lambda seen: "keep_lane")),
         trap(),
         social=LANER.replace(vehicle_model=model, max_episode_steps=25),
     )
@@ -237,9 +239,9 @@ def test_a_vehicle_goes_from_traffic_to_a_social_agent_and_back(play, model):
         assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
 
 
-def test_a_spare_seat_takes_a_vehicle_that_a_transfer_gives_it(play):
+def test_a_spare_agent_takes_a_vehicle_that_a_transfer_gives_it(play):
     """As bubbles will do it: no start, no mission, only a transfer at the border of two steps."""
-    played = play(InProcess(lambda seat: Agent.from_function(lambda seen: "keep_lane")))
+    played = play(InProcess(lambda agent_id: Agent.from_function(lambda seen: "keep_lane")))
     played.reset()
     world, ownership = played.world, played.parts.ownership
     driven = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)
@@ -260,7 +262,7 @@ def test_a_spare_seat_takes_a_vehicle_that_a_transfer_gives_it(play):
         played.step()
         assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
         assert jumps(played, slot)[0] < 0.1
-    assert world.seats.state[0, SOCIAL] == SeatState.VACANT
+    assert world.agents.state[0, SOCIAL] == AgentStatus.VACANT
 
 
 def test_a_vehicle_taken_in_a_bend_is_where_sumo_had_it_and_stays_in_its_lane(play):
@@ -268,7 +270,7 @@ def test_a_vehicle_taken_in_a_bend_is_where_sumo_had_it_and_stays_in_its_lane(pl
 
     An agent that keeps its lane takes it on from there, without a jump.
     """
-    keep = InProcess(lambda seat: Agent.from_function(lambda seen: "keep_lane"))
+    keep = InProcess(lambda agent_id: Agent.from_function(lambda seen: "keep_lane"))
     played = play(keep, scenario="roundabout")
     played.reset()
     world, ownership = played.world, played.parts.ownership
@@ -303,18 +305,18 @@ def _turning(played):
 
 
 def test_where_all_wait_time_goes_on_until_somebody_is_there(play):
-    played = play(Answers(), trap(seat=EGO))
+    played = play(Answers(), trap(agent_id=EGO))
     played.reset()
     assert played.batch.alive[0, EGO]
     assert played.world.step[0] > 0
-    assert played.world.vehicles.home[0, played.world.seats.slot[0, EGO]] == Owner.TRAFFIC
+    assert played.world.vehicles.home[0, played.world.agents.slot[0, EGO]] == Owner.TRAFFIC
 
 
 def test_where_nobody_ever_comes_the_error_says_so(play, monkeypatch):
     monkeypatch.setattr("smarts.env.batch.PATIENCE", 100)
 
-    def never(seats):
-        return (dataclasses.replace(seats[0], take_over=TakeOver(vehicle="no such", patience=np.inf)),)
+    def never(agents):
+        return (dataclasses.replace(agents[0], take_over=TakeOver(vehicle="no such", patience=np.inf)),)
 
     played = play(Answers(), never)
     with pytest.raises(ScenarioError, match="no agent has entered"):

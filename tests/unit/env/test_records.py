@@ -40,10 +40,12 @@ def written(folder, count):
 
 
 def extras(episode, name):
-    """Return what is said under a name: (step, seat) -> numbers."""
+    """Return what is said under a name: (step, agent) -> numbers."""
     table = episode.table("extras")
-    rows = zip(table["step"].tolist(), table["seat"].tolist(), table["name"], table["values"], strict=True)
-    return {(step, seat): np.array(values) for step, seat, what, values in rows if what == name}
+    rows = zip(
+        table["step"].tolist(), table["agent_id"].tolist(), table["name"], table["values"], strict=True
+    )
+    return {(step, agent_id): np.array(values) for step, agent_id, what, values in rows if what == name}
 
 
 def test_a_finished_episode_is_written_without_a_reset(closing, tmp_path):
@@ -66,10 +68,12 @@ def test_a_finished_episode_is_written_without_a_reset(closing, tmp_path):
     assert sum(told.values()) > 1.0
     said = extras(episode, "mean_std")
     assert {key: numbers.tolist() for key, numbers in said.items()} == {
-        (5 * k, seat): [k, 0.5] if seat == 0 else [-k, 0.25] for k in range(4) for seat in range(2)
+        (5 * k, agent_id): [k, 0.5] if agent_id == 0 else [-k, 0.25]
+        for k in range(4)
+        for agent_id in range(2)
     }
     table = episode.table("decisions")
-    decided = zip(table["step"].tolist(), table["seat"].tolist(), strict=True)
+    decided = zip(table["step"].tolist(), table["agent_id"].tolist(), strict=True)
     assert set(decided) == told.keys()
 
 
@@ -86,8 +90,8 @@ def test_every_episode_of_a_vector_has_its_own_rewards(closing, tmp_path):
         env.annotate("value", said)
         alive = now.alive.copy()
         now = env.step([np.zeros((2, 1), int), np.zeros((2, 1), int)])
-        for row, seat in np.argwhere(alive).tolist():
-            told.setdefault(playing[row], {})[5 * int(decision[row]), seat] = now.rewards[row, seat]
+        for row, agent_id in np.argwhere(alive).tolist():
+            told.setdefault(playing[row], {})[5 * int(decision[row]), agent_id] = now.rewards[row, agent_id]
         decision += 1
         ended += [playing[row] for row in np.flatnonzero(now.reset)]
         decision[now.reset] = 0
@@ -95,11 +99,13 @@ def test_every_episode_of_a_vector_has_its_own_rewards(closing, tmp_path):
     for key in ended:
         rewards, values = extras(episodes[key], "reward"), extras(episodes[key], "value")
         assert rewards.keys() == told[key].keys() == values.keys()
-        assert {seat for _, seat in rewards} == {0, 1}
+        assert {agent_id for _, agent_id in rewards} == {0, 1}
         np.testing.assert_array_equal(
             [rewards[at].item() for at in rewards], [told[key][at] for at in rewards]
         )
-        assert all(values[step, seat].tolist() == [10 * seat + step / 5] * 2 for step, seat in values)
+        assert all(
+            values[step, agent_id].tolist() == [10 * agent_id + step / 5] * 2 for step, agent_id in values
+        )
         assert extras(episodes[key], "probabilities").keys() == {at for at in values if at[1] == 0}
 
 

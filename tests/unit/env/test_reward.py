@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smarts.env.adapters.protocol import Served
+from smarts.env.adapters.protocol import AdapterContext
 from smarts.env.adapters.reward import Rewards, RewardWeights, reward_weights
 from smarts.env.adapters.reward_kernel import Driving, near_traffic
 from smarts.errors import ScenarioError
@@ -14,7 +14,7 @@ from smarts.sim.columns import columns_of
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import TRUNCATING, Contacts, Event, Events, Outcome
 from smarts.types.frame import Frame, Readings
-from smarts.types.mission import GoalKind, SeatMission
+from smarts.types.mission import AgentMission, GoalKind
 from tests.maps import straight
 from tests.worlds import Car, world_of
 
@@ -37,11 +37,11 @@ class Drive:
         length=0.0,
         begins=None,
     ):
-        mission = SeatMission(route=("road",), goal=goal, goal_position=(ROUTE, 0.0), route_length=length)
+        mission = AgentMission(route=("road",), goal=goal, goal_position=(ROUTE, 0.0), route_length=length)
         made = world_of([Car(0.0, 0.0, mission=mission)], maps=[straight(length=ROUTE + 50)])
         self.world = made.world
         made_scene = Scene(self.world, made.atlas, made.routes)
-        self.served = Served(
+        self.served = AdapterContext(
             made_scene,
             ("a",),
             np.zeros(1, np.int32),
@@ -51,7 +51,7 @@ class Drive:
         )
         self.rewards = Rewards(self.served, weights)
         self.period = period
-        self.events = Events.allocate(*self.world.seats.state.shape)
+        self.events = Events.allocate(*self.world.agents.state.shape)
         self._settle(ROUTE if begins is None else begins)
 
     def decide(self, remaining, outcome=Outcome.NONE, events=Event.NONE, in_step=4):
@@ -63,16 +63,16 @@ class Drive:
             self.events.terminated[0, 0] = ends and outcome not in TRUNCATING
             self.events.truncated[0, 0] = ends and outcome in TRUNCATING
             if ends:
-                self.world.seats.outcome[0, 0] = outcome
+                self.world.agents.outcome[0, 0] = outcome
                 return self._settle(remaining)
             self._settle(remaining, is_last=step == self.period - 1)
         return float(self.rewards.values[0, 0])
 
     def _settle(self, remaining, is_last=True):
-        self.world.seats.remaining[0, 0] = remaining
+        self.world.agents.remaining[0, 0] = remaining
         self.world.vehicles.position[0, 0] = ROUTE - remaining, 0.0
-        worlds, seats = shape = self.world.seats.state.shape
-        contacts = Contacts.allocate(worlds, seats, self.world.vehicles.capacity)
+        worlds, agents = shape = self.world.agents.state.shape
+        contacts = Contacts.allocate(worlds, agents, self.world.vehicles.capacity)
         rows, everybody = np.ones(1, np.bool_), np.ones(shape, np.bool_)
         frame = Frame(self.world, rows, None, None, contacts, self.events, everybody, Readings({}, {}))
         self.rewards.collect(frame, is_last)
@@ -134,7 +134,7 @@ def test_who_is_cut_short_keeps_the_potential():
 
 def test_a_lane_change_that_is_due_pays_back_what_it_cost():
     one = Drive(reward_weights(progress=0.0, time=0.0, goal=0.0, lane_change=-0.2))
-    due = one.world.seats.lane_changes
+    due = one.world.agents.lane_changes
     rewards = []
     for changes in (1, 2, 0, -1, 100):
         due[0, 0] = changes
@@ -229,7 +229,7 @@ def test_neighbours_and_steering_are_weighed():
     # From nobody to one that stands 30 m ahead of a vehicle that stands.
     assert one.decide(ROUTE, in_step=0) == pytest.approx(-0.03 * 20 / 8)
     slot.speed[0, 0] = 20.0
-    one.world.seats.steering[0, 0] = 0.3
+    one.world.agents.steering[0, 0] = 0.3
     hard = -0.1 * ((72 - 60) / 20 * 0.3 / 4) ** 2
     assert one.decide(ROUTE, in_step=0) == pytest.approx(-0.01 * (5 - 1.5) / 8 + hard, rel=1e-5)
 
@@ -263,7 +263,7 @@ def test_what_counts_for_each_step_counts_for_all_of_a_decision():
         weights = reward_weights("paper", **{**alone, term: reward_weights("paper").__dict__[term]})
         assert Drive(weights, period=5).decide(150.0) == pytest.approx(5 * worth, rel=1e-6)
     one = Drive(reward_weights("paper", **{**alone, "hard_steering": -0.1}), period=5)
-    one.world.vehicles.speed[0, 0], one.world.seats.steering[0, 0] = 20.0, 0.3
+    one.world.vehicles.speed[0, 0], one.world.agents.steering[0, 0] = 20.0, 0.3
     assert one.decide(150.0) == pytest.approx(5 * -0.1 * ((72 - 60) / 20 * 0.3 / 4) ** 2, rel=1e-5)
 
 

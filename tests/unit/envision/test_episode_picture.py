@@ -16,14 +16,14 @@ from benchmark.cli import app
 from smarts.envision.episode_picture import COLLISION, EpisodePicture
 from smarts.envision.scenario_picture import ASPHALT, CAR, EGOS
 from smarts.errors import SmartsError
+from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
-from smarts.types.mission import GoalKind, SeatMission
-from smarts.types.seats import SeatState
+from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
 from tests.unit.sim.test_recorder_by_hand import Recording
 from tests.worlds import Car
 
-GOAL = SeatMission(route=("road",), goal=GoalKind.POSITION, goal_position=(160.0, 3.2))
+GOAL = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_position=(160.0, 3.2))
 STEPS = 20
 
 
@@ -38,14 +38,14 @@ def episode(tmp_path_factory):
         if step < 15:
             recording.world.vehicles.position[0, 0, 0] += 1.0
         if step == 14:
-            recording.world.seats.state[0, 0] = SeatState.DONE
-            recording.world.seats.outcome[0, 0] = Outcome.COLLISION
+            recording.world.agents.state[0, 0] = AgentStatus.DONE
+            recording.world.agents.outcome[0, 0] = Outcome.COLLISION
             recording.events.just_done[0, 0] = True
         recording.step()
         if step == 14:
             recording.events.just_done[0, 0] = False
             recording.made.world.registry.dismiss(0, 0)
-            recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.VACANT, -1
+            recording.world.agents.state[0, 0], recording.world.agents.slot[0, 0] = AgentStatus.VACANT, -1
     return recording.read()
 
 
@@ -108,8 +108,8 @@ def crash(tmp_path_factory):
         if step < 2:
             recording.world.vehicles.position[0, 0, 0] += 1.0
         if step == 1:
-            recording.world.seats.state[0, 0] = SeatState.DONE
-            recording.world.seats.outcome[0, 0] = Outcome.COLLISION
+            recording.world.agents.state[0, 0] = AgentStatus.DONE
+            recording.world.agents.outcome[0, 0] = Outcome.COLLISION
             recording.events.just_done[0, 0] = True
             recording.contacts.partner[0, 0] = 1
             recording.contacts.partner_generation[0, 0] = recording.world.vehicles.generation[0, 1]
@@ -117,7 +117,7 @@ def crash(tmp_path_factory):
         if step == 1:
             recording.events.just_done[0, 0] = False
             recording.made.world.registry.dismiss(0, 0)
-            recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.VACANT, -1
+            recording.world.agents.state[0, 0], recording.world.agents.slot[0, 0] = AgentStatus.VACANT, -1
     return recording.read()
 
 

@@ -132,7 +132,7 @@ class World:
 
     def __init__(self, country: Country, capacity: int = 64) -> None:
         self.country = country
-        self.state = State(worlds=1, capacity=capacity, seats=0, lanes=LANES)
+        self.state = State(worlds=1, capacity=capacity, agents=0, lanes=LANES)
         self.states = self.state.vehicles[0]
         self.registry = self.state.registry
         self.traffic = SumoTraffic(self.state, 0)

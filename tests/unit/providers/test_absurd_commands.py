@@ -6,7 +6,7 @@ import pytest
 from smarts.dynamics import MODELS
 from smarts.providers.vehicle import FleetVehicles
 from smarts.types.actions import CommandMode, Commands
-from smarts.types.mission import SeatMission
+from smarts.types.mission import AgentMission
 from smarts.types.vehicles import VehicleKind
 from tests import maps
 from tests.worlds import Car, world_of
@@ -48,13 +48,13 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_every_state_stays_finite(model, case):
     mode, write = CASES[case]
-    mission = SeatMission(route=("road",))
+    mission = AgentMission(route=("road",))
     # Side by side and one behind the other, so that they run into each other as well.
     cars = [
         Car(100.0 + 15.0 * (number // 2), 3.2 * (number % 2), 0.0, 30.0, mission, kind=kind)
         for number, kind in enumerate(KINDS)
     ]
-    made = world_of(cars, maps=[maps.straight(length=600.0)], seats=len(cars))
+    made = world_of(cars, maps=[maps.straight(length=600.0)], agents=len(cars))
     world, rows = made.world, np.ones(1, np.bool_)
     vehicles, commands = FleetVehicles(world, model), Commands.allocate(1, len(cars))
     draws = np.random.Generator(np.random.Philox(key=5))

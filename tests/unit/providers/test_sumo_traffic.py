@@ -368,6 +368,6 @@ def test_a_closed_simulation_does_not_drive_the_next_one(new_world, country):
 
 @pytest.mark.parametrize("dt", [0.0, -0.1, math.nan, math.inf])
 def test_impossible_steps_are_refused(dt):
-    state = State(worlds=1, capacity=1, seats=0, lanes=1, dt=dt)
+    state = State(worlds=1, capacity=1, agents=0, lanes=1, dt=dt)
     with pytest.raises(TrafficError, match="a step of"):
         SumoTraffic(state, 0)

@@ -200,7 +200,7 @@ class TestTouches:
     def test_who_is_told_where_to_be_is_touched_too(self, stage):
         """One goes by poses, and is a box to the other, who runs into it."""
         driven = stage([ego(20.0, speed=10.0), ego(26.0, speed=0.0)])
-        driven.actuate(seat=0)
+        driven.actuate(agent_id=0)
         driven.commands.mode[0, 1] = CommandMode.PLACE
         driven.commands.poses[0, 1] = 26.0, 0.0, 0.0, 0.0
         while not (tracks := driven.step()).touched.any():

@@ -12,7 +12,7 @@ from smarts.sensors.accelerometer import AccelerationAndJerk
 from smarts.sensors.ego_vehicle_state import EgoVehicleState
 from smarts.sstudio import types as t
 from smarts.types.actions import CommandMode
-from smarts.types.seats import SeatState
+from smarts.types.agent_states import AgentStatus
 from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from tests import maps
@@ -26,14 +26,14 @@ def test_writes_rows_and_tracks(stage, model):
     driven = stage([ego(), Car(300.0, 3.2, speed=5.0)], model=model)
     driven.actuate(throttle=0.3)
     tracks = driven.step(5).poses
-    vehicles, seats = driven.world.vehicles, driven.world.seats
+    vehicles, agents = driven.world.vehicles, driven.world.agents
     assert tracks.shape == (1, 4, 10, 3)
     assert tracks[0, 0, -1].tolist() == [*vehicles.position[0, 0], vehicles.heading[0, 0]]
     assert np.diff(tracks[0, 0, :, 0]) == pytest.approx(vehicles.speed[0, 0] / 100.0, rel=0.03)
     gained = vehicles.speed[0, 0] - driven.world.before.speed[0, 0]
     assert vehicles.acceleration[0, 0] == pytest.approx(gained / 0.1, rel=1e-3)
-    assert seats.throttle[0, 0] == 0.3
-    assert seats.travelled[0, 0] == pytest.approx(vehicles.position[0, 0, 0] - 20.0)
+    assert agents.throttle[0, 0] == 0.3
+    assert agents.distance_travelled[0, 0] == pytest.approx(vehicles.position[0, 0, 0] - 20.0)
     # Traffic is another's to move.
     assert vehicles.position[0, 1].tolist() == [300.0, 3.2]
 
@@ -67,10 +67,10 @@ def test_sensors_of_a_kinematic_vehicle_in_a_bend(stage):
 
 
 class TestHandOver:
-    def take(self, driven, slot, seat):
+    def take(self, driven, slot, agent_id):
         world = driven.world
         generation = int(world.vehicles.generation[0, slot])
-        row = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, seat, Reason.TAKE)
+        row = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, agent_id, Reason.TAKE)
         driven.made.ownership.submit(transfers([row]))
 
     @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
@@ -80,10 +80,10 @@ class TestHandOver:
         vehicles = driven.world.vehicles
         vehicles.yaw_rate[0, 0] = yaw_rate
         driven.step(3)
-        self.take(driven, slot=0, seat=2)
+        self.take(driven, slot=0, agent_id=2)
         driven.commands.mode[0, 2] = CommandMode.NONE
         tracks = driven.step().poses
-        assert driven.world.seats.state[0, 2] == SeatState.ACTIVE
+        assert driven.world.agents.state[0, 2] == AgentStatus.ACTIVE
         assert tracks[0, 2, 0, :2] == pytest.approx(
             [50.0 + 0.12 * math.cos(0.1), 3.2 + 0.12 * math.sin(0.1)], abs=0.02
         )
@@ -109,7 +109,7 @@ class TestHandOver:
         driven.step()
         world = driven.world
         world.vehicles.generation[0, 0] += 1
-        world.seats.generation[0, 0] += 1
+        world.agents.generation[0, 0] += 1
         world.vehicles.position[0, 0], world.vehicles.speed[0, 0] = (100.0, 3.2), 2.0
         driven.step()
         assert world.vehicles.position[0, 0] == pytest.approx([100.2, 3.2], abs=0.01)
@@ -196,7 +196,7 @@ class TestPlaced:
 
     def test_others_run_into_it(self, stage):
         driven = stage([ego(20.0, speed=10.0), ego(40.0, speed=0.0)])
-        driven.actuate(seat=0)
+        driven.actuate(agent_id=0)
         driven.commands.mode[0, 1] = CommandMode.PLACE
         driven.commands.poses[0, 1] = 40.0, 0.0, 0.0, 0.0
         driven.step(40)
@@ -261,7 +261,7 @@ def test_what_is_not_finite_is_refused_before_anything_moves(stage, mode, bad):
     commands.poses[0, 1, 5, 2] = bad
     driven.step()
     assert list(driven.vehicles.failures) == [0]
-    with pytest.raises(ActionError, match=rf"seat 1 of simulation 0: .*{mode.name}.*{bad}"):
+    with pytest.raises(ActionError, match=rf"agent 1 of simulation 0: .*{mode.name}.*{bad}"):
         raise driven.vehicles.failures[0]
     moved = driven.world.vehicles.position - before
     assert not moved[0].any()

@@ -5,15 +5,15 @@ import math
 import numpy as np
 
 from smarts.roads.scene import Scene
-from smarts.types.mission import SeatMission
+from smarts.types.mission import AgentMission
 from tests import maps
 from tests.worlds import Car, world_of
 
 RADIUS = 30.0
 """Of the right lane of the bend; the left one's is 3.2 m less."""
-BEND = SeatMission(route=("bend",))
-STRAIGHT_ON = SeatMission(route=("west_in", "east_out"))
-TO_THE_LEFT = SeatMission(route=("west_in", "north_out"))
+BEND = AgentMission(route=("bend",))
+STRAIGHT_ON = AgentMission(route=("west_in", "east_out"))
+TO_THE_LEFT = AgentMission(route=("west_in", "north_out"))
 
 
 def on_bend(angle, radius=RADIUS, **more):
@@ -34,10 +34,10 @@ def scene_of(made):
     return Scene(made.world, made.atlas, made.routes)
 
 
-def seen(sensor, made, seat=0):
-    """Return the readings of one seat of the first simulation, by field."""
+def seen(sensor, made, agent_id=0):
+    """Return the readings of one agent of the first simulation, by field."""
     out = {field.name: field.allocate(made.world.worlds, 1) for field in sensor.fields()}
     wanted = np.zeros((made.world.worlds, 1), np.bool_)
     wanted[0] = True
-    sensor.observe(scene_of(made), np.array([seat], np.int32), wanted, out)
+    sensor.observe(scene_of(made), np.array([agent_id], np.int32), wanted, out)
     return {name: array[0, 0] for name, array in out.items()}

@@ -8,7 +8,7 @@ from smarts.agents.options import Signals
 from smarts.sensors.mission import MissionAndGoal
 from smarts.sensors.signals import SignalsAhead
 from smarts.sensors.via_data import ViaPoints
-from smarts.types.mission import GoalKind, SeatMission, Via
+from smarts.types.mission import AgentMission, GoalKind, Via
 from smarts.types.traffic import Signal
 from tests.maps import Road, graph_of
 from tests.unit.sensors.seeing import (
@@ -24,11 +24,11 @@ from tests.worlds import Car, world_of
 
 
 def test_goal_in_a_curve():
-    mission = SeatMission(
+    mission = AgentMission(
         ("bend",), GoalKind.POSITION, (0.0, RADIUS), goal_radius=3.0, laps=2, route_length=40.0
     )
     made = in_bend(on_bend(0.5, mission=mission))
-    made.world.seats.lap[0, 0] = 1
+    made.world.agents.lap[0, 0] = 1
     goal = seen(MissionAndGoal(), made)
     assert (goal["goal"], goal["goal_radius"], goal["route_length"]) == (GoalKind.POSITION, 3.0, 40.0)
     assert goal["goal_position"].tolist() == [0.0, RADIUS]
@@ -53,8 +53,8 @@ def vias_in_bend():
 
 
 def test_via_points_in_a_curve_come_by_distance():
-    made = in_bend(on_bend(0.25, mission=SeatMission(("bend",), vias=vias_in_bend())), vias=3)
-    made.world.seats.via_hit[0, 0, 2] = True
+    made = in_bend(on_bend(0.25, mission=AgentMission(("bend",), vias=vias_in_bend())), vias=3)
+    made.world.agents.via_hit[0, 0, 2] = True
     near = seen(ViaPoints(), made)
     assert near["count"] == 3
     assert near["lane"][:3].tolist() == near["lane_index"][:3].tolist() == [0, 1, 0]
@@ -65,7 +65,7 @@ def test_via_points_in_a_curve_come_by_distance():
 
 def test_via_points_behind_a_junction_are_seen_when_near():
     via = Via((40.0, -1.6), lane=-1, radius=2.0, speed=5.0)
-    mission = SeatMission(("west_in", "east_out"), vias=(via,))
+    mission = AgentMission(("west_in", "east_out"), vias=(via,))
     assert seen(ViaPoints(), at_crossing(Car(-0.5, -1.6, mission=mission)))["count"] == 0
     assert seen(ViaPoints(), at_crossing(Car(0.5, -1.6, mission=mission)))["count"] == 1
 
@@ -89,7 +89,7 @@ def test_the_light_of_the_own_way_is_seen():
 
 
 def test_off_the_route_all_lights_ahead_are_seen():
-    made = at_crossing(Car(-30.0, -1.6, mission=SeatMission(("south_in", "north_out"))))
+    made = at_crossing(Car(-30.0, -1.6, mission=AgentMission(("south_in", "north_out"))))
     ahead = seen(SignalsAhead(), lights(made, north=Signal.STOP, east=Signal.GO, south=Signal.CAUTION))
     assert sorted(ahead["state"].tolist()) == [0, Signal.STOP, Signal.CAUTION, Signal.GO]
 
@@ -112,7 +112,7 @@ def test_distance_to_a_light_is_along_the_curve():
     end = curve[-1]
     roads = {"bend": Road(curve), "on": Road([(end[0] - 10, end[1] + 1), (end[0] - 50, end[1] + 1)])}
     graph = graph_of(roads, [(("bend", 0), ("on", 0))])
-    made = world_of([on_bend(0.35, mission=SeatMission(("bend", "on")))], maps=[graph])
+    made = world_of([on_bend(0.35, mission=AgentMission(("bend", "on")))], maps=[graph])
     made.world.signals[0, graph.successors(0)[0]] = Signal.CAUTION
     ahead = seen(SignalsAhead(), made)
     assert ahead["distance"][0] == pytest.approx(1.2 * RADIUS, abs=0.05)

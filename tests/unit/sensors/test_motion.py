@@ -24,8 +24,8 @@ def test_state_in_a_curve():
     made = in_bend(on_bend(0.5, RADIUS - 3.2, speed=10.0, mission=BEND, length=12.0, kind=VehicleKind.BUS))
     made.world.vehicles.lateral_speed[0, 0] = 0.5
     made.world.vehicles.yaw_rate[0, 0] = 10 / (RADIUS - 3.2)
-    made.world.seats.steering[0, 0] = 0.1
-    made.world.seats.travelled[0, 0] = 12.5
+    made.world.agents.steering[0, 0] = 0.1
+    made.world.agents.distance_travelled[0, 0] = 12.5
     ego = seen(EgoVehicleState(), made)
     assert ego["position"] == pytest.approx([26.8 * math.cos(0.5), 26.8 * math.sin(0.5), 0.0])
     assert ego["bounding_box"] == pytest.approx([12.0, 1.8, 3.0])

@@ -10,7 +10,7 @@ from smarts.roads.lane_graph import LaneKind
 from smarts.sensors.road_waypoints import RoadWaypointsAround
 from smarts.sensors.waypoint_paths import WaypointPathsAhead
 from smarts.types.guidance import GuidePhase
-from smarts.types.mission import SeatMission
+from smarts.types.mission import AgentMission
 from smarts.types.vehicles import VehicleKind
 from tests.maps import Road, graph_of
 from tests.unit.sensors.seeing import (
@@ -94,7 +94,7 @@ def test_paths_for_which_there_is_no_room_are_left_out():
 
 def test_bus_lanes_are_for_buses():
     lanes = {"road": Road([(0, 0), (100, 0)], kind=LaneKind.BUS)}
-    mission = SeatMission(route=("road",))
+    mission = AgentMission(route=("road",))
     for kind, count in ((VehicleKind.PASSENGER, 0), (VehicleKind.BUS, 1)):
         made = world_of([Car(10.0, 0.0, mission=mission, kind=kind)], maps=[graph_of(lanes)])
         assert seen(ahead(), made)["path_count"] == count
@@ -145,7 +145,7 @@ def test_beyond_the_road_the_way_that_turns_least_is_taken():
 def led(phase, *, x=50.0, speed=0.0, **curve):
     """Return the paths of one who is led on a road of two lanes each way, three metres between waypoints."""
     roads = {"there": Road([(0, 0), (200, 0)], 2), "back": Road([(200, 12.8), (0, 12.8)], 2)}
-    made = world_of([Car(x, 0.0, mission=SeatMission(route=("there",)))], maps=[graph_of(roads)])
+    made = world_of([Car(x, 0.0, mission=AgentMission(route=("there",)))], maps=[graph_of(roads)])
     guidance = made.world.guidance
     guidance.phase[0, 0], guidance.speed[0, 0] = phase, speed
     for name, value in curve.items():

@@ -1,4 +1,4 @@
-"""Which seats share which sensor, and who is served."""
+"""Which agents share which sensor, and who is served."""
 
 import numpy as np
 
@@ -20,8 +20,8 @@ def suite_of(*interfaces):
     return made.world, SensorSuite(scene_of(made), interfaces)
 
 
-def wanted(*seats):
-    return np.isin(np.arange(4), seats)[None]
+def wanted(*agents):
+    return np.isin(np.arange(4), agents)[None]
 
 
 def test_sensors_are_those_of_the_interface():
@@ -34,7 +34,7 @@ def test_sensors_are_those_of_the_interface():
 def test_equal_options_share_a_block():
     world, suite = suite_of(NEAR, FAR, NEAR, None)
     readings = suite.observe(world, wanted(0, 1, 2))
-    assert {name: seats.tolist() for name, seats in readings.seats.items()} == {
+    assert {name: agents.tolist() for name, agents in readings.agent_ids.items()} == {
         "ego_vehicle_state": [0, 1, 2],
         "mission": [0, 1, 2],
         "via_data": [0, 1, 2],
@@ -74,4 +74,4 @@ def test_only_what_somebody_looks_at_is_observed():
     suite = SensorSuite(scene_of(made), [NEAR, NEAR], {0: (), 1: ("mission", "signals")})
     readings = suite.observe(made.world, wanted(0, 1))
     assert [*readings.blocks] == ["mission"]
-    assert readings.seats["mission"].tolist() == [1]
+    assert readings.agent_ids["mission"].tolist() == [1]

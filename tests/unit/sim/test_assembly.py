@@ -14,9 +14,9 @@ from smarts.providers.sumo_library import SumoLibrary
 from smarts.sim.assembly import Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType
+from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import TakeOver
 from smarts.types.events import Outcome
-from smarts.types.seats import SeatState
 from smarts.types.vehicles import Owner
 
 EGOS = 2
@@ -61,8 +61,8 @@ class Run:
             actions.given[row] = step > 0
             actions.fresh[row] = step % 5 == 1
             if step % 5 == 1:
-                actions.legal[row] = self.world.seats.legal[row]
-                actions.values[row, :, 0] = [(step // 10 + number + seat) % 4 for seat in range(EGOS)]
+                actions.action_mask[row] = self.world.agents.action_mask[row]
+                actions.values[row, :, 0] = [(step // 10 + number + agent_id) % 4 for agent_id in range(EGOS)]
         frame = self.simulation.step(actions, rows, rows[:, None] & np.ones(EGOS, np.bool_))
         assert not frame.failures
         self._hash(frame)
@@ -74,15 +74,15 @@ class Run:
 
     def _hash(self, frame):
         world = self.world
-        for row in np.flatnonzero(frame.rows).tolist():
+        for row in np.flatnonzero(frame.env_mask).tolist():
             told = self.hashes[row].update
-            for table in (world.vehicles, world.before, world.seats):
+            for table in (world.vehicles, world.before, world.agents):
                 for _, column in table.columns():
                     told(column[row].tobytes())
             told(world.signals[row].tobytes() + frame.events.bits[row].tobytes())
             for sensor, block in frame.readings.blocks.items():
-                for column, seat in enumerate(frame.readings.seats[sensor].tolist()):
-                    if frame.wanted[row, seat]:
+                for column, agent_id in enumerate(frame.readings.agent_ids[sensor].tolist()):
+                    if frame.observe_mask[row, agent_id]:
                         told(b"".join(array[row, column].tobytes() for array in block.values()))
 
     def close(self):
@@ -177,15 +177,15 @@ def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
     """In the middle of a step that the others make in full, with traffic."""
     vehicles, world = three.simulation._stages.vehicles, three.simulation.world
     assert not stepped(three, [0, 1, 2]).failures
-    seats = world.seats.slot.shape[1]
-    vehicles.fleet._bodies[seats : 2 * seats, 7] = np.nan
+    agents = world.agents.slot.shape[1]
+    vehicles.fleet._bodies[agents : 2 * agents, 7] = np.nan
     frame = stepped(three, [0, 1, 2])
     assert [*frame.failures] == [1]
     assert "no longer finite" in str(frame.failures[1])
-    assert frame.rows.tolist() == [True, False, True]
+    assert frame.env_mask.tolist() == [True, False, True]
     assert frame.events.finished.tolist() == [False, True, False]
-    assert (world.seats.outcome[1] == Outcome.VOID).all()
-    assert (world.seats.state[[0, 2]] == SeatState.ACTIVE).all()
+    assert (world.agents.outcome[1] == Outcome.VOID).all()
+    assert (world.agents.state[[0, 2]] == AgentStatus.ACTIVE).all()
     three.simulation.reset({1: three.schedule.start(1, 1)})
     for _ in range(3):
         assert not stepped(three, [0, 1, 2]).failures
@@ -200,12 +200,12 @@ def test_traffic_that_fails_ends_its_own_episode_only(three):
     frame = stepped(three, [0, 1, 2])
     assert [*frame.failures] == [1]
     assert "SUMO failed in mid-run" in str(frame.failures[1])
-    assert frame.rows.tolist() == [True, False, True]
+    assert frame.env_mask.tolist() == [True, False, True]
     assert frame.events.finished.tolist() == [False, True, False]
     assert frame.events.truncated.tolist() == [[False] * 2, [True] * 2, [False] * 2]
-    assert (world.seats.outcome[1] == Outcome.VOID).all()
-    assert (world.seats.state[1] == SeatState.DONE).all()
-    assert (world.seats.state[[0, 2]] == SeatState.ACTIVE).all()
+    assert (world.agents.outcome[1] == Outcome.VOID).all()
+    assert (world.agents.state[1] == AgentStatus.DONE).all()
+    assert (world.agents.state[[0, 2]] == AgentStatus.ACTIVE).all()
     frame = stepped(three, [0, 2])
     assert not frame.failures
     three.simulation.reset({1: three.schedule.start(1, 1)})
@@ -225,8 +225,8 @@ def test_traffic_is_told_of_egos_before_the_first_step(three):
         for slot in np.flatnonzero(world.vehicles.owner[row] == Owner.AGENT).tolist():
             if start.traffic.warm_up:
                 assert engine.can_accept(slot)
-                seat = int(np.flatnonzero(world.seats.slot[row] == slot)[0])
-                assert engine._shadows._shadows[slot].route == start.seats[seat].mission.route
+                agent_id = int(np.flatnonzero(world.agents.slot[row] == slot)[0])
+                assert engine._shadows._shadows[slot].route == start.agents[agent_id].mission.route
     assert any(three.schedule.start(row, 0).traffic.warm_up for row in range(3))
 
 
@@ -270,8 +270,8 @@ def waiting_for_traffic(parts, world, **rule):
     """Return an episode with traffic in which the first agent takes over a vehicle instead of a new one."""
     starts = (parts.schedule.start(world, episode) for episode in range(20))
     start = next(start for start in starts if start.traffic.warm_up)
-    first = dataclasses.replace(start.seats[0], take_over=TakeOver(**rule))
-    return dataclasses.replace(start, seats=(first, *start.seats[1:]))
+    first = dataclasses.replace(start.agents[0], take_over=TakeOver(**rule))
+    return dataclasses.replace(start, agents=(first, *start.agents[1:]))
 
 
 @pytest.mark.parametrize("model", ["kinematic", "bullet"])
@@ -280,12 +280,12 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
     world, everybody = parts.simulation.world, np.ones((1, EGOS), np.bool_)
     try:
         parts.simulation.reset({0: waiting_for_traffic(parts, 0, patience=50.0)})
-        assert world.seats.state[0].tolist() == [SeatState.WAITING, SeatState.ACTIVE]
+        assert world.agents.state[0].tolist() == [AgentStatus.WAITING, AgentStatus.ACTIVE]
         slot, before, name = -1, None, ""
         for step in range(60):
             frame = parts.simulation.step(parts.actions, np.ones(1, np.bool_), everybody)
             assert not frame.failures
-            vehicles, now = world.vehicles, int(world.seats.slot[0, 0])
+            vehicles, now = world.vehicles, int(world.agents.slot[0, 0])
             if slot < 0 <= now:
                 slot, name = now, parts.scene.world.registry.name(0, now)
                 assert world.before.owner[0, slot] == Owner.TRAFFIC
@@ -297,7 +297,7 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
                 turn = vehicles.heading[0, slot] - world.before.heading[0, slot]
                 assert abs((turn + np.pi) % (2 * np.pi) - np.pi) < np.radians(4)
             if step == 20:
-                world.seats.state[0, 0], world.seats.outcome[0, 0] = SeatState.DONE, Outcome.TIME_OUT
+                world.agents.state[0, 0], world.agents.outcome[0, 0] = AgentStatus.DONE, Outcome.TIME_OUT
                 frame.events.just_done[0, 0] = True
                 stages = parts.simulation._stages
                 transfers = stages.transfer_rules.propose(world, frame.events, np.ones(1, np.bool_))
@@ -306,7 +306,7 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
                 assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
                 before = world.vehicles.position[0, slot].copy()
         assert slot >= 0
-        assert world.seats.slot[0, 0] == -1
+        assert world.agents.slot[0, 0] == -1
         if world.vehicles.alive[0, slot]:
             assert parts.scene.world.registry.name(0, slot) == name
             assert np.hypot(*(world.vehicles.position[0, slot] - before)) > 5
@@ -317,16 +317,16 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
 def test_who_enters_later_is_made_known_to_traffic_and_gets_a_gap(three):
     world, traffic = three.simulation.world, three.simulation._stages.traffic
     start = three.schedule.start(1, 0)
-    late = dataclasses.replace(start.seats[1], entry_time=1.0)
-    three.simulation.reset({1: dataclasses.replace(start, seats=(start.seats[0], late))})
+    late = dataclasses.replace(start.agents[1], entry_time=1.0)
+    three.simulation.reset({1: dataclasses.replace(start, agents=(start.agents[0], late))})
     for _ in range(10):
         stepped(three, [1])
-    assert world.seats.state[1].tolist() == [SeatState.ACTIVE, SeatState.WAITING]
+    assert world.agents.state[1].tolist() == [AgentStatus.ACTIVE, AgentStatus.WAITING]
     for _ in range(3):
         frame = stepped(three, [1])
         assert not frame.events.just_done.any()
-    slot = int(world.seats.slot[1, 1])
-    assert world.seats.entry_step[1].tolist() == [0, 11]
+    slot = int(world.agents.slot[1, 1])
+    assert world.agents.entry_step[1].tolist() == [0, 11]
     assert three.scene.world.registry.name(1, slot) == "agent-1"
     assert traffic._drivers[1]._shadows._shadows[slot].route == late.mission.route
     assert np.hypot(*(world.vehicles.position[1, slot] - late.pose[:2])) < 3.0

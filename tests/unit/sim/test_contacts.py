@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 from smarts.sim.contacts import FRONT, LEFT, REAR, RIGHT, FootprintContacts
-from smarts.types.mission import SeatMission
-from smarts.types.seats import SeatState
+from smarts.types.agent_states import AgentStatus
+from smarts.types.mission import AgentMission
 from smarts.types.tracks import Tracks
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
@@ -68,10 +68,10 @@ def random_pairs(worlds, others, speed):
     change = np.concatenate([draw(-speed, speed, (*shape, 2)) * 0.1, draw(-0.5, 0.5, (*shape, 1))], -1)
     now = before + change
     now[..., 2] = (now[..., 2] + np.pi) % (2 * np.pi) - np.pi
-    world = World(worlds=worlds, capacity=others + 1, seats=1, lanes=1)
+    world = World(worlds=worlds, capacity=others + 1, agents=1, lanes=1)
     put(world.before, before, size)
     put(world.vehicles, now, size)
-    world.seats.state[:], world.seats.slot[:] = SeatState.ACTIVE, 0
+    world.agents.state[:], world.agents.slot[:] = AgentStatus.ACTIVE, 0
     poses = evenly(before, now)
     # The agent does not move evenly: its track bends.
     bend = np.sin(np.linspace(0.1, np.pi, SUBSTEPS)) * draw(-1.0, 1.0, (worlds, 1))
@@ -114,13 +114,13 @@ def test_against_exact_predicates(speed, worlds):
 
 
 def find(made, tracks=None, rows=EVERYBODY, touches=()):
-    """Return the contacts; `touches` are seat, slot, when counted from 1, speed."""
+    """Return the contacts; `touches` are agent, slot, when counted from 1, speed."""
     world = made.world
     if tracks is None:
-        tracks = np.zeros((*world.seats.slot.shape, 0, 3))
+        tracks = np.zeros((*world.agents.slot.shape, 0, 3))
     tracks = Tracks.of(tracks, world.vehicles.capacity)
-    for seat, slot, when, speed in touches:
-        tracks.touched[0, seat, slot], tracks.touch_speed[0, seat, slot] = when, speed
+    for agent_id, slot, when, speed in touches:
+        tracks.touched[0, agent_id, slot], tracks.touch_speed[0, agent_id, slot] = when, speed
     return FootprintContacts(world).find(world, tracks, rows)
 
 
@@ -129,17 +129,17 @@ def moved(cars, moves, touches=()):
     made = world_of(cars, maps=[maps.straight()])
     world = made.world
     made.advance()
-    tracks = np.zeros((*world.seats.slot.shape, SUBSTEPS, 3))
+    tracks = np.zeros((*world.agents.slot.shape, SUBSTEPS, 3))
     for slot, (dx, dy, *turn) in enumerate(moves):
         begin = np.array([*world.before.position[0, slot], world.before.heading[0, slot]])
         world.vehicles.position[0, slot] += dx, dy
         world.vehicles.heading[0, slot] += sum(turn)
-        for seat in np.flatnonzero(world.seats.slot[0] == slot):
-            tracks[0, seat] = evenly(begin, begin + np.array([dx, dy, sum(turn)]))
+        for agent_id in np.flatnonzero(world.agents.slot[0] == slot):
+            tracks[0, agent_id] = evenly(begin, begin + np.array([dx, dy, sum(turn)]))
     return find(made, tracks, touches=touches), made
 
 
-EGO = SeatMission()
+EGO = AgentMission()
 
 
 @pytest.mark.parametrize(
@@ -290,7 +290,7 @@ def test_simulations_that_rest_have_no_contacts():
 def test_who_is_done_or_waits_has_no_contacts():
     cars = [Car(0.0, 0.0, mission=EGO), Car(4.0, 0.0)]
     made = world_of(cars, maps=[maps.straight()])
-    made.world.seats.state[0, 0] = SeatState.DONE
+    made.world.agents.state[0, 0] = AgentStatus.DONE
     assert find(made).partner[0, 0] == -1
 
 

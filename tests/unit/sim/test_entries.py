@@ -6,19 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
-from smarts.roads.seat_routes import SeatRoutes
 from smarts.sim.clearing import needed_gap, vehicles_in_the_way
 from smarts.sim.entries import Entries
-from smarts.sim.locator import MapLocator
+from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
-from smarts.sim.transfer_rules import TakeOverRules
+from smarts.sim.transfer_rules import HandoverRules
 from smarts.sstudio import types as t
-from smarts.types.episode import EpisodeStart, SeatStart, TakeOver
+from smarts.types.agent_states import AgentStatus
+from smarts.types.episode import AgentStart, EpisodeStart, TakeOver
 from smarts.types.events import Events, Outcome
-from smarts.types.mission import GoalKind, SeatMission
-from smarts.types.seats import SeatState
+from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import TrafficFiles
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
@@ -26,7 +26,7 @@ from smarts.types.world import World
 from tests.maps import crossing, straight
 from tests.worlds import Willing
 
-MISSION = SeatMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=190.0)
+MISSION = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=190.0)
 ZONE = np.array([[40.0, -2.0], [60.0, -2.0], [60.0, 2.0], [40.0, 2.0]])
 EVERYBODY = np.ones(1, np.bool_)
 
@@ -37,14 +37,14 @@ class Stage:
     def __init__(self, graph, *starts, refused=()):
         atlas = RoadAtlas([graph])
         self.world = World(
-            worlds=1, capacity=16, seats=max(1, len(starts)), lanes=len(graph.lane_ids), vias=1
+            worlds=1, capacity=16, agents=max(1, len(starts)), lanes=len(graph.lane_ids), vias=1
         )
-        self.scene = Scene(self.world, atlas, SeatRoutes(atlas, 1, max(1, len(starts))))
+        self.scene = Scene(self.world, atlas, AgentRoutes(atlas, 1, max(1, len(starts))))
         willing = Willing()
         self.ownership = Ownership(self.world, {Owner.TRAFFIC: willing, Owner.AGENT: willing})
         self.entries = Entries(self.ownership, self.scene.routes)
-        self.rules = TakeOverRules(self.entries, lambda rows, slots: np.isin(slots, [*refused]))
-        self.locator = MapLocator(atlas, self.scene.routes)
+        self.rules = HandoverRules(self.entries, lambda rows, slots: np.isin(slots, [*refused]))
+        self.matcher = MapMatcher(atlas, self.scene.routes)
         self.events = Events.allocate(1, max(1, len(starts)))
         self.starts = starts
         self.reset()
@@ -59,7 +59,7 @@ class Stage:
         )
         for car in cars:
             self.add(*car)
-        self.locator.locate(self.world, EVERYBODY)
+        self.matcher.locate(self.world, EVERYBODY)
         self.entries.clear_way(self.world, 0)
         self._propose()
 
@@ -71,7 +71,7 @@ class Stage:
             speed,
             heading,
         )
-        self.locator.locate(self.world, EVERYBODY)
+        self.matcher.locate(self.world, EVERYBODY)
         return slot
 
     def step(self, count=1):
@@ -79,24 +79,24 @@ class Stage:
             self.world.advance(EVERYBODY)
             self.ownership.apply(EVERYBODY)
             self.entries.enter(self.world, EVERYBODY)
-            self.locator.locate(self.world, EVERYBODY)
+            self.matcher.locate(self.world, EVERYBODY)
             self.events.just_done[:] = False
             self._propose()
 
-    def finish(self, seat, outcome):
+    def finish(self, agent_id, outcome):
         """End an agent's episode in the step that has just been made."""
-        seats = self.world.seats
-        seats.state[0, seat], seats.outcome[0, seat] = SeatState.DONE, outcome
-        self.events.just_done[0, seat] = True
+        agents = self.world.agents
+        agents.state[0, agent_id], agents.outcome[0, agent_id] = AgentStatus.DONE, outcome
+        self.events.just_done[0, agent_id] = True
         self._propose()
 
     def names(self):
         registry = self.world.registry
         return {registry.name(0, slot) for slot in np.flatnonzero(self.world.vehicles.alive[0]).tolist()}
 
-    def driven(self, seat=0):
-        """Return the name of the vehicle in a seat, "" for none."""
-        slot = int(self.world.seats.slot[0, seat])
+    def driven(self, agent_id=0):
+        """Return the name of the vehicle in an agent, "" for none."""
+        slot = int(self.world.agents.slot[0, agent_id])
         return self.world.registry.name(0, slot) if slot >= 0 else ""
 
     def _propose(self):
@@ -104,24 +104,24 @@ class Stage:
 
 
 def ego(name="ego", x=50.0, speed=0.0, **more):
-    return SeatStart(name, (x, 0.0, 0.0), speed, MISSION, **more)
+    return AgentStart(name, (x, 0.0, 0.0), speed, MISSION, **more)
 
 
 def test_an_agent_enters_at_its_time():
     stage = Stage(straight(), ego(), ego("late", x=80.0, entry_time=1.0))
-    assert stage.world.seats.state[0].tolist() == [SeatState.ACTIVE, SeatState.WAITING]
+    assert stage.world.agents.state[0].tolist() == [AgentStatus.ACTIVE, AgentStatus.WAITING]
     stage.step(10)
     assert stage.driven(1) == ""
     stage.step()  # the step from 1.0 s to 1.1 s
     assert stage.driven(1) == "late"
-    assert stage.world.seats.entry_step[0].tolist() == [0, 11]
-    assert stage.world.seats.route_done[0, 1] == pytest.approx(80.0)
+    assert stage.world.agents.entry_step[0].tolist() == [0, 11]
+    assert stage.world.agents.route_progress[0, 1] == pytest.approx(80.0)
 
 
 def test_an_agent_waits_for_another_to_leave_its_start():
     stage = Stage(straight(), ego(), ego("late", x=52.0, entry_time=0.5))
     stage.step(20)
-    assert stage.world.seats.state[0, 1] == SeatState.WAITING
+    assert stage.world.agents.state[0, 1] == AgentStatus.WAITING
     stage.world.vehicles.position[0, 0] = 120.0, 0.0
     stage.step()
     assert stage.driven(1) == "late"
@@ -141,8 +141,8 @@ def test_room_is_made_by_the_difference_in_speed():
 
 def test_room_is_made_across_a_junction_for_those_who_come_here():
     graph = crossing(length=80.0, gap=10.0)
-    mission = SeatMission(route=("east_out",))
-    start = SeatStart("ego", (14.0, -1.6, 0.0), 0.0, mission)
+    mission = AgentMission(route=("east_out",))
+    start = AgentStart("ego", (14.0, -1.6, 0.0), 0.0, mission)
     stage = Stage(graph, start)
     stage.add("straight_on", -30.0, -1.6, 14.0)
     stage.add("turning", 1.6, -30.0, 14.0, np.pi / 2)
@@ -177,7 +177,7 @@ def test_a_trap_takes_the_first_vehicle_that_comes():
     assert stage.driven() == "comer"
     assert stage.world.vehicles.owner[0, slot] == Owner.AGENT
     assert (stage.world.vehicles.position[0, slot] == pose).all()
-    assert stage.world.seats.state[0, 0] == SeatState.ACTIVE
+    assert stage.world.agents.state[0, 0] == AgentStatus.ACTIVE
     assert stage.world.vehicles.route[0, slot] == stage.world.missions.route[0, 0]
     assert stage.world.missions.route_length[0, 0] == pytest.approx(190.0 - pose[0])
 
@@ -216,12 +216,12 @@ def test_two_traps_take_two_vehicles():
     stage = Stage(straight(), ego(take_over=trap), ego("other", x=55.0, take_over=trap))
     slot = stage.add("only", 53.0)
     stage.step(5)
-    assert [stage.driven(seat) for seat in range(2)] == ["only", ""]
-    assert stage.world.seats.state[0].tolist() == [SeatState.ACTIVE, SeatState.WAITING]
+    assert [stage.driven(agent_id) for agent_id in range(2)] == ["only", ""]
+    assert stage.world.agents.state[0].tolist() == [AgentStatus.ACTIVE, AgentStatus.WAITING]
     stage.add("next", 45.0)
     stage.step(2)
-    assert [stage.driven(seat) for seat in range(2)] == ["only", "next"]
-    assert stage.world.seats.slot[0, 0] == slot
+    assert [stage.driven(agent_id) for agent_id in range(2)] == ["only", "next"]
+    assert stage.world.agents.slot[0, 0] == slot
 
 
 def test_a_vehicle_is_taken_over_by_its_name_wherever_it_is():
@@ -245,11 +245,11 @@ def test_a_condition_is_waited_for_and_forgotten_at_the_next_episode():
 def test_who_takes_over_elsewhere_gets_a_way_to_the_goal():
     graph = crossing()
     goal = graph.lane_number("east_out", 0)
-    mission = SeatMission(
+    mission = AgentMission(
         route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_lane=goal, goal_s=50.0, route_length=99.0
     )
     stage = Stage(
-        graph, SeatStart("ego", (-50.0, -1.6, 0.0), 0.0, mission, take_over=TakeOver(vehicle="car"))
+        graph, AgentStart("ego", (-50.0, -1.6, 0.0), 0.0, mission, take_over=TakeOver(vehicle="car"))
     )
     slot = stage.add("car", 1.6, -40.0, heading=np.pi / 2)
     stage.step(2)
@@ -257,9 +257,9 @@ def test_who_takes_over_elsewhere_gets_a_way_to_the_goal():
     assert stage.scene.routes.route(0, 0) == ("south_in", "east_out")
     edges = stage.world.routes.edges(0, stage.world.vehicles.route[0, slot]).tolist()
     assert [stage.scene.atlas.graphs[0].edge_ids[edge] for edge in edges] == ["south_in", "east_out"]
-    assert stage.world.seats.on_route[0, 0]
-    assert stage.world.seats.remaining[0, 0] == pytest.approx(stage.world.missions.route_length[0, 0])
-    assert 80 < stage.world.seats.remaining[0, 0] < 100
+    assert stage.world.agents.on_route[0, 0]
+    assert stage.world.agents.remaining[0, 0] == pytest.approx(stage.world.missions.route_length[0, 0])
+    assert 80 < stage.world.agents.remaining[0, 0] < 100
 
 
 def test_who_is_done_leaves_with_the_vehicle():
@@ -268,7 +268,7 @@ def test_who_is_done_leaves_with_the_vehicle():
     assert stage.names() == {"ego"}
     stage.step()
     assert stage.names() == set()
-    assert stage.world.seats.state[0, 0] == SeatState.VACANT
+    assert stage.world.agents.state[0, 0] == AgentStatus.VACANT
 
 
 @pytest.mark.parametrize(("outcome", "stays"), [(Outcome.GOAL, True), (Outcome.COLLISION, False)])
@@ -281,7 +281,7 @@ def test_a_vehicle_from_traffic_goes_back_to_it_unharmed(outcome, stays):
     assert stage.world.vehicles.alive[0, slot] == stays
     if stays:
         assert stage.world.vehicles.owner[0, slot] == Owner.TRAFFIC
-    assert stage.world.seats.slot[0, 0] == -1
+    assert stage.world.agents.slot[0, 0] == -1
 
 
 def test_a_vehicle_that_traffic_does_not_want_leaves():
@@ -309,4 +309,4 @@ def test_missions_are_those_of_the_episode():
     stage.starts = (other,)
     stage.reset()
     assert stage.world.missions.goal_s[0, 0] == 120.0
-    assert stage.world.seats.remaining[0, 0] == pytest.approx(70.0)
+    assert stage.world.agents.remaining[0, 0] == pytest.approx(70.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smarts.sim.locator import MapLocator
+from smarts.sim.map_matching import MapMatcher
 from smarts.sim.schedule import Schedule
 from smarts.sim.starts import corridor_of
 from smarts.sim.traffic_run import traffic_run
@@ -51,29 +51,29 @@ def test_agents(name, aside):
     built = build_scenario(name)
     graph, schedule = built.roads(), Schedule([built], ["ego"])
     for episode in range(len(schedule.combinations)):
-        start = schedule.start(0, episode).seats[0]
+        start = schedule.start(0, episode).agents[0]
         x, y, heading = start.pose
         made = world_of([Car(x, y, heading, mission=start.mission)], maps=[graph])
-        vehicles, seats = made.world.vehicles, made.world.seats
-        locator, rows = MapLocator(made.atlas, made.routes), np.ones(1, np.bool_)
+        vehicles, agents = made.world.vehicles, made.world.agents
+        matcher, rows = MapMatcher(made.atlas, made.routes), np.ones(1, np.bool_)
         way = way_along(graph, int(vehicles.lane[0, 0]), start.mission)
         found, progress = [], []
-        begin = seats.route_done[0, 0]
-        assert start.mission.route_length == pytest.approx(seats.remaining[0, 0], abs=0.1)
+        begin = agents.route_progress[0, 0]
+        assert start.mission.route_length == pytest.approx(agents.remaining[0, 0], abs=0.1)
         for lane, s in way:
             pose = graph.pose_at(lane, s, aside)
             vehicles.position[0, 0], vehicles.heading[0, 0] = pose[:2], pose[2]
-            locator.locate(made.world, rows)
-            assert seats.on_route[0, 0]
-            assert seats.on_road[0, 0]
+            matcher.locate(made.world, rows)
+            assert agents.on_route[0, 0]
+            assert agents.on_road[0, 0]
             found.append(int(vehicles.lane[0, 0]))
-            progress.append(float(seats.route_done[0, 0]))
+            progress.append(float(agents.route_progress[0, 0]))
         wanted = [lane for lane, _ in way]
         # Off the middle, two ways that set out from one lane into two lanes of a road are hard to tell apart.
         assert (graph.lane_edge[found] == graph.lane_edge[wanted]).all() if aside else found == wanted
         # Where the lane changes, lanes beside each other may differ in length, in curves.
         assert np.diff(progress).min() > -2.5
-        assert seats.remaining[0, 0] < 2 * SPACING
+        assert agents.remaining[0, 0] < 2 * SPACING
         assert progress[-1] > begin
 
 

@@ -5,13 +5,13 @@ import math
 import pytest
 
 from smarts.types.events import Event, Outcome
-from smarts.types.mission import GoalKind, SeatMission, Via
+from smarts.types.mission import AgentMission, GoalKind, Via
 from tests import maps
 from tests.maps import Road, graph_of
 from tests.unit.sim.stage import ROAD, Stage
 from tests.worlds import Car
 
-POINT = SeatMission(route=("road",), goal=GoalKind.POSITION, goal_position=(150.0, 0.0), goal_radius=2.0)
+POINT = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_position=(150.0, 0.0), goal_radius=2.0)
 
 
 @pytest.mark.parametrize(
@@ -29,16 +29,16 @@ def test_a_goal_with_a_radius(begin, end, reached):
     stage = Stage([Car(*begin, mission=POINT)])
     assert (stage.step(end) == Event.REACHED_GOAL) == reached
     if reached:
-        assert stage.seats.outcome[0, 0] == Outcome.GOAL
+        assert stage.agents.outcome[0, 0] == Outcome.GOAL
         assert stage.events.terminated[0, 0]
 
 
-LINE = SeatMission(route=("road",), goal=GoalKind.LANE_LINE, goal_lane=1, goal_s=150.0)
+LINE = AgentMission(route=("road",), goal=GoalKind.LANE_LINE, goal_lane=1, goal_s=150.0)
 
 
 @pytest.mark.parametrize("goal", [GoalKind.LANE_LINE, GoalKind.POSITION])
 def test_across_the_line_in_the_goal_lane(goal):
-    mission = SeatMission(
+    mission = AgentMission(
         route=("road",), goal=goal, goal_lane=1, goal_s=150.0, goal_position=(150.0, 3.2), goal_radius=0.5
     )
     stage = Stage([Car(148.0, 4.2, mission=mission)])
@@ -53,14 +53,14 @@ def test_across_the_line_in_another_lane_is_a_miss():
     assert stage.step((152.0, 3.2)) == Event.NONE
     assert stage.step((154.9, 3.2)) == Event.NONE
     assert stage.step((155.1, 3.2)) == Event.MISSED_GOAL
-    assert stage.seats.outcome[0, 0] == Outcome.MISSED_GOAL
+    assert stage.agents.outcome[0, 0] == Outcome.MISSED_GOAL
     assert stage.events.terminated[0, 0]
 
 
 def crossed(goal_s):
     """Return a stage in which a car stands at the end of "west_in", whose 80 m end at x = -10."""
     graph = maps.crossing()
-    mission = SeatMission(
+    mission = AgentMission(
         route=("west_in",), goal=GoalKind.LANE_LINE, goal_lane=graph.lane_of_id("west_in_0"), goal_s=goal_s
     )
     return Stage([Car(-11.0, -1.6, mission=mission)], graph=graph)
@@ -75,7 +75,7 @@ def test_a_line_at_the_very_end_where_roads_meet_at_an_angle():
     turn = math.radians(30.0)
     far = 100.0 + 80.0 * math.cos(turn), 80.0 * math.sin(turn)
     graph = graph_of({"first": Road([(0, 0), (100, 0)]), "second": Road([(100, 0), far])})
-    mission = SeatMission(goal=GoalKind.LANE_LINE, goal_lane=0, goal_s=100.0)
+    mission = AgentMission(goal=GoalKind.LANE_LINE, goal_lane=0, goal_s=100.0)
     stage = Stage([Car(98.6, 0.9, mission=mission)], graph=graph)
     assert not stage.step((99.2, 0.9)) & Event.REACHED_GOAL
     assert stage.step((99.7, 1.0, turn)) & Event.REACHED_GOAL
@@ -90,7 +90,7 @@ def test_a_line_left_behind_at_the_end_of_its_road():
 def test_a_line_that_is_crossed_in_the_step_that_enters_its_road():
     # The junction ends at x = 10.
     graph = maps.crossing()
-    mission = SeatMission(
+    mission = AgentMission(
         route=("west_in", "east_out"),
         goal=GoalKind.LANE_LINE,
         goal_lane=graph.lane_of_id("east_out_0"),
@@ -111,7 +111,7 @@ def ring():
 
 def test_a_goal_that_the_route_passes_twice():
     # First come by, then arrive.
-    mission = SeatMission(
+    mission = AgentMission(
         route=("side", "round", "side"),
         goal=GoalKind.POSITION,
         goal_position=(50.0, 0.0),
@@ -132,31 +132,31 @@ def test_a_goal_that_the_route_passes_twice():
 
 def test_off_the_map_at_the_end_of_a_road():
     for goal in (GoalKind.ENDLESS, GoalKind.OFF_MAP):
-        stage = Stage([Car(198.0, 0.0, mission=SeatMission(goal=goal))])
+        stage = Stage([Car(198.0, 0.0, mission=AgentMission(goal=goal))])
         assert stage.step((199.9, 0.0)) == Event.NONE | Event.ON_SHOULDER
         assert stage.step((201.0, 0.0)) == Event.REACHED_GOAL
     assert Stage([Car(198.0, 0.0, mission=ROAD)]).step((201.0, 0.0)) & Event.OFF_ROAD
     # Beside the road, or over its begin, is off road for everybody.
-    endless = Stage([Car(198.0, 0.0, mission=SeatMission())])
+    endless = Stage([Car(198.0, 0.0, mission=AgentMission())])
     assert endless.step((150.0, -3.0)) & Event.OFF_ROAD
-    assert Stage([Car(1.0, 0.0, mission=SeatMission())]).step((-1.0, 0.0)) & Event.OFF_ROAD
+    assert Stage([Car(1.0, 0.0, mission=AgentMission())]).step((-1.0, 0.0)) & Event.OFF_ROAD
 
 
 def test_laps():
-    mission = SeatMission(route=("road",), goal=GoalKind.LAPS, laps=2)
+    mission = AgentMission(route=("road",), goal=GoalKind.LAPS, laps=2)
     stage = Stage([Car(10.0, 0.0, mission=mission)])
     assert stage.step((11.0, 0.0)) == Event.NONE
-    stage.seats.lap[0, 0] = 1
+    stage.agents.lap[0, 0] = 1
     assert stage.step((12.0, 0.0)) == Event.LAP_COMPLETED
     assert stage.step((13.0, 0.0)) == Event.NONE
-    stage.seats.lap[0, 0] = 2
+    stage.agents.lap[0, 0] = 2
     assert stage.step((14.0, 0.0)) == Event.LAP_COMPLETED | Event.REACHED_GOAL
 
 
 @pytest.mark.parametrize("laps", [1, 2, 3])
 @pytest.mark.parametrize(("y", "reached"), [(10.1, False), (9.8, True), (7.0, True)])
 def test_laps_to_the_very_end_of_a_road(laps, y, reached):
-    mission = SeatMission(
+    mission = AgentMission(
         route=("side", "round") * laps, goal=GoalKind.LAPS, laps=laps, goal_lane=1, goal_s=220.0
     )
     stage = Stage([Car(40.0, 0.0, mission=mission)], graph=ring())
@@ -169,27 +169,27 @@ def test_laps_to_the_very_end_of_a_road(laps, y, reached):
         assert found == ((goal if is_last else Event.LAP_COMPLETED) if reached else Event.NONE)
         if not reached:
             return
-        assert stage.seats.lap[0, 0] == lap + 1
+        assert stage.agents.lap[0, 0] == lap + 1
         assert stage.step((95.0, 0.0)) == Event.NONE
     # Round to the begin again, it is still behind the end.
-    assert stage.seats.remaining[0, 0] == 0.0
+    assert stage.agents.remaining[0, 0] == 0.0
 
 
 def test_vias_are_hit_once_each():
     vias = (Via((20.0, 0.5), 0, 1.0, 5.0), Via((30.0, 5.0), 0, 1.0, 5.0))
-    mission = SeatMission(route=("road",), vias=vias)
+    mission = AgentMission(route=("road",), vias=vias)
     stage = Stage([Car(15.0, 0.0, mission=mission)])
     assert stage.step((18.9, 0.0)) == Event.NONE
     # Its way leads past the point within the radius, though neither end is within it.
     assert stage.step((21.5, 0.0)) == Event.VIA_HIT
-    assert stage.seats.via_hit[0, 0].tolist() == [True, False]
+    assert stage.agents.via_hit[0, 0].tolist() == [True, False]
     assert stage.step((20.5, 0.0)) == Event.NONE
     assert stage.step((31.0, 0.0)) == Event.NONE
 
 
 def test_vias_are_hit_once_in_every_lap():
     vias = (Via((60.0, 0.0), 0, 1.6, 5.0), Via((70.0, 5.0), 0, 1.0, 5.0))
-    mission = SeatMission(
+    mission = AgentMission(
         route=("side", "round") * 2,
         goal=GoalKind.LAPS,
         laps=2,
@@ -203,10 +203,10 @@ def test_vias_are_hit_once_in_every_lap():
         assert stage.step((57.0, 0.0)) == Event.NONE
         assert stage.step((61.0, 0.0)) == Event.VIA_HIT
         assert stage.step((60.5, 0.0)) == Event.NONE
-        assert stage.seats.via_hit[0, 0].tolist() == [True, False]
+        assert stage.agents.via_hit[0, 0].tolist() == [True, False]
         assert stage.step((50.0, 60.0, math.pi)) == Event.NONE
         assert stage.step((-10.0, 40.0, south)) == Event.NONE
         lap_ends.append(stage.step((-10.0, 20.0, south)))
     assert lap_ends == [Event.LAP_COMPLETED, Event.LAP_COMPLETED | Event.REACHED_GOAL]
     # What was passed in the last lap is still so when the episode ends.
-    assert stage.seats.via_hit[0, 0].tolist() == [True, False]
+    assert stage.agents.via_hit[0, 0].tolist() == [True, False]

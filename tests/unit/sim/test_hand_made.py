@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smarts.types.mission import SeatMission
+from smarts.types.mission import AgentMission
 from tests import maps
 from tests.worlds import Car, world_of
 
@@ -32,17 +32,17 @@ def test_a_bend():
 
 def test_a_way_across_a_crossing():
     graph = maps.crossing()
-    mission = SeatMission(route=("west_in", "north_out"))
+    mission = AgentMission(route=("west_in", "north_out"))
     made = world_of([Car(-20.0, -1.6, 0.0, mission=mission)], [], maps=[graph])
-    seats = made.world.seats
-    assert seats.on_route[0, 0]
-    assert seats.route_done[0, 0] == pytest.approx(70.0)
+    agents = made.world.agents
+    assert agents.on_route[0, 0]
+    assert agents.route_progress[0, 0] == pytest.approx(70.0)
     way = 80.0 - 70.0 + graph.length[graph.lane_of_id(":junction_2_0")] + 80.0
-    assert seats.remaining[0, 0] == pytest.approx(way, abs=0.01)
-    assert seats.corners_on_road[0, 0] == 4
+    assert agents.remaining[0, 0] == pytest.approx(way, abs=0.01)
+    assert agents.corners_on_road[0, 0] == 4
     made.world.vehicles.position[0, 0] = -5.0, -1.3
     made.advance()
     made.locate()
     lane = graph.lane_ids[made.world.vehicles.lane[0, 0]]
     assert lane == ":junction_2_0"
-    assert np.isfinite(seats.remaining[0, 0])
+    assert np.isfinite(agents.remaining[0, 0])

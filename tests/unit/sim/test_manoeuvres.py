@@ -17,7 +17,7 @@ from smarts.sstudio.build import build_described
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.events import Outcome
 from smarts.types.guidance import GuidePhase
-from smarts.types.mission import SeatMission, Task, TaskKind
+from smarts.types.mission import AgentMission, Task, TaskKind
 from tests import maps
 from tests.maps import Road, graph_of
 from tests.worlds import Car, world_of
@@ -31,7 +31,7 @@ class Plan:
     """One agent and others on a map, and the guidance of the agent."""
 
     def __init__(self, x, y, *others, graph, task, speed=SPEED, heading=0.0):
-        mission = SeatMission(route=(graph.edge_ids[0],), task=task)
+        mission = AgentMission(route=(graph.edge_ids[0],), task=task)
         cars = [Car(x, y, heading, speed, mission), *others]
         self.made = world_of(cars, maps=[graph])
         world = self.made.world
@@ -305,12 +305,12 @@ def drive(folder, mission, trip, steps, action=ActionSpaceType.Lane, values=(Lan
         frame = parts.simulation.step(parts.actions, rows, np.ones((1, 1), np.bool_))
         if frame.events.finished[0]:
             break
-        own = int(world.seats.slot[0, 0])
+        own = int(world.agents.slot[0, 0])
         rest = [slot for slot in np.flatnonzero(world.vehicles.alive[0]).tolist() if slot != own]
         beyond = world.vehicles.position[0, rest[0], 0] if rest else math.nan
         place = world.vehicles.position[0, own].tolist()
         log.append((*place, world.vehicles.lane[0, own], world.guidance.phase[0, 0], beyond))
-    outcome = Outcome(int(world.seats.outcome[0, 0]))
+    outcome = Outcome(int(world.agents.outcome[0, 0]))
     parts.simulation.close()
     return np.array(log), outcome
 

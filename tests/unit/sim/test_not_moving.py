@@ -5,7 +5,7 @@ import math
 import pytest
 
 from smarts.types.events import Event, Outcome
-from smarts.types.mission import SeatMission
+from smarts.types.mission import AgentMission
 from smarts.types.traffic import Signal
 from tests import maps
 from tests.maps import Road, graph_of
@@ -25,7 +25,7 @@ def test_not_moving():
     assert stage.step((11.5, 0.0)) == Event.NONE
     assert [stage.step((11.5, 0.0)) for _ in range(4)] == [Event.NONE] * 4
     assert stage.step((11.5, 0.0)) == Event.NOT_MOVING
-    assert stage.seats.outcome[0, 0] == Outcome.NOT_MOVING
+    assert stage.agents.outcome[0, 0] == Outcome.NOT_MOVING
     assert stage.events.terminated[0, 0]
 
 
@@ -111,7 +111,7 @@ def straight_over():
 
 
 NORTH = math.pi / 2
-EASTWARD = SeatMission(route=("west_in", "east_out"))
+EASTWARD = AgentMission(route=("west_in", "east_out"))
 
 
 def rests_at_the_crossing(x, other, speed=10.0, clock=5, signal=None):
@@ -160,7 +160,7 @@ def test_who_is_in_the_junction_already_is_not_held_back_by_its_light():
 
 
 def test_two_who_wait_for_each_other_both_rest():
-    northward = SeatMission(route=("south_in", "north_out"))
+    northward = AgentMission(route=("south_in", "north_out"))
     cars = [Car(-13.0, -1.6, mission=EASTWARD), Car(1.6, -13.0, NORTH, mission=northward)]
     stage = Stage(cars, graph=straight_over(), not_moving_steps=5)
     for _ in range(5):
@@ -180,7 +180,7 @@ def test_the_clock_goes_on_behind_a_stream():
 
 
 def test_who_is_beside_its_route_waits_all_the_same():
-    mission = SeatMission(route=("beside",))
+    mission = AgentMission(route=("beside",))
     cars = [Car(-13.0, -1.6, mission=mission), Car(1.6, -30.0, NORTH, speed=10.0)]
     stage = Stage(cars, graph=straight_over(), not_moving_steps=5)
     seen = [stage.step((-13.0, -1.6), (1.6, -30.0, NORTH)) for _ in range(8)]

@@ -6,16 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smarts.sim.ownership import Ownership
-from smarts.types.episode import SeatStart
-from smarts.types.mission import SeatMission
-from smarts.types.seats import SeatState
+from smarts.types.agent_states import AgentStatus
+from smarts.types.episode import AgentStart
+from smarts.types.mission import AgentMission
 from smarts.types.transfers import Reason, Refusal, transfers
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
 NOBODY, TRAFFIC, AGENT = Owner.NOBODY, Owner.TRAFFIC, Owner.AGENT
 ALL = np.ones(1, np.bool_)
-START = SeatStart("ego", (1.0, 2.0, 0.5), 3.0, SeatMission())
+START = AgentStart("ego", (1.0, 2.0, 0.5), 3.0, AgentMission())
 
 
 class Fussy:
@@ -31,8 +31,8 @@ class Fussy:
 class Case:
     """One simulation with social vehicles in the slots from 0 on."""
 
-    def __init__(self, cars=3, seats=3, worlds=1, traffic=None):
-        self.world = World(worlds=worlds, capacity=8, seats=seats, lanes=1)
+    def __init__(self, cars=3, agents=3, worlds=1, traffic=None):
+        self.world = World(worlds=worlds, capacity=8, agents=agents, lanes=1)
         self.ownership = Ownership(self.world, {TRAFFIC: traffic or Fussy(), AGENT: Fussy()})
         for row in range(worlds):
             for slot in range(cars):
@@ -50,22 +50,22 @@ class Case:
         return len(self.ownership.apply(mask))
 
     def holder(self, slot, row=0):
-        """Return owner, seat and the seat's state of a slot."""
-        seat = np.flatnonzero(self.world.seats.slot[row] == slot)
-        state = SeatState(self.world.seats.state[row, seat[0]]).name if len(seat) else None
-        return int(self.world.vehicles.owner[row, slot]), (int(seat[0]) if len(seat) else -1), state
+        """Return owner, agent and the agent's state of a slot."""
+        agent_id = np.flatnonzero(self.world.agents.slot[row] == slot)
+        state = AgentStatus(self.world.agents.state[row, agent_id[0]]).name if len(agent_id) else None
+        return int(self.world.vehicles.owner[row, slot]), (int(agent_id[0]) if len(agent_id) else -1), state
 
 
-def take(slot, seat, generation=1, row=0):
-    return (row, slot, generation, TRAFFIC, -1, AGENT, seat, Reason.TAKE)
+def take(slot, agent_id, generation=1, row=0):
+    return (row, slot, generation, TRAFFIC, -1, AGENT, agent_id, Reason.TAKE)
 
 
-def release(slot, seat, generation=1):
-    return (0, slot, generation, AGENT, seat, TRAFFIC, -1, Reason.RELEASE)
+def release(slot, agent_id, generation=1):
+    return (0, slot, generation, AGENT, agent_id, TRAFFIC, -1, Reason.RELEASE)
 
 
-def leave(slot, seat, generation=1, owner=AGENT):
-    return (0, slot, generation, owner, seat, NOBODY, -1, Reason.LEAVE)
+def leave(slot, agent_id, generation=1, owner=AGENT):
+    return (0, slot, generation, owner, agent_id, NOBODY, -1, Reason.LEAVE)
 
 
 def test_admission_puts_the_agent_at_its_start():
@@ -85,7 +85,7 @@ def test_there_and_back_moves_nothing():
     assert case.holder(1) == (AGENT, 0, "ACTIVE")
     assert case.apply(release(1, 0)) == 0
     assert case.holder(1) == (TRAFFIC, -1, None)
-    assert case.world.seats.state[0, 0] == SeatState.VACANT
+    assert case.world.agents.state[0, 0] == AgentStatus.VACANT
     assert (case.world.vehicles.position == moved[0]).all()
     assert (case.world.vehicles.speed == moved[1]).all()
     assert case.world.vehicles.generation[0, 1] == 1
@@ -97,17 +97,17 @@ def test_who_leaves_is_gone():
     case.ownership.admit(0, 0, START)
     assert case.apply(leave(3, 0)) == 0
     assert not case.world.vehicles.alive[0, 3]
-    assert case.world.seats.slot[0, 0] == -1
+    assert case.world.agents.slot[0, 0] == -1
 
 
 def test_two_traps_for_one_vehicle_catch_it_once():
     case = Case()
     assert case.apply(take(1, 2), take(1, 0)) == 1
     assert case.holder(1) == (AGENT, 0, "ACTIVE")
-    assert case.world.seats.slot[0, 2] == -1
+    assert case.world.agents.slot[0, 2] == -1
 
 
-def test_a_seat_holds_one_vehicle():
+def test_an_agent_holds_one_vehicle():
     case = Case()
     assert case.apply(take(0, 1), take(2, 1)) == 1
     assert case.holder(0) == (AGENT, 1, "ACTIVE")
@@ -121,7 +121,7 @@ def test_leaving_goes_before_release():
     assert not case.world.vehicles.alive[0, 1]
 
 
-def test_a_seat_that_is_freed_can_be_taken_in_the_same_step():
+def test_an_agent_that_is_freed_can_be_taken_in_the_same_step():
     case = Case()
     case.apply(take(1, 0))
     assert case.apply(take(2, 0), release(1, 0)) == 0
@@ -155,7 +155,7 @@ def test_from_agent_to_agent():
         (0, 1, 1, TRAFFIC, 2, AGENT, 2, Reason.TAKE),
         (0, 1, 1, TRAFFIC, -1, AGENT, -1, Reason.TAKE),
     ],
-    ids=["another generation", "nobody there", "another owner", "another seat", "an agent without a seat"],
+    ids=["another generation", "nobody there", "another owner", "another agent", "an agent without an agent"],
 )
 def test_what_is_not_as_the_proposer_saw_it_is_refused(transfer):
     case = Case()
@@ -213,11 +213,11 @@ def test_any_transfers_keep_what_is_always_true(steps):
     case = Case(cars=4)
     for proposed in steps:
         case.apply(*proposed)
-        seats, vehicles = case.world.seats, case.world.vehicles
-        held = seats.slot[0][seats.slot[0] >= 0]
+        agents, vehicles = case.world.agents, case.world.vehicles
+        held = agents.slot[0][agents.slot[0] >= 0]
         assert len(set(held.tolist())) == len(held)
         assert vehicles.alive[0, held].all()
-        assert (vehicles.generation[0, held] == seats.generation[0][seats.slot[0] >= 0]).all()
+        assert (vehicles.generation[0, held] == agents.generation[0][agents.slot[0] >= 0]).all()
         driven = np.flatnonzero(vehicles.owner[0] == AGENT)
-        active = seats.slot[0][seats.state[0] == SeatState.ACTIVE]
+        active = agents.slot[0][agents.state[0] == AgentStatus.ACTIVE]
         assert sorted(active.tolist()) == driven.tolist()

@@ -21,9 +21,9 @@ from smarts.sim.recorder import EpisodeRecorder
 from smarts.sim.recorder_kernel import NEAR
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType, LaneAction
-from smarts.types.episode_schema import TABLE, TABLES
+from smarts.types.agent_states import AgentStatus
+from smarts.types.episode_schema import TABLE, TABLES, VERSION
 from smarts.types.events import Outcome
-from smarts.types.seats import SeatState
 
 WORLDS, EGOS, PERIOD, LIMIT = 2, 4, 5, 60
 KEEP = 150
@@ -35,18 +35,18 @@ VEHICLES = {
     "s": "lane_position",
     "t": "lane_offset",
 }
-SEATS = (
+AGENT_STATES = (
     "state",
     "slot",
     "generation",
     "throttle",
     "brake",
     "steering",
-    "route_done",
+    "route_progress",
     "remaining",
-    "travelled",
+    "distance_travelled",
 )
-SEATS += ("lap", "target_lane", "change_phase", "ticket")
+AGENT_STATES += ("lap", "target_lane", "change_phase", "arrival_number")
 
 
 class Log:
@@ -58,11 +58,11 @@ class Log:
 
     def record(self, frame):
         world = frame.world
-        for row in np.flatnonzero(frame.rows).tolist():
+        for row in np.flatnonzero(frame.env_mask).tolist():
             if row in frame.starts:
                 self.frames[row] = []
             kept = {name: column[row].copy() for name, column in world.vehicles.columns()}
-            kept |= {f"seats.{name}": column[row].copy() for name, column in world.seats.columns()}
+            kept |= {f"agents.{name}": column[row].copy() for name, column in world.agents.columns()}
             kept |= {"bits": frame.events.bits[row].copy(), "partner": frame.contacts.partner[row].copy()}
             kept |= {"side": frame.contacts.side[row].copy(), "step": int(world.step[row])}
             kept["names"] = [world.registry.name(row, slot) for slot in range(world.vehicles.capacity)]
@@ -71,7 +71,7 @@ class Log:
             if frame.actions is not None:
                 kept |= {
                     f"actions.{n}": getattr(frame.actions, n)[row].copy()
-                    for n in ("fresh", "values", "legal")
+                    for n in ("fresh", "values", "action_mask")
                 }
             self.frames[row].append(kept)
         self.recorder.record(frame)
@@ -81,7 +81,7 @@ class Log:
 
 
 class Run:
-    """Agents that accelerate, brake and change lanes by a rule of their seat and the step, recorded."""
+    """Agents that accelerate, brake and change lanes by a rule of their agent and the step, recorded."""
 
     def __init__(self, folder):
         interface = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=LIMIT)
@@ -97,10 +97,14 @@ class Run:
 
     def step(self, running):
         world, actions = self.simulation.world, self.actions
-        due = (world.step % PERIOD == 0)[:, None] & (world.seats.state == SeatState.ACTIVE) & running[:, None]
+        due = (
+            (world.step % PERIOD == 0)[:, None]
+            & (world.agents.state == AgentStatus.ACTIVE)
+            & running[:, None]
+        )
         actions.fresh[:] = due
         actions.given[:] |= due
-        actions.legal[:] = world.seats.legal
+        actions.action_mask[:] = world.agents.action_mask
         phase = (world.step // PERIOD)[:, None] + np.arange(EGOS)
         actions.values[:, :, 0] = np.where(phase % 7 == 3, LaneAction.slow_down, LaneAction.keep_lane)
         self.recorder.annotate("probabilities", np.stack([phase, phase + 0.5], -1), due)
@@ -157,7 +161,9 @@ def rows(episode, table):
 
 def near(frame):
     """Tell which slots are near an agent that drives or has just ended."""
-    slots = frame["seats.slot"][(frame["seats.slot"] >= 0) & (frame["seats.state"] >= SeatState.SHADOWING)]
+    slots = frame["agents.slot"][
+        (frame["agents.slot"] >= 0) & (frame["agents.state"] >= AgentStatus.SHADOWING)
+    ]
     apart = np.linalg.norm(frame["position"][:, None] - frame["position"][slots], axis=-1)
     return frame["alive"] & (apart <= NEAR).any(axis=1)
 
@@ -190,40 +196,40 @@ def test_the_last_step_of_every_agent_is_there(pair):
     assert log[0]["step"] == 0
 
 
-def test_seats_equal_the_log(pair):
+def test_agents_equal_the_log(pair):
     episode, log, _, _ = pair
-    recorded = {(row["step"], row["seat"]): row for row in rows(episode, "seats")}
+    recorded = {(row["step"], row["agent_id"]): row for row in rows(episode, "agent_states")}
     expected = 0
     for frame in log:
-        for seat in np.flatnonzero(frame["seats.state"] >= SeatState.SHADOWING).tolist():
-            row = recorded[frame["step"], seat]
+        for agent_id in np.flatnonzero(frame["agents.state"] >= AgentStatus.SHADOWING).tolist():
+            row = recorded[frame["step"], agent_id]
             expected += 1
-            for column in SEATS:
-                value = np.asarray(frame[f"seats.{column}"][seat])
+            for column in AGENT_STATES:
+                value = np.asarray(frame[f"agents.{column}"][agent_id])
                 assert row[column] == value.astype(row[column].dtype), column
-            assert row["events"] == frame["bits"][seat]
-            assert row["partner_slot"] == frame["partner"][seat]
-            assert row["legal"] == sum(
-                1 << bit for bit in np.flatnonzero(frame["seats.legal"][seat]).tolist()
+            assert row["events"] == frame["bits"][agent_id]
+            assert row["partner_slot"] == frame["partner"][agent_id]
+            assert row["action_mask"] == sum(
+                1 << bit for bit in np.flatnonzero(frame["agents.action_mask"][agent_id]).tolist()
             )
     assert len(recorded) == expected
 
 
 def test_decisions_carry_the_state_they_were_made_on(pair):
     episode, log, _, _ = pair
-    recorded = {(row["step"], row["seat"]): row for row in rows(episode, "decisions")}
+    recorded = {(row["step"], row["agent_id"]): row for row in rows(episode, "decisions")}
     expected = 0
     for before, frame in itertools.pairwise(log):
-        for seat in np.flatnonzero(frame["actions.fresh"]).tolist():
+        for agent_id in np.flatnonzero(frame["actions.fresh"]).tolist():
             expected += 1
-            row = recorded[before["step"], seat]
-            assert row["value_0"] == frame["actions.values"][seat, 0]
+            row = recorded[before["step"], agent_id]
+            assert row["value_0"] == frame["actions.values"][agent_id, 0]
             assert row["action"] == ActionSpaceType.Lane
             # The mask is that of the state before, which the agent saw.
-            assert row["legal"] == sum(
-                1 << bit for bit in np.flatnonzero(before["seats.legal"][seat]).tolist()
+            assert row["action_mask"] == sum(
+                1 << bit for bit in np.flatnonzero(before["agents.action_mask"][agent_id]).tolist()
             )
-            assert row["is_effective"] == frame["seats.effective"][seat]
+            assert row["is_effective"] == frame["agents.effective"][agent_id]
     assert len(recorded) == expected
     assert {step % PERIOD for step, _ in recorded} == {0}
 
@@ -231,17 +237,17 @@ def test_decisions_carry_the_state_they_were_made_on(pair):
 def test_agents(pair):
     episode, log, start, routes = pair
     outcomes = set()
-    for seat, agent in enumerate(rows(episode, "agents")):
-        last = next(f for f in log if f["seats.outcome"][seat])
-        begin = start.seats[seat]
-        assert agent["name"] == begin.name == f"agent-{seat}"
+    for agent_id, agent in enumerate(rows(episode, "agents")):
+        last = next(f for f in log if f["agents.outcome"][agent_id])
+        begin = start.agents[agent_id]
+        assert agent["name"] == begin.name == f"agent-{agent_id}"
         assert (agent["start_x"], agent["start_y"]) == begin.pose[:2]
         assert agent["start_speed"] == np.float32(begin.speed)
         assert (agent["entry_step"], agent["end_step"]) == (0, last["step"])
-        assert agent["outcome"] == last["seats.outcome"][seat]
-        assert agent["terminated"] == last["terminated"][seat]
+        assert agent["outcome"] == last["agents.outcome"][agent_id]
+        assert agent["terminated"] == last["terminated"][agent_id]
         assert agent["terminated"] != agent["truncated"]
-        assert agent["remaining"] == np.float32(last["seats.remaining"][seat])
+        assert agent["remaining"] == np.float32(last["agents.remaining"][agent_id])
         assert agent["goal"] == begin.mission.goal
         assert routes[agent["route"]] == begin.mission.route
         assert agent["free_flow_time"] == np.float32(begin.mission.free_flow_time)
@@ -250,13 +256,13 @@ def test_agents(pair):
             assert agent["partner_slot"] == -1
             continue
         partner = agent["partner_slot"]
-        assert partner == last["partner"][seat]
+        assert partner == last["partner"][agent_id]
         assert agent["partner"] == last["names"][partner]
         assert agent["partner_owner"] == last["owner"][partner]
-        holders = np.flatnonzero(last["seats.slot"] == partner).tolist()
-        assert agent["partner_seat"] == (holders[0] if holders else -1)
-        assert agent["side"] == last["side"][seat]
-        assert agent["closing_speed"] == np.float32(last["closing_speed"][seat])
+        holders = np.flatnonzero(last["agents.slot"] == partner).tolist()
+        assert agent["partner_agent_id"] == (holders[0] if holders else -1)
+        assert agent["side"] == last["side"][agent_id]
+        assert agent["closing_speed"] == np.float32(last["closing_speed"][agent_id])
     assert Outcome.COLLISION in outcomes
 
 
@@ -275,13 +281,13 @@ def test_names_and_routes(pair):
 def test_extras(pair):
     episode, _, start, _ = pair
     extras = rows(episode, "extras")
-    said = {(row["step"], row["seat"]): row["values"] for row in extras if row["name"] == "probabilities"}
-    decisions = {(row["step"], row["seat"]) for row in rows(episode, "decisions")}
+    said = {(row["step"], row["agent_id"]): row["values"] for row in extras if row["name"] == "probabilities"}
+    decisions = {(row["step"], row["agent_id"]) for row in rows(episode, "decisions")}
     assert set(said) == decisions
-    for (step, seat), values in said.items():
-        assert values.tolist() == [step // PERIOD + seat, step // PERIOD + seat + 0.5]
-    rewards = {row["seat"]: row["values"].tolist() for row in extras if row["name"] == "reward"}
-    assert rewards == {seat: [start.world * EGOS + seat] for seat in range(EGOS)}
+    for (step, agent_id), values in said.items():
+        assert values.tolist() == [step // PERIOD + agent_id, step // PERIOD + agent_id + 0.5]
+    rewards = {row["agent_id"]: row["values"].tolist() for row in extras if row["name"] == "reward"}
+    assert rewards == {agent_id: [start.world * EGOS + agent_id] for agent_id in range(EGOS)}
     assert all(row["step"] == 5 for row in extras if row["name"] == "reward")
 
 
@@ -343,7 +349,14 @@ def test_large_tables_are_written_in_pieces(tmp_path):
     writer.append(
         "episode",
         {name: [1] for name in TABLE["episode"].names}
-        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]},
+        | {
+            "version": [VERSION],
+            "map": ["x"],
+            "remark": [""],
+            "program": [""],
+            "scenario": [""],
+            "traffic": [""],
+        },
     )
     episode = RecordedEpisode(writer.finish())
     assert np.bincount(episode.table("vehicles")["step"]).tolist() == [1000] * 3

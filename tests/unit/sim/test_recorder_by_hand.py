@@ -9,16 +9,16 @@ from smarts.errors import TrafficError
 from smarts.roads.scene import Scene
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.sim.recorder import EpisodeRecorder
-from smarts.types.episode import EpisodeStart, SeatStart
+from smarts.types.agent_states import AgentStatus
+from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.events import Contacts, Events, Outcome
 from smarts.types.frame import Frame, Readings
-from smarts.types.mission import SeatMission
-from smarts.types.seats import SeatState
+from smarts.types.mission import AgentMission
 from smarts.types.traffic import Signal, TrafficFiles
 from tests import maps
 from tests.worlds import Car, world_of
 
-EGO = SeatMission(route=("road",))
+EGO = AgentMission(route=("road",))
 
 
 class Recording:
@@ -30,13 +30,13 @@ class Recording:
         scene = Scene(self.world, self.made.atlas, self.made.routes)
         self.recorder = EpisodeRecorder(scene, folder)
         self.folder = folder
-        shape = self.world.seats.slot.shape
+        shape = self.world.agents.slot.shape
         self.contacts = Contacts.allocate(*shape, capacity)
         self.events = Events.allocate(*shape)
-        seats = tuple(
-            SeatStart(car.name, (car.x, car.y, 0.0), car.speed, car.mission) for car in cars if car.mission
+        agents = tuple(
+            AgentStart(car.name, (car.x, car.y, 0.0), car.speed, car.mission) for car in cars if car.mission
         )
-        self.start = EpisodeStart(7, 3, 5, "road", 0, TrafficFiles(Path("x")), None, 1, 10, seats)
+        self.start = EpisodeStart(7, 3, 5, "road", 0, TrafficFiles(Path("x")), None, 1, 10, agents)
 
     def frame(self, **more):
         rows = np.ones(1, np.bool_)
@@ -92,11 +92,11 @@ def test_more_than_the_buffers_hold(tmp_path):
     recording.begin()
     recording.step(1000)
     episode = recording.read()
-    vehicles, seats = episode.table("vehicles"), episode.table("seats")
+    vehicles, agents = episode.table("vehicles"), episode.table("agent_states")
     assert np.bincount(vehicles["step"]).tolist() == [16] * 1001
     assert (np.diff(vehicles["step"]) >= 0).all()
     assert vehicles["x"].reshape(1001, 16)[-1].tolist() == [100.0 + 8 * number for number in range(16)]
-    assert seats["step"].tolist() == np.repeat(np.arange(1001), 4).tolist()
+    assert agents["step"].tolist() == np.repeat(np.arange(1001), 4).tolist()
 
 
 def test_a_small_world_with_many_slots(tmp_path):
@@ -124,8 +124,8 @@ def test_lights_are_recorded_when_they_change(tmp_path):
 
 
 def void(recording):
-    recording.world.seats.state[0, 0] = SeatState.DONE
-    recording.world.seats.outcome[0, 0] = Outcome.VOID
+    recording.world.agents.state[0, 0] = AgentStatus.DONE
+    recording.world.agents.outcome[0, 0] = Outcome.VOID
     recording.events.just_done[0, 0] = recording.events.truncated[0, 0] = recording.events.finished[0] = True
 
 
@@ -153,7 +153,7 @@ def test_traffic_that_fails(tmp_path):
 
 def test_an_agent_that_never_entered(tmp_path):
     recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
-    recording.world.seats.state[0, 0], recording.world.seats.slot[0, 0] = SeatState.WAITING, -1
+    recording.world.agents.state[0, 0], recording.world.agents.slot[0, 0] = AgentStatus.WAITING, -1
     recording.begin()
     recording.step(2)
     agents = recording.read().table("agents")
@@ -171,7 +171,7 @@ def test_annotations_are_copied(tmp_path, values):
     table[:] = -1
     extras = recording.read().table("extras")
     assert extras["name"].tolist() == ["now", "now"]
-    assert extras["seat"].tolist() == [1, 3]
+    assert extras["agent_id"].tolist() == [1, 3]
     assert [row.tolist() for row in extras["values"]] == [
-        np.ravel(values[0][seat]).tolist() for seat in (1, 3)
+        np.ravel(values[0][agent_id]).tolist() for agent_id in (1, 3)
     ]

@@ -14,7 +14,11 @@ def scenarios():
 
 
 def played(start):
-    return start.scenario, start.traffic_name, tuple(seat.mission.goal_position for seat in start.seats)
+    return (
+        start.scenario,
+        start.traffic_name,
+        tuple(agent_id.mission.goal_position for agent_id in start.agents),
+    )
 
 
 def described(combination):
@@ -53,7 +57,7 @@ def test_an_episode_is_a_function_of_seed_world_and_number(scenarios):
     assert one.start(2, 7, seed=1) == Schedule(scenarios, ["a", "b"], seed=1).start(2, 7)
     starts = [one.start(world, episode) for world in range(2) for episode in range(24)]
     assert len({start.traffic_seed for start in starts}) == len(starts)
-    assert len({(start.seats[0].pose, start.seats[0].speed) for start in starts}) == len(starts)
+    assert len({(start.agents[0].pose, start.agents[0].speed) for start in starts}) == len(starts)
 
 
 def test_maps_are_loaded_once(scenarios):
@@ -67,8 +71,8 @@ def test_maps_are_loaded_once(scenarios):
 
 def test_missions_come_with_their_distances(scenarios):
     schedule = Schedule(scenarios[:1], ["ego"])
-    seat = schedule.start(0, 0).seats[0]
-    mission = seat.mission
+    agent_id = schedule.start(0, 0).agents[0]
+    mission = agent_id.mission
     assert mission.goal == GoalKind.POSITION
     assert 50 < mission.route_length < 250
     speed = mission.route_length / mission.free_flow_time

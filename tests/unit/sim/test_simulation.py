@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smarts.sstudio.build import build_scenario
-from smarts.types.seats import SeatState
+from smarts.types.agent_states import AgentStatus
 from smarts.types.vehicles import Owner
 from tests.parts import episode, simulation_of
 
@@ -19,7 +19,7 @@ def scenarios():
 
 
 class Run:
-    """A simulation whose egos are driven in a way that depends on the world, seat and step only."""
+    """A simulation whose egos are driven in a way that depends on the world, agent and step only."""
 
     def __init__(self, scenarios, starts):
         self.simulation, self.actions = simulation_of(scenarios, worlds=len(starts), egos=EGOS)
@@ -37,16 +37,16 @@ class Run:
         mask = np.zeros(self.world.worlds, np.bool_)
         mask[list(rows)] = True
         for row in rows:
-            for seat in range(EGOS):
-                phase = self.world.step[row] / 20 + seat + self.starts[row].world
-                self.actions.values[row, seat, :3] = 0.4, 0.0, 0.05 * np.sin(phase)
+            for agent_id in range(EGOS):
+                phase = self.world.step[row] / 20 + agent_id + self.starts[row].world
+                self.actions.values[row, agent_id, :3] = 0.4, 0.0, 0.05 * np.sin(phase)
         self.simulation.step(self.actions, mask, mask[:, None] & np.ones(EGOS, np.bool_))
         for row in rows:
             self._hash(row)
 
     def state(self, row):
         world = self.world
-        tables = (world.vehicles, world.before, world.seats)
+        tables = (world.vehicles, world.before, world.agents)
         return b"".join(column[row].tobytes() for table in tables for _, column in table.columns())
 
     def _hash(self, row):
@@ -120,11 +120,11 @@ def test_the_same_episode_again_is_the_same(new_run):
 def test_after_a_reset_egos_sit_in_the_first_slots(new_run):
     run = new_run(0, 1)
     world = run.world
-    assert world.seats.slot.tolist() == [[0, 1], [0, 1]]
-    assert (world.seats.state == SeatState.ACTIVE).all()
+    assert world.agents.slot.tolist() == [[0, 1], [0, 1]]
+    assert (world.agents.state == AgentStatus.ACTIVE).all()
     assert (world.vehicles.owner[:, :EGOS] == Owner.AGENT).all()
-    assert world.seats.on_route.all()
-    assert (world.seats.remaining > 20).all()
+    assert world.agents.on_route.all()
+    assert (world.agents.remaining > 20).all()
     for (_, now), (_, before) in zip(world.vehicles.columns(), world.before.columns(), strict=True):
         assert (now == before).all()
 

@@ -16,9 +16,9 @@ SEEDS, STEPS = 20, 50
 SEEDS_OF_LARGE = {"city": 5}
 
 
-def is_before_junctions(world, roads, seat):
+def is_before_junctions(world, roads, agent_id):
     """Tell whether all of an agent's vehicle is on a road."""
-    vehicles, slot = world.vehicles, int(world.seats.slot[0, seat])
+    vehicles, slot = world.vehicles, int(world.agents.slot[0, agent_id])
     lane = int(vehicles.lane[0, slot])
     front = vehicles.lane_position[0, slot] + vehicles.length[0, slot] / 2
     return lane < 0 or not (roads.is_internal[lane] or front > roads.length[lane])
@@ -37,16 +37,16 @@ def entries(name, seeds):
             starts = (parts.schedule.start(0, episode, seed) for episode in range(50))
             start = next(start for start in starts if start.traffic.warm_up)
             frame = simulation.reset({0: start})
-            void = bool((world.seats.outcome[0] == Outcome.VOID).any())
+            void = bool((world.agents.outcome[0] == Outcome.VOID).any())
             hit = []
             for step in range(0 if void else STEPS):
                 frame = simulation.step(parts.actions, rows, nobody)
-                for seat in np.flatnonzero(frame.events.bits[0] & Event.COLLISION).tolist():
-                    if not is_before_junctions(world, roads, seat):
+                for agent_id in np.flatnonzero(frame.events.bits[0] & Event.COLLISION).tolist():
+                    if not is_before_junctions(world, roads, agent_id):
                         continue
-                    side = int(frame.contacts.side[0, seat])
-                    partner = int(frame.contacts.partner[0, seat])
-                    hit.append((step, seat, side, parts.scene.world.registry.name(0, partner)))
+                    side = int(frame.contacts.side[0, agent_id])
+                    partner = int(frame.contacts.partner[0, agent_id])
+                    hit.append((step, agent_id, side, parts.scene.world.registry.name(0, partner)))
                 if frame.events.finished[0]:
                     break
             yield seed, void, hit

@@ -1,4 +1,4 @@
-"""Missions of scenarios as seats: routes, goals, distances, and how agents are to enter."""
+"""Missions of scenarios as agents: routes, goals, distances, and how agents are to enter."""
 
 import math
 from types import SimpleNamespace
@@ -13,7 +13,7 @@ from smarts.sstudio import types as t
 from smarts.types.mission import GoalKind
 from smarts.types.vehicles import VehicleKind
 from tests.maps import Road, crossing, graph_of, straight
-from tests.unit.sim.test_locator import ring
+from tests.unit.sim.test_map_matching import ring
 
 
 def starts_of(graph, *missions, shapes=None, variation=None, seed=1):

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from smarts.types.mission import GoalKind, SeatMission, Via
+from smarts.types.mission import AgentMission, GoalKind, Via
 from smarts.types.world import World
 
 
 @pytest.fixture
 def world():
-    return World(worlds=2, capacity=4, seats=3, lanes=5, vias=2)
+    return World(worlds=2, capacity=4, agents=3, lanes=5, vias=2)
 
 
 def snapshot(world, row):
-    tables = (world.vehicles, world.before, world.seats)
+    tables = (world.vehicles, world.before, world.agents)
     return [column[row].copy() for table in tables for _, column in table.columns()]
 
 
@@ -36,9 +36,9 @@ def test_a_paused_simulation_is_left_alone(world):
 
 
 def test_clearing_is_as_new(world):
-    new = snapshot(World(worlds=2, capacity=4, seats=3, lanes=5, vias=2), 0)
+    new = snapshot(World(worlds=2, capacity=4, agents=3, lanes=5, vias=2), 0)
     beside = snapshot(world, 1)
-    for table in (world.vehicles, world.before, world.seats):
+    for table in (world.vehicles, world.before, world.agents):
         for _, column in table.columns():
             column[0] = 1
     world.step[0] = 9
@@ -50,9 +50,9 @@ def test_clearing_is_as_new(world):
 
 def test_a_mission_is_written_whole_and_over_an_older_one(world):
     via = Via((5.0, 6.0), 3, 1.5, 7.0)
-    world.missions.write(0, 1, SeatMission(goal=GoalKind.LAPS, laps=3, vias=(via, via)), 4)
+    world.missions.write(0, 1, AgentMission(goal=GoalKind.LAPS, laps=3, vias=(via, via)), 4)
     world.missions.write(
-        0, 1, SeatMission(("a",), GoalKind.POSITION, (1.0, 2.0), goal_lane=3, vias=(via,)), 2
+        0, 1, AgentMission(("a",), GoalKind.POSITION, (1.0, 2.0), goal_lane=3, vias=(via,)), 2
     )
     missions = world.missions
     assert (missions.goal[0, 1], missions.route[0, 1], missions.laps[0, 1]) == (GoalKind.POSITION, 2, 1)

@@ -39,9 +39,9 @@ def test_gaussian_agrees_with_torch():
 
 def test_epsilon_is_spread_over_the_legal_actions():
     values = torch.tensor([5.0, 1.0, 2.0]).expand(100_000, 1, 3)
-    legal = torch.tensor([False, True, True]).expand_as(values)
+    action_mask = torch.tensor([False, True, True]).expand_as(values)
     generator = torch.Generator().manual_seed(0)
-    acting = EpsilonGreedyHead(Discrete(3)).act(values, legal, Exploration(epsilon=0.4), generator)
+    acting = EpsilonGreedyHead(Discrete(3)).act(values, action_mask, Exploration(epsilon=0.4), generator)
     torch.testing.assert_close(acting.distribution[0, 0], torch.tensor([0.0, 0.2, 0.8]))
     shares = acting.actions.flatten().bincount(minlength=3) / 100_000
     torch.testing.assert_close(shares, torch.tensor([0.0, 0.2, 0.8]), atol=1e-2, rtol=0)
@@ -57,8 +57,8 @@ def test_noise_stays_within_bounds_and_greedy_play_has_none():
 
 def test_gumbel_samples_are_one_hot_legal_and_carry_gradients():
     logits = torch.zeros(100, 4, requires_grad=True)
-    legal = torch.tensor([True, False, True, True]).expand(100, 4)
-    sample = straight_through_gumbel(logits, legal, torch.Generator().manual_seed(0))
+    action_mask = torch.tensor([True, False, True, True]).expand(100, 4)
+    sample = straight_through_gumbel(logits, action_mask, torch.Generator().manual_seed(0))
     assert torch.equal(sample.detach().sum(-1), torch.ones(100))
     assert (sample.detach()[:, 1] == 0).all()
     (sample * torch.randn(4)).sum().backward()

@@ -43,7 +43,7 @@ class _StandIn:
     """Along that lane [m/s]."""
 
 
-class SumoStandIns:
+class SumoProxies:
     """The stand-ins of one simulation, by the name of the vehicle that they stand in for."""
 
     def __init__(self, library: SumoLibrary) -> None:

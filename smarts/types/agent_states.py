@@ -1,4 +1,4 @@
-"""Seats: an agent's hold on a vehicle, and all that the step remembers of it."""
+"""AgentStates: an agent's hold on a vehicle, and all that the step remembers of it."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
 
-class SeatState(enum.IntEnum):
-    """What is going on in a seat."""
+class AgentStatus(enum.IntEnum):
+    """What is going on in an agent."""
 
     VACANT = 0
     """Nobody is expected, or the agent's episode is over."""
@@ -45,30 +45,30 @@ class ChangePhase(enum.IntEnum):
     """Given up in this step."""
 
 
-NEITHER = -1
+UNSET = -1
 """Of a slot, lane, junction, ticket or step: there is none."""
 
-_NEITHER_WHEN_EMPTY = frozenset(
-    {"slot", "agent", "target_lane", "off_route_since", "ticket", "ticket_junction", "entry_step"}
+_UNSET_WHEN_EMPTY = frozenset(
+    {"slot", "agent", "target_lane", "off_route_since", "arrival_number", "arrival_junction", "entry_step"}
 )
 
 
 @dataclass(frozen=True)
-class Seats:
-    """The seats of B simulations, shape (B, A): the egos' first, then those of agents that take traffic over.
+class AgentStates:
+    """The agents of B simulations, shape (B, A): the egos first, then agents that take over traffic vehicles.
 
-    Who writes which column is said in docs/step.md. A seat without a vehicle has slot -1; what is remembered
-    of an episode stays until the seat is given out anew, so that it can be read after the end.
+    docs/step.md says which stage writes which column. An agent without a vehicle has slot -1. The columns of
+    an episode keep their values until the row is assigned again, so that they can be read after the end.
     """
 
     state: Bytes
-    """A `SeatState`."""
+    """An `AgentStatus`."""
     slot: Ints
     """The vehicle's slot, -1 for none."""
     generation: Ints
     """The vehicle's generation; with the slot, the vehicle itself."""
     agent: NDArray[np.int16]
-    """Which agent sits here; several seats may be one agent's."""
+    """Which agent sits here; several agents may be one agent's."""
     entry_step: Ints
     """Step of the episode in which the agent entered, -1 before."""
     period: NDArray[np.int16]
@@ -85,14 +85,14 @@ class Seats:
     steering: Floats
     """Angle of the front wheels, positive to the left [rad]."""
 
-    route_done: Floats
+    route_progress: Floats
     """Distance gone along the route [m]; keeps its last value off the route."""
     remaining: Floats
     """Distance left on the route to the goal, all laps [m]; keeps its last value off the route."""
     lane_changes: Bytes
     """How many the route to the goal's lane still demands, positive where the first is to the left; keeps its
     last value off the route."""
-    travelled: Floats
+    distance_travelled: Floats
     """Distance driven since entry [m]."""
     lap: NDArray[np.int16]
     """Laps completed."""
@@ -103,7 +103,7 @@ class Seats:
     on_route: Bools
     """Whether the lane is part of the route."""
 
-    legal: Bools
+    action_mask: Bools
     """Which of the four lane actions may be chosen next, shape (B, A, 4)."""
     target_lane: Ints
     """Lane that the agent steers for, -1 for none."""
@@ -112,25 +112,25 @@ class Seats:
     effective: Bools
     """Whether the lane command of the last action was carried out."""
 
-    rest_position: Floats
+    last_moved_position: Floats
     """Where the vehicle was when it last had moved [m], shape (B, A, 2)."""
-    rest_step: Ints
+    last_moved_step: Ints
     """When that was, as a step of the episode."""
     off_route_since: Ints
     """Step of the episode since which it has been off its route, -1 if it is on it."""
     via_hit: Bools
     """Which of the mission's via points were passed, of laps in this one, shape (B, A, W)."""
-    ticket: Ints
+    arrival_number: Ints
     """Place in the order of arrival at the junction ahead, -1 without one."""
-    ticket_junction: Ints
+    arrival_junction: Ints
     """The junction that the ticket is for."""
 
     @classmethod
-    def allocate(cls, worlds: int, seats: int, vias: int = 0) -> Seats:
-        """Return vacant seats for B simulations of A seats and W via points."""
+    def allocate(cls, worlds: int, agents: int, vias: int = 0) -> AgentStates:
+        """Return vacant agents for B simulations of A agents and W via points."""
 
         def zeros(dtype: type, *more: int) -> NDArray:
-            return np.zeros((worlds, seats, *more), dtype)
+            return np.zeros((worlds, agents, *more), dtype)
 
         made = cls(
             state=zeros(np.int8),
@@ -144,24 +144,24 @@ class Seats:
             throttle=zeros(np.float64),
             brake=zeros(np.float64),
             steering=zeros(np.float64),
-            route_done=zeros(np.float64),
+            route_progress=zeros(np.float64),
             remaining=zeros(np.float64),
             lane_changes=zeros(np.int8),
-            travelled=zeros(np.float64),
+            distance_travelled=zeros(np.float64),
             lap=zeros(np.int16),
             on_road=zeros(np.bool_),
             corners_on_road=zeros(np.int8),
             on_route=zeros(np.bool_),
-            legal=zeros(np.bool_, 4),
+            action_mask=zeros(np.bool_, 4),
             target_lane=zeros(np.int32),
             change_phase=zeros(np.int8),
             effective=zeros(np.bool_),
-            rest_position=zeros(np.float64, 2),
-            rest_step=zeros(np.int32),
+            last_moved_position=zeros(np.float64, 2),
+            last_moved_step=zeros(np.int32),
             off_route_since=zeros(np.int32),
             via_hit=zeros(np.bool_, vias),
-            ticket=zeros(np.int32),
-            ticket_junction=zeros(np.int32),
+            arrival_number=zeros(np.int32),
+            arrival_junction=zeros(np.int32),
         )
         for row in range(worlds):
             made.clear(row)
@@ -172,11 +172,11 @@ class Seats:
         for field in dataclasses.fields(self):
             yield field.name, getattr(self, field.name)
 
-    def clear(self, row: int, seat: int | slice = slice(None)) -> None:
-        """Forget all that was in seats of one simulation."""
+    def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
+        """Forget all that was in agents of one simulation."""
         for name, column in self.columns():
-            column[row, seat] = NEITHER if name in _NEITHER_WHEN_EMPTY else 0
-        self.period[row, seat] = 1
+            column[row, agent_id] = UNSET if name in _UNSET_WHEN_EMPTY else 0
+        self.period[row, agent_id] = 1
 
 
 def agent_names(count: int) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import ClassVar
 from smarts.controllers.lane_following import NEUTRAL, LaneFollowing
 
 
-class Neutral(LaneFollowing):
+class FallbackController(LaneFollowing):
     """Keeps its lane within the limit, and does not drive into the vehicle ahead."""
 
     manner: ClassVar[int] = NEUTRAL

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
+from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.atlas import ROAD_LANES, RoadAtlas
 from smarts.roads.footprints import count_corners_on_road, is_on_road
@@ -19,7 +20,6 @@ from smarts.roads.kernels import (
     find_row,
     place_on_map,
 )
-from smarts.roads.seat_routes import SeatRoutes
 from smarts.sim.columns import columns_of
 from smarts.types.mission import GoalKind
 from smarts.types.world import World
@@ -50,15 +50,15 @@ class _Vehicles(NamedTuple):
     lane_offset: Floats
 
 
-class _Seats(NamedTuple):
-    """Columns of `World.seats` and `World.missions`, shape (B, A)."""
+class _AgentStates(NamedTuple):
+    """Columns of `World.agents` and `World.missions`, shape (B, A)."""
 
     goal: Bytes
     goal_lane: Ints
     goal_s: Floats
     slot: Ints
     entry_step: Ints
-    route_done: Floats
+    route_progress: Floats
     remaining: Floats
     lane_changes: Bytes
     lap: NDArray[np.int16]
@@ -67,32 +67,32 @@ class _Seats(NamedTuple):
     on_route: Bools
 
 
-class MapLocator:
-    """Finds all vehicles' lanes, and the seats' progress along their routes."""
+class MapMatcher:
+    """Finds all vehicles' lanes, and the agents' progress along their routes."""
 
-    def __init__(self, atlas: RoadAtlas, routes: SeatRoutes) -> None:
+    def __init__(self, atlas: RoadAtlas, routes: AgentRoutes) -> None:
         self._roads = atlas.roads
         self._routes = routes
         self._bound: tuple[World, Callable[[Bools], None]] | None = None
 
-    def locate(self, world: World, rows: Bools) -> None:
+    def locate(self, world: World, env_mask: Bools) -> None:
         """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes.
 
-        On its route, a seat's `remaining` is the distance to the goal, on the last lap if there are several,
-        and 0 behind it, and `lane_changes` are those that the goal's lane demands; off the route both stay as
-        they were. Without a route a seat counts as on its route.
+        On its route, an agent's `remaining` is the distance to the goal, on the last lap of several, and 0
+        behind it, and `lane_changes` are those that the goal's lane demands; off the route both stay as
+        they were. Without a route an agent counts as on its route.
         """
         if self._bound is None or self._bound[0] is not world:
             routes = self._routes
             arrays = routes.number, world.map, world.step, *_columns_of(world)
             self._bound = world, bind(_locate, self._roads, routes.current, *arrays)
-        self._bound[1](rows)
+        self._bound[1](env_mask)
 
 
-def _columns_of(world: World) -> tuple[_Vehicles, _Seats]:
-    missions = [getattr(world.missions, name) for name in _Seats._fields if name.startswith("goal")]
-    seats = [getattr(world.seats, name) for name in _Seats._fields if not name.startswith("goal")]
-    return columns_of(world.vehicles, _Vehicles), _Seats(*missions, *seats)
+def _columns_of(world: World) -> tuple[_Vehicles, _AgentStates]:
+    missions = [getattr(world.missions, name) for name in _AgentStates._fields if name.startswith("goal")]
+    agents = [getattr(world.agents, name) for name in _AgentStates._fields if not name.startswith("goal")]
+    return columns_of(world.vehicles, _Vehicles), _AgentStates(*missions, *agents)
 
 
 @kernel
@@ -103,20 +103,20 @@ def _locate(
     maps: Ints,
     step: Ints,
     vehicles: _Vehicles,
-    seats: _Seats,
-    rows: Bools,
+    agents: _AgentStates,
+    env_mask: Bools,
 ) -> None:
-    """Write the places of all vehicles and the progress of all seats; one call, since each has its price."""
+    """Write the places of all vehicles and the progress of all agents; one call, since each has its price."""
     worlds, capacity = vehicles.alive.shape
     room = candidates()
     corridor = np.empty(capacity, np.int32)
     for b in range(worlds):
-        if not rows[b]:
+        if not env_mask[b]:
             continue
         corridor[:] = -1
-        for a in range(seats.slot.shape[1]):
-            if seats.slot[b, a] >= 0 and route[b, a] >= 0:
-                corridor[seats.slot[b, a]] = table.free + route[b, a]
+        for a in range(agents.slot.shape[1]):
+            if agents.slot[b, a] >= 0 and route[b, a] >= 0:
+                corridor[agents.slot[b, a]] = table.free + route[b, a]
         for v in range(capacity):
             if vehicles.alive[b, v]:
                 x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
@@ -126,13 +126,13 @@ def _locate(
                 vehicles.lane[b, v] = place[0]
                 vehicles.lane_position[b, v] = place[1]
                 vehicles.lane_offset[b, v] = place[2]
-        for a in range(seats.slot.shape[1]):
-            v = seats.slot[b, a]
+        for a in range(agents.slot.shape[1]):
+            v = agents.slot[b, a]
             if v < 0:
                 continue
             x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
-            seats.on_road[b, a] = is_on_road(roads, maps[b], x, y, _ROAD, True)
-            seats.corners_on_road[b, a] = count_corners_on_road(
+            agents.on_road[b, a] = is_on_road(roads, maps[b], x, y, _ROAD, True)
+            agents.corners_on_road[b, a] = count_corners_on_road(
                 roads,
                 maps[b],
                 x,
@@ -143,10 +143,10 @@ def _locate(
                 _ROAD,
                 True,
             )
-            seats.on_route[b, a] = corridor[v] < 0
+            agents.on_route[b, a] = corridor[v] < 0
             if corridor[v] >= 0:
-                is_new = seats.entry_step[b, a] == step[b]
-                _measure(roads, table, corridor[v], roads.lane_base[maps[b]], vehicles, seats, b, a, is_new)
+                is_new = agents.entry_step[b, a] == step[b]
+                _measure(roads, table, corridor[v], roads.lane_base[maps[b]], vehicles, agents, b, a, is_new)
 
 
 @kernel
@@ -156,37 +156,37 @@ def _measure(
     corridor: int,
     base: int,
     vehicles: _Vehicles,
-    seats: _Seats,
+    agents: _AgentStates,
     b: int,
     a: int,
     is_new: bool,
 ) -> None:
-    """Write how far a seat has come on its route."""
-    v = seats.slot[b, a]
-    before = seats.route_done[b, a]
+    """Write how far an agent has come on its route."""
+    v = agents.slot[b, a]
+    before = agents.route_progress[b, a]
     row = -1
     if vehicles.lane[b, v] >= 0:
         row = find_row(table, corridor, base + vehicles.lane[b, v], before)
-    seats.on_route[b, a] = row >= 0
+    agents.on_route[b, a] = row >= 0
     if row < 0:
         return
     done = distance_on_row(roads, table, row, vehicles.lane_position[b, v])
     goal = table.end[table.start[corridor + 1] - 1]
-    if seats.goal_lane[b, a] >= 0:
-        lane = base + seats.goal_lane[b, a]
+    if agents.goal_lane[b, a] >= 0:
+        lane = base + agents.goal_lane[b, a]
         last = find_row(table, corridor, lane, _LATEST)
         if last >= 0:
-            goal = distance_on_row(roads, table, last, seats.goal_s[b, a])
+            goal = distance_on_row(roads, table, last, agents.goal_s[b, a])
             from_end = table.start[corridor + 1] - 1 - last
-            seats.lane_changes[b, a] = (
+            agents.lane_changes[b, a] = (
                 table.changes[row, from_end] if from_end < table.changes.shape[1] else 0
             )
-        if seats.goal[b, a] == _LAPS and last >= 0 and not is_new:
-            line = distance_on_row(roads, table, find_row(table, corridor, lane, done), seats.goal_s[b, a])
+        if agents.goal[b, a] == _LAPS and last >= 0 and not is_new:
+            line = distance_on_row(roads, table, find_row(table, corridor, lane, done), agents.goal_s[b, a])
             if before < line <= done:
-                seats.lap[b, a] += 1
+                agents.lap[b, a] += 1
     if goal - before <= FARTHEST_STEP and before - done > FARTHEST_STEP:
         # Over the route's end, and round to its begin.
         done = goal
-    seats.route_done[b, a] = done
-    seats.remaining[b, a] = max(0.0, goal - done)
+    agents.route_progress[b, a] = done
+    agents.remaining[b, a] = max(0.0, goal - done)

@@ -14,23 +14,23 @@ from smarts.roads.kernels import RouteTable
 Ints = NDArray[np.int32]
 
 
-class SeatRoutes:
-    """Which route of `table` each seat's agent follows.
+class AgentRoutes:
+    """Which route of `table` each agent's agent follows.
 
     Args:
         atlas: The maps.
         worlds: B, the number of simulations.
-        seats: A, the seats of each.
+        agents: A, the agents of each.
     """
 
-    def __init__(self, atlas: RoadAtlas, worlds: int, seats: int) -> None:
-        self.number: Ints = np.full((worlds, seats), -1, np.int32)
+    def __init__(self, atlas: RoadAtlas, worlds: int, agents: int) -> None:
+        self.number: Ints = np.full((worlds, agents), -1, np.int32)
         """Route number in `table`, -1 without a route, shape (B, A); written in place."""
         self.current = Replaceable(atlas.no_routes)
         """`table` for kernels to be bound to."""
         self.atlas = atlas
         self._maps = [0] * worlds
-        self._routes: list[list[tuple[str, ...]]] = [[()] * seats for _ in range(worlds)]
+        self._routes: list[list[tuple[str, ...]]] = [[()] * agents for _ in range(worlds)]
 
     @property
     def table(self) -> RouteTable:
@@ -38,34 +38,34 @@ class SeatRoutes:
         return self.current.value
 
     def assign(self, row: int, map_number: int, routes: Sequence[tuple[str, ...]]) -> None:
-        """Give the first seats of one simulation their routes, ids of road edges, and the others none.
+        """Give the first agents of one simulation their routes, ids of road edges, and the others none.
 
         Raises:
             MapError: A route has an unknown edge or a gap.
         """
-        seats = self.number.shape[1]
+        agents = self.number.shape[1]
         self._maps[row] = map_number
-        self._routes[row] = [*map(tuple, routes), *[()] * (seats - len(routes))]
+        self._routes[row] = [*map(tuple, routes), *[()] * (agents - len(routes))]
         self._tabulate()
 
-    def assign_seat(self, row: int, seat: int, route: Sequence[str]) -> None:
-        """Give one seat of a simulation another route, or an empty one.
+    def assign_agent(self, row: int, agent_id: int, route: Sequence[str]) -> None:
+        """Give one agent of a simulation another route, or an empty one.
 
         Raises:
             MapError: The route has an unknown edge or a gap.
         """
-        self._routes[row][seat] = tuple(route)
+        self._routes[row][agent_id] = tuple(route)
         self._tabulate()
 
-    def route(self, row: int, seat: int) -> tuple[str, ...]:
-        """Return the ids of the road edges of a seat's route."""
-        return self._routes[row][seat]
+    def route(self, row: int, agent_id: int) -> tuple[str, ...]:
+        """Return the ids of the road edges of an agent's route."""
+        return self._routes[row][agent_id]
 
     def _tabulate(self) -> None:
         """Write the table anew; equal routes on one map share their rows."""
         places: dict[tuple[int, tuple[str, ...]], int] = {}
         for row, routes in enumerate(self._routes):
-            for seat, route in enumerate(routes):
+            for agent_id, route in enumerate(routes):
                 key = (self._maps[row], route)
-                self.number[row, seat] = places.setdefault(key, len(places)) if route else -1
+                self.number[row, agent_id] = places.setdefault(key, len(places)) if route else -1
         self.current.replace(self.atlas.route_table(places))

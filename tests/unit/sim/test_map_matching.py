@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from smarts.sim.locator import MapLocator
-from smarts.types.mission import GoalKind, SeatMission
+from smarts.sim.map_matching import MapMatcher
+from smarts.types.mission import AgentMission, GoalKind
 from tests.maps import Road, bend, crossing, graph_of, straight
 from tests.worlds import Car, world_of
 
-EAST = SeatMission(route=("west_in", "east_out"))
+EAST = AgentMission(route=("west_in", "east_out"))
 
 
 def ring():
@@ -37,10 +37,10 @@ def test_one_kernel_finds_what_the_atlas_finds():
         ]
         rows.append(cars + [Car(*rng.uniform(-60, 60, 2), heading=rng.uniform(-3, 3)) for _ in range(9)])
     made = world_of(*rows, maps=maps)
-    vehicles, seats = made.world.vehicles, made.world.seats
+    vehicles, agents = made.world.vehicles, made.world.agents
     row, slot = np.nonzero(vehicles.alive)
     routes = np.full(vehicles.alive.shape, -1, np.int32)
-    routes[0, seats.slot[0]] = made.routes.number[0]
+    routes[0, agents.slot[0]] = made.routes.number[0]
     found = made.atlas.locate(
         made.world.map[row],
         vehicles.position[row, slot],
@@ -51,9 +51,9 @@ def test_one_kernel_finds_what_the_atlas_finds():
     assert (vehicles.lane[row, slot] == found.lane).all()
     assert (vehicles.lane_position[row, slot] == found.s).all()
     assert (vehicles.lane_offset[row, slot] == found.t).all()
-    place = seats.slot[0]
+    place = agents.slot[0]
     ones = np.zeros(4, np.int32)
-    assert (seats.on_road[0] == made.atlas.on_road(ones, vehicles.position[0, place])).all()
+    assert (agents.on_road[0] == made.atlas.on_road(ones, vehicles.position[0, place])).all()
     corners = made.atlas.corners_on_road(
         ones,
         vehicles.position[0, place],
@@ -61,7 +61,7 @@ def test_one_kernel_finds_what_the_atlas_finds():
         vehicles.length[0, place],
         vehicles.width[0, place],
     )
-    assert (seats.corners_on_road[0] == corners).all()
+    assert (agents.corners_on_road[0] == corners).all()
     done, remaining = made.atlas.route_distances(
         made.routes.table,
         ones,
@@ -69,59 +69,59 @@ def test_one_kernel_finds_what_the_atlas_finds():
         vehicles.lane[0, place],
         vehicles.lane_position[0, place],
     )
-    assert (seats.on_route[0] == np.isfinite(done)).all()
+    assert (agents.on_route[0] == np.isfinite(done)).all()
     on = np.isfinite(done)
-    assert seats.route_done[0, on] == pytest.approx(done[on])
-    assert seats.remaining[0, on] == pytest.approx(remaining[on])
+    assert agents.route_progress[0, on] == pytest.approx(done[on])
+    assert agents.remaining[0, on] == pytest.approx(remaining[on])
     assert (vehicles.lane[~vehicles.alive] == -1).all()
 
 
 def test_remaining_is_to_the_goal():
     graph = straight(lanes=2, length=200.0)
-    mission = SeatMission(route=("road",), goal=GoalKind.POSITION, goal_lane=1, goal_s=150.0)
+    mission = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=1, goal_s=150.0)
     made = world_of([Car(40.0, 0.0, mission=mission)], maps=[graph])
-    seats = made.world.seats
-    assert seats.route_done[0, 0] == pytest.approx(40.0)
-    assert seats.remaining[0, 0] == pytest.approx(110.0)
+    agents = made.world.agents
+    assert agents.route_progress[0, 0] == pytest.approx(40.0)
+    assert agents.remaining[0, 0] == pytest.approx(110.0)
     made.world.vehicles.position[0, 0] = 170.0, 3.2
     made.locate()
-    assert seats.remaining[0, 0] == 0.0
+    assert agents.remaining[0, 0] == 0.0
 
 
 def test_who_is_put_back_has_more_to_drive():
-    mission = SeatMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=150.0)
+    mission = AgentMission(route=("road",), goal=GoalKind.POSITION, goal_lane=0, goal_s=150.0)
     made = world_of([Car(139.0, 0.0, mission=mission)], maps=[straight(lanes=1, length=200.0)])
     made.advance()
     made.world.vehicles.position[0, 0, 0] = 40.0
     made.locate()
-    assert made.world.seats.remaining[0, 0] == pytest.approx(110.0)
+    assert made.world.agents.remaining[0, 0] == pytest.approx(110.0)
 
 
 def test_off_the_route_progress_stays_as_it_was():
     made = world_of([Car(-50.0, -1.6, mission=EAST)], maps=[crossing()])
-    seats = made.world.seats
-    before = seats.route_done[0, 0], seats.remaining[0, 0]
-    assert seats.on_route[0, 0]
+    agents = made.world.agents
+    before = agents.route_progress[0, 0], agents.remaining[0, 0]
+    assert agents.on_route[0, 0]
     assert before[0] == pytest.approx(40.0)
     made.world.vehicles.position[0, 0] = 1.6, 50.0
     made.world.vehicles.heading[0, 0] = math.pi / 2
     made.locate()
-    assert not seats.on_route[0, 0]
-    assert (seats.route_done[0, 0], seats.remaining[0, 0]) == before
+    assert not agents.on_route[0, 0]
+    assert (agents.route_progress[0, 0], agents.remaining[0, 0]) == before
 
 
 def test_who_has_no_route_is_never_off_it():
-    made = world_of([Car(-50.0, -1.6, mission=SeatMission())], maps=[crossing()])
-    seats = made.world.seats
-    assert seats.on_route[0, 0]
-    assert seats.remaining[0, 0] == 0.0
+    made = world_of([Car(-50.0, -1.6, mission=AgentMission())], maps=[crossing()])
+    agents = made.world.agents
+    assert agents.on_route[0, 0]
+    assert agents.remaining[0, 0] == 0.0
 
 
 def test_rows_that_rest_stay_as_they_are():
     made = world_of([Car(40.0, 0.0)], [Car(40.0, 0.0)], maps=[straight()])
     vehicles = made.world.vehicles
     vehicles.position[:, 0] = 60.0, 3.2
-    MapLocator(made.atlas, made.routes).locate(made.world, np.array([False, True]))
+    MapMatcher(made.atlas, made.routes).locate(made.world, np.array([False, True]))
     assert vehicles.lane_position[:, 0] == pytest.approx([40.0, 60.0])
     assert vehicles.lane[:, 0].tolist() == [0, 1]
 
@@ -129,12 +129,12 @@ def test_rows_that_rest_stay_as_they_are():
 def test_laps_are_counted_at_the_goal_line():
     graph = ring()
     lap = ("south", "east", "north", "west")
-    mission = SeatMission(
+    mission = AgentMission(
         route=lap * 3, goal=GoalKind.LAPS, goal_lane=graph.lane_number("west", 0), goal_s=70.0, laps=3
     )
     made = world_of([Car(12.0, 0.0, mission=mission)], maps=[graph])
-    world, seats, vehicles = made.world, made.world.seats, made.world.vehicles
-    total, crossings, last = seats.remaining[0, 0], [], 0
+    world, agents, vehicles = made.world, made.world.agents, made.world.vehicles
+    total, crossings, last = agents.remaining[0, 0], [], 0
     path = []
     for name in lap:
         road = graph.lane_number(name, 0)
@@ -148,24 +148,26 @@ def test_laps_are_counted_at_the_goal_line():
         x, y, heading = graph.pose_at(lane, s)
         vehicles.position[0, 0], vehicles.heading[0, 0] = (x, y), heading
         made.locate()
-        progress.append(seats.route_done[0, 0])
-        if seats.lap[0, 0] != last:
-            last = int(seats.lap[0, 0])
+        progress.append(agents.route_progress[0, 0])
+        if agents.lap[0, 0] != last:
+            last = int(agents.lap[0, 0])
             crossings.append((vehicles.lane[0, 0], vehicles.lane_position[0, 0]))
     assert (np.diff(progress) >= 0).all()
     assert last == 3
     assert [lane for lane, _ in crossings] == [graph.lane_number("west", 0)] * 3
     assert all(70.0 <= s < 72.1 for _, s in crossings)
-    assert seats.remaining[0, 0] == 0.0
+    assert agents.remaining[0, 0] == 0.0
     assert total == pytest.approx(progress[-1] - progress[0], abs=2.1)
-    assert world.seats.on_route[0, 0]
+    assert world.agents.on_route[0, 0]
 
 
 def test_who_enters_behind_the_goal_line_has_driven_no_lap():
     graph = ring()
     lap = ("south", "east", "north", "west")
     goal = graph.lane_number("south", 0)
-    mission = SeatMission(route=(*lap, *lap, "south"), goal=GoalKind.LAPS, goal_lane=goal, goal_s=5.0, laps=2)
+    mission = AgentMission(
+        route=(*lap, *lap, "south"), goal=GoalKind.LAPS, goal_lane=goal, goal_s=5.0, laps=2
+    )
     made = world_of([Car(40.0, 0.0, mission=mission)], maps=[graph])
-    assert made.world.seats.route_done[0, 0] > 5.0
-    assert made.world.seats.lap[0, 0] == 0
+    assert made.world.agents.route_progress[0, 0] > 5.0
+    assert made.world.agents.lap[0, 0] == 0

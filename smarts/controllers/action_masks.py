@@ -14,8 +14,8 @@ from smarts.types.world import World
 Bools = NDArray[np.bool_]
 
 
-class Legality:
-    """Writes `seats.legal`; a part of the locator stage, which has just said where everybody is.
+class ActionMasker:
+    """Writes `agents.legal`; a part of the locator stage, which has just said where everybody is.
 
     To keep the lane and to slow down are always legal. A lane change is if there is a lane on that side in
     the same direction that is open to the vehicle, outside junctions, and if that lane is on the route and
@@ -26,9 +26,9 @@ class Legality:
     def __init__(self, scene: Scene) -> None:
         world = scene.world
         arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene)
-        seats = world.seats
-        self._write = bind(write_legal, *arrays, seats.state, world.guidance.phase, seats.legal)
+        agents = world.agents
+        self._write = bind(write_legal, *arrays, agents.state, world.guidance.phase, agents.action_mask)
 
-    def write(self, world: World, rows: Bools) -> None:
-        """Say what is legal in all occupied seats of some simulations."""
-        self._write(rows)
+    def write(self, world: World, env_mask: Bools) -> None:
+        """Say what is legal in all occupied agents of some simulations."""
+        self._write(env_mask)

@@ -1,0 +1,79 @@
+"""Tickets: the order in which agents arrive at a junction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import RouteTable
+from smarts.sim.judging import State, corridor_row, lane_of
+from smarts.types.agent_states import AgentStatus
+
+NEAR = 40.0
+"""An agent arrives when it is this far from a junction [m]."""
+
+_ACTIVE = int(AgentStatus.ACTIVE)
+_DONE = int(AgentStatus.DONE)
+
+
+@kernel
+def assign_arrival_order(state: State, table: RouteTable, row: int) -> None:
+    """Let agents draw tickets for the next junction on their routes; write the agents' tickets.
+
+    An agent draws one when it comes near, keeps it until it is through, and has none on the way to a junction
+    far off. Among those who hold one for the same junction, a lower number came earlier; of agents who come
+    in the same step, the nearer, then the one in the lower agent. Who is done keeps it for this one step.
+    """
+    agents = state.agents
+    count = agents.slot.shape[1]
+    distance = np.full(count, np.inf)
+    for agent_id in range(count):
+        if agents.state[row, agent_id] == _DONE:
+            continue
+        junction, ahead = -1, np.inf
+        if agents.state[row, agent_id] == _ACTIVE and agents.slot[row, agent_id] >= 0:
+            junction, ahead = _next_junction(state, table, row, agent_id)
+            if ahead > NEAR:
+                junction = -1
+        if junction != agents.arrival_junction[row, agent_id]:
+            agents.arrival_number[row, agent_id], agents.arrival_junction[row, agent_id] = -1, junction
+            if junction >= 0:
+                distance[agent_id] = ahead
+    for _ in range(count):
+        agent_id = int(np.argmin(distance))
+        if distance[agent_id] == np.inf:
+            break
+        agents.arrival_number[row, agent_id] = _next_number(
+            state, row, agents.arrival_junction[row, agent_id]
+        )
+        distance[agent_id] = np.inf
+
+
+@kernel
+def _next_number(state: State, row: int, junction: int) -> int:
+    """Return the number after those of all who hold a ticket for a junction."""
+    highest = -1
+    for agent_id in range(state.agents.arrival_number.shape[1]):
+        if state.agents.arrival_junction[row, agent_id] == junction:
+            highest = max(highest, state.agents.arrival_number[row, agent_id])
+    return highest + 1
+
+
+@kernel
+def _next_junction(state: State, table: RouteTable, row: int, agent_id: int) -> tuple[int, float]:
+    """Return the junction that the agent is in, else the next on its route, and how far it is [m].
+
+    Off its route, the agent goes on to the junction that it has a ticket for.
+    """
+    lane = lane_of(state, state.now, row, state.agents.slot[row, agent_id])
+    here = corridor_row(state, table, row, agent_id, lane)
+    if here < 0:
+        return int(state.agents.arrival_junction[row, agent_id]), 0.0
+    if state.lanes.junction[lane] >= 0:
+        return int(state.lanes.junction[lane]), 0.0
+    for ahead in range(here + 1, table.start[table.free + state.route[row, agent_id] + 1]):
+        junction = int(state.lanes.junction[table.lane[ahead]])
+        if junction >= 0:
+            # The row before is of the road that leads there.
+            return junction, max(0.0, table.end[ahead - 1] - state.agents.route_progress[row, agent_id])
+    return -1, np.inf
