@@ -1,4 +1,4 @@
-"""Four agents through PettingZoo's interface: each draws a legal lane action, until all episodes have ended."""
+"""Four agents through PettingZoo: each draws a possible lane action, until all episodes have ended."""
 
 from smarts.env import hiway_parallel_env
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from smarts.env import SingleHiWayEnv
 from smarts.sstudio import build_scenario
 
-SCENARIO = '''
+SCENARIO = """
 from pathlib import Path
 
 from smarts.sstudio import gen_scenario
@@ -25,7 +25,7 @@ gen_scenario(
     ),
     output_dir=Path(__file__).parent,
 )
-'''
+"""
 
 
 def main() -> str:
