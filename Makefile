@@ -49,8 +49,12 @@ build-scenario: $(INSTALLED)  ## build one scenario by hand: make build-scenario
 docs: $(INSTALLED)  ## build the documents: site/index.html, which needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --clean
 
-pictures: $(INSTALLED)  ## draw the sheet of all scenarios that the README shows
+pictures: $(INSTALLED)  ## draw the sheet of all scenarios and the film that the README shows
 	$(BIN)/smarts-bench scenario show --all --out docs/scenarios.png
+	episodes=$$(mktemp -d) && trap 'rm -rf "$$episodes"' EXIT && \
+	$(BIN)/smarts-bench floors yielder --scenario intersection --episodes 1 --record "$$episodes" && \
+	$(BIN)/smarts-bench render "$$episodes"/yielder/intersection/seed42_world2000000_episode00000~2 \
+		--out docs/driving.gif --width 420 --every 5 --speed 2 --end 22
 
 lock: ## write the exact versions of a fresh installation to constraints.txt
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock

@@ -5,6 +5,7 @@
 | `python`, `console` | run in the page's folder and namespace |
 | `python`, `yaml`, `xml` with `title="file"` | written to that file |
 | `yaml` without a title | read as an experiment file |
+| `diff` with `title="file"` | its lines without a sign are in that file of the repository, one after the other |
 | `text` with `title="Output"` | what the block before it prints; `...` stands for anything |
 | a block that begins with `--8<-- "examples/..."` | that example, which `test_examples.py` runs |
 
@@ -27,7 +28,7 @@ from time import process_time
 from markdown_it import MarkdownIt
 
 ROOT = Path(__file__).parents[1]
-LANGUAGES = {"python", "yaml", "xml", "console", "text"}
+LANGUAGES = {"python", "yaml", "xml", "diff", "console", "text"}
 NOTE = re.compile(r"<!-- (nightly|not run): (.+?) -->\s*$")
 SNIPPET = re.compile(r'--8<-- "(.+)"\n')
 TITLE = re.compile(r'title="(.+?)"')
@@ -127,6 +128,12 @@ class Page:
     def _run(self, block: Block) -> str:
         if example := SNIPPET.match(block.text):
             assert (ROOT / example[1]).parent in (ROOT / "examples", ROOT / "examples/nightly"), block.place
+            return ""
+        if block.language == "diff":
+            lines = (ROOT / block.title).read_text().splitlines()
+            around = [line[1:] for line in block.text.splitlines() if line.startswith(" ")]
+            starts = range(len(lines) - len(around) + 1)
+            assert any(lines[i : i + len(around)] == around for i in starts), f"{block.place}: {around}"
             return ""
         if block.title:
             file = self._folder / block.title

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from smarts.sensors import SENSORS
+from smarts.types.traffic import TRAFFIC_ENGINES
 from tests.blocks import LANGUAGES, ROOT, SNIPPET, Page, blocks_of
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -17,6 +19,7 @@ MODULES = [
     if "```" in file.read_text() and blocks_of(file)
 ]
 BLOCKS = [block for page in [*PAGES, *MODULES] for block in blocks_of(page)]
+WITH_CODE = sorted({block.page for block in BLOCKS if block.is_code})
 NOT_RUN = 10
 """Blocks that are not run at most: those that install, need a cluster, or measure for minutes."""
 API = {
@@ -34,6 +37,8 @@ LOADED = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"(?:https?:)
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """A working directory of the page's own, whose modules are forgotten at its end."""
+    for registry in (SENSORS, TRAFFIC_ENGINES):  # to which pages add
+        monkeypatch.setattr(registry, "_places", {**registry._places})
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     yield tmp_path
@@ -43,7 +48,7 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", sorted({block.page for block in BLOCKS if block.is_code}), ids=str)
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_blocks_of_a_page_run(page, folder):
     for block, _, seconds in Page(page, folder).run():
         print(f"{block.place}: {seconds:.1f} s")
