@@ -52,8 +52,8 @@ docs: $(INSTALLED)  ## build the documents: site/index.html, which needs no netw
 pictures: $(INSTALLED)  ## draw the sheet of all scenarios and the film that the README shows
 	$(BIN)/smarts-bench scenario show --all --out docs/scenarios.png
 	episodes=$$(mktemp -d) && trap 'rm -rf "$$episodes"' EXIT && \
-	$(BIN)/smarts-bench floors yielder --scenario intersection --episodes 1 --record "$$episodes" && \
-	$(BIN)/smarts-bench render "$$episodes"/yielder/intersection/seed42_world2000000_episode00000~2 \
+	$(BIN)/smarts-bench scripted gap_acceptance --scenario intersection --episodes 1 --record "$$episodes" && \
+	$(BIN)/smarts-bench render "$$episodes"/gap_acceptance/intersection/seed42_world2000000_episode00000~2 \
 		--out docs/driving.gif --width 420 --every 5 --speed 2 --end 22
 
 lock: ## write the exact versions of a fresh installation to constraints.txt

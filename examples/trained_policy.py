@@ -18,7 +18,7 @@ def main(agent_steps: int = 20_000) -> dict[str, str]:
         training={"sharing": "all"},
         budget={"agent_steps": agent_steps},
         evaluation={"episodes": 2, "modes": ["greedy"], "held_out_episodes": 0, "validations": 1},
-        reference=[],
+        scripted=[],
     )
     with tempfile.TemporaryDirectory() as root:
         run(experiment, out=root)

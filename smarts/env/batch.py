@@ -71,7 +71,7 @@ class Transition:
     finished: Bools
     """Whose episode is over, shape (B,)."""
     failures: Mapping[int, SmartsError]
-    """Simulations whose traffic failed: their decision is void, and they are to be reset."""
+    """Simulations whose traffic failed: their decision is invalid, and they are to be reset."""
 
 
 class Batch:
@@ -129,7 +129,7 @@ class Batch:
             choose_wanted, self.world.agents.next_due, self.world.step, self.world.egos, self._wanted
         )
         self._join = bind(join_events, self._events, self._terminated, self._truncated, self.running)
-        self._kept = {name: column.copy() for name, column in vars(self.actions).items()}
+        self._kept = {name: column.copy() for name, column in self.actions._asdict().items()}
 
     def watch(self, watcher: StepListener) -> None:
         """Show one more watcher every step."""

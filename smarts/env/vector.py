@@ -92,7 +92,7 @@ class VectorStep(NamedTuple):
     state: None = None
     graph: None = None
     failed: Mapping[int, BaseException] = {}
-    """Simulations whose traffic failed and that were begun anew: what is said of their step is void."""
+    """Simulations whose traffic failed and that were begun anew: the arrays of their step are invalid."""
     metrics: Mapping[int, Mapping[str, float]] = {}
     """Of the simulations that were reset: shares of the agents by outcome, and steps."""
 

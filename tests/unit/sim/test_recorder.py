@@ -61,8 +61,8 @@ class Log:
         for row in np.flatnonzero(frame.env_mask).tolist():
             if row in frame.starts:
                 self.frames[row] = []
-            kept = {name: column[row].copy() for name, column in world.vehicles.columns()}
-            kept |= {f"agents.{name}": column[row].copy() for name, column in world.agents.columns()}
+            kept = {name: column[row].copy() for name, column in world.vehicles._asdict().items()}
+            kept |= {f"agents.{name}": column[row].copy() for name, column in world.agents._asdict().items()}
             kept |= {"bits": frame.events.bits[row].copy(), "partner": frame.contacts.partner[row].copy()}
             kept |= {"side": frame.contacts.side[row].copy(), "step": int(world.step[row])}
             kept["names"] = [world.registry.name(row, slot) for slot in range(world.vehicles.capacity)]
@@ -296,12 +296,13 @@ def test_facts(pair):
     facts = episode.facts
     assert facts["scenario"] == "intersection"
     assert (facts["seed"], facts["world"], facts["episode"]) == (42, start.world, 1)
-    assert facts["sumo_seed"] == start.traffic_seed
+    assert facts["traffic_engine"] == start.engine
+    assert facts["traffic_seed"] == start.traffic_seed
     assert facts["traffic"] == start.traffic_name
     assert facts["steps"] == log[-1]["step"]
     assert facts["most_vehicles"] == max(frame["alive"].sum() for frame in log)
     assert facts["is_complete"]
-    assert not facts["is_void"]
+    assert not facts["is_invalid"]
     assert facts["remark"] == ""
     built = build_scenario("intersection").roads()
     assert episode.roads().lane_ids == built.lane_ids
@@ -348,15 +349,8 @@ def test_large_tables_are_written_in_pieces(tmp_path):
         writer.append("vehicles", {name: np.full(1000, piece) for name in names})
     writer.append(
         "episode",
-        {name: [1] for name in TABLE["episode"].names}
-        | {
-            "version": [VERSION],
-            "map": ["x"],
-            "remark": [""],
-            "program": [""],
-            "scenario": [""],
-            "traffic": [""],
-        },
+        {name: [VERSION] for name in TABLE["episode"].names}
+        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]},
     )
     episode = RecordedEpisode(writer.finish())
     assert np.bincount(episode.table("vehicles")["step"]).tolist() == [1000] * 3
