@@ -7,7 +7,7 @@
 | `yaml` without a title | read as an experiment file |
 | `diff` with `title="file"` | its lines without a sign are in that file of the repository, one after the other |
 | `text` with `title="Output"` | what the block before it prints; `...` stands for anything |
-| a block that begins with `--8<-- "examples/..."` | that example, which `test_examples.py` runs |
+| a block that begins with `--8<-- "examples/..."` | that example, copied to the folder; `test_examples.py` runs it |
 
 An HTML comment before a block says when it is not run: `<!-- nightly: why -->` leaves it to `make nightly`,
 `<!-- not run: why -->` to nobody.
@@ -121,13 +121,15 @@ class Page:
             began = process_time() + _of_children()
             output = self._run(block)
             yield block, output, process_time() + _of_children() - began
-            if block.expected is not None:
+            if block.expected is not None and not SNIPPET.match(block.text):
                 same = doctest.OutputChecker().check_output(block.expected, output, TOLERANT)
                 assert same, f"{block.place} prints\n{output}\nand the page says\n{block.expected}"
 
     def _run(self, block: Block) -> str:
         if example := SNIPPET.match(block.text):
-            assert (ROOT / example[1]).parent in (ROOT / "examples", ROOT / "examples/nightly"), block.place
+            source = ROOT / example[1]
+            assert source.is_relative_to(ROOT / "examples"), block.place
+            (self._folder / source.name).write_text(source.read_text())
             return ""
         if block.language == "diff":
             lines = (ROOT / block.title).read_text().splitlines()
