@@ -15,7 +15,7 @@ from benchmark.floors.run import play
 from benchmark.metrics.table import measure_episodes
 from smarts.agents.interface import AgentInterface, AgentType
 from smarts.dynamics import MODELS, TYRE_MODELS
-from smarts.env.adapters.actions import action_space
+from smarts.controllers import action_space
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorHiWayEnv
 from smarts.types.actions import ActionSpaceType
