@@ -70,7 +70,7 @@ class Ours:
     def __init__(self, files: TrafficFiles, roads: LaneGraph, egos: int = 0) -> None:
         self.files, self.roads, self.egos = files, roads, egos
         self.world = World(worlds=1, capacity=1024, agents=0, lanes=len(roads.lane_ids), dt=DT)
-        self.states = self.world.vehicles[0]
+        self.states = self.world.vehicles.of(0)
         self.traffic = SumoTraffic(self.world, 0)
         self.moment = 0
         lane = int(np.argmax(np.where(roads.is_internal, 0.0, roads.length)))

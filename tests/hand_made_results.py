@@ -10,7 +10,8 @@ import pandas as pd
 import yaml
 
 from benchmark.metrics import METRICS, join_tables, write_table
-from benchmark.results.run_folder import PROGRESS_COLUMNS
+from benchmark.results.files import write_versioned
+from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
 
 ALONE, SOCIAL = "no_social_vehicles", "random_social_vehicles"
 OUTCOME_COLUMN = {"collision": "collisions", "goal": "goals"}
@@ -18,7 +19,7 @@ ENVIRONMENT = {"agents": 2, "decision_interval": 5, "adapter": "benchmark", "opt
 BUDGET = {"agent_steps": 1000, "minutes": None}
 
 Outcomes = Sequence[Sequence[str]]
-"""Of each agent of each episode; "void" voids the episode."""
+"""Of each agent of each episode; "invalid" voids the episode."""
 
 
 def agent_episodes(outcomes: Outcomes, *, split="train", variation="", starts_vary=True, **labels):
@@ -48,18 +49,18 @@ def agent_episodes(outcomes: Outcomes, *, split="train", variation="", starts_va
                     "variation": variation,
                     "traffic": labels.get("task_traffic", ALONE),
                     **{"seed": 42, "world": 2_000_000 + number, "episode": 0},
-                    **{"agent": f"agent_{agent}", "outcome": end, "is_void": end == "void"},
+                    **{"agent": f"agent_{agent}", "outcome": end, "is_invalid": end == "invalid"},
                     **{"start_x": float(number * starts_vary), "start_y": 0.0},
-                    **{"start_heading": 0.0, "start_speed": float(agent), "agents": float(end != "void")},
+                    **{"start_heading": 0.0, "start_speed": float(agent), "agents": float(end != "invalid")},
                     **dict.fromkeys(columns, 0.0),
                     **{name: value for name, value in own.items() if name in columns},
                     **labels,
                 }
             )
     table = pd.DataFrame(rows)
-    void = sum("void" in ends for ends in outcomes)
+    invalid = sum("invalid" in ends for ends in outcomes)
     table.attrs["episodes"] = {
-        **{"measured": len(outcomes) - void, "void": void, "incomplete": 0, "corrupted": {}},
+        **{"measured": len(outcomes) - invalid, "invalid": invalid, "incomplete": 0, "corrupted": {}},
     }
     return table
 
@@ -72,7 +73,10 @@ def write_experiment(root: Path, **keys) -> None:
     }
     root.mkdir(parents=True, exist_ok=True)
     (root / "experiment.json").write_text(json.dumps(content | keys))
-    (root / "command.json").write_text(json.dumps({"command": "smarts-bench run hand.yaml"}))
+    line = "smarts-bench run hand.yaml"
+    write_versioned(
+        root / "command.json", {"command": line, "parts": [{"command": line, "experiment": content | keys}]}
+    )
 
 
 def write_run(
@@ -105,7 +109,7 @@ def write_run(
         scenarios: Name -> digest of each, for run.json.
     """
     cell = Path(task, traffic)
-    folder = root / ("reference" / Path(algorithm) / cell if seed < 0 else algorithm / cell / f"seed_{seed}")
+    folder = root / ("scripted" / Path(algorithm) / cell if seed < 0 else algorithm / cell / f"seed_{seed}")
     folder.mkdir(parents=True)
     facts = {
         **{"status": "training" if tables is None else "finished"},
@@ -115,7 +119,7 @@ def write_run(
     }
     if scenarios is not None:
         facts["scenarios"] = scenarios
-    (folder / "run.json").write_text(json.dumps(facts))
+    write_versioned(folder / "run.json", facts)
     config = {
         "algorithm": algorithm,
         "environment": environment,

@@ -83,8 +83,17 @@ def record(
     rows["episode"] = [
         {
             **dict(version=VERSION, program="", scenario="hand_made", traffic="", map=store.map(graph)),
-            **dict(seed=1, world=0, episode=0, sumo_seed=0, dt=DT, steps=steps, is_complete=True),
-            **dict(is_void=False, remark="", limit=0, most_vehicles=0),
+            **dict(
+                seed=1,
+                world=0,
+                episode=0,
+                traffic_engine="SUMO",
+                traffic_seed=0,
+                dt=DT,
+                steps=steps,
+                is_complete=True,
+            ),
+            **dict(is_invalid=False, remark="", limit=0, most_vehicles=0),
             **facts,
         }
     ]

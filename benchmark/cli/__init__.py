@@ -14,29 +14,16 @@ import typer
 from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
-from benchmark.cli import (
-    algorithms,
-    compare,
-    doctor,
-    evaluate,
-    floors,
-    kernels,
-    leaderboard,
-    render,
-    report,
-    run,
-    scenario,
-    sweep,
-)
+from benchmark.cli import doctor, experiments, render, reports, scenario, scripted
 from benchmark.running.exit_codes import INTERRUPTED
 from smarts.errors import SmartsError
 
 
 class Interruptible(TyperGroup):
-    """Commands that Ctrl-C ends with one line; those that keep something say more (`interruptible`)."""
+    """Ends any command at Ctrl-C with one line; commands that keep results print more (`interruptible`)."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Do what was asked for."""
+        """Run the command."""
         is_interrupted = False
 
         def interrupt(number: int, frame: FrameType | None) -> None:
@@ -49,10 +36,10 @@ class Interruptible(TyperGroup):
             signal.signal(signal.SIGINT, interrupt)
         try:
             return super().invoke(ctx)
-        except typer.Exit:  # a RuntimeError of a command that has said all that there is to say
+        except typer.Exit:  # a RuntimeError of a command that has printed its message
             raise
         except BaseException as error:
-            # While kernels are compiled, Ctrl-C is lost in LLVM, and comes out as that there is no kernel.
+            # LLVM swallows a Ctrl-C while it compiles a kernel; numba then raises that the kernel is missing.
             if isinstance(error, KeyboardInterrupt) or (is_interrupted and isinstance(error, RuntimeError)):
                 print("interrupted", file=sys.stderr)
                 raise typer.Exit(INTERRUPTED) from None
@@ -69,40 +56,35 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command()(experiments.run)
+app.command()(experiments.sweep)
+app.command()(experiments.evaluate)
+app.command()(scripted.scripted)
+app.command()(reports.report)
+app.command()(reports.compare)
+app.command()(reports.leaderboard)
+app.command("algorithms")(experiments.list_algorithms)
 app.add_typer(scenario.app, name="scenario")
-app.command()(run.run)
-app.command()(sweep.sweep)
-app.command()(evaluate.evaluate)
-app.command()(doctor.doctor)
-app.command("compile")(kernels.compile_kernels)
 app.command()(render.render)
-app.command()(floors.floors)
-app.command()(report.report)
-app.command()(leaderboard.leaderboard)
-app.command()(compare.compare)
-app.command("algorithms")(algorithms.list_algorithms)
-
-
-@app.callback()
-def _smarts_bench() -> None:
-    """Keep the commands in groups even where a group is the only one."""
+app.command()(doctor.doctor)
+app.command("compile")(doctor.compile_kernels)
 
 
 def main() -> None:
-    """Run the command line; what the user can mend is one message and exit code 2."""
+    """Run the command line; a user's mistake is one message and exit code 2."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            # Names of files may have letters that the terminal has not.
+            # File names may have letters that the terminal cannot show.
             stream.reconfigure(errors="backslashreplace")
     try:
         app()
     except (SmartsError, AlgorithmError) as error:
         _fail(str(error))
     except OSError as error:
-        # What says where is told by whoever wrote there; an open file that is written to says nothing.
+        # Errors of named files are `ResultsError`s; one without a name is of an open file, such as stdout.
         if error.errno != errno.ENOSPC or error.filename is not None:
             raise
-        # What is still to be written would fail once more when Python ends.
+        # Python flushes stdout when it ends, which would fail once more.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         _fail(
             "the output cannot be written: there is no room left where it goes, or on the disk it writes to\n"

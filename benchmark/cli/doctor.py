@@ -1,8 +1,9 @@
-"""`smarts-bench doctor`: whether this machine has all that is needed."""
+"""`smarts-bench doctor` and `smarts-bench compile`: the installation."""
 
 from __future__ import annotations
 
 import os
+import platform
 import tempfile
 from collections.abc import Callable
 from importlib.metadata import version
@@ -17,15 +18,15 @@ SMALL_DISK = 2e9
 
 
 def doctor() -> None:
-    """Check versions, cores, memory, GPU, SUMO, write access, kernel cache; exit with 1 if one fails."""
+    """Check the installation and this machine. Exits with 1 if a check fails."""
     checks: dict[str, Callable[[], str]] = {
-        "python": _python,
+        "python": lambda: f"{platform.python_version()} on {platform.platform()}",
         "packages": _packages,
         "processor": _processor,
         "memory": _memory,
         "GPU": _gpu,
         "SUMO": _sumo,
-        "vehicles": _bullet,
+        "Bullet": _bullet,
         "scenarios": _scenarios,
         "kernel cache": _kernel_cache,
         "results": _results,
@@ -34,7 +35,7 @@ def doctor() -> None:
     for name, check in checks.items():
         try:
             typer.echo(f"ok      {name:<13}{check()}")
-        except Exception as error:  # whatever a broken installation ends in
+        except Exception as error:  # any error that a broken installation causes
             failed += 1
             kind = "" if isinstance(error, SmartsError) else f"{type(error).__name__}: "
             typer.echo(f"FAILED  {name:<13}{kind}{error}")
@@ -42,10 +43,18 @@ def doctor() -> None:
         raise typer.Exit(1)
 
 
-def _python() -> str:
-    import platform
+def compile_kernels() -> None:
+    """Compile all kernels in advance. Kernels in the cache are skipped."""
+    from benchmark.running.compiling import kernel_users
+    from smarts.geometry.compiling import Compilations
 
-    return f"{platform.python_version()} on {platform.platform()}"
+    runs = kernel_users()
+    with Compilations() as compiled:
+        for number, (name, run) in enumerate(runs.items(), start=1):
+            before = compiled.count
+            run()
+            typer.echo(f"{number:>3}/{len(runs)}  {name}: {compiled.count - before} compiled")
+    typer.echo(f"{compiled.count} functions compiled, all others were in the cache")
 
 
 def _packages() -> str:
@@ -54,40 +63,35 @@ def _packages() -> str:
 
 
 def _processor() -> str:
-    from benchmark.running.limits import allowed_cores, cores_text, quota
-    from benchmark.running.machine import processor
+    from benchmark.running.machine import cores_text, cpu_quota, processor, usable_cores
 
-    return f"{processor()}, {cores_text(os.cpu_count() or 1, allowed_cores(), quota())}"
+    return f"{processor()}, {cores_text(os.cpu_count() or 1, usable_cores(), cpu_quota())}"
 
 
 def _memory() -> str:
-    from benchmark.running.limits import memory, memory_text
+    from benchmark.running.machine import memory_limit, memory_text, total_memory
 
-    return memory_text(memory())
+    return memory_text(total_memory(), memory_limit())
 
 
 def _gpu() -> str:
     import torch
 
-    if not torch.cuda.is_available():
-        return "none, and none is needed"
-    return torch.cuda.get_device_name()
+    return torch.cuda.get_device_name() if torch.cuda.is_available() else "none (optional)"
 
 
 def _sumo() -> str:
     from smarts.providers.sumo_library import SumoLibrary
 
-    library = SumoLibrary()
-    library.close()
+    SumoLibrary().close()
     return f"libsumo {version('libsumo')} loads"
 
 
 def _bullet() -> str:
     from smarts.dynamics.quiet_pybullet import pybullet
 
-    client = pybullet.connect(pybullet.DIRECT)
-    pybullet.disconnect(client)
-    return f"Bullet {version('pybullet')} runs without a display"
+    pybullet.disconnect(pybullet.connect(pybullet.DIRECT))
+    return f"pybullet {version('pybullet')} runs without a display"
 
 
 def _scenarios() -> str:
@@ -95,18 +99,18 @@ def _scenarios() -> str:
     from smarts.sstudio.locating import suite
 
     built = build_scenario("loop")
-    return f"{len(suite())} in the suite; built in {built.directory.parent}"
+    return f"{len(suite())} in the suite, build folder {built.directory.parent}"
 
 
 def _kernel_cache() -> str:
-    import smarts.env.vector  # noqa: F401 - and with it all kernels of a simulation
+    import smarts.env.vector  # noqa: F401 - loads all kernels of a simulation
     from benchmark.running.kernel_cache import kernel_cache
 
     found = kernel_cache("smarts")
     inside = Path(os.path.commonpath(found.folders))
     return (
-        f"in {inside}, can be written; {found.compiled} of {found.kernels} kernels are compiled"
-        " for these versions and this processor, others will be when they are first called"
+        f"{inside} is writable; {found.compiled} of {found.kernels} kernels are compiled for"
+        " these versions and this processor, the others compile at their first call"
     )
 
 
@@ -116,5 +120,5 @@ def _results() -> str:
     with tempfile.TemporaryFile(dir=here):
         pass
     free = os.statvfs(here).f_bavail * os.statvfs(here).f_frsize
-    warning = ", which is little" if free < SMALL_DISK else ""
-    return f"{(Path.cwd() / folder)} can be written, {free / 1e9:.0f} GB free{warning}"
+    warning = " (low)" if free < SMALL_DISK else ""
+    return f"{(Path.cwd() / folder)} is writable, {free / 1e9:.0f} GB free{warning}"

@@ -13,7 +13,7 @@ from typing import Any
 from algorithms.registry import ALGORITHMS, Actions
 from algorithms.settings import settings
 from benchmark.experiment.algorithm_settings import CONFIGS, defaults_of, entry_of, limits_of, type_fault
-from benchmark.floors import FLOORS
+from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import Fault
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
 from smarts.registry import Registry, import_own, is_own_name
@@ -50,7 +50,7 @@ def check_experiment(values: Values) -> Iterator[Fault]:
 def _own_names(values: Values) -> Generator[Fault, None, set[str]]:
     """Resolve the names of own code; yield a fault for each that cannot be, and return those."""
     broken: set[str] = set()
-    for key in ("algorithms", "metrics", "reference"):
+    for key in ("algorithms", "metrics", "scripted"):
         given = values.get(key)
         for number, name in enumerate(given if isinstance(given, list) else ()):
             if not isinstance(name, str) or not is_own_name(name):
@@ -65,7 +65,7 @@ def _own_names(values: Values) -> Generator[Fault, None, set[str]]:
 
 def _registry_of(key: str) -> Registry:
     if key != "metrics":
-        return {"algorithms": CONFIGS, "reference": FLOORS}[key]
+        return {"algorithms": CONFIGS, "scripted": SCRIPTED_POLICIES}[key]
     from benchmark.metrics.registry import METRICS  # here: loading pandas takes longer than most checks
 
     return METRICS
@@ -142,13 +142,13 @@ def _actions(values: Values) -> Iterator[Fault]:
                 fitting = ", ".join(each for each, other in ALGORITHMS.items() if other.acts_in(kind))
                 text = f"{name!r} needs {entry.actions} actions, and environment.action is {action!r}"
                 yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
-    for number, name in enumerate(_texts(values.get("reference"))):
-        if name in FLOORS and not is_own_name(name) and action != "Lane":
+    for number, name in enumerate(_texts(values.get("scripted"))):
+        if name in SCRIPTED_POLICIES and not is_own_name(name) and action != "Lane":
             text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
-            yield Fault(("reference", number), text, "remove it, or give a scripted policy of your own")
-        if name == "yielder" and adapter == "raw":
+            yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
+        if name == "gap_acceptance" and adapter == "raw":
             text = f"{name!r} looks at the observation of adapter 'benchmark', not of {adapter!r}"
-            yield Fault(("reference", number), text, "remove it")
+            yield Fault(("scripted", number), text, "remove it")
 
 
 def _tyres(environment: Values) -> Iterator[Fault]:

@@ -15,7 +15,7 @@ from pydantic_core import PydanticSerializationError
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm, defaults_of
 from benchmark.experiment.checks import check_experiment
-from benchmark.floors import FLOORS
+from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read_config, shown
 from smarts.errors import nearest_names
 from smarts.registry import is_own_name
@@ -102,7 +102,7 @@ def _sorted(values: tuple[str, ...]) -> tuple[str, ...]:
 
 FolderName = Annotated[str, AfterValidator(_name)]
 Algorithm = Annotated[str, AfterValidator(_named("algorithm", ALGORITHMS))]
-Reference = Annotated[str, AfterValidator(_named("reference policy", FLOORS))]
+Policy = Annotated[str, AfterValidator(_named("scripted policy", SCRIPTED_POLICIES))]
 Metric = Annotated[str, AfterValidator(_metric)]
 Scenario = Annotated[str, AfterValidator(_scenario)]
 Engine = Annotated[str, AfterValidator(_engine)]
@@ -143,7 +143,7 @@ Names = Annotated[tuple[str, ...], SEVERAL, DISTINCT]
 Modes = Annotated[tuple[Literal["greedy", "sampled"], ...], SEVERAL, DISTINCT, AfterValidator(_sorted)]
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**31)], ...], SEVERAL, DISTINCT]
 Algorithms = Annotated[tuple[Algorithm, ...], SEVERAL, DISTINCT]
-References = Annotated[tuple[Reference, ...], Field(strict=False), DISTINCT]
+Policies = Annotated[tuple[Policy, ...], Field(strict=False), DISTINCT]
 Metrics = Annotated[tuple[Metric, ...], SEVERAL, DISTINCT]
 Imports = Annotated[tuple[str, ...], Field(strict=False), DISTINCT]
 Wheels = Annotated[tuple[Annotated[int, Field(ge=0, le=3)], ...], Field(strict=False), DISTINCT]
@@ -278,7 +278,7 @@ class Experiment(Section):
     metrics: Metrics | None = None
     """What is measured and reported: names, or module:NAME of a Measure of one's own; null: all that are
     registered. Collision and completion rate always are."""
-    reference: References = ()
+    scripted: Policies = ()
     """Scripted policies that are tested in the same way and shown below the table: names, or module:Class."""
     resources: Resources = Resources()
     tune: Tune | None = None

@@ -16,17 +16,15 @@ from smarts.config import ConfigError, fitted
 from smarts.registry import file_name
 from smarts.sstudio.locating import resolved
 
-REFERENCE = "reference"
-"""Folder of the scripted policies' results, among those of the algorithms."""
 SCRIPTED = "scripted"
-"""Mode of policies that act in one way only; they stand beside every mode of the others."""
+"""Folder of scripted policies among results, and their mode in tables, shown beside each learned mode."""
 SCRIPTED_SEED = -1
 """Training seed in the tables of policies that were not trained."""
 
 
 @dataclass(frozen=True)
-class Cell:
-    """A column of the table: a task with one traffic, and how it is played and tested."""
+class TaskSetting:
+    """A task with one traffic, and how it is simulated and tested: a column of the report."""
 
     task: Task
     traffic: str
@@ -37,7 +35,7 @@ class Cell:
     metrics: tuple[str, ...] | None = None
     """What tests measure; None: all that are registered."""
     imports: tuple[str, ...] = ()
-    """Files and folders of own code, absolute, which every process that plays the cell has to import."""
+    """Files and folders of own code, absolute; every process that simulates imports them."""
 
     def __str__(self) -> str:
         return f"{self.task.name}, {self.traffic}"
@@ -48,7 +46,7 @@ class Cell:
         return Path(self.task.name, self.traffic)
 
     def test_content(self) -> dict[str, Any]:
-        """Return what a test of the cell consists of, as it is kept with its results."""
+        """Return what a test of the task setting consists of, as it is kept with its results."""
         evaluation = self.evaluation
         content: dict[str, Any] = {
             "episodes": evaluation.episodes,
@@ -67,7 +65,7 @@ class Run:
     """One training and its test. Plain data, since it travels to other processes."""
 
     algorithm: str
-    cell: Cell
+    task_setting: TaskSetting
     seed: int
     settings: Mapping[str, Any]
     """Of the algorithm, where they differ from its defaults."""
@@ -75,12 +73,12 @@ class Run:
     resources: Resources
 
     def __str__(self) -> str:
-        return f"{self.algorithm}, {self.cell}, seed {self.seed}"
+        return f"{self.algorithm}, {self.task_setting}, seed {self.seed}"
 
     @property
     def folder(self) -> Path:
         """Where its results are, in the experiment's folder."""
-        return training_folder(self.algorithm, self.cell, self.seed)
+        return training_folder(self.algorithm, self.task_setting, self.seed)
 
     @property
     def label(self) -> str:
@@ -89,20 +87,20 @@ class Run:
 
     def content(self) -> dict[str, Any]:
         """Return all that its training depends on, as it is kept beside its results."""
-        evaluation = self.cell.evaluation
+        evaluation = self.task_setting.evaluation
         return {
             "algorithm": self.algorithm,
-            "scenarios": list(self.cell.task.scenarios),
-            "traffic": self.cell.traffic,
+            "scenarios": list(self.task_setting.task.scenarios),
+            "traffic": self.task_setting.traffic,
             "seed": self.seed,
             "settings": dict(self.settings),
-            "environment": self.cell.environment.model_dump(mode="json"),
+            "environment": self.task_setting.environment.model_dump(mode="json"),
             "budget": self.budget.model_dump(mode="json"),
             "validations": evaluation.validations,
             "validation_episodes": evaluation.validation_episodes,
             "env_runners": self.resources.env_runners,
             "copies": self.resources.copies,
-            **self.cell.own_content(),
+            **self.task_setting.own_content(),
         }
 
 
@@ -117,7 +115,7 @@ def run_from(content: Mapping[str, Any]) -> Run:
         evaluation = fitted({key: content[key] for key in ("validations", "validation_episodes")}, Evaluation)
         return Run(
             content["algorithm"],
-            Cell(
+            TaskSetting(
                 fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, Task),
                 content["traffic"],
                 fitted(content["environment"], Environment),
@@ -135,19 +133,19 @@ def run_from(content: Mapping[str, Any]) -> Run:
 
 
 @dataclass(frozen=True)
-class ReferenceRun:
+class ScriptedRun:
     """A scripted policy's test."""
 
     policy: str
-    cell: Cell
+    task_setting: TaskSetting
 
     def __str__(self) -> str:
-        return f"{self.policy}, {self.cell}"
+        return f"{self.policy}, {self.task_setting}"
 
     @property
     def folder(self) -> Path:
         """Where its results are, in the experiment's folder."""
-        return Path(REFERENCE, self.label, self.cell.folder)
+        return Path(SCRIPTED, self.label, self.task_setting.folder)
 
     @property
     def label(self) -> str:
@@ -158,10 +156,10 @@ class ReferenceRun:
         """Return all that its test depends on, but for its extent."""
         return {
             "policy": self.policy,
-            "scenarios": list(self.cell.task.scenarios),
-            "traffic": self.cell.traffic,
-            "environment": self.cell.environment.model_dump(mode="json"),
-            **self.cell.own_content(),
+            "scenarios": list(self.task_setting.task.scenarios),
+            "traffic": self.task_setting.traffic,
+            "environment": self.task_setting.environment.model_dump(mode="json"),
+            **self.task_setting.own_content(),
         }
 
 
@@ -186,10 +184,10 @@ def is_larger(budget: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     return limits[0] != limits[1] and all(one >= two for one, two in zip(*limits, strict=True))
 
 
-def cells_of(experiment: Experiment) -> list[Cell]:
+def task_settings_of(experiment: Experiment) -> list[TaskSetting]:
     """Return the columns of an experiment's table."""
     return [
-        Cell(
+        TaskSetting(
             task,
             traffic,
             experiment.environment,
@@ -205,24 +203,28 @@ def cells_of(experiment: Experiment) -> list[Cell]:
 
 def runs_of(experiment: Experiment) -> Iterator[Run]:
     """Yield the trainings of an experiment, the first seed of everything first: so a table fills early."""
-    for algorithm, cell, seed in trainings_of(experiment):
+    for algorithm, task_setting, seed in trainings_of(experiment):
         settings = experiment.settings_of(algorithm)
-        yield Run(algorithm, cell, seed, settings, experiment.budget, experiment.resources)
+        yield Run(algorithm, task_setting, seed, settings, experiment.budget, experiment.resources)
 
 
-def trainings_of(experiment: Experiment) -> Iterator[tuple[str, Cell, int]]:
-    """Yield algorithm, cell and seed of each run, without a look at settings: own code is not imported."""
+def trainings_of(experiment: Experiment) -> Iterator[tuple[str, TaskSetting, int]]:
+    """Yield algorithm, task setting and seed of each run; own code is not imported."""
     for seed in experiment.seeds:
-        for cell in cells_of(experiment):
+        for task_setting in task_settings_of(experiment):
             for algorithm in experiment.algorithms:
-                yield algorithm, cell, seed
+                yield algorithm, task_setting, seed
 
 
-def training_folder(algorithm: str, cell: Cell, seed: int) -> Path:
+def training_folder(algorithm: str, task_setting: TaskSetting, seed: int) -> Path:
     """Return where the results of a run are, in the experiment's folder."""
-    return Path(file_name(algorithm), cell.folder, f"seed_{seed}")
+    return Path(file_name(algorithm), task_setting.folder, f"seed_{seed}")
 
 
-def references_of(experiment: Experiment) -> list[ReferenceRun]:
+def scripted_runs_of(experiment: Experiment) -> list[ScriptedRun]:
     """Return the tests of an experiment's scripted policies."""
-    return [ReferenceRun(policy, cell) for policy in experiment.reference for cell in cells_of(experiment)]
+    return [
+        ScriptedRun(policy, task_setting)
+        for policy in experiment.scripted
+        for task_setting in task_settings_of(experiment)
+    ]

@@ -9,8 +9,8 @@ from typing import Any
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import Experiment
-from benchmark.floors import FLOORS
 from benchmark.metrics import METRICS
+from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import EXTENDS
 from smarts.registry import is_own_name
 from smarts.types.traffic import TRAFFIC_ENGINES
@@ -31,7 +31,7 @@ def schema() -> dict[str, Any]:
     # A task may be the name of its scenario, and a file that extends another need not say everything.
     properties["tasks"]["items"] = {"anyOf": [{"type": "string"}, properties["tasks"]["items"]]}
     properties["algorithms"]["items"] = _names(ALGORITHMS)
-    properties["reference"]["items"] = _names(FLOORS)
+    properties["scripted"]["items"] = _names(SCRIPTED_POLICIES)
     properties["metrics"]["anyOf"][0]["items"] = _names(METRICS)
     found["$defs"]["Environment"]["properties"]["traffic_engine"]["anyOf"][0]["enum"] = sorted(
         TRAFFIC_ENGINES

@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmark.metrics.episode_data import EpisodeData
-from benchmark.metrics.measure import Columns, Measure, ended_by, share
+from benchmark.metrics.measure import Columns, ended_by, ratio, share
 from smarts.types.events import Outcome
 
 
@@ -27,29 +27,27 @@ def measure_progress(episode: EpisodeData) -> Columns:
     }
 
 
-METRIC = Measure(
+METRIC = ratio(
+    "agility",
+    "arrivals",
     name="agility",
     label="Agility",
     meaning="free-flow time / travel time over completed agent-episodes",
-    columns=("agility", "arrivals"),
     measure=measure,
-    value=lambda totals: share(totals["agility"], totals["arrivals"]),
-    count=("arrivals",),
     counted="arrivals",
-    missing="nobody arrived",
+    missing="no agent arrived",
     better="higher",
     is_axis=True,
 )
-PROGRESS_SPEED = Measure(
+PROGRESS_SPEED = ratio(
+    "progress",
+    "progress_time",
     name="progress_speed",
     label="Progress speed",
     meaning="metres gained along the route / driving time, over all agent-episodes",
-    columns=("progress", "progress_time"),
     measure=measure_progress,
-    value=lambda totals: share(totals["progress"], totals["progress_time"]),
-    count=("progress_time",),
     counted="s of driving",
-    missing="nobody drove",
+    missing="no agent drove",
     better="higher",
     unit="m/s",
     is_share=False,

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.metrics.episode_data import EpisodeData, Lanes, Motion, Paths
+from benchmark.metrics.episode_data import EpisodeData, Lanes, Paths, VehicleTracks
 from benchmark.metrics.leaders import distance_ahead, leader_of
-from benchmark.metrics.measure import Columns, Measure, share
+from benchmark.metrics.measure import Columns, ratio
 from smarts.geometry.compiling import kernel
 from smarts.roads.lane_graph import LaneKind
 
@@ -39,7 +39,7 @@ def measure(episode: EpisodeData) -> Columns:
 
 @kernel
 def _opportunities(
-    motion: Motion, paths: Paths, lanes: Lanes, own: int, driving: NDArray[np.bool_], least: int
+    motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, driving: NDArray[np.bool_], least: int
 ) -> tuple[int, int]:
     """Count the vehicles that could be overtaken, and those that were; each counts once."""
     vehicles = motion.present.shape[1]
@@ -62,7 +62,7 @@ def _opportunities(
 
 
 @kernel
-def _could_pass(motion: Motion, lanes: Lanes, own: int, leader: int, ahead: float, k: int) -> bool:
+def _could_pass(motion: VehicleTracks, lanes: Lanes, own: int, leader: int, ahead: float, k: int) -> bool:
     """Tell whether a leader is near, slower, in the same direction, and a lane beside is open to cars."""
     if ahead - (motion.length[own] + motion.length[leader]) / 2 > MOST_GAP:
         return False
@@ -76,15 +76,14 @@ def _could_pass(motion: Motion, lanes: Lanes, own: int, leader: int, ahead: floa
     return bool(is_open)
 
 
-METRIC = Measure(
+METRIC = ratio(
+    "overtakes",
+    "opportunities",
+    is_count=True,
     name="competitive",
     label="Competitive",
     meaning="overtakes / opportunities: a slower leader within 30 m for 1 s and a lane to pass on",
-    columns=("overtakes", "opportunities"),
     measure=measure,
-    value=lambda totals: share(totals["overtakes"], totals["opportunities"]),
-    hits="overtakes",
-    count=("opportunities",),
     counted="opportunities",
     least=LEAST_OPPORTUNITIES,
     missing=f"fewer than {LEAST_OPPORTUNITIES} opportunities",

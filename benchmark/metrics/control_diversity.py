@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.metrics.episode_data import Decisions, EpisodeData
-from benchmark.metrics.measure import Columns, Floats, Measure, Totals, share
+from benchmark.metrics.measure import Columns, Floats, Totals, ratio, share
 from smarts.types.actions import ActionSpaceType, LaneAction
 
 LEAST_COMMANDS = 20
@@ -88,14 +88,17 @@ def terms(totals: Totals) -> Mapping[str, Floats]:
     }
 
 
-METRIC = Measure(
+METRIC = ratio(
+    "control_diversity",
+    "controlling_agents",
+    columns=(
+        "longitudinal_commands",
+        "lateral_commands",
+    ),
     name="control_diversity",
     label="Control diversity",
     meaning="entropy of the split between longitudinal and lateral commands / log 2",
-    columns=("control_diversity", "controlling_agents", "longitudinal_commands", "lateral_commands"),
     measure=measure,
-    value=lambda totals: share(totals["control_diversity"], totals["controlling_agents"]),
-    count=("controlling_agents",),
     counted="agent-episodes with 20 commands",
     least=LEAST_AGENTS,
     missing=f"fewer than {LEAST_AGENTS} agent-episodes with {LEAST_COMMANDS} commands",

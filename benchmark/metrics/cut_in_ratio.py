@@ -2,7 +2,7 @@
 
 from benchmark.metrics.episode_data import EpisodeData
 from benchmark.metrics.lane_changes import find_lane_changes
-from benchmark.metrics.measure import Columns, Measure, share
+from benchmark.metrics.measure import Columns, ratio
 
 
 def measure(episode: EpisodeData) -> Columns:
@@ -11,15 +11,14 @@ def measure(episode: EpisodeData) -> Columns:
     return {"cut_ins": changes.cut_ins.astype(float), "lane_changes": changes.completed.astype(float)}
 
 
-METRIC = Measure(
+METRIC = ratio(
+    "cut_ins",
+    "lane_changes",
+    is_count=True,
     name="cut_in_ratio",
     label="Cut-in ratio",
     meaning="lane changes that leave the vehicle behind less than 1.0 s of headway / completed lane changes",
-    columns=("cut_ins", "lane_changes"),
     measure=measure,
-    value=lambda totals: share(totals["cut_ins"], totals["lane_changes"]),
-    hits="cut_ins",
-    count=("lane_changes",),
     counted="lane changes",
     missing="no lane change was completed",
     better="lower",

@@ -54,7 +54,7 @@ def compare(
         compared), wins: the better one's name, "" for a tie or if they could not be compared.
     """
     rows: list[dict[str, Any]] = []
-    kept: Frame = table[~table["is_void"]]
+    kept: Frame = table[~table["is_invalid"]]
     for key, part in kept.groupby([*by], sort=True) if by else [((), kept)]:
         begun = _with_starts(part, column)
         for measure in [METRICS[name] for name in metrics]:

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.metrics.episode_data import EpisodeData, Lanes, Motion, Paths
-from benchmark.metrics.lane_paths import CHANGE, MERGE, Section
+from benchmark.metrics.episode_data import EpisodeData, Lanes, Paths, VehicleTracks
+from benchmark.metrics.lane_paths import CHANGE, MERGE, Conflict
 from benchmark.metrics.leaders import distance_ahead
 from smarts.geometry.compiling import kernel
 from smarts.types.events import Outcome
@@ -48,7 +48,7 @@ class Ways(NamedTuple):
     paths: Paths
     lanes: Lanes
     sections: Floats
-    """A row for each `Section`, its fields in order."""
+    """A row for each `Conflict`, its fields in order."""
     table: Ints
     """Row of `sections` for each two of `paths` that meet, -1 for none, shape (P, P)."""
 
@@ -109,7 +109,7 @@ def _sections(episode: EpisodeData) -> tuple[Floats, Ints]:
     """Return the sections of this episode as rows, and the row for each two paths that meet, -1 for none."""
     motion, numbers = episode.motion, episode.book_numbers
     table = np.full((len(numbers), len(numbers)), -1, np.int32)
-    rows: list[Section] = []
+    rows: list[Conflict] = []
     for own in episode.own[episode.own >= 0].tolist():
         both = (motion.path[:, own, None] >= 0) & (motion.path >= 0)
         codes = motion.path[:, own, None].astype(np.int64) * len(numbers) + motion.path
@@ -123,7 +123,7 @@ def _sections(episode: EpisodeData) -> tuple[Floats, Ints]:
 
 
 @kernel
-def _may_meet(table: Ints, motion: Motion, own: int, other: int) -> bool:
+def _may_meet(table: Ints, motion: VehicleTracks, own: int, other: int) -> bool:
     for k in range(len(motion.path)):
         path, path2 = motion.path[k, own], motion.path[k, other]
         if path >= 0 and path2 >= 0 and table[path, path2] >= 0:
@@ -133,7 +133,7 @@ def _may_meet(table: Ints, motion: Motion, own: int, other: int) -> bool:
 
 @kernel
 def _meet(
-    motion: Motion,
+    motion: VehicleTracks,
     ways: Ways,
     own: int,
     other: int,
@@ -165,7 +165,7 @@ def _meet(
 
 
 @kernel
-def _section_at(motion: Motion, table: Ints, own: int, other: int, k: int) -> int:
+def _section_at(motion: VehicleTracks, table: Ints, own: int, other: int, k: int) -> int:
     if not (motion.present[k, own] and motion.present[k, other]):
         return -1
     path, path2 = motion.path[k, own], motion.path[k, other]
@@ -173,7 +173,7 @@ def _section_at(motion: Motion, table: Ints, own: int, other: int, k: int) -> in
 
 
 @kernel
-def _ahead(motion: Motion, section: Floats, own: int, other: int, k: int) -> tuple[float, float]:
+def _ahead(motion: VehicleTracks, section: Floats, own: int, other: int, k: int) -> tuple[float, float]:
     """Return how far the two have to go to where they contend [m], below 0 if they are there."""
     s, s2 = motion.s[k, own] - section[_BEGIN], motion.s[k, other] - section[_OTHER_BEGIN]
     if int(section[_KIND]) != CHANGE:
@@ -183,7 +183,7 @@ def _ahead(motion: Motion, section: Floats, own: int, other: int, k: int) -> tup
 
 
 @kernel
-def _opens(motion: Motion, section: Floats, own: int, other: int, k: int) -> bool:
+def _opens(motion: VehicleTracks, section: Floats, own: int, other: int, k: int) -> bool:
     ahead, ahead2 = _ahead(motion, section, own, other, k)
     speed, speed2 = motion.speed[k, own], motion.speed[k, other]
     if speed <= LEAST_SPEED or speed2 <= LEAST_SPEED:
@@ -195,7 +195,7 @@ def _opens(motion: Motion, section: Floats, own: int, other: int, k: int) -> boo
 
 
 @kernel
-def _could_win(motion: Motion, section: Floats, own: int, other: int, k: int) -> bool:
+def _could_win(motion: VehicleTracks, section: Floats, own: int, other: int, k: int) -> bool:
     """Tell whether at +3 m/s^2 the agent arrives first; beside each other, at the end of the road."""
     ahead, ahead2 = _ahead(motion, section, own, other, k)
     if int(section[_KIND]) == CHANGE:
@@ -207,7 +207,7 @@ def _could_win(motion: Motion, section: Floats, own: int, other: int, k: int) ->
 
 @kernel
 def _follow(
-    motion: Motion,
+    motion: VehicleTracks,
     ways: Ways,
     own: int,
     other: int,

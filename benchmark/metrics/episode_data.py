@@ -44,7 +44,7 @@ _FINITE = (*sorted(set(_NUMBERS) - {*_ON_LANES}), "length", "width")
 _DRIVING = (int(AgentStatus.ACTIVE), int(AgentStatus.DONE))
 
 
-class Motion(NamedTuple):
+class VehicleTracks(NamedTuple):
     """All vehicles at all instants, shape (T, V), and their sizes."""
 
     present: Bools
@@ -232,7 +232,7 @@ class EpisodeData:
         return dense
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> VehicleTracks:
         """All vehicles."""
         table, (known, columns) = self._vehicles, self._keys
         shape = self.steps + 1, len(known)
@@ -251,7 +251,7 @@ class EpisodeData:
         moved = np.hypot(np.diff(dense["x"], axis=0), np.diff(dense["y"], axis=0))
         odometer = np.zeros(shape)
         np.cumsum(np.nan_to_num(moved), axis=0, out=odometer[1:])
-        return Motion(
+        return VehicleTracks(
             present=present, lane=lane, path=path, turn=turn, length=length, width=width, odometer=odometer,
             **dense,
         )  # fmt: skip

@@ -1,14 +1,11 @@
-"""What stands beside the eleven: how agents ended, and what it cost them and others."""
-
-from functools import partial
+"""Metrics beside the paper's: distance to the goal, return, time to collision, hard brakes, decisions."""
 
 import numpy as np
 
 from benchmark.metrics.encounters import find_encounters
 from benchmark.metrics.episode_data import EpisodeData
 from benchmark.metrics.leaders import leader_of, time_to_collision
-from benchmark.metrics.measure import Columns, Measure, ended_by, share
-from smarts.types.events import Outcome
+from benchmark.metrics.measure import Columns, ratio
 
 HARD = 4.0
 """A harder deceleration than this is a hard brake [m/s^2]."""
@@ -24,43 +21,6 @@ LONGEST = 10.0
 """Times to collision above this are as good as this [s]."""
 REWARD = "reward"
 """Name of the extra."""
-
-
-def _measure_outcome(outcome: Outcome, episode: EpisodeData) -> Columns:
-    return {f"ended_{outcome.name.lower()}": ended_by(episode, outcome)}
-
-
-def outcome_share(outcome: Outcome, ended: str = "") -> Measure:
-    """Return the share of agent-episodes that ended one way.
-
-    Args:
-        outcome: Which.
-        ended: How they ended, where the outcome's name does not say it.
-    """
-    name = f"ended_{outcome.name.lower()}"
-    words = outcome.name.lower().replace("_", "-")
-    return Measure(
-        name=name,
-        label=words.capitalize(),
-        meaning=f"share of agent-episodes {f'that ended {ended}' if ended else f'with outcome {words}'}",
-        columns=(name,),
-        measure=partial(_measure_outcome, outcome),
-        value=lambda totals: share(totals[name], totals["agents"]),
-        hits=name,
-        missing="no agent took part",
-        better="lower",
-    )
-
-
-OFF_ROAD = outcome_share(Outcome.OFF_ROAD)
-OFF_ROUTE = outcome_share(Outcome.OFF_ROUTE)
-MISSED_GOAL = outcome_share(Outcome.MISSED_GOAL)
-NOT_MOVING = outcome_share(Outcome.NOT_MOVING)
-TIME_OUT = outcome_share(Outcome.TIME_OUT)
-OTHER = outcome_share(Outcome.OTHER, "for another's sake: too few agents or vehicles of interest were left")
-OTHER_TERMINAL = outcome_share(
-    Outcome.OTHER_TERMINAL, "on the shoulder, against the direction, at a via point or after a lap"
-)
 
 
 def measure_goal_distance(episode: EpisodeData) -> Columns:
@@ -126,71 +86,66 @@ def measure_decisions(episode: EpisodeData) -> Columns:
     return {"decisions": np.array(counts, float), "seconds": episode.duration}
 
 
-GOAL_DISTANCE = Measure(
+GOAL_DISTANCE = ratio(
+    "goal_distance",
+    "bound_agents",
     name="goal_distance",
     label="Goal distance",
     meaning="what was left of the route at the end",
-    columns=("goal_distance", "bound_agents"),
     measure=measure_goal_distance,
-    value=lambda totals: share(totals["goal_distance"], totals["bound_agents"]),
-    count=("bound_agents",),
     counted="agent-episodes with a goal",
     missing="no agent had a goal",
     better="lower",
     unit="m",
     is_share=False,
 )
-RETURN = Measure(
+RETURN = ratio(
+    "return",
+    "returns",
     name="return",
     label="Return",
     meaning="sum of an agent's rewards",
-    columns=("return", "returns"),
     measure=measure_return,
-    value=lambda totals: share(totals["return"], totals["returns"]),
-    count=("returns",),
     counted="agent-episodes with rewards",
     missing="no rewards were recorded",
     better="higher",
     is_share=False,
 )
-LEAST_TIME_TO_COLLISION = Measure(
+LEAST_TIME_TO_COLLISION = ratio(
+    "least_time",
+    "located_agents",
     name="least_time_to_collision",
     label="Least time to collision",
     meaning="the least time to collision of an agent-episode, at most 10 s",
-    columns=("least_time", "located_agents"),
     measure=measure_least_time,
-    value=lambda totals: share(totals["least_time"], totals["located_agents"]),
-    count=("located_agents",),
     counted="agent-episodes on lanes",
-    missing="nobody drove",
+    missing="no agent drove",
     better="higher",
     unit="s",
     is_share=False,
 )
-HARD_BRAKES = Measure(
+HARD_BRAKES = ratio(
+    "hard_brakes",
+    "kilometres",
     name="hard_brakes",
     label="Hard brakes caused",
     meaning="how often others had to brake harder than 4 m/s^2 because of the agent, per km",
-    columns=("hard_brakes", "kilometres"),
     measure=measure_hard_brakes,
-    value=lambda totals: share(totals["hard_brakes"], totals["kilometres"]),
-    count=("kilometres",),
     counted="km",
-    missing="nobody drove 5 m",
+    missing="no agent drove 5 m",
     better="lower",
     unit="1/km",
     is_share=False,
 )
-DECISION_RATE = Measure(
+DECISION_RATE = ratio(
+    "decisions",
+    "seconds",
     name="decision_rate",
     label="Decisions per second",
     meaning="decisions / driving time",
-    columns=("decisions", "seconds"),
     measure=measure_decisions,
-    value=lambda totals: share(totals["decisions"], totals["seconds"]),
-    count=("seconds",),
     counted="s of driving",
-    missing="nobody drove",
+    missing="no agent drove",
     unit="1/s",
     is_share=False,
 )

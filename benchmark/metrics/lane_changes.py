@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.metrics.episode_data import EpisodeData, Lanes, Motion, Paths
+from benchmark.metrics.episode_data import EpisodeData, Lanes, Paths, VehicleTracks
 from benchmark.metrics.leaders import follower_of
 from smarts.geometry.compiling import kernel
 
@@ -53,7 +53,7 @@ def find_lane_changes(episode: EpisodeData) -> LaneChanges:
 
 @kernel
 def _changes(
-    motion: Motion, paths: Paths, lanes: Lanes, own: int, driving: Bools, under_way: Bools
+    motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, driving: Bools, under_way: Bools
 ) -> tuple[int, int]:
     completed, cut_ins = 0, 0
     # The lane that it was last wholly in, or the one that this has led into; when that was.
@@ -75,7 +75,7 @@ def _changes(
 
 
 @kernel
-def _is_within(motion: Motion, lanes: Lanes, own: int, k: int) -> bool:
+def _is_within(motion: VehicleTracks, lanes: Lanes, own: int, k: int) -> bool:
     """Tell whether the footprint lies wholly in its lane, across."""
     turn = motion.turn[k, own]
     reach = abs(math.sin(turn)) * motion.length[own] / 2 + abs(math.cos(turn)) * motion.width[own] / 2
@@ -84,7 +84,7 @@ def _is_within(motion: Motion, lanes: Lanes, own: int, k: int) -> bool:
 
 @kernel
 def _beside(
-    motion: Motion, paths: Paths, lanes: Lanes, own: int, k: int, since: int, home: int, lane: int
+    motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, k: int, since: int, home: int, lane: int
 ) -> int:
     """Return where the lane that it left leads to beside the one it is on, -1 where that is not known."""
     path = motion.path[since, own]
@@ -98,7 +98,7 @@ def _beside(
 
 
 @kernel
-def _is_cut_in(motion: Motion, paths: Paths, lanes: Lanes, own: int, k: int) -> bool:
+def _is_cut_in(motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, k: int) -> bool:
     behind, distance = follower_of(motion, paths, lanes, own, k)
     if behind < 0 or motion.speed[k, behind] <= LEAST_SPEED:
         return False

@@ -40,7 +40,7 @@ class LanePath:
 
 
 @dataclass(frozen=True)
-class Section:
+class Conflict:
     """Where two paths contend: from and to along the first and the second [m].
 
     The name stays while vehicles change lanes on the way: two that meet in a junction meet there once, on
@@ -70,7 +70,7 @@ class PathBook:
         self.graph = graph
         self.paths: list[LanePath] = []
         self._numbers: dict[Plan, int] = {}
-        self._sections: dict[tuple[int, int], Section | None] = {}
+        self._sections: dict[tuple[int, int], Conflict | None] = {}
 
     def number(self, plan: Plan) -> int:
         """Return the number of a path in `paths`."""
@@ -79,7 +79,7 @@ class PathBook:
             self.paths.append(_path(self.graph, *plan))
         return self._numbers[plan]
 
-    def section(self, path: int, other: int) -> Section | None:
+    def section(self, path: int, other: int) -> Conflict | None:
         """Return where two paths first contend, None where they do not or one follows the other before."""
         if (path, other) not in self._sections:
             self._sections[path, other] = _section(self.graph, self.paths[path], self.paths[other])
@@ -139,12 +139,9 @@ def _onward(
     if place + 1 >= len(route):
         is_there = goal_lane >= 0 and graph.lane_edge[goal_lane] == edge
         return (goal_lane if is_there else lane), -1
-    ways = {each: _way(graph, each, route, place, goal_lane) for each in graph.edge_lanes(edge)}
-    leading = [each for each, way in ways.items() if way >= 0]
-    if not leading:
-        return lane, -1
-    target = min(leading, key=lambda each: (abs(each - lane), each))
-    return target, ways[target]
+    lanes = sorted(graph.edge_lanes(edge), key=lambda each: (abs(each - lane), each))
+    ways = ((each, _way(graph, each, route, place, goal_lane)) for each in lanes)
+    return next(((each, way) for each, way in ways if way >= 0), (lane, -1))
 
 
 def _way(graph: LaneGraph, lane: int, route: tuple[int, ...], place: int, goal_lane: int) -> int:
@@ -164,7 +161,7 @@ def _way(graph: LaneGraph, lane: int, route: tuple[int, ...], place: int, goal_l
     return best
 
 
-def _section(graph: LaneGraph, path: LanePath, other: LanePath) -> Section | None:
+def _section(graph: LaneGraph, path: LanePath, other: LanePath) -> Conflict | None:
     places = {lane: number for number, lane in reversed([*enumerate(other.lanes)])}
     edges = {int(graph.lane_edge[lane]): number for lane, number in reversed([*places.items()])}
     for number, lane in enumerate(path.lanes):
@@ -179,17 +176,17 @@ def _section(graph: LaneGraph, path: LanePath, other: LanePath) -> Section | Non
     return None
 
 
-def _merge(graph: LaneGraph, path: LanePath, number: int, other: LanePath, place: int) -> Section | None:
+def _merge(graph: LaneGraph, path: LanePath, number: int, other: LanePath, place: int) -> Conflict | None:
     """Return where both come into a lane; who is in it already is followed, not met."""
     if number == 0 or place == 0:
         return None
     begin, other_begin = path.begins[number], other.begins[place]
-    return Section(MERGE, begin, begin, other_begin, other_begin, _name(graph, path.lanes[number - 1]))
+    return Conflict(MERGE, begin, begin, other_begin, other_begin, _name(graph, path.lanes[number - 1]))
 
 
 def _conflict(
     graph: LaneGraph, path: LanePath, number: int, other: LanePath, places: dict[int, int]
-) -> Section | None:
+) -> Conflict | None:
     """Return the first section of a junction lane that the other's path meets."""
     lane, begin = path.lanes[number], path.begins[number]
     rows = slice(int(graph.conflict_start[lane]), int(graph.conflict_start[lane + 1]))
@@ -201,7 +198,7 @@ def _conflict(
             continue
         other_begin = other.begins[places[partner]]
         along, across = (found[0] + begin, found[1] + begin), (found[2] + other_begin, found[3] + other_begin)
-        best = Section(kind, *along, *across, _name(graph, lane))
+        best = Conflict(kind, *along, *across, _name(graph, lane))
     return best
 
 
@@ -230,7 +227,7 @@ def _dense(graph: LaneGraph, lane: int) -> tuple[Floats, Floats]:
     return np.stack([x, y], axis=-1), stations
 
 
-def _change(graph: LaneGraph, path: LanePath, number: int, other: LanePath, place: int) -> Section | None:
+def _change(graph: LaneGraph, path: LanePath, number: int, other: LanePath, place: int) -> Conflict | None:
     """Return the road on which the two are side by side, if one sweeps lanes that the other uses."""
     swept = sorted((path.lanes[number], path.targets[number]))
     other_swept = sorted((other.lanes[place], other.targets[place]))
@@ -241,7 +238,7 @@ def _change(graph: LaneGraph, path: LanePath, number: int, other: LanePath, plac
     length = float(graph.length[path.lanes[number]])
     begin, other_begin = path.begins[number], other.begins[place]
     name = _name(graph, path.lanes[number])
-    return Section(CHANGE, begin, begin + length, other_begin, other_begin + length, name)
+    return Conflict(CHANGE, begin, begin + length, other_begin, other_begin + length, name)
 
 
 def _name(graph: LaneGraph, lane: int) -> int:

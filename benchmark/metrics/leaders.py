@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.metrics.episode_data import EpisodeData, Lanes, Motion, Paths
+from benchmark.metrics.episode_data import EpisodeData, Lanes, Paths, VehicleTracks
 from smarts.geometry.compiling import kernel
 
 Floats = NDArray[np.float64]
@@ -33,7 +33,7 @@ def time_to_collision(episode: EpisodeData) -> Floats:
 
 @kernel
 def _times(
-    motion: Motion, paths: Paths, lanes: Lanes, own: int, driving: NDArray[np.bool_], out: Floats
+    motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, driving: NDArray[np.bool_], out: Floats
 ) -> None:
     for k in range(len(driving)):
         if not (driving[k] and motion.present[k, own]):
@@ -52,7 +52,7 @@ def _times(
 
 
 @kernel
-def _time_along(motion: Motion, paths: Paths, lanes: Lanes, own: int, other: int, k: int) -> float:
+def _time_along(motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, other: int, k: int) -> float:
     ahead, aside = place_ahead(motion, paths, lanes, own, other, k)
     if not ahead > 0.0:
         return math.inf
@@ -67,7 +67,7 @@ def _time_along(motion: Motion, paths: Paths, lanes: Lanes, own: int, other: int
 
 
 @kernel
-def _time_straight(motion: Motion, own: int, other: int, k: int) -> float:
+def _time_straight(motion: VehicleTracks, own: int, other: int, k: int) -> float:
     cosine, sine = math.cos(motion.heading[k, own]), math.sin(motion.heading[k, own])
     dx, dy = motion.x[k, other] - motion.x[k, own], motion.y[k, other] - motion.y[k, own]
     ahead, beside = dx * cosine + dy * sine, dy * cosine - dx * sine
@@ -85,7 +85,7 @@ def _time_straight(motion: Motion, own: int, other: int, k: int) -> float:
 
 @kernel
 def place_ahead(
-    motion: Motion, paths: Paths, lanes: Lanes, own: int, other: int, k: int
+    motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, other: int, k: int
 ) -> tuple[float, float]:
     """Return how far a vehicle's centre is ahead of another's along the latter's path [m], and aside.
 
@@ -109,7 +109,7 @@ def place_ahead(
 
 
 @kernel
-def distance_ahead(motion: Motion, paths: Paths, lanes: Lanes, own: int, other: int, k: int) -> float:
+def distance_ahead(motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, other: int, k: int) -> float:
     """Return how far a vehicle is ahead of another along the roads that either plans to take [m].
 
     Below 0 where it is behind; lanes side by side count as one road. NaN where neither is on the other's way.
@@ -121,7 +121,7 @@ def distance_ahead(motion: Motion, paths: Paths, lanes: Lanes, own: int, other: 
 
 
 @kernel
-def _along_roads(motion: Motion, paths: Paths, lanes: Lanes, own: int, other: int, k: int) -> float:
+def _along_roads(motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, other: int, k: int) -> float:
     path, lane = motion.path[k, own], motion.lane[k, other]
     if path < 0 or lane < 0:
         return math.nan
@@ -135,7 +135,7 @@ def _along_roads(motion: Motion, paths: Paths, lanes: Lanes, own: int, other: in
 
 
 @kernel
-def leader_of(motion: Motion, paths: Paths, lanes: Lanes, own: int, k: int) -> tuple[int, float]:
+def leader_of(motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, k: int) -> tuple[int, float]:
     """Return the nearest vehicle ahead on a vehicle's path, -1 for none, and how far it is [m]."""
     best, nearest = -1, math.inf
     if not motion.present[k, own]:
@@ -150,7 +150,7 @@ def leader_of(motion: Motion, paths: Paths, lanes: Lanes, own: int, k: int) -> t
 
 
 @kernel
-def follower_of(motion: Motion, paths: Paths, lanes: Lanes, own: int, k: int) -> tuple[int, float]:
+def follower_of(motion: VehicleTracks, paths: Paths, lanes: Lanes, own: int, k: int) -> tuple[int, float]:
     """Return the nearest vehicle behind whose path leads to a vehicle, -1 for none, and how far [m]."""
     best, nearest = -1, math.inf
     for other in range(motion.present.shape[1]):

@@ -12,7 +12,7 @@ An episode is an `Episode` object, which takes each step in, or the number or na
 the object. Agents that still drive when nothing more is logged have timed out: the caller's loop was their
 time limit, and the outcomes add up to 1.
 
-It knows what agents are told: how they ended, their rewards, the way to the goal, their actions. So it has
+It reads what agents observe: how they ended, their rewards, the way to the goal, their actions. So it has
 collision and completion rate, the outcome shares, safety (its first term), control diversity (of lane
 actions; every lane change that was asked for counts as carried out), progress speed, goal distance, return
 and decisions per second. The others need the paths of other vehicles: record the episodes and use
@@ -26,6 +26,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from benchmark.metrics.control_diversity import LEAST_COMMANDS, split_entropy
 from benchmark.metrics.registry import METRICS
@@ -52,7 +53,7 @@ MEASURED = (
     "return",
     "decision_rate",
 )
-"""Metrics that observations, rewards and infos suffice for."""
+"""Metrics that need observations, rewards and infos only."""
 
 UNFINISHED = "unfinished"
 """Share of agents that still drove when logging stopped; they count as timed out."""
@@ -180,11 +181,12 @@ class Metric:
         May be called while episodes are played: agents that still drive count as timed out, for now.
         """
         logs = [log for episode in self.episodes.values() for log in episode.agents.values()]
-        rows = [self.columns(log if log.outcome else replace(log, outcome=TIME_OUT)) for log in logs]
-        names = {name for row in rows for name in row}
-        totals = {name: np.array(sum(row[name] for row in rows)) for name in names}
-        if not rows:
+        if not logs:
             return dict.fromkeys((*MEASURED, UNFINISHED), float("nan"))
+        rows = pd.DataFrame(
+            [self.columns(log if log.outcome else replace(log, outcome=TIME_OUT)) for log in logs]
+        )
+        totals = {name: np.array(sum(rows[name])) for name in rows}
         found = {name: float(METRICS[name].value(totals)) for name in MEASURED}
         return found | {UNFINISHED: sum(not log.outcome for log in logs) / len(logs)}
 

@@ -1,10 +1,10 @@
-"""What a metric is: columns for each agent-episode, and a value of their sums."""
+"""`Measure`, a metric: columns for each agent-episode, and a value of their sums."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,27 +22,27 @@ Totals = Mapping[str, NDArray]
 class Measure:
     """One metric.
 
-    What it writes are sums and counts, so that any set of agent-episodes has its value by adding up: values
-    of groups, seeds and resampled episodes are all `value(totals)`. A column of one name is the same number
-    whichever metric writes it. `agents`, 1 for each agent that took part, is always there.
+    Columns are sums and counts, so the value of any set of agent-episodes is `value(totals)` of their sums:
+    of groups, seeds and resampled episodes. Metrics may share a column if they write the same numbers. Column
+    `agents`, 1 for each agent that took part, always exists.
     """
 
     name: str
     """As in the registry."""
     label: str
-    """For people."""
+    """Shown in reports."""
     meaning: str
     """One sentence for reports."""
     columns: tuple[str, ...]
-    """That `measure` writes."""
+    """Written by `measure`."""
     measure: Callable[[EpisodeData], Columns]
-    """Returns the columns of one episode; those of agents that took no part do not count."""
+    """Returns the columns of one episode; values of agents that took no part are ignored."""
     value: Callable[[Totals], Floats]
     """Returns the metric, NaN where there is nothing to measure."""
     missing: str
     """Why there may be nothing to measure."""
     better: Literal["higher", "lower"] | None = None
-    """Which way; None: it describes."""
+    """Direction of improvement; None for a descriptive metric."""
     unit: str = ""
     is_share: bool = True
     """Whether it lies in [0, 1], and its interval is cut to that."""
@@ -51,13 +51,13 @@ class Measure:
     count: tuple[str, ...] = ("agents",)
     """Columns that add up to the denominator: how much there was to measure."""
     counted: str = "agent-episodes"
-    """What that counts, for people."""
+    """Unit of that count, shown in reports."""
     least: float = 0.0
     """Denominator below which a group has no value; single starts are compared whatever they have."""
     hits: str = ""
     """Column of the numerator where the value is a share of counted things, and so has Wilson's interval."""
     terms: Callable[[Totals], Mapping[str, Floats]] | None = None
-    """What it consists of. NaN is a term that is not defined; the value is flagged then."""
+    """Terms of an index. NaN is an undefined term, which the value's note names."""
 
     def known(self, totals: Totals) -> Floats:
         """Return the metric, NaN also where there was less than `least` to measure."""
@@ -76,6 +76,28 @@ class Measure:
     def denominator(self, totals: Totals) -> Floats:
         """Return how much there was to measure."""
         return np.sum([totals[name] for name in self.count], axis=0)
+
+
+def ratio(
+    part: str, whole: str = "agents", *, columns: tuple[str, ...] = (), is_count: bool = False, **given: Any
+) -> Measure:
+    """Return the metric `part / whole` of two columns.
+
+    Args:
+        part: Column of the numerator.
+        whole: Column of the denominator.
+        columns: Further columns that `measure` writes.
+        is_count: Whether the part counts some of what the whole counts, which gives it Wilson's interval.
+        given: All other fields of `Measure`.
+    """
+    own = [name for name in (part, whole) if name != "agents"]
+    return Measure(
+        columns=(*own, *columns),
+        value=lambda totals: share(totals[part], totals[whole]),
+        count=(whole,),
+        hits=part if is_count else "",
+        **given,
+    )
 
 
 def share(part: ArrayLike, whole: ArrayLike) -> Floats:

@@ -1,4 +1,4 @@
-"""The metrics by name."""
+"""Metrics by name."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,7 +7,7 @@ from smarts.registry import Registry, guarded
 
 
 def _adopt(name: str, found: Any) -> Any:
-    """Return a user's measure under the name by which it is asked for."""
+    """Return a user's measure under its "module:NAME"."""
     from benchmark.metrics.measure import Measure  # here: listing names imports nothing
 
     if not isinstance(found, Measure):
@@ -25,8 +25,8 @@ def _adopt(name: str, found: Any) -> Any:
 METRICS = Registry(
     "metric",
     {
-        "collision_rate": "benchmark.metrics.collision_rate:METRIC",
-        "completion_rate": "benchmark.metrics.completion_rate:METRIC",
+        "collision_rate": "benchmark.metrics.outcomes:COLLISION_RATE",
+        "completion_rate": "benchmark.metrics.outcomes:COMPLETION_RATE",
         "generalization": "benchmark.metrics.generalization:METRIC",
         "safety": "benchmark.metrics.safety:METRIC",
         "agility": "benchmark.metrics.agility:METRIC",
@@ -37,13 +37,13 @@ METRICS = Registry(
         "collaborative": "benchmark.metrics.collaborative:METRIC",
         "competitive": "benchmark.metrics.competitive:METRIC",
         "progress_speed": "benchmark.metrics.agility:PROGRESS_SPEED",
-        "ended_off_road": "benchmark.metrics.extras:OFF_ROAD",
-        "ended_off_route": "benchmark.metrics.extras:OFF_ROUTE",
-        "ended_missed_goal": "benchmark.metrics.extras:MISSED_GOAL",
-        "ended_not_moving": "benchmark.metrics.extras:NOT_MOVING",
-        "ended_time_out": "benchmark.metrics.extras:TIME_OUT",
-        "ended_other": "benchmark.metrics.extras:OTHER",
-        "ended_other_terminal": "benchmark.metrics.extras:OTHER_TERMINAL",
+        "ended_off_road": "benchmark.metrics.outcomes:OFF_ROAD",
+        "ended_off_route": "benchmark.metrics.outcomes:OFF_ROUTE",
+        "ended_missed_goal": "benchmark.metrics.outcomes:MISSED_GOAL",
+        "ended_not_moving": "benchmark.metrics.outcomes:NOT_MOVING",
+        "ended_time_out": "benchmark.metrics.outcomes:TIME_OUT",
+        "ended_other": "benchmark.metrics.outcomes:OTHER",
+        "ended_other_terminal": "benchmark.metrics.outcomes:OTHER_TERMINAL",
         "goal_distance": "benchmark.metrics.extras:GOAL_DISTANCE",
         "return": "benchmark.metrics.extras:RETURN",
         "least_time_to_collision": "benchmark.metrics.extras:LEAST_TIME_TO_COLLISION",
@@ -52,9 +52,9 @@ METRICS = Registry(
     },
     _adopt,
 )
-"""Name -> "module:attribute" of a `benchmark.metrics.measure.Measure`; the paper's eleven come first. A
-user's own is such a name, and is listed behind them once it has been asked for."""
+"""Name -> "module:attribute" of a `benchmark.metrics.measure.Measure`; those of the paper come
+first. A user's own is named in the same way, and listed last once it was looked up."""
 ALWAYS = ("collision_rate", "completion_rate")
-"""Metrics that are always measured: the main table and the ranking are made of them."""
-ELEVEN = tuple(METRICS)[:11]
-"""Those that the paper names."""
+"""Metrics that are always measured: main table and ranking need them."""
+PAPER_METRICS = tuple(METRICS)[:11]
+"""Metrics of the SMARTS paper."""

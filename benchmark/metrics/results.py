@@ -1,4 +1,4 @@
-"""What a table of agent-episodes tells: values with intervals."""
+"""Values of metrics with intervals, from a table of agent-episodes."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _NO_BOUNDS = float("nan"), float("nan")
 
 
 @dataclass(frozen=True)
-class _Group:
-    """The episodes that a value is made of."""
+class _EpisodeGroup:
+    """The episodes of one value."""
 
     totals: Mapping[str, Floats]
     """Sums of each column in each episode, shape (K,)."""
@@ -89,25 +89,27 @@ def compute(table: pd.DataFrame, by: Sequence[str] = (), metrics: Sequence[str] 
         SmartsError: A column of `by` is not in the table.
         UnknownNameError: A metric is unknown.
     """
-    absent = [name for name in by if name not in table.columns]
-    if absent:
+    if absent := sorted({*by} - {*table.columns}):
         raise SmartsError(f"the table of results has no column '{absent[0]}'", place="compute")
-    wanted = [METRICS[name] for name in metrics or METRICS]
-    if not metrics:
-        wanted = [measure for measure in wanted if set(measure.columns) <= set(table.columns)]
-    kept: Frame = table[~table["is_void"]] if len(table) else table
+    wanted = [METRICS[name] for name in metrics] or measured_in(table)
+    needed = sorted(set().union(*(measure.needs for measure in wanted)))
+    kept: Frame = table[~table["is_invalid"]] if len(table) else table
     rows: list[dict[str, Any]] = []
-    groups = kept.groupby([*by], sort=True, dropna=False) if by else [((), kept)]
+    groups = kept.groupby([*by], sort=True, dropna=False) if by else [((), kept)] if len(kept) else []
     for key, part in groups:
-        group = _group_of(part, sorted({name for measure in wanted for name in measure.needs}))
-        names = dict(zip(by, key, strict=True))
-        rows += [{**names, **_row(measure, group)} for measure in wanted] if len(part) else []
+        group, names = _group_of(part, needed), dict(zip(by, key, strict=True))
+        rows += [{**names, **_row(measure, group)} for measure in wanted]
     columns = [*by, "metric", "value", "low", "high", "n", "count", "counted"]
     columns += ["episodes", "seeds", "label", "note", "terms"]
     return pd.DataFrame.from_records(rows, columns=columns)
 
 
-def _group_of(part: Frame, columns: Sequence[str]) -> _Group:
+def measured_in(table: Frame) -> list[Measure]:
+    """Return the metrics whose columns a table has."""
+    return [measure for name in METRICS if {*(measure := METRICS[name]).columns} <= {*table.columns}]
+
+
+def _group_of(part: Frame, columns: Sequence[str]) -> _EpisodeGroup:
     seed = part[SEED] if SEED in part else pd.Series(0, index=part.index)
     episode = [seed.rename("_seed"), *(part[name] for name in ("split", *EPISODE_KEYS))]
     names = [*dict.fromkeys(["agents", *columns])]
@@ -116,7 +118,7 @@ def _group_of(part: Frame, columns: Sequence[str]) -> _Group:
     start: Frame = starts.groupby(episode, dropna=False, sort=True).agg(tuple)
     place = ["_seed", "split", "scenario", "variation", "traffic"]
     distinct, played = start.groupby(level=place).nunique(), start.groupby(level=place).size()
-    return _Group(
+    return _EpisodeGroup(
         totals={name: sums[name].to_numpy(float) for name in names},
         seeds=np.unique(sums.index.get_level_values("_seed"), return_inverse=True)[1],
         strata=sums.groupby(level=["_seed", "split"], sort=True).ngroup().to_numpy(),
@@ -124,33 +126,26 @@ def _group_of(part: Frame, columns: Sequence[str]) -> _Group:
     )
 
 
-def _row(measure: Measure, group: _Group) -> dict[str, Any]:
+def _row(measure: Measure, group: _EpisodeGroup) -> dict[str, Any]:
     totals = {name: column.sum() for name, column in group.totals.items()}
     value = float(measure.known(totals))
-    count = float(measure.denominator(totals))
     terms = {name: float(term) for name, term in (measure.terms(totals) if measure.terms else {}).items()}
-    (low, high), label, note = _NO_BOUNDS, "", ""
     unknown = [name for name in measure.needs if not np.isfinite(totals[name])]
+    (low, high), label, note = _NO_BOUNDS, "", ""
     if unknown:
-        count = float("nan")
         note = f"n/a: not every table has numbers in column '{unknown[0]}'"
     elif not np.isfinite(value):
         note = f"n/a: {measure.missing}"
     else:
-        missing = [name for name, term in terms.items() if not np.isfinite(term)]
-        note = f"without {', '.join(missing)}" if missing else ""
-        if not group.has_repeats:
-            (low, high), label = _interval(measure, group)
-        if not low < high:
-            (low, high), label = _NO_BOUNDS, ""
-            note = "; ".join(filter(None, (note, FEWER_STARTS if group.has_repeats else NO_SPREAD)))
+        (low, high), label, reason = _bounds(measure, group)
+        note = "; ".join(filter(None, (_missing(terms), reason)))
     return {
         "metric": measure.name,
         "value": value,
         "low": low,
         "high": high,
         "n": int(totals["agents"]),
-        "count": count,
+        "count": float("nan") if unknown else float(measure.denominator(totals)),
         "counted": measure.counted,
         "episodes": len(group.seeds),
         "seeds": group.count,
@@ -160,8 +155,21 @@ def _row(measure: Measure, group: _Group) -> dict[str, Any]:
     }
 
 
-def _interval(measure: Measure, group: _Group) -> tuple[Bounds, str]:
-    """Return the interval of seeds where there are three, and never less than what episodes leave open."""
+def _missing(terms: Mapping[str, float]) -> str:
+    names = [name for name, term in terms.items() if not np.isfinite(term)]
+    return f"without {', '.join(names)}" if names else ""
+
+
+def _bounds(measure: Measure, group: _EpisodeGroup) -> tuple[Bounds, str, str]:
+    """Return interval and label, or why there is none."""
+    if group.has_repeats:
+        return _NO_BOUNDS, "", FEWER_STARTS
+    (low, high), label = _interval(measure, group)
+    return ((low, high), label, "") if low < high else (_NO_BOUNDS, "", NO_SPREAD)
+
+
+def _interval(measure: Measure, group: _EpisodeGroup) -> tuple[Bounds, str]:
+    """Return the interval over seeds where there are three, at least as wide as that over episodes."""
     by_seed = np.atleast_1d(measure.known(group.by_seed([*group.totals])))
     seeds = np.flatnonzero(np.isfinite(by_seed)).tolist()
     is_of_seeds = len(seeds) >= 3
@@ -177,7 +185,7 @@ def _interval(measure: Measure, group: _Group) -> tuple[Bounds, str]:
     return (low, high), label
 
 
-def _share_bounds(measure: Measure, group: _Group, seeds: Sequence[int]) -> Any:
+def _share_bounds(measure: Measure, group: _EpisodeGroup, seeds: Sequence[int]) -> Any:
     hits, trials = group.totals[measure.hits], measure.denominator(group.totals)
     there = trials > 0
     if len(seeds) < 3:

@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmark.metrics.episode_data import EpisodeData
 from benchmark.metrics.lane_changes import find_lane_changes
-from benchmark.metrics.measure import Columns, Floats, Measure, Totals, share
+from benchmark.metrics.measure import Columns, Floats, Totals, ratio, share
 from smarts.types.agent_states import ChangePhase
 
 JERK, LATERAL_ACCELERATION, OFFSET = 2.0, 1.5, 0.5
@@ -86,17 +86,17 @@ def terms(totals: Totals) -> Mapping[str, Floats]:
     return {name: share(totals[name], totals["stable_agents"]) for name in _TERMS}
 
 
-METRIC = Measure(
+METRIC = ratio(
+    "stability",
+    "stable_agents",
+    columns=_TERMS,
     name="stability",
     label="Stability",
     meaning="1 / (1 + mean |longitudinal jerk| / 2.0 + mean |lateral acceleration| / 1.5 "
     "+ std(lane offset) / 0.5) while faster than 1 m/s",
-    columns=("stability", "stable_agents", *_TERMS),
     measure=measure,
-    value=lambda totals: share(totals["stability"], totals["stable_agents"]),
-    count=("stable_agents",),
     counted="agents that moved",
-    missing="nobody was faster than 1 m/s for 2 s, with a jerk and a place in a lane to measure",
+    missing="no agent was faster than 1 m/s for 2 s, with a jerk and a place in a lane to measure",
     better="higher",
     is_axis=True,
     terms=terms,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmark.metrics.episode_data import EpisodeData
-from benchmark.metrics.measure import Columns, Measure, share
+from benchmark.metrics.measure import Columns, ratio
 from smarts.types.actions import ActionSpaceType, LaneAction
 
 PROBABILITIES, DEVIATION = "probabilities", "std"
@@ -43,15 +43,14 @@ def _continuous(episode: EpisodeData, agent: int) -> list[float]:
     return [min(float(np.mean(std)), 1.0) for std in episode.extras(agent, DEVIATION).values()]
 
 
-METRIC = Measure(
+METRIC = ratio(
+    "stochasticity",
+    "stochastic_states",
     name="stochasticity",
     label="Stochasticity",
     meaning="mean over visited states of the entropy of the sampling distribution / log(legal actions); "
     "of continuous actions, the standard deviation / half range, cut at 1",
-    columns=("stochasticity", "stochastic_states"),
     measure=measure,
-    value=lambda totals: share(totals["stochasticity"], totals["stochastic_states"]),
-    count=("stochastic_states",),
     counted="states",
     missing="no distribution was recorded, as of rule-based policies",
 )

@@ -1,7 +1,8 @@
-"""The table of results: a row for each agent-episode, kept for good; recordings need not be."""
+"""The table of results: a row for each agent-episode, measured from recorded episodes."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,10 +24,10 @@ from smarts.registry import is_own_name
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 from smarts.types.events import Outcome
 
-FORMAT = 1
+FORMAT = 2
 """Of the file; others are refused."""
 COUNTS = "episodes"
-"""Key of `DataFrame.attrs`: how many episodes were measured, void, incomplete, and which are corrupted."""
+"""Key of `DataFrame.attrs`: how many episodes were measured, invalid, incomplete, and which are corrupted."""
 
 EPISODE_KEYS = ("scenario", "variation", "traffic", "seed", "world", "episode")
 """Columns that name an episode. Its start and traffic are the same whoever plays, unless the scenario or the
@@ -56,8 +57,8 @@ def measure_episodes(
         worlds: Of which episodes are measured; others count nowhere. By default all.
 
     Returns:
-        A row for each agent of each episode: the labels, `split`, `EPISODE_KEYS`, agent, outcome, is_void,
-        the start, and the columns of the metrics; NaN in those of void episodes and of agents that took no
+        A row for each agent of each episode: the labels, `split`, `EPISODE_KEYS`, agent, outcome, is_invalid,
+        the start, and the columns of the metrics; NaN in those of invalid episodes and of agents that took no
         part, for whom `agents` is 0. Episodes that were cut short are left out, and so are those that cannot
         be read; `attrs["episodes"]` counts both, and names the latter with the reason.
 
@@ -67,42 +68,52 @@ def measure_episodes(
         OwnCodeError: A user's metric raises, lacks a column, or writes one that is another's.
     """
     folder = Path(folder)
-    if split not in SPLITS:
-        raise RecordError(f"there is no split '{split}'", remedy=f"choose one of {', '.join(SPLITS)}")
-    if not folder.is_dir():
-        raise RecordError("there is no such folder of episodes", place=str(folder))
-    chosen = metrics or [name for name in METRICS if not is_own_name(name)]
+    _check_source(folder, split)
+    chosen = metrics or itertools.filterfalse(is_own_name, METRICS)
     measures = [METRICS[name] for name in dict.fromkeys((*ALWAYS, *chosen))]
-    counts: dict[str, Any] = {"measured": 0, "void": 0, "incomplete": 0, "corrupted": {}}
+    counts: dict[str, Any] = {"measured": 0, "invalid": 0, "incomplete": 0, "corrupted": {}}
     parts = []
     for path in episodes_in(folder):
         try:
             recorded = RecordedEpisode(path)
             if worlds is not None and int(recorded.facts["world"]) not in worlds:
                 continue
-            episode = EpisodeData(recorded, split)
-            if not episode.facts["is_complete"] and not episode.facts["is_void"]:
-                counts["incomplete"] += 1
-                continue
-            parts.append(_rows(episode, measures, labels or {}))
+            kind, rows = _measured(EpisodeData(recorded, split), measures, labels or {})
         except (RecordError, MapError) as error:
             counts["corrupted"][path.name] = error.problem
-            continue
         except (IndexError, KeyError, ValueError) as error:
-            # Whatever half a file, or numbers that do not fit together, end in: the others are whole.
+            # Half a file, or numbers that do not fit together; the other episodes are whole.
             counts["corrupted"][path.name] = f"not a whole episode: {type(error).__name__}: {error}"
-            continue
-        counts["void" if episode.facts["is_void"] else "measured"] += 1
+        else:
+            counts[kind] += 1
+            parts += rows
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
     table.attrs[COUNTS] = counts
     return table
 
 
+def _check_source(folder: Path, split: str) -> None:
+    if split not in SPLITS:
+        raise RecordError(f"there is no split '{split}'", remedy=f"choose one of {', '.join(SPLITS)}")
+    if not folder.is_dir():
+        raise RecordError("there is no such folder of episodes", place=str(folder))
+
+
+def _measured(
+    episode: EpisodeData, measures: Iterable[Measure], labels: Mapping[str, Any]
+) -> tuple[str, list[pd.DataFrame]]:
+    """Return "measured", "invalid" or "incomplete" (cut short), and the rows, if any."""
+    is_invalid = episode.facts["is_invalid"]
+    if not is_invalid and not episode.facts["is_complete"]:
+        return "incomplete", []
+    return "invalid" if is_invalid else "measured", [_rows(episode, measures, labels)]
+
+
 def _rows(episode: EpisodeData, measures: Iterable[Measure], labels: Mapping[str, Any]) -> pd.DataFrame:
     facts, agents = episode.facts, episode.agents
     scenario, _, variation = str(facts["scenario"]).partition("@")
-    is_void = bool(facts["is_void"])
-    took_part = episode.entered & (not is_void)
+    is_invalid = bool(facts["is_invalid"])
+    took_part = episode.entered & (not is_invalid)
     columns: dict[str, Any] = {
         **labels,
         "split": episode.split,
@@ -112,14 +123,14 @@ def _rows(episode: EpisodeData, measures: Iterable[Measure], labels: Mapping[str
         **{name: int(facts[name]) for name in ("seed", "world", "episode")},
         "agent": agents["name"],
         "outcome": [Outcome(int(outcome)).name.lower() for outcome in agents["outcome"]],
-        "is_void": is_void,
+        "is_invalid": is_invalid,
         **{name: agents[name] for name in START},
         "duration": episode.duration,
-        "travelled": agents["distance_travelled"],
+        "distance_travelled": agents["distance_travelled"],
         "agents": took_part.astype(float),
     }
     for measure in measures:
-        found = None if is_void else measure.measure(episode)
+        found = None if is_invalid else measure.measure(episode)
         for name in measure.columns:
             written = np.nan if found is None else _column(measure, found, name, took_part)
             if name in columns and not np.array_equal(columns[name], written, equal_nan=True):
@@ -191,7 +202,7 @@ def read_table(path: Path) -> pd.DataFrame:
         raise RecordError(
             f"written in format {found or 'unknown'}, this program reads format {FORMAT}",
             place=str(path),
-            remedy="measure the episodes anew",
+            remedy="convert the results: python results/convert_v1.py OLD NEW",
         )
     table = arrow.to_pandas()
     table.attrs[COUNTS] = _counts_of(metadata.get(_COUNTS, b""), path)
@@ -201,7 +212,7 @@ def read_table(path: Path) -> pd.DataFrame:
 def _counts_of(text: bytes, path: Path) -> dict[str, Any]:
     try:
         found = json.loads(text)
-        numbers = {name: int(found[name]) for name in ("measured", "void", "incomplete")}
+        numbers = {name: int(found[name]) for name in ("measured", "invalid", "incomplete")}
         return {**numbers, "corrupted": dict(found["corrupted"])}
     except (ValueError, KeyError, TypeError) as error:
         raise RecordError(
@@ -237,7 +248,7 @@ def join_tables(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     if not tables:
         raise SmartsError("there is no table of results to join")
     joined = pd.concat([table.reset_index(drop=True) for table in tables], ignore_index=True)
-    counts: dict[str, Any] = {"measured": 0, "void": 0, "incomplete": 0, "corrupted": {}}
+    counts: dict[str, Any] = {"measured": 0, "invalid": 0, "incomplete": 0, "corrupted": {}}
     for table in tables:
         for name, value in table.attrs.get(COUNTS, {}).items():
             counts[name] = {**counts[name], **value} if isinstance(value, dict) else counts[name] + value

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmark.experiment.runs import REFERENCE, SCRIPTED, SCRIPTED_SEED
+from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, protocol_of
@@ -69,12 +69,12 @@ def read_side(path: Path) -> Side:
                 "no results of an experiment", place=str(path), remedy="give results/NAME[/ALGORITHM]"
             )
         root, algorithm = whole.parent, whole.name
-        if root.name == REFERENCE:
+        if root.name == SCRIPTED:
             root = root.parent
     results = read_results(root)
 
     def is_meant(run: RunResult) -> bool:
-        return run.algorithm == algorithm or (not algorithm and not run.is_reference)
+        return run.algorithm == algorithm or (not algorithm and not run.is_scripted)
 
     runs = tuple(run for run in results.finished if is_meant(run))
     places = {run.place for run in results.runs if is_meant(run)}

@@ -1,4 +1,4 @@
-"""What a report says, before it is a page: main table, metrics, generalization, runs."""
+"""The content of a report: main table, metrics, generalization, runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from benchmark.experiment.runs import SCRIPTED
 from benchmark.metrics import METRICS
 from benchmark.metrics.results import Frame
-from benchmark.report.paper import Printed, is_as_good, paper, printed
+from benchmark.report.paper import Printed, is_non_inferior, paper, printed
 from benchmark.report.ranking import Standing, differences, of_cell, ranks
 from benchmark.report.values import (
     GENERALIZATION,
@@ -34,8 +34,8 @@ class TableCell:
     completion: Value | None
     printed: tuple[Printed, ...]
     """The paper's."""
-    is_as_good: bool | None
-    """As the paper; None where it has none, or we have none or too few test episodes."""
+    is_non_inferior: bool | None
+    """To the paper; None where one of the two has no figure, or there are too few test episodes."""
     rank: int | None
     """Among the learning algorithms of the column; None without another one to compare with."""
     is_tied: bool
@@ -57,7 +57,7 @@ class Row:
     """A row of the main table."""
 
     algorithm: str
-    is_reference: bool
+    is_scripted: bool
     cells: tuple[TableCell, ...]
 
 
@@ -85,7 +85,7 @@ class Report:
     def algorithms(self) -> list[str]:
         """Learning algorithms, those of the paper first and in its order."""
         runs = self.results.runs
-        return _ordered((run.algorithm for run in runs if not run.is_reference), paper()["algorithms"])
+        return _ordered((run.algorithm for run in runs if not run.is_scripted), paper()["algorithms"])
 
     @cached_property
     def tasks(self) -> list[str]:
@@ -106,9 +106,9 @@ class Report:
 
     @cached_property
     def names(self) -> list[tuple[str, bool]]:
-        """Rows of tables: name, and whether it is a reference."""
-        references = sorted({run.algorithm for run in self.results.runs if run.is_reference})
-        return [*((name, False) for name in self.algorithms), *((name, True) for name in references)]
+        """Rows of tables: name, and whether it is a scripted policy."""
+        scripted = sorted({run.algorithm for run in self.results.runs if run.is_scripted})
+        return [*((name, False) for name in self.algorithms), *((name, True) for name in scripted)]
 
     @cached_property
     def metrics(self) -> list[str]:
@@ -122,12 +122,12 @@ class Report:
         return found or self._by_key.get((algorithm, task, traffic, SCRIPTED, metric))
 
     def main_table(self, mode: str) -> list[Row]:
-        """Return the paper's table, references below."""
+        """Return the paper's table, scripted policies below."""
         standings = {column: self._ranks(*column, mode) for column in self.columns}
         rows = []
-        for name, is_reference in self.names:
+        for name, is_scripted in self.names:
             cells = [self._cell(name, *column, mode, standings[column]) for column in standings]
-            rows.append(Row(name, is_reference, tuple(cells)))
+            rows.append(Row(name, is_scripted, tuple(cells)))
         return rows
 
     def _ranks(self, task: str, traffic: str, mode: str) -> dict[Any, Standing]:
@@ -151,7 +151,7 @@ class Report:
             collision,
             completion,
             theirs,
-            _is_as_good(theirs, collision, completion),
+            _is_non_inferior(theirs, collision, completion),
             standing.rank if standing else None,
             standing is not None and standing.is_tied,
         )
@@ -175,14 +175,14 @@ def _is_short(found: Value) -> bool:
     return found.episodes < paper()["test_episodes"] * max(1, found.seeds)
 
 
-def _is_as_good(
+def _is_non_inferior(
     theirs: tuple[Printed, ...], collision: Value | None, completion: Value | None
 ) -> bool | None:
     if collision is None or completion is None or not (collision.is_known and completion.is_known):
         return None
     if _is_short(completion):
         return None
-    return is_as_good(theirs, collision.value, completion.value)
+    return is_non_inferior(theirs, collision.value, completion.value)
 
 
 def make_report(results: Results) -> Report:

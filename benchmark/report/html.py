@@ -75,7 +75,7 @@ def report_page(report: Report) -> str:
         difference_notes=tables.difference_notes(report),
         intervals=wording.INTERVALS,
         compared=wording.COMPARED,
-        as_good_means=wording.AS_GOOD_MEANS,
+        non_inferior_means=wording.NON_INFERIOR_MEANS,
         difference_columns=tables.DIFFERENCE_COLUMNS.items(),
         commands=provenance.commands(results),
         circumstances=provenance.circumstances(results),
@@ -110,7 +110,7 @@ def _main_table(report: Report, mode: str) -> dict[str, Any]:
 def _row(row: Row) -> dict[str, Any]:
     return {
         "label": algorithm_label(row.algorithm),
-        "is_reference": row.is_reference,
+        "is_scripted": row.is_scripted,
         "cells": [_cell(cell) for cell in row.cells],
     }
 
@@ -126,7 +126,7 @@ def _cell(cell: TableCell) -> dict[str, Any]:
         "interval_meaning": wording.interval_meaning(cell),
         "paper": wording.printed_text(cell.printed),
         "mark": wording.mark(cell),
-        "mark_class": "as-good" if cell.is_as_good else "worse",
+        "mark_class": "non-inferior" if cell.is_non_inferior else "inferior",
         "mark_meaning": wording.mark_meaning(cell),
         "count": wording.count(cell),
     }

@@ -32,7 +32,7 @@ def main_table(report: Report, mode: str) -> str:
         first += width
     lines = [
         "% Needs \\usepackage{booktabs}. Collision / completion rate, their 95% intervals, the paper's.",
-        f"% {wording.BOLD} Asterisk: as good as the paper. {wording.AS_GOOD_MEANS}",
+        f"% {wording.BOLD} Asterisk: non-inferior to the paper. {wording.NON_INFERIOR_MEANS}",
         f"% {wording.INTERVALS}",
         f"% {wording.COMPARED}",
         r"\begin{tabular}{l" + "c" * len(columns) + "}",
@@ -42,11 +42,11 @@ def main_table(report: Report, mode: str) -> str:
         " & ".join(["Algorithm", *(escaped(task_label(task)) for task, _ in columns)]) + r" \\",
         r"\midrule",
     ]
-    was_reference = False
+    was_scripted = False
     for row in report.main_table(mode):
-        if row.is_reference and not was_reference:
+        if row.is_scripted and not was_scripted:
             lines.append(r"\midrule")
-            was_reference = True
+            was_scripted = True
         lines.append(
             " & ".join([escaped(algorithm_label(row.algorithm)), *map(_figures, row.cells)]) + r" \\"
         )
@@ -71,5 +71,5 @@ def _intervals(cell: TableCell) -> str:
 def _printed(cell: TableCell) -> str:
     if not cell.printed:
         return ""
-    mark = r"$^{\ast}$" if cell.is_as_good else ""
+    mark = r"$^{\ast}$" if cell.is_non_inferior else ""
     return rf"{{\small {wording.printed_text(cell.printed)}{mark}}}"

@@ -11,8 +11,7 @@ import pandas as pd
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.runs import SCRIPTED
-from benchmark.metrics import METRICS
-from benchmark.metrics.results import Frame
+from benchmark.metrics.results import Frame, measured_in
 from benchmark.report.paper import algorithm_label, task_label, traffic_label
 from benchmark.report.protocol import described, differing_scenarios, protocol_of
 from benchmark.report.ranking import RANKED_BY, Standing, differences, of_cell, ranks
@@ -22,7 +21,7 @@ from benchmark.results.reading import Results, RunResult, read_results
 from benchmark.statistics import interquartile_mean
 from smarts.registry import is_own_name
 
-SCRIPTED_PARADIGM, OTHER_PARADIGM = "reference policy", "other"
+SCRIPTED_PARADIGM, OTHER_PARADIGM = "scripted policy", "other"
 """Paradigms of scripted policies and of algorithms that the registry does not know."""
 
 
@@ -38,7 +37,7 @@ class Place:
     algorithm: str
     paradigm: str
     rank: int | None
-    """None of references, and where there is no figure or nobody to compare with at equal starts."""
+    """None for scripted policies, without a figure, and without another algorithm at equal starts."""
     is_tied: bool
     completion: Value
     collision: Value
@@ -74,7 +73,7 @@ class Summary:
     collision: float
     cells: int
     most_cells: int
-    """That anyone under the protocol has; means over fewer are not comparable."""
+    """The most cells of an entry under the protocol; means over fewer are not comparable."""
 
     @property
     def label(self) -> str:
@@ -113,9 +112,7 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
     parts = [_labelled(results, name) for name, results in experiments.items()]
     table = pd.concat(parts, ignore_index=True)
     letters = {text: _letters(number) for number, text in enumerate(dict.fromkeys(table["protocol"]))}
-    own = tuple(
-        name for name in METRICS if is_own_name(name) and set(METRICS[name].columns) <= set(table.columns)
-    )
+    own = tuple(measure.name for measure in measured_in(table) if is_own_name(measure.name))
     places: list[Place] = []
     for protocol, letter in letters.items():
         places += _places(table[table["protocol"] == protocol], letter, mode, own)
@@ -129,9 +126,9 @@ def make_leaderboard(roots: Sequence[Path], mode: str = MODES[0]) -> Leaderboard
     )
 
 
-def paradigm_of(algorithm: str, is_reference: bool) -> str:
-    """Return who knows what, when, by the registry of algorithms."""
-    if is_reference:
+def paradigm_of(algorithm: str, is_scripted: bool) -> str:
+    """Return an algorithm's paradigm."""
+    if is_scripted:
         return SCRIPTED_PARADIGM
     return str(ALGORITHMS[algorithm].paradigm) if algorithm in ALGORITHMS else OTHER_PARADIGM
 
@@ -161,7 +158,7 @@ def _labelled(results: Results, name: str) -> Frame:
             labels = {
                 "experiment": name,
                 "protocol": protocol_of(run, results),
-                "is_scripted": run.is_reference,
+                "is_scripted": run.is_scripted,
             }
             parts.append(table.assign(**labels, entry=f"{name}\n{run.algorithm}"))
     empty = results.table.assign(experiment="", protocol="", is_scripted=False, entry="")
@@ -179,20 +176,18 @@ def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Pl
     values = by_key(measure_cells(table.assign(algorithm=table["entry"]), [*RANKED_BY, *own]))
     differing = differences(table, mode, column="entry")
     scripted = set(table.loc[table["is_scripted"], "entry"])
+    modes = {key[:3]: key[3] for key in values}
     places = []
-    for task, traffic in sorted({(key[1], key[2]) for key in values}):
-        found = {key[0]: key[3] for key in values if (key[1], key[2]) == (task, traffic)}
-        figures = {
-            entry: [values[entry, task, traffic, acting, name] for name in RANKED_BY]
-            for entry, acting in found.items()
+    for task, traffic in sorted({(task, traffic) for _, task, traffic in modes}):
+        found = {
+            entry: [values[entry, *cell, acting, name] for name in (*RANKED_BY, *own)]
+            for (entry, *cell), acting in modes.items()
+            if (*cell,) == (task, traffic)
         }
-        ranked = [
-            entry
-            for entry, pair in figures.items()
-            if entry not in scripted and all(x.is_known for x in pair)
-        ]
-        standings = ranks(of_cell(differing, task, traffic), ranked)
-        for entry in sorted(figures, key=lambda each: _order(standings.get(each), figures[each])):
+        rates = {entry: every[: len(RANKED_BY)] for entry, every in found.items()}
+        ranked = [entry for entry in rates.keys() - scripted if all(rate.is_known for rate in rates[entry])]
+        standings = ranks(of_cell(differing, task, traffic), sorted(ranked))
+        for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
             standing = standings.get(entry)
             places.append(
@@ -205,8 +200,8 @@ def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Pl
                     paradigm_of(algorithm, entry in scripted),
                     standing.rank if standing else None,
                     standing is not None and standing.is_tied,
-                    *figures[entry],
-                    own=tuple(values[entry, task, traffic, found[entry], name] for name in own),
+                    *rates[entry],
+                    own=tuple(found[entry][len(RANKED_BY) :]),
                 )
             )
     return places

@@ -18,8 +18,8 @@ Column = tuple[str, str, bool]
 
 PROTOCOL: Column = ("protocol", "Environment and budget; ranks hold within one only", True)
 EXPERIMENT: Column = ("experiment", "Folder of its results", True)
-PARADIGM: Column = ("paradigm", "Who knows what, when", True)
-ALGORITHM: Column = ("algorithm", "Or reference policy", True)
+PARADIGM: Column = ("paradigm", "What agents know in training and execution", True)
+ALGORITHM: Column = ("algorithm", "Or scripted policy", True)
 
 
 def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:

@@ -28,7 +28,7 @@ def report_text(report: Report, pictures: Iterable[str]) -> str:
         parts += [f"## {wording.MODE_TITLES[mode]} episodes: collision rate / completion rate"]
         parts += [f"{wording.MODE_NOTES[mode]} {wording.BOLD}", _main_table(report, mode)]
     parts += [
-        wording.AS_GOOD_MEANS,
+        wording.NON_INFERIOR_MEANS,
         wording.INTERVALS,
         wording.COMPARED,
         " ".join(tables.difference_notes(report)),
@@ -62,7 +62,7 @@ def _main_table(report: Report, mode: str) -> str:
     titles = ["Algorithm", *(f"{task_label(task)}, {traffic_label(traffic)}" for task, traffic in columns)]
     rows = []
     for row in report.main_table(mode):
-        name = algorithm_label(row.algorithm) + (" (reference)" if row.is_reference else "")
+        name = algorithm_label(row.algorithm) + (" (scripted)" if row.is_scripted else "")
         rows.append([name, *map(_cell, row.cells)])
     return table(titles, rows)
 
@@ -97,7 +97,7 @@ def _metrics(report: Report) -> list[str]:
     return parts
 
 
-def _entry(entry: tables.Entry | None) -> str:
+def _entry(entry: tables.MetricCell | None) -> str:
     if entry is None:
         return ""
     notes = f" ({', '.join(map(str, entry.notes))})" if entry.notes else ""

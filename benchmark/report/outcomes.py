@@ -30,7 +30,7 @@ def shown_outcomes(report: Report) -> list[str]:
 
 
 def draw_outcomes(axes: Any, report: Report, task: str, traffic: str) -> None:
-    """Draw a bar for each algorithm and reference of a cell.
+    """Draw a bar for each algorithm and scripted policy of a cell.
 
     Args:
         axes: Of matplotlib.

@@ -1,4 +1,4 @@
-"""What the SMARTS paper printed, and when a result is as good."""
+"""The SMARTS paper's figures, and whether a result is non-inferior to them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Printed:
         return float(highest), float(lowest)
 
     def is_matched_by(self, collision: float, completion: float) -> bool:
-        """Return whether two rates are no worse than what the cell stands for."""
+        """Return whether two rates are within the bounds of `worst`."""
         highest, lowest = self.worst
         return collision <= highest and completion >= lowest
 
@@ -58,8 +58,8 @@ def printed(algorithm: str, task: str, traffic: str) -> tuple[Printed, ...]:
     return tuple(found.values())
 
 
-def is_as_good(cells: tuple[Printed, ...], collision: float, completion: float) -> bool | None:
-    """Return whether two rates are as good as the paper's, all variants of the cell; None without any."""
+def is_non_inferior(cells: tuple[Printed, ...], collision: float, completion: float) -> bool | None:
+    """Return whether two rates are non-inferior to all printed variants of a cell; None without any."""
     return all(cell.is_matched_by(collision, completion) for cell in cells) if cells else None
 
 

@@ -23,8 +23,8 @@ def protocol_of(run: RunResult, results: Results) -> str:
     A scripted policy is tested in the environment of the experiment's runs in the same cell.
     """
     config = run.config
-    if run.is_reference:
-        beside = (each for each in results.runs if _cell(each) == _cell(run) and not each.is_reference)
+    if run.is_scripted:
+        beside = (each for each in results.runs if _cell(each) == _cell(run) and not each.is_scripted)
         config = next((each.config for each in beside if each.config), config)
     # Whatever version wrote it: keys that it did not have are their defaults.
     config = completed({name: config[name] for name in (*COMPARED, "settings") if name in config})

@@ -1,4 +1,4 @@
-"""How results came about: runs with their times and speeds, versions, machines, commands."""
+"""Provenance of results: runs with their times and speeds, versions, machines, commands."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class RunLine:
     def cells(self) -> list[str]:
         """As text, in the order of `RUN_COLUMNS`."""
         run = self.run
-        seed = "" if run.is_reference else str(run.seed)
+        seed = "" if run.is_scripted else str(run.seed)
         times = [self.agent_steps, self.training, self.speed, self.test, self.begun, self.ended]
         return [run.algorithm, run.task, run.traffic, seed, run.status, *times]
 
@@ -35,7 +35,7 @@ class RunLine:
 RUN_COLUMNS = {
     "algorithm": "Or scripted policy",
     "task": "What is driven",
-    "traffic": "Who else is on the road",
+    "traffic": "Social vehicles on the road",
     "seed": "Of training",
     "status": "Only runs that are finished are in the tables",
     "agent-steps": "Simulation steps of 0.1 s, counted once for each agent on the road",
@@ -103,7 +103,7 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
         "Settings": _distinct(
             f"{run.algorithm}: {_text(run.config.get('settings'))}"
             for run in results.runs
-            if run.config and not run.is_reference
+            if run.config and not run.is_scripted
         ),
     }
     return [(name, values) for name, values in found.items() if values]
@@ -115,21 +115,23 @@ def commands(results: Results) -> list[str]:
 
 
 def totals(results: Results) -> list[str]:
-    """Return sentences on what there is and what is missing."""
+    """Return sentences on finished runs and measured episodes."""
     counts = results.counts
-    names = dict.fromkeys(algorithm_label(run.algorithm) for run in results.runs if not run.is_reference)
+    names = dict.fromkeys(algorithm_label(run.algorithm) for run in results.runs if not run.is_scripted)
     lines = [
         f"Of {', '.join(names)}:" if names else "",
         f"{len(results.finished)} of {len(results.runs)} runs are finished.",
         f"{counts['measured']} test episodes were measured.",
     ]
     lines = [line for line in lines if line]
-    if counts["void"]:
-        lines.append(f"{counts['void']} were void (vehicles overlapped at the start) and do not count.")
+    if counts["invalid"]:
+        lines.append(
+            f"{counts['invalid']} were invalid (vehicles overlapped at the start) and are discarded."
+        )
     if counts["incomplete"]:
-        lines.append(f"{counts['incomplete']} were cut short and do not count.")
+        lines.append(f"{counts['incomplete']} were cut short and are discarded.")
     if counts["corrupted"]:
-        lines.append(f"{len(counts['corrupted'])} could not be read and do not count.")
+        lines.append(f"{len(counts['corrupted'])} could not be read and are discarded.")
     return lines
 
 

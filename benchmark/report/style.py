@@ -16,7 +16,7 @@ PALETTE = (
 )
 """Okabe and Ito's colours for the paper's seven, told apart by the colour-blind, then others."""
 GREYS = ("#444444", "#777777", "#999999", "#bbbbbb")
-"""Of reference policies."""
+"""Of scripted policies."""
 DASHES = ("-", (0, (4, 1.2)), (0, (1.2, 1)), (0, (4, 1, 1, 1)))
 """Line styles, of which colours that are alike in print have different ones."""
 OUTCOME_COLOURS = {

@@ -15,7 +15,7 @@ from benchmark.report.values import MODES
 GENERALIZATION_COLUMNS = {
     "algorithm": "Or scripted policy",
     "task": "What is driven",
-    "traffic": "Who else is on the road",
+    "traffic": "Social vehicles on the road",
     "generalization": METRICS["generalization"].meaning,
     "completion, trained": "Completion rate on unseen seeds of the training's variations",
     "completion, held out": "Completion rate on the held-out variations",
@@ -24,7 +24,7 @@ GENERALIZATION_COLUMNS = {
 }
 DIFFERENCE_COLUMNS = {
     "task": "What is driven",
-    "traffic": "Who else is on the road",
+    "traffic": "Social vehicles on the road",
     "metric": "What is compared",
     "first": "Minuend",
     "second": "Subtrahend",
@@ -38,7 +38,7 @@ DIFFERENCE_COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class MetricCell:
     """A value in the table of metrics."""
 
     text: str
@@ -62,7 +62,7 @@ class MetricsRow:
     """That a filter shows it for: a scripted policy has a row for each."""
     acting: str
     n: int
-    cells: tuple[Entry | None, ...]
+    cells: tuple[MetricCell | None, ...]
 
     @property
     def label(self) -> str:
@@ -86,24 +86,24 @@ def metrics_table(report: Report) -> tuple[list[MetricsRow], list[str]]:
     rows = []
     for mode in report.modes:
         for task, traffic in report.columns:
-            for name, is_reference in report.names:
+            for name, is_scripted in report.names:
                 cells = [_entry(report, (name, task, traffic, mode), each, notes) for each in report.metrics]
                 first = report.value(name, task, traffic, mode, "completion_rate")
                 if first is not None:
-                    acting = SCRIPTED if is_reference else mode
+                    acting = SCRIPTED if is_scripted else mode
                     rows.append(MetricsRow(name, task, traffic, mode, acting, first.n, tuple(cells)))
     return rows, [*notes]
 
 
 def _entry(
     report: Report, place: tuple[str, str, str, str], metric: str, notes: dict[str, int]
-) -> Entry | None:
+) -> MetricCell | None:
     found = report.value(*place, metric)
     if found is None:
         return None
     numbers = [notes.setdefault(note, len(notes) + 1) for note in found.note.split("; ") if note]
     sort = f"{found.value:z.6g}" if found.is_known else ""
-    return Entry(found.text, found.interval, found.count_text, sort, tuple(numbers))
+    return MetricCell(found.text, found.interval, found.count_text, sort, tuple(numbers))
 
 
 def generalization_rows(report: Report) -> list[list[str]]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import pandas as pd
 
 from benchmark.experiment.runs import SCRIPTED_SEED
 from benchmark.metrics import METRICS, compute
-from benchmark.metrics.results import Frame
+from benchmark.metrics.results import Frame, measured_in
 
 MODES = ("greedy", "sampled")
 """In the order in which they are shown."""
@@ -99,13 +99,13 @@ def measure_cells(table: Frame, metrics: Sequence[str] = ()) -> Frame:
         return pd.DataFrame(columns=[*COLUMNS])
     by = ["algorithm", "task", "task_traffic", "mode"]
     trained_on = table[table["split"] == "train"]
-    wanted = metrics or _present(table)
+    wanted = metrics or [measure.name for measure in measured_in(table)]
     parts = [compute(trained_on, by, [name for name in wanted if name != GENERALIZATION])]
     if GENERALIZATION in wanted:
         parts.append(compute(table, by, [GENERALIZATION]))
     answer = pd.concat(parts, ignore_index=True).rename(columns={"task_traffic": "traffic"})
     scripted = set(table.loc[table["training_seed"] == SCRIPTED_SEED, "algorithm"])
-    answer["kind"] = ["reference" if name in scripted else "learning" for name in answer["algorithm"]]
+    answer["kind"] = ["scripted" if name in scripted else "learning" for name in answer["algorithm"]]
     order = {name: number for number, name in enumerate(METRICS)}
     answer = answer.sort_values(
         ["algorithm", "task", "traffic", "mode", "metric"],
@@ -120,29 +120,12 @@ def csv_number(number: float) -> str:
     return f"{number:z.6g}"
 
 
-def _present(table: Frame) -> list[str]:
-    """Return the metrics whose columns a table has."""
-    return [name for name in METRICS if set(METRICS[name].columns) <= set(table.columns)]
-
-
 def by_key(rows: Frame) -> dict[Key, Value]:
     """Return the values of `measure_cells` by algorithm, task, traffic, mode and metric."""
     found: dict[Key, Value] = {}
     records: list[dict[str, Any]] = rows.to_dict("records")
     for row in records:
         key = row["algorithm"], row["task"], row["traffic"], row["mode"], row["metric"]
-        names = (
-            "value",
-            "low",
-            "high",
-            "n",
-            "count",
-            "counted",
-            "episodes",
-            "seeds",
-            "label",
-            "note",
-            "terms",
-        )
-        found[key] = Value(row["metric"], *(row[name] for name in names))
+        names = [each.name for each in fields(Value)]
+        found[key] = Value(*(row[name] for name in names))
     return found

@@ -1,4 +1,4 @@
-"""How cells of the main table are put into words and numbers, the same in all files of a report."""
+"""Texts of the main table's cells, the same in all files of a report."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ MODE_NOTES = {
     "greedy": "Test episodes of the last checkpoint, which takes its likeliest action.",
     "sampled": "Test episodes of the last checkpoint, which draws its actions, as the paper's rollouts did.",
 }
-AS_GOOD, WORSE = "as good", "worse"
+NON_INFERIOR, INFERIOR = "non-inferior", "inferior"
 INTERVALS = (
     "95% intervals. With three or more training seeds they are of the algorithm: Student's t on the "
     "seeds, rates on the arcsine-root scale. With one or two, marked 'this checkpoint' or 'these "
-    "checkpoints', they are of what was trained and tell nothing of further seeds. Either way they are "
+    "checkpoints', they are of the trained policies and do not cover further seeds. Either way they are "
     "no narrower than what the episodes leave open: Wilson's interval at trials / design effect for rates "
     "and ratios of counts, "
     "resampled episodes for others. None where a training seed has fewer distinct starts than episodes, "
     "or where all episodes are alike."
 )
 COMPARED = (
-    "The unit of comparison is a distinct start of these checkpoints: the value there over all training "
-    "seeds that an algorithm has, paired with the other's, by Student's t. It does not say how further "
+    "The unit of comparison is a distinct start of these checkpoints: an algorithm's value there over all "
+    "its training seeds, paired with the other's, by Student's t. It does not say how further "
     "training seeds would turn out; the cells' intervals show how far seeds spread. P-values are "
-    "corrected after Holm over the pairs of learning algorithms in a cell and metric; reference "
+    "corrected after Holm over the pairs of learning algorithms in a cell and metric; scripted "
     "policies against them are a family of their own. Tie: the corrected p-value is 0.05 or more. Not "
-    "compared: fewer than two starts that both have played."
+    "compared: fewer than two common starts."
 )
-AS_GOOD_MEANS = (
-    "As good as the paper does not mean equal: the collision rate is not above, and the completion rate not "
-    "below, the 95% Wilson bound of the paper's cell at its 40 agent-episodes, on 200 test episodes a seed; "
+NON_INFERIOR_MEANS = (
+    "Non-inferior to the paper: the collision rate is not above, and the completion rate not below, the 95% "
+    "Wilson bound of the paper's cell at its 40 agent-episodes, on 200 test episodes a seed; cells with "
     "fewer are not marked."
 )
 BOLD = "Bold: no other learning algorithm of the column is better (rank 1)."
@@ -72,21 +72,21 @@ def printed_text(cells: tuple[Printed, ...]) -> str:
 
 
 def mark(cell: TableCell) -> str:
-    """Return how a cell compares to the paper's; empty where one is missing or episodes are too few."""
-    if cell.is_as_good is None:
+    """Return how a cell compares with the paper's; empty if one is missing or has too few episodes."""
+    if cell.is_non_inferior is None:
         return ""
-    return AS_GOOD if cell.is_as_good else WORSE
+    return NON_INFERIOR if cell.is_non_inferior else INFERIOR
 
 
 def mark_meaning(cell: TableCell) -> str:
-    """Return what the mark rests on."""
+    """Return the bounds of the mark."""
     if not cell.printed:
         return ""
     bounds = [each.worst for each in cell.printed]
-    # Rounded to the side on which who keeps to them is as good.
+    # Rounded inwards, so that rates within the printed bounds are non-inferior.
     highest = math.floor(1000 * min(bound[0] for bound in bounds)) / 1000
     lowest = math.ceil(1000 * max(bound[1] for bound in bounds)) / 1000
-    return f"As good: collision up to {highest:.3f} and completion from {lowest:.3f}"
+    return f"Non-inferior: collision up to {highest:.3f} and completion from {lowest:.3f}"
 
 
 def count(cell: TableCell) -> str:
@@ -110,17 +110,19 @@ def standing(report: Report) -> list[str]:
     """Return sentences on how the results compare to the paper's, and which must not be compared."""
     sentences = differing_scenarios((run, str(run)) for run in report.results.runs)
     for mode in report.modes:
-        cells = [cell for row in report.main_table(mode) for cell in row.cells if cell.is_as_good is not None]
+        cells = [
+            cell for row in report.main_table(mode) for cell in row.cells if cell.is_non_inferior is not None
+        ]
         if cells:
-            good = sum(bool(cell.is_as_good) for cell in cells)
-            where = f"in {good} of {len(cells)} cells that it has too"
+            good = sum(bool(cell.is_non_inferior) for cell in cells)
+            where = f"in {good} of {len(cells)} cells that the paper has"
             bounds = "by the 95% bounds of its cells, which are of 40 agent-episodes each"
-            sentences.append(f"{MODE_TITLES[mode]}: as good as the paper {where}, {bounds}.")
+            sentences.append(f"{MODE_TITLES[mode]}: non-inferior to the paper {where}, {bounds}.")
         every = (cell for row in report.main_table(mode) for cell in row.cells)
         short = sum(bool(cell.printed) and cell.is_short for cell in every)
         if short:
             asked = f"fewer test episodes than the {paper()['test_episodes']} a seed that this asks for"
             sentences.append(
-                f"{MODE_TITLES[mode]}: {short} cells are not set against the paper's, on {asked}."
+                f"{MODE_TITLES[mode]}: {short} cells are not compared with the paper's: {asked}."
             )
     return sentences

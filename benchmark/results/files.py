@@ -1,4 +1,4 @@
-"""Files that are whole or not there, and a lock against a second writer."""
+"""Atomic files and folders of results, and a lock against a second writer."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import fcntl
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,18 +16,26 @@ from smarts.errors import SmartsError
 
 PARTIAL = ".partial"
 LOST = "remove it, and what was lost is made again"
-"""What to do about a damaged file."""
+"""Remedy of a damaged file."""
+FORMAT = 2
+"""Of results; key `format` of run.json and command.json."""
+CONVERT = "convert the results: python results/convert_v1.py OLD NEW"
+"""Remedy of results in format 1."""
 
 
 class ResultsError(SmartsError):
-    """Results cannot be written or read, or are of something else."""
+    """Results cannot be written or read, or are of another run."""
+
+
+class FormatError(ResultsError):
+    """Results are of another format; the remedy names the script that converts them."""
 
 
 def write_whole(file: Path, write: Callable[[Path], Any]) -> None:
-    """Let `write` fill a file under another name, and give it its own when it is on disk.
+    """Let `write` fill a temporary file, and rename it when it is on disk.
 
     Raises:
-        ResultsError: The disk is full, or the folder cannot be written to. What was there before stays.
+        ResultsError: The disk is full, or the folder cannot be written to. The old content stays.
     """
     partial = file.with_name(f"{PARTIAL}-{file.name}")
     with named_failures(file):
@@ -43,7 +51,7 @@ def write_whole(file: Path, write: Callable[[Path], Any]) -> None:
 
 
 def try_writing(file: Path) -> None:
-    """See that a file can be written, before the work whose result it is to hold; leaves what is there.
+    """Raise if a file cannot be written; an existing file is not changed.
 
     Raises:
         ResultsError: The disk is full, or the folder cannot be written to.
@@ -68,11 +76,11 @@ def read_json(file: Path, remedy: str = LOST) -> Any:
     """Return the content of a JSON file.
 
     Args:
-        file: Where.
+        file: Its path.
         remedy: What to do if it is damaged.
 
     Raises:
-        ResultsError: It cannot be read, or is damaged.
+        ResultsError: It is missing or damaged.
     """
     try:
         return json.loads(file.read_text(encoding="utf-8"))
@@ -84,7 +92,7 @@ def read_mapping(file: Path) -> dict[str, Any]:
     """Return the content of a JSON file that holds keys and values.
 
     Raises:
-        ResultsError: It does not, cannot be read, or is damaged.
+        ResultsError: It is missing, damaged, or holds something else.
     """
     content = read_json(file)
     if not isinstance(content, dict):
@@ -92,18 +100,37 @@ def read_mapping(file: Path) -> dict[str, Any]:
     return content
 
 
-def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -> None:
-    """Let `fill` write a folder under another name, then put it in the place of the one that was there.
-
-    Between the two a kill leaves the old one under the name of `previous_of`; `recover_folder` puts it back.
-
-    Args:
-        folder: Where.
-        fill: Writes what is to be in it.
-        by: Who writes, if several may at a time; what a kill of them leaves is not recovered.
+def read_versioned(file: Path) -> dict[str, Any]:
+    """Return the content of run.json or command.json without its format; see `read_mapping`.
 
     Raises:
-        ResultsError: The disk is full, or the folder cannot be written to. What was there before stays.
+        ResultsError: It is missing or damaged.
+        FormatError: It is of another format.
+    """
+    content = read_mapping(file)
+    if content and (found := content.pop("format", 1)) != FORMAT:
+        problem = f"written in format {found}, this version reads format {FORMAT}"
+        raise FormatError(problem, place=str(file), remedy=CONVERT if found == 1 else "update this program")
+    return content
+
+
+def write_versioned(file: Path, content: Mapping[str, Any]) -> None:
+    """Write a JSON file with the format; see `write_whole`."""
+    write_json(file, {"format": FORMAT, **content})
+
+
+def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -> None:
+    """Let `fill` write a temporary folder, then replace the old folder by it.
+
+    A kill in between leaves the old one under the name of `previous_of`; `recover_folder` restores it.
+
+    Args:
+        folder: The folder to replace.
+        fill: Writes the new content.
+        by: Suffix of the temporary names, if several processes may write; those are not recovered.
+
+    Raises:
+        ResultsError: The disk is full, or the folder cannot be written to. The old content stays.
     """
     partial, previous = (
         folder.with_name(f"{each.name}{by}") for each in (_partial_of(folder), previous_of(folder))
@@ -112,7 +139,7 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -
         shutil.rmtree(partial, ignore_errors=True)
         try:
             fill(partial)
-            # Before the old one goes, lest a power cut leave neither.
+            # Before the old one is removed, lest a power cut leave neither.
             for path in (*partial.rglob("*"), partial):
                 _to_disk(path)
         except BaseException:
@@ -127,7 +154,7 @@ def replace_folder(folder: Path, fill: Callable[[Path], Any], *, by: str = "") -
 
 
 def recover_folder(folder: Path) -> None:
-    """Put the folder back that a kill left between two names."""
+    """Restore a folder whose replacement was killed."""
     previous = previous_of(folder)
     if previous.exists() and not folder.exists():
         previous.rename(folder)
@@ -140,16 +167,16 @@ def _partial_of(folder: Path) -> Path:
 
 
 def previous_of(folder: Path) -> Path:
-    """Return the name of a folder while the one after it takes its place."""
+    """Return the temporary name of a folder that is being replaced."""
     return folder.with_name(f"{PARTIAL}-previous-{folder.name}")
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep others from writing into a folder; the lock goes with the process, however it ends.
+    """Lock a folder against other writers; the lock ends with the process.
 
     Raises:
-        ResultsError: Another process has it, or the folder cannot be written to.
+        ResultsError: Another process holds the lock, or the folder cannot be written to.
     """
     file = folder / ".lock"
     with named_failures(folder):
@@ -163,7 +190,7 @@ def locked(folder: Path) -> Iterator[None]:
             raise ResultsError(
                 f"process {holder} is writing here",
                 place=str(folder),
-                remedy="wait until it is done, stop it, or give this run another --out",
+                remedy="wait until it ends, stop it, or choose another --out",
             ) from error
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
@@ -174,7 +201,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def named_failures(place: Path) -> Iterator[None]:
-    """Raise errors of the file system as `ResultsError`."""
+    """Raise file system errors as `ResultsError`."""
     try:
         yield
     except OSError as error:
@@ -185,21 +212,21 @@ def named_failures(place: Path) -> Iterator[None]:
         ) from error
 
 
-_FULL = "free some space, and give the same command again to go on"
+_FULL = "free some space, then give the same command again to resume"
 _REMEDIES = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), _FULL),
     errno.EISDIR: "there is a folder; name a file",
 }
-"""By number of the file system's error."""
+"""By error number."""
 
 
 def first_line(error: BaseException) -> str:
-    """Return an error in one line."""
+    """Return the first line of an error."""
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _to_disk(path: Path) -> None:
-    """Wait until a file, or what a folder lists, is on disk."""
+    """Wait until a file or a folder's list is on disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

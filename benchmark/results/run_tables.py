@@ -1,4 +1,4 @@
-"""A run's table, read whole and of this run, or refused by name."""
+"""The table of a run's test, with checks that it is whole and of this run."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from typing import Any
 import numpy as np
 from pandas.api.types import is_bool_dtype, is_numeric_dtype
 
-from benchmark.experiment.runs import REFERENCE, SCRIPTED_SEED
+from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED
 from benchmark.metrics import METRICS, read_table
 from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS, EPISODE_KEYS, START
 from benchmark.results.files import ResultsError
 
 LABELS = {
-    *("algorithm", "training_seed", "task", "task_traffic", "mode", "split", "agent", "is_void", "agents"),
+    *("algorithm", "training_seed", "task", "task_traffic", "mode", "split", "agent", "is_invalid", "agents"),
     *EPISODE_KEYS,
     *START,
 }
-"""Columns without which a table is of something else."""
+"""Columns that every table of a run has."""
 RATES = ("completion_rate", "collision_rate")
-"""Metrics that every table has, with a number for each agent that took part. Columns of others may be absent,
-since a table is older than a metric that is added later, or lack numbers: the metric is n/a then."""
+"""Metrics that every table has, with a number for each agent that took part. Columns of other metrics may be
+absent or lack numbers: the metric is n/a then."""
 
 Names = tuple[str, str, str, int]
 """Of a run: algorithm or policy, task, traffic, training seed."""
 
 
 def names_of(folder: Path) -> Names | None:
-    """Return the names of the run that a folder is of, by the end of its path; None if it is not a run's."""
+    """Return the names of the run in a folder, by the end of its path; None if it is not a run's."""
     kind, second, third, last = folder.parts[-4:] if len(folder.parts) >= 4 else [""] * 4
-    if kind == REFERENCE:
+    if kind == SCRIPTED:
         return second, third, last, SCRIPTED_SEED
     if last.startswith("seed_") and last[5:].isdecimal():
         return kind, second, third, int(last[5:])
@@ -43,13 +43,13 @@ def read_run_table(file: Path, names: Names | None, tested: Mapping[str, Any] | 
     """Return the table of a run's test.
 
     Args:
-        file: Where.
+        file: Its path.
         names: Of the run; None: any.
-        tested: As in run.json; None: of which test it is, is not known.
+        tested: As in run.json; None if unknown.
 
     Raises:
         RecordError: It cannot be read.
-        ResultsError: It is of another run, test or version, or its numbers cannot be.
+        ResultsError: It is of another run, test or version, or holds invalid numbers.
     """
     table = read_table(file)
     _check_columns(table)
@@ -68,8 +68,8 @@ def _check_columns(table: Frame) -> None:
     absent = [name for name in _of_rates() if name not in table.columns]
     if absent:
         raise ResultsError(f"of another version: it has no column '{absent[0]}'")
-    if not is_bool_dtype(table["is_void"]):
-        raise ResultsError("damaged: its column 'is_void' is not of truth values")
+    if not is_bool_dtype(table["is_invalid"]):
+        raise ResultsError("damaged: its column 'is_invalid' is not of truth values")
     for name in [*START, *_measured(table)]:
         if not is_numeric_dtype(table[name]):
             raise ResultsError(f"damaged: its column '{name}' is not of numbers")
@@ -91,10 +91,10 @@ def _check_rows(table: Frame) -> None:
     keys = ["mode", "split", *EPISODE_KEYS, "agent"]
     repeated = int(table.duplicated(keys).sum())
     if repeated:
-        raise ResultsError(f"damaged: {repeated} of its {len(table)} agent-episodes are there already")
+        raise ResultsError(f"damaged: {repeated} of its {len(table)} agent-episodes are repeated")
     if not table["agents"].isin([0.0, 1.0]).all():
         raise ResultsError("damaged: its column 'agents' is not of 0 and 1")
-    took_part = table[~table["is_void"] & (table["agents"] > 0)]
+    took_part = table[~table["is_invalid"] & (table["agents"] > 0)]
     for name in _of_rates():
         bad = int((~np.isfinite(took_part[name].to_numpy(float))).sum())
         if bad:
@@ -110,7 +110,7 @@ def _check_names(table: Frame, names: Names) -> None:
 
 
 def _check_extent(table: Frame, tested: Mapping[str, Any]) -> None:
-    """See that a table is of the test that was made: its ways of acting, and that many episodes."""
+    """Raise unless a table has the modes and the number of episodes of a test."""
     wanted: int = tested["episodes"]
     modes: Sequence[str] = tested.get("modes", [])
     counts = table.attrs[COUNTS]
@@ -120,8 +120,8 @@ def _check_extent(table: Frame, tested: Mapping[str, Any]) -> None:
     for mode in sorted({*plain["mode"], *(modes if learned else [])}):
         rows = plain[plain["mode"] == mode]
         found = rows["world"].nunique()
-        void = rows.loc[rows["is_void"], "world"].nunique()
-        if not found - void <= wanted <= found + lost:
+        invalid = rows.loc[rows["is_invalid"], "world"].nunique()
+        if not found - invalid <= wanted <= found + lost:
             raise ResultsError(
                 f"of another test: it holds {found} {mode} episodes, the run was tested on {wanted}"
             )

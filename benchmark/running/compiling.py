@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.floors.run import play
 from benchmark.metrics.table import measure_episodes
+from benchmark.scripted.play import play
 from smarts.agents.interface import AgentInterface, AgentType
 from smarts.dynamics import MODELS, TYRE_MODELS
 from smarts.controllers import action_space

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmark.experiment.checks import option_names
 from benchmark.experiment.config import Environment
-from benchmark.experiment.runs import Cell
+from benchmark.experiment.runs import TaskSetting
 from benchmark.running.importing import named_own_code
 from smarts.agents.interface import AgentInterface
 from smarts.env.adapters import ADAPTERS
@@ -29,36 +29,36 @@ NAME = "smarts-bench"
 
 
 def environment(
-    cell: Cell,
+    task_setting: TaskSetting,
     *,
     copies: int | None = None,
     scenarios: Sequence[str] = (),
     record: Path | None = None,
     discount: float | None = None,
 ) -> Any:
-    """Return a cell's environment, a `VectorHiWayEnv`; the learners know it by its shape, not its type.
+    """Return a task setting's environment, a `VectorHiWayEnv`.
 
     Args:
-        cell: What is played.
-        copies: Simulations side by side, by default the cell's.
-        scenarios: Others than the cell's, such as held-out variations.
+        task_setting: Task, traffic and environment options.
+        copies: Simulations side by side, by default the task setting's.
+        scenarios: Others than the task setting's, such as held-out variations.
         record: Where episodes are written to.
         discount: Of the learner, which shaped rewards have to agree with; by default that of the weights.
 
     Raises:
         SmartsError: A scenario cannot be built, or an option is wrong.
     """
-    given = cell.environment
-    import_own(cell.imports)
+    given = task_setting.environment
+    import_own(task_setting.imports)
     return VectorHiWayEnv(
-        copies or cell.copies,
-        list(scenarios or cell.task.scenarios),
+        copies or task_setting.copies,
+        list(scenarios or task_setting.task.scenarios),
         agents=dict.fromkeys(agent_names(given.agents), interface_of(given)),
         decision_interval=given.decision_interval,
         adapter=given.adapter,
         adapter_options={**_discounted(given.adapter, discount), **given.options},
         simulation=Options(record=record, friction=given.friction, traffic_engine=given.traffic_engine),
-        traffic=[cell.traffic],
+        traffic=[task_setting.traffic],
     )
 
 
@@ -80,13 +80,13 @@ def _discounted(adapter: str, discount: float | None) -> dict[str, float]:
     return {"discount": discount}
 
 
-def try_environment(cell: Cell) -> Any:
-    """Play one decision in a cell's environment, and return its spaces.
+def try_environment(task_setting: TaskSetting) -> Any:
+    """Play one decision in a task setting's environment, and return its spaces.
 
     Raises:
         SmartsError: It cannot be made or played; of own code, with its file and line.
     """
-    with named_own_code("the environment's own code"), closing(environment(cell, copies=1)) as env:
+    with named_own_code("the environment's own code"), closing(environment(task_setting, copies=1)) as env:
         env.reset()
         env.step([_some_actions(block) for block in env.spaces.blocks])
         return env.spaces
@@ -100,5 +100,5 @@ def _some_actions(block: Any) -> NDArray:
 
 
 def create(config: Any) -> Any:
-    """Return the training environment that RLlib asks for: `config["cell"]`, for a learner's `"discount"`."""
-    return environment(config["cell"], copies=config["num_envs"], discount=config["discount"])
+    """Return the training environment (called by RLlib)."""
+    return environment(config["task_setting"], copies=config["num_envs"], discount=config["discount"])

@@ -12,19 +12,19 @@ from rich.live import Live
 from rich.table import Table
 
 from benchmark.results.run_folder import FINISHED, TESTING, TRAINING
-from benchmark.running.progress import BEGINNING, WAITING
+from benchmark.running.progress import STARTING, WAITING
 
 if TYPE_CHECKING:
-    from benchmark.running.driver import JobState
+    from benchmark.running.jobs import JobState
 
 MOST_ROWS = 12
-"""Jobs that are shown at a time."""
+"""Rows of the table."""
 SECONDS = 30.0
-"""From one line to the next where the output is no terminal."""
+"""Between two lines of a job if the output is no terminal."""
 
 
 class LiveProgress:
-    """Shows how far jobs are: a table in a terminal, else a line now and then."""
+    """Shows the progress of jobs: a live table in a terminal, else a line every 30 s and at each change."""
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console(stderr=True)
@@ -41,7 +41,7 @@ class LiveProgress:
         self._live.stop()
 
     def show(self, states: Sequence[JobState]) -> None:
-        """Show the present states."""
+        """Show the states."""
         if self._console.is_terminal:
             self._live.update(self._table(states), refresh=True)
             return
@@ -50,7 +50,7 @@ class LiveProgress:
             is_due = state.status in (TRAINING, TESTING) and time.monotonic() - at > SECONDS
             if state.status != before or is_due:
                 self._said[str(state.job)] = state.status, time.monotonic()
-                # One line each, whatever the width of a terminal that is not there.
+                # Without a terminal rich assumes a width of 80: do not wrap.
                 self._console.print(_line(state), highlight=False, markup=False, soft_wrap=True)
 
     def _table(self, states: Sequence[JobState]) -> Table:
@@ -79,12 +79,12 @@ class LiveProgress:
 
 
 def _line(state: JobState) -> str:
-    """Return how far a job is, in words."""
+    """Return the progress of a job as a line."""
     progress, text = state.progress, f"{state.job}: {state.status}"
     if state.status == "failed":
         return f"{text}: {state.error}"
-    if state.status == BEGINNING:
-        return f"{text} (compiles kernels that are not in the cache)"
+    if state.status == STARTING:
+        return f"{text} (compiling kernels that are not cached)"
     if progress is None or state.status not in (TRAINING, TESTING):
         return text
     text += f" {progress.share:.0%}"
@@ -112,7 +112,7 @@ def _cells(state: JobState) -> list[str]:
         f"{progress.share:.0%}",
         str(progress.iteration),
         f"{progress.agent_steps_per_second:,.0f}",
-        # Nothing before the first episode has ended.
+        # Empty until the first episode has ended.
         *(
             f"{value:z.2f}" if math.isfinite(value) else ""
             for value in (progress.returns, progress.completion, progress.collision)

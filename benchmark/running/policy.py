@@ -1,4 +1,4 @@
-"""A trained policy in one's own loop, on any of the environments, without a Ray cluster."""
+"""`load_policy`: a trained policy in a user's own loop, in any environment, without a Ray cluster."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from algorithms.joint.threads import torch_threads
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.again import read_run
+from benchmark.running.evaluate_checkpoint import read_run
 from benchmark.running.training import config_of
 from smarts.env.adapters.protocol import MASK
 from smarts.env.hiway import HiWayEnv
@@ -75,10 +75,10 @@ def load_policy(
 
 
 class Policy:
-    """Acts for all agents of a run, and remembers what recurrent policies have to.
+    """Acts for all agents of a run; keeps the state of recurrent networks.
 
     Args:
-        run: What was trained.
+        run: The trained run.
         checkpoint: Its folder.
         is_sampled: Whether actions are sampled as in training, instead of greedy.
         seed: Of sampled actions.
@@ -103,44 +103,43 @@ class Policy:
         self._attached: Any = None
 
     def reset(self) -> None:
-        """Forget the last episode. To be called with each `reset` of an environment."""
+        """Begin a new episode; to be called with each `reset` of an environment."""
         self._last = None
 
     def act(self, observations: Any, infos: Mapping[str, Any] | None = None) -> Any:
         """Return actions, to be handed to the environment's `step`.
 
         Args:
-            observations: What `reset` and `step` return. Dicts of agents: an action for each agent in it,
-                which need not be all. Of `SingleHiWayEnv`: the agent's action. Of `VectorHiWayEnv`, its whole
-                `VectorStep`: an array for each block; a simulation that was reset is taken for a new episode.
+            observations: What `reset` and `step` return. Of a dict of agents, perhaps not all: an action for
+                each. Of `SingleHiWayEnv`: the agent's action. Of `VectorHiWayEnv`, its `VectorStep`: an array
+                for each block; a simulation that was reset begins a new episode.
             infos: What they return beside them, where masks of lane actions are, unless the observations hold
                 them.
 
         Raises:
-            ActionError: An agent is unknown, its observation is none that the policy was trained on, or there
-                is no mask of its actions although it was trained with one.
+            ActionError: An agent is unknown, its observation does not fit the training, or its action mask is
+                missing although the policy was trained with one.
         """
         if isinstance(observations, VectorStep):
             return [*self._choose(observations)]
-        # An empty dict is one by agent, none of which drives at the moment.
-        by_name = isinstance(observations, Mapping) and (not observations or {*observations} & {*self.agents})
-        is_single = not by_name
-        if is_single and len(self.agents) > 1:
+        infos = infos or {}
+        # An empty dict is one by agent: none is active at the moment.
+        if isinstance(observations, Mapping) and (not observations or {*observations} & {*self.agents}):
+            actions = self._by_name(self._choose(self._step_of(observations, infos)))
+            return {name: actions[name] for name in observations}
+        if len(self.agents) > 1:
             known = nearest_names(str(next(iter(observations), "")), self.agents)
             raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
-        only = next(iter(self.agents))
-        by_agent = {only: observations} if is_single else observations
-        by_info = {only: infos or {}} if is_single else infos or {}
-        actions = self._by_name(self._choose(self._step_of(by_agent, by_info)))
-        return actions[only] if is_single else {name: actions[name] for name in by_agent}
+        only = self.agents[0]
+        return self._by_name(self._choose(self._step_of({only: observations}, {only: infos})))[only]
 
     def attach(self, env: HiWayEnv) -> None:
-        """Look at a `HiWayEnv`, whose observations are objects, by the adapter of the training.
+        """Observe a `HiWayEnv`, whose observations are objects, through the adapter of the training.
 
-        Its agents must be called, see and act as those of the training, with the same `decision_interval`.
+        Its agents' names, sensors, actions and `decision_interval` must be those of the training.
 
         Raises:
-            ActionError: Its agents are others.
+            ActionError: Its agents have other names.
             SmartsError: The adapter cannot serve them.
         """
         if tuple(env.agent_ids) != self.agents:
@@ -149,7 +148,7 @@ class Policy:
                 place="Policy.attach",
                 remedy=f"the policy was trained for {[*self.agents]}, in this order",
             )
-        given = self._run.cell.environment
+        given = self._run.task_setting.environment
         self._attached = env.watch(given.adapter, given.options)
         self.reset()
 
@@ -175,42 +174,43 @@ class Policy:
         return self._playing
 
     def _step_of(self, by_agent: Mapping[str, Any], infos: Mapping[str, Any]) -> JointStep:
-        """Return what the agents see as arrays of one simulation; those left out are not there."""
-        for name in by_agent:
-            if name not in self.agents:
-                raise ActionError(
-                    f"there is no agent {name!r}",
-                    place="Policy.act",
-                    remedy=nearest_names(name, self.agents),
-                )
-        leaves, masks = [], []
-        for block in self._blocks:
-            arrays: dict[str, NDArray] = {
-                leaf: np.zeros((1, len(block.agents), *box.shape), box.dtype)
-                for leaf, box in block.observation.items()
-            }
-            action_mask = np.ones((1, len(block.agents), int(block.action.n)), bool) if block.masked else None  # type: ignore[union-attr]
-            for row, name in enumerate(block.agents):
-                if name in by_agent:
-                    seen = self._arrays_of(name, by_agent[name])
-                    _fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
-                    if action_mask is not None:
-                        action_mask[0, row] = _mask_in(name, seen, infos.get(name))
-                        action_mask[0, row, 0] |= not action_mask[0, row].any()
-            leaves.append(arrays)
-            masks.append(action_mask)
+        """Return observations as arrays of one simulation; agents left out are inactive."""
+        unknown = next((name for name in by_agent if name not in self.agents), None)
+        if unknown is not None:
+            remedy = nearest_names(unknown, self.agents)
+            raise ActionError(f"there is no agent {unknown!r}", place="Policy.act", remedy=remedy)
+        leaves, masks = zip(*(self._rows_of(block, by_agent, infos) for block in self._blocks), strict=True)
         alive = np.array([[name in by_agent for name in self.agents]])
         ended = self._playing_in(1)[0].alive & ~alive
         nothing = np.zeros(alive.shape, bool)
         return JointStep(
-            tuple(leaves),
+            leaves,
             np.zeros(alive.shape, np.float32),
             ended,
             nothing,
             alive,
             np.zeros(1, bool),
-            masks=tuple(masks),
+            masks=masks,
         )
+
+    def _rows_of(
+        self, block: Block, by_agent: Mapping[str, Any], infos: Mapping[str, Any]
+    ) -> tuple[dict[str, NDArray], NDArray[np.bool_] | None]:
+        """Return observations and action mask of a block's agents, zeros and True for agents without one."""
+        agents = len(block.agents)
+        arrays: dict[str, NDArray] = {
+            leaf: np.zeros((1, agents, *box.shape), box.dtype) for leaf, box in block.observation.items()
+        }
+        action_mask = np.ones((1, agents, int(block.action.n)), bool) if block.masked else None  # type: ignore[union-attr]
+        for row, name in enumerate(block.agents):
+            if name not in by_agent:
+                continue
+            seen = self._arrays_of(name, by_agent[name])
+            _fill(name, seen, {leaf: array[0, row] for leaf, array in arrays.items()})
+            if action_mask is not None:
+                action_mask[0, row] = _mask_in(name, seen, infos.get(name))
+                action_mask[0, row, 0] |= not action_mask[0, row].any()
+        return arrays, action_mask
 
     def _arrays_of(self, name: str, seen: Any) -> Any:
         if isinstance(seen, Mapping | np.ndarray):
@@ -265,16 +265,16 @@ class _GivenSteps:
 
 
 def _seen(block: Block) -> Block:
-    """Return a block with what environments deliver alone."""
+    """Return a block without observations that the algorithm adds."""
     kept = {name: box for name, box in block.observation.items() if not name.startswith(CARRIED)}
     return block._replace(observation=kept)
 
 
 def _mask_in(name: str, *given: Any) -> NDArray[np.bool_]:
-    """Return the first mask of an agent's actions that there is.
+    """Return an agent's action mask from the first mapping that has one.
 
     Raises:
-        ActionError: There is none: without it the policy would act in a way that it was not trained for.
+        ActionError: There is none, although the policy was trained with one.
     """
     for each in given:
         if isinstance(each, Mapping) and MASK in each:
@@ -318,20 +318,24 @@ def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
 def _modules(checkpoint: Path) -> dict[str, Any]:
     """Return the policy networks of a checkpoint by group."""
     root = checkpoint / "learner_group" / "learner" / "rl_module"
-    made: dict[str, Any] = {}
-    names = sorted(folder.name for folder in root.iterdir() if folder.is_dir()) if root.is_dir() else []
-    for name in (name for name in names if "__" not in name):  # critics have it in their names
-        described = _read(root / name / "class_and_ctor_args.pkl")
-        named = described["ctor_args_and_kwargs"][1]
-        wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
-        with _quiet():
-            made[name] = described["class"](**wanted, inference_only=True)
-        made[name].set_state(_read(root / name / "module_state.pkl"))
-        made[name].eval()
+    folders = sorted(root.glob("*/"))
+    made = {folder.name: _module(folder) for folder in folders if "__" not in folder.name}  # no critics
     groups = [group.id for group in next(iter(made.values())).spec.groups] if made else []
     if not made or not {*groups} <= made.keys():
         raise ResultsError("holds no policy of each group", place=str(root), remedy="train it further")
     return {group: made[group] for group in groups}
+
+
+def _module(folder: Path) -> Any:
+    """Return a network with the weights of a checkpoint."""
+    described = _read(folder / "class_and_ctor_args.pkl")
+    named = described["ctor_args_and_kwargs"][1]
+    wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
+    with _quiet():
+        module = described["class"](**wanted, inference_only=True)
+    module.set_state(_read(folder / "module_state.pkl"))
+    module.eval()
+    return module
 
 
 @contextmanager
@@ -354,7 +358,7 @@ def _read(file: Path) -> Any:
     try:
         with file.open("rb") as stream:
             return cloudpickle.load(stream)
-    except Exception as error:  # whatever unpickling half a file ends in
+    except Exception as error:  # unpickling half a file may raise anything
         raise ResultsError(
             f"the checkpoint is damaged: {type(error).__name__}: {error}",
             place=str(file),

@@ -1,17 +1,17 @@
-"""What a run tells while it is under way."""
+"""Progress messages of a run."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-WAITING, BEGINNING = "waiting", "beginning"
-"""Of a job that tells nothing yet: whether it has been given to Ray."""
+WAITING, STARTING = "waiting", "starting"
+"""States of a job without progress: not yet given to Ray, and given to Ray."""
 
 
 @dataclass(frozen=True)
-class Progress:
-    """Where a run is."""
+class RunProgress:
+    """How far a run is."""
 
     phase: str
     """TRAINING, TESTING or FINISHED."""

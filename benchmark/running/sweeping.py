@@ -26,11 +26,11 @@ from benchmark.experiment.algorithm_settings import defaults_of
 from benchmark.experiment.checks import DRAWS
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, completed, runs_of
-from benchmark.results.files import ResultsError, locked, read_mapping, write_json, write_whole
+from benchmark.results.files import FORMAT, ResultsError, locked, read_mapping, write_json, write_whole
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
-from benchmark.running.experiment import check_cells, goes_on, tell_interruption
+from benchmark.running.experiment import check_task_settings, interrupted, resumable
 from benchmark.running.importing import named_own_code
 from benchmark.running.training import Training, algorithm_of
 from smarts.errors import SmartsError, nearest_names, shortened
@@ -58,7 +58,7 @@ def sweep(experiment: Experiment, root: Path) -> int:
     run = the_run(experiment)
     section = _section(experiment)
     space = space_of(section)
-    check_cells(experiment)
+    check_task_settings(experiment)
     with locked(root):
         _keep_to_one_search(root / "search.json", run, section)
         try:
@@ -67,7 +67,7 @@ def sweep(experiment: Experiment, root: Path) -> int:
                 found = _tuner(run, section, space, root.absolute()).fit()
         finally:
             ray.shutdown()
-        return tell_interruption(goes_on(root)) if stopped.is_set() else _tell(found, section, root)
+        return interrupted(resumable(root)) if stopped.is_set() else _summarize(found, section, root)
 
 
 @contextmanager
@@ -97,7 +97,7 @@ def _stoppable() -> Iterator[Event]:
 
 def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
     """See that the folder's search is this one: Tune would go on with its own settings without a word."""
-    content = {"run": run.content(), "tune": section.model_dump(mode="json")}
+    content = {"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")}
     if not file.exists():
         write_json(file, content)
     elif _completed(read_mapping(file)) != _completed(content):
@@ -133,14 +133,14 @@ def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tun
             search_alg=BasicVariantGenerator(
                 max_concurrent=run.resources.parallel or 0, random_state=run.seed
             ),
-            scheduler=scheduler_of(section, run.cell.evaluation.validations),
+            scheduler=scheduler_of(section, run.task_setting.evaluation.validations),
             trial_dirname_creator=lambda trial: trial.trial_id,
         ),
         run_config=tune.RunConfig(name=trials.name, storage_path=str(root), verbose=1),
     )
 
 
-def _tell(found: tune.ResultGrid, section: Tune, root: Path) -> int:
+def _summarize(found: tune.ResultGrid, section: Tune, root: Path) -> int:
     """Write and print the table of trials, and say which failed."""
     results = found.get_dataframe()
     for error in found.errors:
@@ -155,7 +155,7 @@ def _tell(found: tune.ResultGrid, section: Tune, root: Path) -> int:
         print(f"table: {root / 'trials.csv'}")
     if found.num_errors:
         failed = f"{found.num_errors} of {len(found)} trials failed"
-        print(f"{failed}; the same command tries them again", file=sys.stderr)
+        print(f"{failed}; give the same command again to retry", file=sys.stderr)
     return FAILED if found.num_errors else 0
 
 
@@ -172,7 +172,7 @@ def the_run(experiment: Experiment) -> Run:
             place=experiment.name,
             remedy="leave one algorithm, task, traffic and seed: --set seeds=[1] ...",
         )
-    if not runs[0].cell.evaluation.validations:
+    if not runs[0].task_setting.evaluation.validations:
         raise SweepError(
             "there is nothing to compare", place="evaluation.validations", remedy="give 1 or more"
         )

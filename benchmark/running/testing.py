@@ -14,8 +14,7 @@ import pandas as pd
 
 from algorithms.joint.evaluation import evaluate
 from algorithms.joint.worlds import REPORTED_WORLDS
-from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Cell, ReferenceRun, Run
-from benchmark.floors.run import episodes_of
+from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Run, ScriptedRun, TaskSetting
 from benchmark.metrics import join_tables, measure_episodes, write_table
 from benchmark.metrics.table import COUNTS
 from benchmark.results.files import ResultsError
@@ -23,6 +22,7 @@ from benchmark.results.run_folder import FINISHED, SCENARIOS, TESTING, RunFolder
 from benchmark.running.environments import environment
 from benchmark.running.machine import machine
 from benchmark.running.played import held_out_of, scenario_digests
+from benchmark.scripted.play import episodes_of
 from smarts.errors import RecordError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
@@ -50,12 +50,12 @@ class Part:
         return f"{self.mode}-{'-'.join(Path(each).name for each in self.scenarios)}"
 
 
-def parts_of(cell: Cell, modes: tuple[str, ...]) -> Iterator[Part]:
-    """Yield the parts of a cell's test: each mode, then the held-out variations in the first one."""
-    evaluation = cell.evaluation
+def parts_of(task_setting: TaskSetting, modes: tuple[str, ...]) -> Iterator[Part]:
+    """Yield the parts of a task setting's test: each mode, then the held-out variations in the first one."""
+    evaluation = task_setting.evaluation
     for mode in modes:
-        yield Part(mode, cell.task.scenarios, evaluation.episodes)
-    for scenario in held_out_of(cell):
+        yield Part(mode, task_setting.task.scenarios, evaluation.episodes)
+    for scenario in held_out_of(task_setting):
         yield Part(modes[0], (scenario,), evaluation.held_out_episodes, split="held_out")
 
 
@@ -65,7 +65,7 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
     def play_part(part: Part, worlds: range, record: Path) -> None:
         discount = algo.config.gamma
         with closing(
-            environment(run.cell, scenarios=part.scenarios, record=record, discount=discount)
+            environment(run.task_setting, scenarios=part.scenarios, record=record, discount=discount)
         ) as env:
             evaluate(
                 algo,
@@ -77,31 +77,31 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
             )
 
     labels = {"algorithm": run.label, "training_seed": run.seed}
-    yield from _play(run.cell, folder, run.cell.evaluation.modes, labels, play_part)
+    yield from _play(run.task_setting, folder, run.task_setting.evaluation.modes, labels, play_part)
 
 
-def play_reference(run: ReferenceRun, folder: RunFolder) -> Iterator[float]:
+def play_scripted(run: ScriptedRun, folder: RunFolder) -> Iterator[float]:
     """Play the test of a scripted policy, unless it is done; yields the share that is done."""
-    tested = run.cell.test_content()
+    tested = run.task_setting.test_content()
     if folder.is_finished(tested):
         return
     folder.open(run.content())
-    scenarios = {SCENARIOS: scenario_digests(run.cell)}
+    scenarios = {SCENARIOS: scenario_digests(run.task_setting)}
     folder.note(status=TESTING, run=str(run), **scenarios, **machine())
 
     def play_part(part: Part, worlds: range, record: Path) -> None:
-        with closing(environment(run.cell, copies=1, scenarios=part.scenarios, record=record)) as env:
+        with closing(environment(run.task_setting, copies=1, scenarios=part.scenarios, record=record)) as env:
             played = episodes_of(env, run.policy, EVALUATION_SEED, worlds.start)
             for _ in islice(played, len(worlds)):
                 pass
 
     labels = {"algorithm": run.label, "training_seed": SCRIPTED_SEED}
-    yield from _play(run.cell, folder, (SCRIPTED,), labels, play_part)
+    yield from _play(run.task_setting, folder, (SCRIPTED,), labels, play_part)
     folder.note(status=FINISHED, tested=tested)
 
 
 def _play(
-    cell: Cell,
+    task_setting: TaskSetting,
     folder: RunFolder,
     modes: tuple[str, ...],
     given: Mapping[str, Any],
@@ -112,14 +112,19 @@ def _play(
     Raises:
         ResultsError: Not one episode of a part could be measured.
     """
-    parts = [*parts_of(cell, modes)]
+    parts = [*parts_of(task_setting, modes)]
     tables = []
     for number, part in enumerate(parts):
-        labels = {**given, "task": cell.task.name, "task_traffic": cell.traffic, "mode": part.mode}
-        tables += _measured(part, folder.episodes, labels, play_part, cell)
+        labels = {
+            **given,
+            "task": task_setting.task.name,
+            "task_traffic": task_setting.traffic,
+            "mode": part.mode,
+        }
+        tables += _measured(part, folder.episodes, labels, play_part, task_setting)
         yield (number + 1) / len(parts)
     write_table(join_tables(tables), folder.table)
-    if not cell.evaluation.keep_episodes:
+    if not task_setting.evaluation.keep_episodes:
         shutil.rmtree(folder.episodes, ignore_errors=True)
 
 
@@ -128,7 +133,7 @@ def _measured(
     episodes: Path,
     labels: Mapping[str, Any],
     play_part: Callable[[Part, range, Path], None],
-    cell: Cell,
+    task_setting: TaskSetting,
 ) -> Iterator[pd.DataFrame]:
     """Yield tables of a part that hold as many episodes that count as it asks for, unless too many do not.
 
@@ -143,15 +148,15 @@ def _measured(
         worlds = range(first, first + lacking)
         play_part(part, worlds, record)
         table = measure_episodes(
-            record, labels=labels, split=part.split, metrics=cell.metrics or (), worlds=worlds
+            record, labels=labels, split=part.split, metrics=task_setting.metrics or (), worlds=worlds
         )
         counts = table.attrs[COUNTS]
-        found = counts["measured"] + counts["void"] + len(counts["corrupted"])
+        found = counts["measured"] + counts["invalid"] + len(counts["corrupted"])
         counts["incomplete"] = max(0, len(worlds) - found)  # those of which nothing was written, too
         measured += counts["measured"]
         unread |= counts["corrupted"]
         yield table
-        if cell.evaluation.keep_episodes:
+        if task_setting.evaluation.keep_episodes:
             _remove_others(record, worlds)
         else:
             shutil.rmtree(record)

@@ -1,4 +1,4 @@
-"""One run: training by a budget, validation on the way, checkpoints, and the test at the end."""
+"""One run: training within a budget with validations and checkpoints, and a test at the end."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from algorithms.settings import apply
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
+from benchmark.results.progress import add_progress, begin_progress
 from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, TESTING, TRAINING, RunFolder
 from benchmark.running.environments import NAME, create, environment
 from benchmark.running.machine import machine
 from benchmark.running.own_runner import own_code_runner
 from benchmark.running.played import scenario_digests
-from benchmark.running.progress import Progress
+from benchmark.running.progress import RunProgress
 from benchmark.running.scalars import Scalars
 from benchmark.running.testing import EVALUATION_SEED, play_test
 from smarts.registry import import_own
@@ -35,8 +36,8 @@ CHECKPOINT_SECONDS = 60.0
 
 
 @dataclass(frozen=True)
-class State:
-    """How far training is; kept with each checkpoint."""
+class TrainingState:
+    """State of training, saved with each checkpoint."""
 
     iteration: int = 0
     agent_steps: int = 0
@@ -46,29 +47,29 @@ class State:
     """Completion and collision of the best validation."""
 
 
-def carry_out(
+def train_and_evaluate(
     run: Run, folder: RunFolder, is_stopped: Callable[[], bool] = lambda: False
-) -> Iterator[Progress]:
-    """Train and test, from where the folder says it was interrupted; nothing if it is finished.
+) -> Iterator[RunProgress]:
+    """Train and test a run from its last checkpoint on; do nothing if it is finished.
 
     Args:
-        run: What to do.
+        run: The run.
         folder: Of its results.
-        is_stopped: Asked before each iteration whether to save the training and return.
+        is_stopped: Called before each iteration; if True, training is saved and the function returns.
 
     Yields:
-        Where the run is, after each iteration.
+        Progress, after each iteration.
 
     Raises:
         SmartsError: The folder cannot be used, or the environment cannot be made.
-        AlgorithmError: The settings do not fit the environment, or training cannot go on.
+        AlgorithmError: The settings do not fit the environment, or training fails.
     """
-    tested = run.cell.test_content()
+    tested = run.task_setting.test_content()
     if folder.is_finished(tested) and not folder.is_extended(run.content()):
         return
     folder.open(run.content())
     circumstances = {"begun": _now(), **machine()}
-    scenarios = {SCENARIOS: scenario_digests(run.cell)}
+    scenarios = {SCENARIOS: scenario_digests(run.task_setting)}
     if folder.status is None:
         folder.note(status=TRAINING, run=str(run), **scenarios, **circumstances)
     else:
@@ -81,7 +82,7 @@ def carry_out(
         folder.note(status=TESTING, **{ENDED_BY: training.ended_by})
         began = time.monotonic()
         for share in play_test(run, folder, algo):
-            yield Progress(TESTING, share)
+            yield RunProgress(TESTING, share)
     took = round(time.monotonic() - began, 1)
     folder.note(status=FINISHED, tested=tested, ended=_now(), test_seconds=took, **scenarios)
 
@@ -91,10 +92,10 @@ def algorithm_of(run: Run) -> Iterator[Any]:
     """Provide the built algorithm of a run."""
     register_env(NAME, create)
     config = config_of(run)
-    config.environment(NAME, env_config={"cell": run.cell, "discount": config.gamma})
+    config.environment(NAME, env_config={"task_setting": run.task_setting, "discount": config.gamma})
     algo = config.build_algo()
     with suppress(OSError):
-        Path(algo.logdir).rmdir()  # among ~/ray_results, where nothing is ever written to it
+        Path(algo.logdir).rmdir()  # in ~/ray_results, always empty
     try:
         yield algo
     finally:
@@ -107,23 +108,25 @@ def config_of(run: Run) -> Any:
     Raises:
         OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
     """
-    import_own(run.cell.imports)
+    import_own(run.task_setting.imports)
     config = CONFIGS[run.algorithm]()
-    if run.cell.imports:
-        config.env_runner_cls = own_code_runner(run.cell.imports)
-    config.env_runners(num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.cell.copies)
+    if run.task_setting.imports:
+        config.env_runner_cls = own_code_runner(run.task_setting.imports)
+    config.env_runners(
+        num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.task_setting.copies
+    )
     if run.resources.learner_gpus:
         config.learners(num_gpus_per_learner=run.resources.learner_gpus)
     config.debugging(seed=run.seed, log_level="ERROR")
     settings = dict(run.settings)
     if "checkpoint_replay" in config.setting_names:
-        # Hundreds of megabytes a minute; a continued run fills its replay buffer again.
+        # Hundreds of megabytes a minute; a resumed run fills its replay buffer again.
         settings.setdefault("checkpoint_replay", False)
     return apply(config, settings)
 
 
 def restore(algo: Any, checkpoint: Path) -> None:
-    """Put an algorithm where a checkpoint was saved.
+    """Restore an algorithm from a checkpoint.
 
     Raises:
         ResultsError: The checkpoint is damaged; it names the file.
@@ -133,12 +136,12 @@ def restore(algo: Any, checkpoint: Path) -> None:
         algo.restore_from_path(str(checkpoint.absolute()))
     except AlgorithmError:
         raise
-    except Exception as error:  # whatever unpickling half a file ends in
+    except Exception as error:  # unpickling half a file may raise anything
         place = _damaged_file(checkpoint) or checkpoint
         raise ResultsError(
             f"the checkpoint is damaged: {type(error).__name__}: {error}",
             place=str(place),
-            remedy=f"remove {checkpoint} to train anew, or test the other one: --checkpoint last or best",
+            remedy=f"remove {checkpoint} to start again, or test the other one: --checkpoint last or best",
         ) from error
 
 
@@ -154,39 +157,39 @@ def _damaged_file(checkpoint: Path) -> Path | None:
 
 
 class Training:
-    """The loop from the last checkpoint to the end of the budget."""
+    """Trains from the last checkpoint to the end of the budget."""
 
     def __init__(self, run: Run, folder: RunFolder, algo: Any) -> None:
         self._run, self._folder, self._algo = run, folder, algo
         kept = folder.training_state()
         if kept is None:
-            self._state = State()
+            self._state = TrainingState()
         else:
             restore(algo, folder.checkpoint)
-            self._state = State(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})
-            # Fewer than were made if the budget has grown since: the others lie in what is added.
+            self._state = TrainingState(**{**kept, "best": tuple(kept["best"]) if kept["best"] else None})
+            # Fewer than were made if the budget has grown since: the others are repeated.
             self._state = replace(self._state, validations=min(self._due_validations(), kept["validations"]))
-        folder.begin_progress(self._state.iteration)
-        self._scalars = Scalars(folder.tensorboard, folder.read_progress())
+        lines = begin_progress(folder.progress, self._state.iteration)
+        self._scalars = Scalars(folder.tensorboard, lines)
 
     @property
     def validations(self) -> int:
-        """How many there were, earlier parts of the run included."""
+        """Number of validations, earlier parts of the run included."""
         return self._state.validations
 
     @property
     def ended_by(self) -> str | None:
-        """The budget that is used up, "agent_steps" or "minutes"; None if there is some of both left."""
+        """The budget that is used up, "agent_steps" or "minutes"; None while both are left."""
         if self._share() < 1:
             return None
         return "agent_steps" if self._state.agent_steps >= self._run.budget.agent_steps else "minutes"
 
-    def go(self, is_stopped: Callable[[], bool] = lambda: False) -> Iterator[Progress]:
-        """Train until the budget is used up, or stopped: then save; yields after each iteration."""
+    def go(self, is_stopped: Callable[[], bool] = lambda: False) -> Iterator[RunProgress]:
+        """Train until the budget is used up or `is_stopped`, and save; yield after each iteration."""
         with closing(self._scalars):
             yield from self._go(is_stopped)
 
-    def _go(self, is_stopped: Callable[[], bool]) -> Iterator[Progress]:
+    def _go(self, is_stopped: Callable[[], bool]) -> Iterator[RunProgress]:
         saved = time.monotonic()
         while self._share() < 1:
             if is_stopped():
@@ -195,7 +198,7 @@ class Training:
             progress, line = self._iterate()
             validation = self._validate() if self._is_validation_due() else None
             line |= {f"validation_{name}": value for name, value in (validation or {}).items()}
-            self._folder.add_progress(line)
+            add_progress(self._folder.progress, line)
             self._scalars.add(line)
             if validation or time.monotonic() - saved > CHECKPOINT_SECONDS or self._share() >= 1:
                 self._folder.save(self._folder.checkpoint, self._algo, asdict(self._state))
@@ -207,13 +210,13 @@ class Training:
         share = state.agent_steps / budget.agent_steps
         return min(1.0, max(share, state.seconds / (60 * budget.minutes) if budget.minutes else 0.0))
 
-    def _iterate(self) -> tuple[Progress, dict[str, Any]]:
+    def _iterate(self) -> tuple[RunProgress, dict[str, Any]]:
         began = time.monotonic()
         result = self._algo.train()
         took = time.monotonic() - began
         runners = result["env_runners"]
         decisions = sum(runners["num_agent_steps_sampled_lifetime"].values())
-        agent_steps = int(decisions * self._run.cell.environment.decision_interval)
+        agent_steps = int(decisions * self._run.task_setting.environment.decision_interval)
         speed = (agent_steps - self._state.agent_steps) / took
         self._state = replace(
             self._state,
@@ -222,8 +225,8 @@ class Training:
             seconds=self._state.seconds + took,
         )
         outcomes = runners.get("env", {})
-        agents = self._run.cell.environment.agents
-        progress = Progress(
+        agents = self._run.task_setting.environment.agents
+        progress = RunProgress(
             TRAINING,
             self._share(),
             self._state.iteration,
@@ -248,32 +251,27 @@ class Training:
         return self._due_validations() > self._state.validations
 
     def _due_validations(self) -> int:
-        """Return how many validations belong to the share of the budget that is used up."""
-        return int(self._share() * self._run.cell.evaluation.validations)
+        """Return how many validations are due by now."""
+        return int(self._share() * self._run.task_setting.evaluation.validations)
 
     def _validate(self) -> Mapping[str, float]:
-        """Play the validation's episodes, and keep the policy if it is the best so far."""
-        with closing(environment(self._run.cell, discount=self._algo.config.gamma)) as env:
+        """Play the validation episodes, and save the policy if it is the best so far."""
+        with closing(environment(self._run.task_setting, discount=self._algo.config.gamma)) as env:
             episodes = evaluate(
                 self._algo,
-                self._run.cell.evaluation.validation_episodes,
+                self._run.task_setting.evaluation.validation_episodes,
                 first_world=EVALUATION_WORLDS,
                 env=env,
                 seed=EVALUATION_SEED,
             )
-        # A void episode says nothing of the policy.
-        counted = [episode for episode in episodes if not episode.metrics["void"]]
+        valid = [episode for episode in episodes if not episode.metrics["invalid"]]
+        rows = [(each.metrics["goal"], each.metrics["collision"], each.returns.mean()) for each in valid]
         completion, collision, returns = (
-            float(np.mean(values)) if counted else np.nan
-            for values in (
-                [episode.metrics["goal"] for episode in counted],
-                [episode.metrics["collision"] for episode in counted],
-                [episode.returns.mean() for episode in counted],
-            )
+            (float(np.mean(column)) for column in zip(*rows, strict=True)) if (rows) else (np.nan,) * 3
         )
         self._state = replace(self._state, validations=self._due_validations())
         best = self._state.best
-        if counted and (best is None or (completion, -collision) > (best[0], -best[1])):
+        if valid and (best is None or (completion, -collision) > (best[0], -best[1])):
             self._state = replace(self._state, best=(completion, collision))
             self._folder.save(self._folder.best, self._algo, asdict(self._state))
         return {

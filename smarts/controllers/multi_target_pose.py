@@ -10,7 +10,7 @@ from smarts.controllers.target_pose import TURN, TargetPose
 
 
 class PoseByVehicle(NumbersFormat):
-    """A pose as of `TargetPose`, or a mapping from the agent's one vehicle to its pose, as in the original."""
+    """A pose as of `TargetPose`, or a mapping from the agent's one vehicle to it, as in the original."""
 
     def parse(self, action: Any, place: str, most_points: int) -> Floats:
         """Return x, y [m], heading [rad], time [s]; see `ActionFormat`."""

@@ -114,19 +114,13 @@ class ActionEncoder:
 @contextmanager
 def _restored_on_error(actions: Actions) -> Iterator[None]:
     """Put back what an encoding has written if it raises."""
-    columns = actions_columns(actions)
-    kept = [column.copy() for column in columns]
+    kept = [column.copy() for column in actions]
     try:
         yield
     except BaseException:
-        for column, before in zip(columns, kept, strict=True):
+        for column, before in zip(actions, kept, strict=True):
             np.copyto(column, before)
         raise
-
-
-def actions_columns(actions: Actions) -> list[NDArray]:
-    """Return the arrays of the buffers."""
-    return [*vars(actions).values()]
 
 
 def place_of(agent: str, row: int | None = None) -> str:

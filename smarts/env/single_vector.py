@@ -29,7 +29,7 @@ from smarts.types.streams import check_seed
 Bools = NDArray[np.bool_]
 Leaves = Mapping[str, NDArray]
 
-_VOID = Outcome.VOID.name.lower()
+_INVALID = Outcome.INVALID.name.lower()
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome if outcome != Outcome.NONE]
 
 
@@ -40,7 +40,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
     is the first of the next episode; `infos["final_obs"]` and `infos["final_info"]` hold its last
     observation, mask and outcome. Simulation i plays what world i of `VectorHiWayEnv` does, and simulation 0
     what `SingleHiWayEnv` does. If the traffic of a simulation fails, its episode is truncated with outcome
-    "void", reward 0 and its previous observation as the last one.
+    "invalid", reward 0 and its previous observation as the last one.
 
     Args:
         num_envs: How many simulations.
@@ -158,7 +158,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         outcomes = np.full(self.num_envs, None, object)
         masks = None if self._mask is None else np.where(failed[:, None], self._mask, np.int8(0))
         for row in np.flatnonzero(failed).tolist():
-            observations[row], outcomes[row] = _pick(self._seen, row), _VOID
+            observations[row], outcomes[row] = _pick(self._seen, row), _INVALID
         if step.final is not None:
             ended = self._observations(step.final.observations[0], step.final.masks[0])
             last = self._mask_of(step.final.masks[0])

@@ -209,7 +209,7 @@ class EpisodePicture:
                 self._mark_end(agent, x, y, is_gone=since > 0)
             if since * self.dt <= REMEMBERED or step == self.steps:
                 text = _outcome_name(agent) if has_ended else ""
-                labelled.append((agent, f"{agent['agent']} {text}".strip(), (x, y)))
+                labelled.append((agent, f"{agent['agent_id']} {text}".strip(), (x, y)))
         self._write_labels(step, labelled)
 
     def _mark_end(self, agent: dict[str, Any], x: float, y: float, *, is_gone: bool) -> None:
@@ -278,7 +278,7 @@ class EpisodePicture:
         self._artists.append(self._figure.text(0.01, 1 - 13 / height, title, fontsize=10, va="center"))
         for place, agent in enumerate(self._agents):
             row, column = divmod(place, self._columns)
-            line = f"{agent['agent']} {agent['name']}: {self._status(agent, step)}"
+            line = f"{agent['agent_id']} {agent['name']}: {self._status(agent, step)}"
             text = self._figure.text(
                 0.01 + 0.98 * column / self._columns,
                 1 - (TITLE + LINE * row + 9) / height,
@@ -317,7 +317,7 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 def _longest_line(agent: dict[str, Any], seconds: float) -> str:
     """Return the longest that is written about an agent above the map."""
     ending = f"{_outcome_name(agent)} at {seconds:.1f} s"
-    return f"{agent['agent']} {agent['name']}: {max(ending, 'watches, 88.8 m/s', key=len)}"
+    return f"{agent['agent_id']} {agent['name']}: {max(ending, 'watches, 88.8 m/s', key=len)}"
 
 
 def _colour(agent: dict[str, Any]) -> str:

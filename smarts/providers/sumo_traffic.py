@@ -106,7 +106,7 @@ class SumoTraffic:
         self.is_full = False
         self._world, self._row, self._owner = world, row, int(owner)
         # Once: to make some twenty views takes as long as to write the vehicles into them.
-        self._states = states = world.vehicles[row]
+        self._states = states = world.vehicles.of(row)
         self._library = SumoLibrary(library)
         self._shadows = SumoShadows(self._library, states)
         self._ids: dict[int, str] = {}

@@ -86,7 +86,7 @@ class FleetVehicles:
         self._wanted = np.zeros((worlds, agents), np.int32)
         self._slips = np.tile([model != "kinematic" for model in self._models], worlds)
         self._memory = np.zeros((worlds * agents, tracking.MEMORY))
-        self._tracks = Tracks.of(np.zeros((worlds, agents, SUBSTEPS, 3)), world.vehicles.capacity)
+        self._tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, SUBSTEPS)
         self._no_controls = np.zeros((worlds * agents, 3))
         self._shown = np.zeros((worlds * agents, 3))
         self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)

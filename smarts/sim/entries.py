@@ -94,7 +94,7 @@ class Entries:
 
     def _is_occupied(self, world: World, row: int, start: AgentStart) -> bool:
         """Return whether another agent's vehicle is at the start, which only time can clear."""
-        vehicles = world.vehicles[row]
+        vehicles = world.vehicles.of(row)
         others = np.flatnonzero(vehicles.owner == Owner.AGENT)
         x, y, heading = start.pose
         return bool(
@@ -109,7 +109,7 @@ class Entries:
         )
 
     def _clear_around(self, world: World, row: int, slot: int) -> None:
-        vehicles, roads = world.vehicles[row], self._roads(world, row)
+        vehicles, roads = world.vehicles.of(row), self._roads(world, row)
         lane = int(vehicles.lane[slot])
         edge = roads.lane_edge[lane] if lane >= 0 else -1
         is_inside_junction = lane >= 0 and bool(roads.is_internal[lane])

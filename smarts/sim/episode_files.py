@@ -154,7 +154,7 @@ class RecordedEpisode:
             raise RecordError(
                 f"written in format {found}, this program reads format {VERSION}",
                 place=str(folder),
-                remedy="record the episode anew",
+                remedy="convert it with results/convert_v1.py, or record the episode again",
             )
 
     @cached_property

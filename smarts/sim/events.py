@@ -28,7 +28,7 @@ Ints = NDArray[np.int32]
 
 _COLLISION = int(Event.COLLISION)
 _AGENTS_ALIVE, _INTEREST = int(Event.AGENTS_ALIVE_DONE), int(Event.INTEREST_DONE)
-_VOID = int(Outcome.VOID)
+_INVALID = int(Outcome.INVALID)
 _VACANT, _WAITING = int(AgentStatus.VACANT), int(AgentStatus.WAITING)
 _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE), int(AgentStatus.DONE)
 
@@ -100,7 +100,7 @@ class AgentEvents:
     def reset(self, world: World, contacts: Contacts, env_mask: Bools) -> Events:
         """Return the events at the beginning of an episode: none, unless an agent's vehicle overlaps another.
 
-        Such an episode is void: all its agents are done before they have begun.
+        Such an episode is invalid: all its agents are done before they begin.
         """
         self._begin(contacts.partner, env_mask)
         return self._events
@@ -126,21 +126,21 @@ def _clear(out: EventColumns) -> None:
 def begin_episodes(
     state: State, table: RouteTable, egos: int, out: EventColumns, partner: Ints, env_mask: Bools
 ) -> None:
-    """Void the episodes that begin with an overlap, and issue tickets in the others; see `AgentEvents`."""
+    """Mark episodes that begin with an overlap as invalid, rank arrivals in the others; see `AgentEvents`."""
     _clear(out)
     count = state.agents.slot.shape[1]
     for row in range(len(env_mask)):
         if not env_mask[row]:
             continue
-        is_void = False
+        is_invalid = False
         for agent_id in range(count):
             state.laps_before[row, agent_id] = state.agents.lap[row, agent_id]
             if partner[row, agent_id] >= 0:
                 out.bits[row, agent_id] = _COLLISION
-                is_void = True
-        if is_void:
+                is_invalid = True
+        if is_invalid:
             for agent_id in range(count):
-                _close(state, row, agent_id, _VOID, out)
+                _close(state, row, agent_id, _INVALID, out)
         else:
             assign_arrival_order(state, table, row)
         out.finished[row] = _is_finished(state, row, egos)

@@ -62,12 +62,12 @@ def _reset(played: BuiltScenario, egos: int, seconds: float, seed: int) -> Momen
         files = replace(start.traffic, warm_up=start.traffic.warm_up + seconds)
         parts.simulation.reset({0: replace(start, traffic=files)})
         world = parts.scene.world
-        columns = (column.copy() for _, column in world.vehicles[0].columns())
+        columns = (column.copy() for column in world.vehicles.of(0))
         missions = expand(played.scenario.ego_missions or ())
         slots = [-1] * len(missions)
         for agent_id, mission in enumerate(parts.schedule.combination(0, 0).plan.missions):
             number = next(n for n, each in enumerate(missions) if each == mission and slots[n] < 0)
             slots[number] = int(world.agents.slot[0, agent_id])
-        return Moment(VehicleStates(*columns), slots)
+        return Moment(VehicleStates._make(columns), slots)
     finally:
         parts.simulation.close()

@@ -62,7 +62,7 @@ class _Episode:
     writer: EpisodeWriter
     steps: int = 0
     is_complete: bool = False
-    void: str = ""
+    invalid: str = ""
     """Why it does not count."""
     routes: list[Ints] = field(default_factory=list)
     names: list[tuple[int, int, str, int]] = field(default_factory=list)
@@ -144,7 +144,7 @@ class EpisodeRecorder:
             episode = self._episodes[row]
             if episode is not None:
                 who = "traffic" if isinstance(failure, TrafficError) else "a vehicle"
-                episode.void = f"{who} failed: {failure.problem}"
+                episode.invalid = f"{who} failed: {failure.problem}"
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
         """Add to the record what an algorithm says about its decisions, or what came of them.
@@ -223,8 +223,8 @@ class EpisodeRecorder:
             for agent_id in np.flatnonzero(agents.outcome[row] != Outcome.NONE).tolist():
                 if agent_id not in episode.endings:
                     episode.endings[agent_id] = self._ending(frame, row, agent_id)
-            if (agents.outcome[row] == Outcome.VOID).any():
-                episode.void = episode.void or _OVERLAP
+            if (agents.outcome[row] == Outcome.INVALID).any():
+                episode.invalid = episode.invalid or _OVERLAP
 
     def _ending(self, frame: Frame, row: int, agent_id: int) -> Ending:
         world, contacts, events = frame.world, frame.contacts, frame.events
@@ -308,12 +308,13 @@ class EpisodeRecorder:
             "seed": start.seed,
             "world": start.world,
             "episode": start.episode,
-            "sumo_seed": start.traffic_seed,
+            "traffic_engine": start.engine,
+            "traffic_seed": start.traffic_seed,
             "dt": self._scene.world.dt,
             "steps": episode.steps,
             "is_complete": episode.is_complete,
-            "is_void": bool(episode.void),
-            "remark": episode.void or ("" if episode.is_complete else _CUT_SHORT),
+            "is_invalid": bool(episode.invalid),
+            "remark": episode.invalid or ("" if episode.is_complete else _CUT_SHORT),
             "limit": start.limit,
             "most_vehicles": most,
         }

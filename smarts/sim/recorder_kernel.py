@@ -96,7 +96,7 @@ class Buffers(NamedTuple):
 
     vehicles: Floats
     """Shape (B, rows, columns), like those below."""
-    agents: Floats
+    agent_states: Floats
     decisions: Floats
     signals: Floats
     used: Ints
@@ -117,7 +117,7 @@ class Buffers(NamedTuple):
         """Return empty buffers; one that is less than half full has room for the rows of a frame."""
         return cls(
             vehicles=np.zeros((worlds, max(rows, capacity) + capacity, len(VEHICLES.columns))),
-            agents=np.zeros((worlds, max(rows // 4, agents) + agents, len(AGENT_STATES.columns))),
+            agent_states=np.zeros((worlds, max(rows // 4, agents) + agents, len(AGENT_STATES.columns))),
             decisions=np.zeros((worlds, max(rows // 8, agents) + agents, len(DECISIONS.columns))),
             signals=np.zeros((worlds, max(rows // 8, lanes) + lanes, len(SIGNALS.columns))),
             used=np.zeros((worlds, 5), np.int32),
@@ -192,7 +192,7 @@ def _is_full(row: int, agents: int, out: Buffers) -> bool:
     used = out.used[row]
     return (
         used[VEHICLE_ROWS] + out.until.shape[1] > out.vehicles.shape[1]
-        or used[AGENT_ROWS] + agents > out.agents.shape[1]
+        or used[AGENT_ROWS] + agents > out.agent_states.shape[1]
         or used[DECISION_ROWS] + agents > out.decisions.shape[1]
         or used[SIGNAL_ROWS] + out.lights.shape[1] > out.signals.shape[1]
     )
@@ -255,7 +255,7 @@ def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleColumns, into
 def _take_agent_id(
     step: int, row: int, agent_id: int, agents: AgentColumns, events: StepColumns, out: Buffers
 ) -> None:
-    into = out.agents[row, out.used[row, AGENT_ROWS]]
+    into = out.agent_states[row, out.used[row, AGENT_ROWS]]
     out.used[row, AGENT_ROWS] += 1
     into[0], into[1], into[2] = step, agent_id, agents.state[row, agent_id]
     into[3], into[4] = agents.slot[row, agent_id], agents.generation[row, agent_id]

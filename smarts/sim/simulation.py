@@ -60,7 +60,7 @@ def void(world: World, events: Events, row: int) -> None:
     there = (agents.state[row] == AgentStatus.ACTIVE) | (agents.state[row] == AgentStatus.SHADOWING)
     agents.state[row, there] = AgentStatus.DONE
     agents.state[row, agents.state[row] == AgentStatus.WAITING] = AgentStatus.VACANT
-    agents.outcome[row, there] = Outcome.VOID
+    agents.outcome[row, there] = Outcome.INVALID
     events.just_done[row] |= there
     events.truncated[row] |= there
     events.finished[row] = True
@@ -85,7 +85,8 @@ class Simulation:
     def __init__(self, world: World, stages: Stages) -> None:
         self.world = world
         self._stages = stages
-        self._no_tracks = Tracks.of(np.zeros((*world.agents.slot.shape, 0, 3)), world.vehicles.capacity)
+        worlds, agents = world.agents.slot.shape
+        self._no_tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, 0)
         self._nobody = np.zeros(world.agents.slot.shape, np.bool_)
         self._see = bind(find_seen, world.agents.state)
 

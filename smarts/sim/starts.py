@@ -17,7 +17,7 @@ from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
-from smarts.sstudio.missions import PlacedMission, ViaPoint, place_missions
+from smarts.sstudio.missions import PlacedMission, PlacedVia, place_missions
 from smarts.sstudio.placement import target_lane
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.mission import AgentMission, GoalKind, Task, TaskKind, Via
@@ -204,7 +204,7 @@ def free_flow_time(roads: LaneGraph, route: Sequence[str], lane: int, length: fl
     return length / mean + max(0.0, limit - speed) ** 2 / (2 * _ACCELERATION * limit)
 
 
-def _via(via: ViaPoint, roads: LaneGraph) -> Via:
+def _via(via: PlacedVia, roads: LaneGraph) -> Via:
     x, y, _ = via.point.pose(roads)
     return Via((x, y), via.point.lane, via.hit_distance, via.required_speed)
 

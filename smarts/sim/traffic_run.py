@@ -35,7 +35,7 @@ class TrafficRun:
         roads, engine = built.roads(), engine or engine_of(built, traffic)
         self.dt = dt
         self.world = World(worlds=1, capacity=CAPACITY, agents=0, lanes=len(roads.lane_ids), dt=dt)
-        self.states = self.world.vehicles[0]
+        self.states = self.world.vehicles.of(0)
         start = EpisodeStart(
             seed=seed,
             world=0,

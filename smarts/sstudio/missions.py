@@ -51,7 +51,7 @@ class LanePoint:
 
 
 @dataclass(frozen=True)
-class ViaPoint:
+class PlacedVia:
     """A point to pass on the way."""
 
     point: LanePoint
@@ -77,7 +77,7 @@ class PlacedMission:
     """None for endless missions."""
     route: tuple[str, ...]
     """Ids of the road edges from start to goal, all laps; for endless missions the first one only."""
-    via: tuple[ViaPoint, ...]
+    via: tuple[PlacedVia, ...]
     start_time: float
     """The earliest time of entry [s]; 0 where the scenario names none."""
 
@@ -303,10 +303,10 @@ def _route(draft: _Draft, roads: LaneGraph) -> tuple[str, ...]:
     return lap + further * (mission.num_laps - 1)
 
 
-def _via(via: t.Via, roads: LaneGraph, where: str) -> ViaPoint:
+def _via(via: t.Via, roads: LaneGraph, where: str) -> PlacedVia:
     lane, offset = via_place(roads, via, where)
     within = via.hit_distance if via.hit_distance >= 0 else float(roads.width[lane]) / 2
-    return ViaPoint(LanePoint(lane, roads.arc_length(lane, offset)), via.required_speed, within)
+    return PlacedVia(LanePoint(lane, roads.arc_length(lane, offset)), via.required_speed, within)
 
 
 def _start_time(mission: t.AnyMission) -> float:

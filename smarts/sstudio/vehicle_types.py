@@ -29,7 +29,7 @@ SPEED_FACTORS = (0.2, 2.0)
 
 
 @dataclass(frozen=True)
-class Range:
+class ParameterRange:
     """The numbers that SUMO 1.28 takes for an attribute."""
 
     least: float = -1e6
@@ -49,11 +49,15 @@ class Range:
         return f"a number from {self.least:g} to {self.most:g}{also}"
 
 
-def _ranges(prefix: str, stems: str, allowed: Range) -> dict[str, Range]:
+def _ranges(prefix: str, stems: str, allowed: ParameterRange) -> dict[str, ParameterRange]:
     return {prefix + stem: allowed for stem in stems.split()}
 
 
-_ANY, _FROM_0, _FROM_0_OR_NEVER = Range(), Range(least=0.0), Range(least=0.0, apart=-1)
+_ANY, _FROM_0, _FROM_0_OR_NEVER = (
+    ParameterRange(),
+    ParameterRange(least=0.0),
+    ParameterRange(least=0.0, apart=-1),
+)
 
 LANE_CHANGING = {
     **_ranges(
@@ -69,8 +73,8 @@ LANE_CHANGING = {
         SpeedGainRight TimeToImpatience TurnAlignmentDistance""",
         _FROM_0,
     ),
-    "lcAccelLat": Range(least=1e-6),
-    "lcOvertakeDeltaSpeedFactor": Range(-1.0, 1.0),
+    "lcAccelLat": ParameterRange(least=1e-6),
+    "lcOvertakeDeltaSpeedFactor": ParameterRange(-1.0, 1.0),
     "minGapLat": _FROM_0,
 }
 """What SUMO 1.28 knows of lane changing; other attributes it ignores without a word."""
@@ -83,8 +87,8 @@ JUNCTIONS = {
         _FROM_0,
     ),
     **_ranges("jm", "DriveAfterRedTime DriveAfterYellowTime IgnoreKeepClearTime", _FROM_0_OR_NEVER),
-    "jmSigmaMinor": Range(0.0, 1.0),
-    "impatience": Range(apart="off"),
+    "jmSigmaMinor": ParameterRange(0.0, 1.0),
+    "impatience": ParameterRange(apart="off"),
 }
 """What SUMO 1.28 knows of junctions."""
 

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
+from smarts.arrays import Bools, Bytes, Floats, Ints
 
 MOST_VALUES = 8
 """Numbers that an action other than a path consists of, at most."""
@@ -65,8 +61,7 @@ class LaneAction(enum.IntEnum):
     change_lane_right = 3
 
 
-@dataclass(frozen=True)
-class Actions:
+class Actions(NamedTuple):
     """What the agents of all agents ask for, shape (B, A), refilled in place.
 
     Values are finite and within their bounds: that was seen to when they were taken in.
@@ -121,8 +116,7 @@ KINKED = 4.0
 """`Commands.window` of references that are not planned for the vehicle [m]."""
 
 
-@dataclass(frozen=True)
-class Commands:
+class Commands(NamedTuple):
     """What controllers tell the vehicles of all agents for one step, shape (B, A), refilled in place."""
 
     mode: Bytes

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import enum
-from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
+from smarts.arrays import Bools, Bytes, Floats, Ints, Shorts
 
 
 class AgentStatus(enum.IntEnum):
@@ -53,8 +48,7 @@ _UNSET_WHEN_EMPTY = frozenset(
 )
 
 
-@dataclass(frozen=True)
-class AgentStates:
+class AgentStates(NamedTuple):
     """The agents of B simulations, shape (B, A): the egos first, then agents that take over traffic vehicles.
 
     docs/step.md says which stage writes which column. An agent without a vehicle has slot -1. The columns of
@@ -67,11 +61,11 @@ class AgentStates:
     """The vehicle's slot, -1 for none."""
     generation: Ints
     """The vehicle's generation; with the slot, the vehicle itself."""
-    agent: NDArray[np.int16]
+    agent: Shorts
     """Which agent sits here; several agents may be one agent's."""
     entry_step: Ints
     """Step of the episode in which the agent entered, -1 before."""
-    period: NDArray[np.int16]
+    period: Shorts
     """Steps from one decision of the agent to the next."""
     next_due: Ints
     """Step of the episode on which the agent decides next."""
@@ -94,7 +88,7 @@ class AgentStates:
     last value off the route."""
     distance_travelled: Floats
     """Distance driven since entry [m]."""
-    lap: NDArray[np.int16]
+    lap: Shorts
     """Laps completed."""
     on_road: Bools
     """Whether the centre is on a lane for motor vehicles or inside a junction."""
@@ -167,14 +161,9 @@ class AgentStates:
             made.clear(row)
         return made
 
-    def columns(self) -> Iterator[tuple[str, NDArray]]:
-        """Yield name and array of each column."""
-        for field in dataclasses.fields(self):
-            yield field.name, getattr(self, field.name)
-
     def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
         """Forget all that was in agents of one simulation."""
-        for name, column in self.columns():
+        for name, column in self._asdict().items():
             column[row, agent_id] = UNSET if name in _UNSET_WHEN_EMPTY else 0
         self.period[row, agent_id] = 1
 

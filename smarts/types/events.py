@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
+from smarts.arrays import Bools, Bytes, Floats, Ints
 
 
 class Event(enum.IntFlag):
@@ -48,16 +44,15 @@ class Outcome(enum.IntEnum):
     """Ended for another's sake: too few agents or vehicles of interest are left."""
     OTHER_TERMINAL = 9
     """Ended for driving against the direction or on the shoulder."""
-    VOID = 10
-    """The episode does not count: vehicles overlapped at the start, or the traffic engine failed."""
+    INVALID = 10
+    """The episode is to be discarded: vehicles overlapped at the start, or the traffic engine failed."""
 
 
-TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.VOID)
+TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID)
 """The future that an agent would have had is to be estimated; after all other outcomes it has none."""
 
 
-@dataclass(frozen=True)
-class Contacts:
+class Contacts(NamedTuple):
     """Who touched whom in a step, shape (B, A), refilled in place."""
 
     partner: Ints
@@ -86,11 +81,10 @@ class Contacts:
         )
 
 
-@dataclass(frozen=True)
-class Events:
+class Events(NamedTuple):
     """The events of one step, shape (B, A), refilled in place. Rows that were not stepped have none."""
 
-    bits: NDArray[np.int32]
+    bits: Ints
     """An `Event`."""
     just_done: Bools
     """Whether the agent's episode ended in this step."""

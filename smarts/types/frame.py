@@ -8,13 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools
 from smarts.errors import SmartsError
 from smarts.types.actions import Actions, Commands
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Contacts, Events
 from smarts.types.world import World
-
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
 import enum
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
+from smarts.arrays import Bytes, Floats, Ints
 
 
 class GuidePhase(enum.IntEnum):
     """How far a task has come."""
 
     FREE = 0
-    """There is no task, or it has not been triggered: lanes are followed as ever."""
+    """The mission has no task, or nothing has triggered it: the agent follows lanes as usual."""
     APPROACH = 1
-    """Triggered: the agent is to keep its lane, at the speed that the manoeuvre takes."""
+    """Triggered: the agent keeps its lane, at the speed that the manoeuvre takes."""
     MANOEUVRE = 2
-    """It is led along a curve out of its lane and into another."""
+    """The agent follows a curve out of its lane into another."""
     OVER = 3
-    """It has performed its task, and is free for good."""
+    """The agent has performed its task and stays free."""
 
 
-@dataclass(frozen=True)
-class Guidance:
+class Guidance(NamedTuple):
     """Guidance of B simulations, shape (B, A); written with the lanes, read by sensors and controllers."""
 
     phase: Bytes
@@ -40,7 +35,7 @@ class Guidance:
     lane: Ints
     """The lane that the curve leads into, -1 without a curve."""
     s: Floats
-    """Where on that lane it ends [m]."""
+    """Where on that lane the curve ends [m]."""
     target: Ints
     """Slot of the vehicle that the task is about, -1 for none."""
     target_generation: Ints
@@ -62,5 +57,5 @@ class Guidance:
 
     def clear(self, row: int) -> None:
         """Forget the guidance of one simulation."""
-        for column in dataclasses.fields(self):
-            getattr(self, column.name)[row] = -1 if column.name in ("lane", "target") else 0
+        for name, column in self._asdict().items():
+            column[row] = -1 if name in ("lane", "target") else 0

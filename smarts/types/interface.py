@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bytes, Floats, Ints
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import Event
 
@@ -41,19 +43,18 @@ ENDING = (
 """The events that end an agent's episode unless its interface says otherwise."""
 
 
-@dataclass(frozen=True)
-class AgentRules:
+class AgentRules(NamedTuple):
     """What holds for each agent during the whole run, the same in all simulations; shape (A,)."""
 
-    action: NDArray[np.int8]
+    action: Bytes
     """An `ActionSpaceType`."""
-    ending: NDArray[np.int32]
+    ending: Ints
     """The `Event` bits that end the agent's episode."""
-    max_steps: NDArray[np.int32]
+    max_steps: Ints
     """Steps from entry to the time limit, 0 for none."""
-    not_moving_steps: NDArray[np.int32]
+    not_moving_steps: Ints
     """Steps within a circle after which the agent counts as not moving."""
-    not_moving_distance: NDArray[np.float64]
+    not_moving_distance: Floats
     """Radius of that circle [m]."""
 
     @classmethod

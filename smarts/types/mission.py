@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
+from smarts.arrays import Bytes, Floats, Ints, Shorts
 
 
 class GoalKind(enum.IntEnum):
@@ -88,8 +85,7 @@ class AgentMission:
     task: Task = Task()
 
 
-@dataclass(frozen=True)
-class Missions:
+class Missions(NamedTuple):
     """The missions of B simulations, shape (B, A); written when an agent is given out, read by all."""
 
     route: Ints
@@ -104,7 +100,7 @@ class Missions:
     """-1 without a goal on a lane."""
     goal_s: Floats
     """[m]"""
-    laps: NDArray[np.int16]
+    laps: Shorts
     route_length: Floats
     """[m]"""
     free_flow_time: Floats
@@ -173,6 +169,5 @@ class Missions:
 
     def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
         """Make missions of one simulation endless."""
-        for column in dataclasses.fields(self):
-            absent = -1 if column.name in ("route", "goal_lane", "task_lane", "via_lane") else 0
-            getattr(self, column.name)[row, agent_id] = absent
+        for name, column in self._asdict().items():
+            column[row, agent_id] = -1 if name in ("route", "goal_lane", "task_lane", "via_lane") else 0

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.int8]
-Floats = NDArray[np.float64]
+from smarts.arrays import Bytes, Floats
 
 
-@dataclass(frozen=True)
-class Tracks:
-    """What happened to the vehicles of A agents between two steps; refilled in place by the next one."""
+class Tracks(NamedTuple):
+    """What happened to the vehicles of A agents between two steps; refilled in place by the next step."""
 
     poses: Floats
     """x, y [m] and heading [rad] of the footprint after each sub-step, shape (B, A, S, 3); S is 0 where
@@ -26,7 +23,11 @@ class Tracks:
     """How fast the two approached each other then [m/s], 0 where they did not touch, shape (B, A, V)."""
 
     @classmethod
-    def of(cls, poses: Floats, capacity: int) -> Tracks:
-        """Return the tracks of vehicles that have touched nobody."""
-        shape = (*poses.shape[:2], capacity)
-        return cls(poses, np.zeros(shape, np.int8), np.zeros(shape))
+    def allocate(cls, worlds: int, agents: int, capacity: int, substeps: int) -> Tracks:
+        """Return tracks at the origin that touch nothing, for B simulations of A agents and V slots."""
+        shape = (worlds, agents)
+        return cls(
+            poses=np.zeros((*shape, substeps, 3)),
+            touched=np.zeros((*shape, capacity), np.int8),
+            touch_speed=np.zeros((*shape, capacity)),
+        )

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Ints
 from smarts.errors import TrafficError
 from smarts.types.vehicles import Owner, VehicleStates
-
-Ints = NDArray[np.int32]
 
 
 class VehicleRegistry:

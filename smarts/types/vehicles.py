@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import enum
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from smarts.arrays import Bools, Bytes, Floats, Ints
 
 
 class Owner(enum.IntEnum):
@@ -37,8 +36,7 @@ class VehicleKind(enum.IntEnum):
     MOTORCYCLE = 5
 
 
-@dataclass(frozen=True)
-class VehicleStates:
+class VehicleStates(NamedTuple):
     """The vehicles of one simulation (or of B simulations) at one instant.
 
     Every array has the leading shape `(..., V)`, V the capacity in slots; a slot whose `alive` is false
@@ -46,45 +44,45 @@ class VehicleStates:
     written in place by the step and are to be read only elsewhere.
     """
 
-    alive: NDArray[np.bool_]
+    alive: Bools
     """Whether the slot holds a vehicle."""
-    generation: NDArray[np.int32]
+    generation: Ints
     """How often the slot has been given out; (slot, generation) names a vehicle for good."""
-    owner: NDArray[np.int8]
+    owner: Bytes
     """An `Owner`, or the number of a further provider."""
-    kind: NDArray[np.int8]
+    kind: Bytes
     """A `VehicleKind`."""
-    position: NDArray[np.float64]
+    position: Floats
     """Centre of the footprint in the map frame [m], shape (..., V, 2)."""
-    heading: NDArray[np.float64]
+    heading: Floats
     """Counter-clockwise from +x, in (-pi, pi] [rad]."""
-    speed: NDArray[np.float64]
+    speed: Floats
     """Along the heading [m/s]."""
-    acceleration: NDArray[np.float64]
+    acceleration: Floats
     """Along the heading [m/s^2]."""
-    length: NDArray[np.float64]
+    length: Floats
     """Of the footprint [m]."""
-    width: NDArray[np.float64]
+    width: Floats
     """Of the footprint [m]."""
-    lane: NDArray[np.int32]
+    lane: Ints
     """Index into the map's lanes: the one that the vehicle is on, or the nearest; -1 where nobody looked."""
-    lane_position: NDArray[np.float64]
+    lane_position: Floats
     """Arc length of the vehicle's centre along its lane [m]; below 0 while it is on the lane before."""
-    desired_speed: NDArray[np.float64]
+    desired_speed: Floats
     """What the driver would drive here if the road were free [m/s]."""
-    lane_offset: NDArray[np.float64]
+    lane_offset: Floats
     """Of the vehicle's centre from its lane's centreline, positive to the left [m]."""
-    lateral_speed: NDArray[np.float64]
+    lateral_speed: Floats
     """Across the heading, positive to the left [m/s]; 0 for vehicles that do not slip."""
-    lateral_acceleration: NDArray[np.float64]
+    lateral_acceleration: Floats
     """Across the heading, positive to the left [m/s^2]."""
-    yaw_rate: NDArray[np.float64]
+    yaw_rate: Floats
     """Counter-clockwise [rad/s]."""
-    yaw_acceleration: NDArray[np.float64]
+    yaw_acceleration: Floats
     """Counter-clockwise [rad/s^2]."""
-    route: NDArray[np.int32]
+    route: Ints
     """Number of the planned route among those of its simulation, -1 where none is known."""
-    home: NDArray[np.int8]
+    home: Bytes
     """The provider that the vehicle goes back to when an agent lets go of it; NOBODY: it leaves."""
 
     @classmethod
@@ -122,17 +120,12 @@ class VehicleStates:
         """V, the number of slots."""
         return self.alive.shape[-1]
 
-    def columns(self) -> Iterator[tuple[str, NDArray]]:
-        """Yield name and array of each column."""
-        for field in dataclasses.fields(self):
-            yield field.name, getattr(self, field.name)
-
     def clear(self, slot: int | slice | tuple[Any, ...] = slice(None)) -> None:
         """Empty slots, given by an index of the arrays; generations stay, so that none is issued twice."""
-        for name, column in self.columns():
+        for name, column in self._asdict().items():
             if name != "generation":
                 column[slot] = -1 if name in ("lane", "route") else 0
 
-    def __getitem__(self, index: int) -> VehicleStates:
-        """Return views of one simulation's slots out of a batch."""
-        return VehicleStates(*(column[index] for _, column in self.columns()))
+    def of(self, row: int) -> VehicleStates:
+        """Return views of the slots of one simulation of a batch."""
+        return VehicleStates._make(column[row] for column in self)

@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
 from smarts.types.agent_states import AgentStates
 from smarts.types.guidance import Guidance
 from smarts.types.mission import Missions
 from smarts.types.route_table import RouteTable
 from smarts.types.vehicle_registry import VehicleRegistry
 from smarts.types.vehicles import VehicleStates
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 
 
 class World:
@@ -67,10 +65,7 @@ class World:
         """Where the missions' tasks lead, shape (B, A)."""
         self.signals = np.zeros((worlds, lanes), np.int8)
         """What each lane's light shows, a `Signal`, shape (B, L)."""
-        self._pairs = [
-            (now, before)
-            for (_, now), (_, before) in zip(self.vehicles.columns(), self.before.columns(), strict=True)
-        ]
+        self._pairs = list(zip(self.vehicles, self.before, strict=True))
 
     @property
     def worlds(self) -> int:
@@ -78,7 +73,7 @@ class World:
         return len(self.step)
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> Floats:
         """Of each episode [s], shape (B,)."""
         return np.multiply(self.step, self.dt, dtype=np.float64)
 
@@ -111,12 +106,11 @@ class World:
 
 def _in_one_block(states: VehicleStates) -> tuple[NDArray[np.uint8], VehicleStates]:
     """Return memory and the same states in it, to be copied at once: of twenty copies each has its price."""
-    columns = dict(states.columns())
     # Each column begins on a cache line of its own.
-    ends = np.cumsum([-(-column.nbytes // 64) * 64 for column in columns.values()]).tolist()
+    ends = np.cumsum([-(-column.nbytes // 64) * 64 for column in states]).tolist()
     block = np.zeros(ends[-1], np.uint8)
-    moved = {}
-    for (name, column), begin in zip(columns.items(), [0, *ends], strict=False):
-        moved[name] = block[begin : begin + column.nbytes].view(column.dtype).reshape(column.shape)
-        moved[name][...] = column
-    return block, VehicleStates(**moved)
+    moved = []
+    for column, begin in zip(states, [0, *ends], strict=False):
+        moved.append(block[begin : begin + column.nbytes].view(column.dtype).reshape(column.shape))
+        moved[-1][...] = column
+    return block, VehicleStates._make(moved)

@@ -127,7 +127,7 @@ def test_many_at_once_count_the_failure_and_go_on(doomed, tmp_path):
     said = {
         (int(facts["world"]), int(facts["episode"]))
         for facts in (RecordedEpisode(folder).facts for folder in episodes_in(tmp_path))
-        if facts["is_void"] and FAILURE in facts["remark"]
+        if facts["is_invalid"] and FAILURE in facts["remark"]
     }
     assert said == failures
 
@@ -140,7 +140,7 @@ def test_gymnasiums_vector_environment_cuts_the_episode_short(doomed):
         for _ in range(60):
             seen, rewards, terminated, truncated, infos = env.step(np.zeros(3, int))
             outcomes = infos["final_info"]["outcome"] if "final_info" in infos else [None] * 3
-            for number in np.flatnonzero([outcome == "void" for outcome in outcomes]):
+            for number in np.flatnonzero([outcome == "invalid" for outcome in outcomes]):
                 cut[number] = True
                 assert truncated[number]
                 assert not terminated[number]

@@ -57,7 +57,7 @@ def test_the_page_trains_tests_and_reports(folder):
 
 
 def test_runners_of_environments_import_it_too(folder):
-    changes = ("algorithms=['my_code.algorithm:MyConfig']", "reference=[]", "resources.env_runners=1")
+    changes = ("algorithms=['my_code.algorithm:MyConfig']", "scripted=[]", "resources.env_runners=1")
     code, _, err = run(folder, *(part for change in changes for part in ("--set", change)))
     assert code == 0, err
 
@@ -66,7 +66,7 @@ def test_what_raises_in_a_runner_of_environments_is_named_too(folder):
     file = folder / "my_code" / "observation.py"
     late = "if frame.world.step.max() > 40:\n            raise OSError('late')\n        "
     file.write_text(file.read_text().replace("super().collect", f"{late}super().collect"))
-    changes = ("algorithms=[ppo]", "reference=[]", "resources.env_runners=1")
+    changes = ("algorithms=[ppo]", "scripted=[]", "resources.env_runners=1")
     code, _, err = run(folder, *(part for change in changes for part in ("--set", change)))
     assert code == 1
     (said,) = [line for line in err.splitlines() if line.startswith("error: ")]
@@ -80,7 +80,7 @@ def line_of(file, text):
 def test_what_raises_in_mid_training_ends_that_run_only(folder):
     file = folder / "my_code" / "algorithm.py"
     file.write_text(file.read_text().replace("return loss +", "return 1 / 0 * loss +"))
-    code, _, err = run(folder, "--set", "reference=[]")
+    code, _, err = run(folder, "--set", "scripted=[]")
     assert code == 1
     (said,) = [line for line in err.splitlines() if line.startswith("error: ")]
     assert f"{file}:{line_of(file, '1 / 0')}" in said
@@ -92,7 +92,7 @@ def test_what_raises_in_mid_training_ends_that_run_only(folder):
 def test_what_raises_in_a_metric_is_named(folder):
     file = folder / "my_code" / "metric.py"
     file.write_text(file.read_text().replace("episode.dt *", "episode.agents['no such column'] *"))
-    code, _, err = run(folder, "--set", "algorithms=[ppo]", "--set", "reference=[]")
+    code, _, err = run(folder, "--set", "algorithms=[ppo]", "--set", "scripted=[]")
     assert code == 1
     (said,) = [line for line in err.splitlines() if line.startswith("error: ")]
     assert f"{file}:{line_of(file, 'no such column')}" in said

@@ -29,7 +29,7 @@ def hashes(worlds):
             now = env.step([np.array([_actions(*pair) for pair in zip(worlds, decisions, strict=True)])])
             decisions += 1
             for row, hashed in enumerate(made):
-                for _, column in state.vehicles.columns():
+                for column in state.vehicles:
                     hashed.update(column[row].tobytes())
                 hashed.update(now.rewards[row].tobytes() + now.observations[0][""][row].tobytes())
                 episodes[row] += bool(now.reset[row])

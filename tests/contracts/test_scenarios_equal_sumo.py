@@ -67,7 +67,7 @@ def test_a_minute_of_traffic_is_sumos(name, variation, tmp_path):
 
 def compare(vehicles, world):
     """Check every vehicle of one moment, and return how many there were."""
-    states = world.vehicles[0]
+    states = world.vehicles.of(0)
     said = {vehicle.get("id"): vehicle for vehicle in vehicles}
     rows = np.flatnonzero(states.alive)
     assert sorted(world.registry.name(0, row) for row in rows) == sorted(said)

@@ -47,7 +47,7 @@ def test_wild_agents_and_hand_overs(name):
     built = build_scenario(name)
     roads = built.roads()
     world = World(worlds=1, capacity=1024, agents=0, lanes=len(roads.lane_ids))
-    states = world.vehicles[0]
+    states = world.vehicles.of(0)
     rng = np.random.Generator(np.random.Philox(3))
     wanderers = Wanderers(states, roads, rng)
     for slot in range(EGOS):

@@ -24,10 +24,10 @@ def tables(world):
     """Return every array of the world by name."""
     found = {
         f"{name}.{column}": array
-        for name in ("vehicles", "before", "agent_states")
-        for column, array in getattr(world, name).columns()
+        for name in ("vehicles", "before", "agents")
+        for column, array in getattr(world, name)._asdict().items()
     }
-    guidance = {f"guidance.{name}": array for name, array in dataclasses.asdict(world.guidance).items()}
+    guidance = {f"guidance.{name}": array for name, array in world.guidance._asdict().items()}
     return found | guidance | {"signals": world.signals, "step": world.step}
 
 
@@ -100,8 +100,8 @@ ALLOWED = {
             f"agents.{name}"
             for name in ("route_progress", "remaining", "on_road", "corners_on_road", "on_route")
         ),
-        *("agents.legal", "agents.lap", "agents.lane_changes"),
-        *(f"guidance.{column.name}" for column in dataclasses.fields(Guidance)),
+        *("agents.action_mask", "agents.lap", "agents.lane_changes"),
+        *(f"guidance.{name}" for name in Guidance._fields),
     ),
     "contacts": nothing,
     "events": columns(

@@ -89,7 +89,7 @@ class Case:
 
     def content(self, row):
         """Return all that a row says, names and routes included."""
-        columns = [column[row].tobytes() for _, column in self.vehicles.columns()]
+        columns = [column[row].tobytes() for column in self.vehicles]
         names = [self.world.registry.name(row, slot) for slot in range(CAPACITY)]
         table = self.world.routes
         routes = [table.edges(row, number).tolist() for number in range(table.count(row))]
@@ -230,7 +230,7 @@ def test_vehicles_of_others_are_not_touched(case):
     one = case(1)
     one.reset()
     slot = one.put(0, one.roads.lane_number("north_in", 0), 20.0)
-    row = {name: column[0, slot].copy() for name, column in one.vehicles.columns()}
+    row = {name: column[0, slot].copy() for name, column in one.vehicles._asdict().items()}
     one.step(50)
     for name, value in row.items():
         assert (getattr(one.vehicles, name)[0, slot] == value).all(), name

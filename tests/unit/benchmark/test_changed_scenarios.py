@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.runs import cells_of, runs_of
+from benchmark.experiment.runs import runs_of, task_settings_of
 from benchmark.metrics import write_table
 from benchmark.report.comparing import read_side, scenarios_apart
 from benchmark.report.content import make_report
@@ -57,14 +57,14 @@ def finish(experiment, root, **facts):
     for run in runs_of(experiment):
         folder = RunFolder(root / run.folder)
         folder.open(run.content())
-        folder.note(status=FINISHED, tested=run.cell.test_content(), **facts)
+        folder.note(status=FINISHED, tested=run.task_setting.test_content(), **facts)
         labels = {"algorithm": "ppo", "training_seed": run.seed, "task": "loop", "task_traffic": ALONE}
         write_table(agent_episodes([["goal", "goal"]] * 2, mode="greedy", **labels), folder.table)
     return folder
 
 
 def digests(experiment):
-    return [scenario_digests(cell) for cell in cells_of(experiment)]
+    return [scenario_digests(cell) for cell in task_settings_of(experiment)]
 
 
 @pytest.mark.slow

@@ -11,8 +11,10 @@ from benchmark.report.provenance import run_lines
 from benchmark.report.writing import write_report
 from benchmark.results.commands import keep_command, last_experiment
 from benchmark.results.files import ResultsError
+from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
+from benchmark.results.progress import begin_progress
 from benchmark.results.reading import read_results
-from benchmark.results.run_folder import FINISHED, PROGRESS_COLUMNS, RunFolder
+from benchmark.results.run_folder import FINISHED, RunFolder
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
 
 PLACE = f"ppo/intersection/{ALONE}/seed_1"
@@ -62,10 +64,10 @@ def lacking(name, rows=slice(None)):
         (lacking("collisions"), "'collisions' is not a number in 6 of its 6 rows"),
         (lacking("goals", 2), "'goals' is not a number in 1 of its 6 rows"),
         (lambda table: table.assign(goals="many"), "'goals' is not of numbers"),
-        (lambda table: table.assign(is_void="no"), "'is_void' is not of truth values"),
+        (lambda table: table.assign(is_invalid="no"), "'is_invalid' is not of truth values"),
         (lambda table: table.assign(agents=2.0), "'agents' is not of 0 and 1"),
         (lambda table: table.iloc[:0], "holds no episodes"),
-        (lambda table: pd.concat([table, table], ignore_index=True), "6 of its 12 agent-episodes are there"),
+        (lambda table: pd.concat([table, table], ignore_index=True), "6 of its 12"),
     ],
 )
 def test_a_table_whose_numbers_cannot_be_is_neither_reported_nor_done(tmp_path, change, said):
@@ -131,7 +133,7 @@ def test_a_table_that_is_cut_is_tested_again_from_the_checkpoint(tmp_path, left)
         folder.is_finished(TESTED)
     folder.checkpoint.mkdir()
     assert not folder.is_finished(TESTED)
-    assert "tests the run anew" in read_results(tmp_path).problems[f"{PLACE}/episodes.parquet"]
+    assert {*read_results(tmp_path).problems} == {f"{PLACE}/episodes.parquet"}
 
 
 def test_a_run_without_a_checkpoint_is_not_trained_anew_for_another_test(tmp_path):
@@ -184,7 +186,7 @@ def test_a_line_of_progress_that_cannot_be_is_named(tmp_path, value):
     # Not those of half the training.
     assert (run_lines(results)[0].agent_steps, run_lines(results)[0].training) == ("", "")
     with pytest.raises(ResultsError, match=f"progress.csv: damaged: seconds is {value!r}"):
-        folder.begin_progress(2)
+        begin_progress(folder.progress, 2)
 
 
 @pytest.mark.parametrize(
@@ -219,7 +221,7 @@ def test_a_run_does_not_go_on_with_what_is_no_progress(tmp_path, content):
     folder = RunFolder(tmp_path)
     folder.progress.write_bytes(content)
     with pytest.raises(ResultsError, match=r"progress\.csv: ") as caught:
-        folder.begin_progress(3)
+        begin_progress(folder.progress, 3)
     assert "remove it" in caught.value.remedy
     assert folder.progress.read_bytes() == content
 
@@ -243,7 +245,7 @@ def test_a_run_file_without_keys_is_named(tmp_path, content):
         assert "remove it" in caught.value.remedy
 
 
-@pytest.mark.parametrize("content", ["[]", "5", '{"parts": 5}'])
+@pytest.mark.parametrize("content", ["[]", "5", '{"format": 2, "parts": 5}'])
 def test_commands_that_are_none_are_named(tmp_path, content):
     write_experiment(tmp_path)
     experiment = last_experiment(tmp_path, {})

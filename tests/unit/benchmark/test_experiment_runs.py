@@ -14,7 +14,7 @@ import pytest
 
 from algorithms.joint.worlds import REPORTED_WORLDS
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.runs import cells_of
+from benchmark.experiment.runs import task_settings_of
 from benchmark.metrics import compute, read_table
 from benchmark.running.played import held_out_of
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
@@ -100,7 +100,7 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     )
     table = read_table(run / "episodes.parquet")
     assert table.groupby("mode").size().to_dict() == {"greedy": 6, "sampled": 6}  # 3 episodes of 2 agents
-    assert table.attrs["episodes"] == {"measured": 6, "void": 0, "incomplete": 0, "corrupted": {}}
+    assert table.attrs["episodes"] == {"measured": 6, "invalid": 0, "incomplete": 0, "corrupted": {}}
     assert not (run / "episodes").exists()
     parked = read_table(root / "reference/parked/loop/no_social_vehicles/episodes.parquet")
     rates = compute(parked, metrics=["completion_rate"])
@@ -141,7 +141,7 @@ def has_trained_on(run, iterations):
 
 def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(experiment):
     run = experiment.parent / "results/tiny/ppo/loop/no_social_vehicles/seed_3"
-    command = (experiment, "--set", "reference=[]", "--set", "budget.agent_steps=1000000")
+    command = (experiment, "--set", "scripted=[]", "--set", "budget.agent_steps=1000000")
     process = start(*command)
     wait_for(lambda: (run / "progress.csv").exists() and len(progress(run)) >= 2, process)
     (worker,) = workers(process.pid)
@@ -185,7 +185,7 @@ def workers(driver):
                 session = int((folder / "stat").read_text().rpartition(")")[2].split()[3])
             except (OSError, ValueError):
                 continue
-            if b"ray::_carry_out" in title and session == os.getsid(driver):
+            if b"ray::_execute" in title and session == os.getsid(driver):
                 found.append(int(folder.name))
     return found
 
@@ -211,7 +211,7 @@ BY_TRAFFIC = {
 def test_what_is_held_out_differs_from_what_was_trained_on(tmp_path):
     file = tmp_path / "held.yaml"
     file.write_text(HELD_OUT)
-    for cell in cells_of(read_experiment(file)):
+    for cell in task_settings_of(read_experiment(file)):
         found = {name.removeprefix("double_merge@") for name in held_out_of(cell)}
         assert found == BY_TRAFFIC[cell.traffic]
 

@@ -10,7 +10,7 @@ import pytest
 from algorithms import settings as algorithm_settings
 from benchmark.experiment import schema
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.runs import cells_of, references_of, runs_of
+from benchmark.experiment.runs import runs_of, scripted_runs_of, task_settings_of
 from smarts.config import ConfigError
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -43,7 +43,7 @@ def test_every_algorithm_x_task_x_traffic_x_seed_is_a_run(write):
     file = write(
         "algorithms: [ppo, dqn]\ntasks: [loop, {name: both, scenarios: [loop, city]}]\nseeds: [1, 2, 5]\n"
     )
-    experiment = read_experiment(file, ["reference=[parked]"])
+    experiment = read_experiment(file, ["scripted=[parked]"])
     runs = [*runs_of(experiment)]
     assert len(runs) == 2 * 2 * 2 * 3
     assert [run.seed for run in runs[:8]] == [1] * 8  # the first seed of everything comes first
@@ -52,8 +52,8 @@ def test_every_algorithm_x_task_x_traffic_x_seed_is_a_run(write):
         for task in ("loop", "both")
         for traffic in ("no_social_vehicles", "random_social_vehicles")
     }
-    assert [cell.task.scenarios for cell in cells_of(experiment)][:2] == [("loop",), ("loop", "city")]
-    assert len(references_of(experiment)) == 4
+    assert [cell.task.scenarios for cell in task_settings_of(experiment)][:2] == [("loop",), ("loop", "city")]
+    assert len(scripted_runs_of(experiment)) == 4
 
 
 def test_settings_of_one_algorithm_go_before_those_of_all(write):
@@ -72,7 +72,7 @@ def test_the_content_follows_what_training_depends_on_and_nothing_else(write):
     def content(*overrides):
         return json.dumps(next(runs_of(read_experiment(file, overrides))).content())
 
-    same = [["resources.parallel=1"], ["evaluation.episodes=5"], ["reference=[parked]"], ["name=other"]]
+    same = [["resources.parallel=1"], ["evaluation.episodes=5"], ["scripted=[parked]"], ["name=other"]]
     other = [
         ["budget.agent_steps=5"],
         ["training.lr=1"],
@@ -127,7 +127,7 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("training.tau=0.1", "none of the algorithms has tau"),
         ("training.epochs=1.5", "valid integer"),
         ("evaluation.modes=[greedily]", "'greedy' or 'sampled'"),
-        ("reference=[parkt]", "did you mean 'parked'?"),
+        ("scripted=[parkt]", "did you mean 'parked'?"),
         ("name=../x", "cannot name a folder"),
         ("seeds=[99999999999999999999]", "less than 2147483648"),
         ("training.gamma=7.0", "training.gamma: 7.0 is not a number of at least 0 and at most 1"),

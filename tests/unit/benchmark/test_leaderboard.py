@@ -127,7 +127,7 @@ def test_two_experiments(tmp_path):
 
 def test_two_algorithms(tmp_path):
     root = experiment(tmp_path / "one", {"ppo": GOOD, "parked": SLOW})
-    first, second = read_side(root / "ppo"), read_side(root / "reference" / "parked")
+    first, second = read_side(root / "ppo"), read_side(root / "scripted" / "parked")
     row = compare_sides(first, second, ["completion_rate"], "greedy").iloc[0]
     assert (row["value"], row["pairs"], row["better"]) == (1.0, 12, "one: ppo")
     with pytest.raises(UnknownNameError, match="completion"):
@@ -147,7 +147,7 @@ def test_a_comparison_tells_how_many_seeds_each_side_was_trained_with(tmp_path):
     for line in lines:
         assert line[title.index("seeds") :].startswith("1 / 2 ")
     (row,) = compare_sides(
-        read_side(one / "dqn"), read_side(one / "reference" / "parked"), ["completion_rate"], "greedy"
+        read_side(one / "dqn"), read_side(one / "scripted" / "parked"), ["completion_rate"], "greedy"
     ).to_dict("records")
     assert (row["first_seeds"], row["second_seeds"]) == (2, 0)
 

@@ -6,13 +6,13 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmark.cli import app
-from benchmark.cli.evaluate import _show
+from benchmark.cli.experiments import show_metrics
 from benchmark.report.leaderboard_page import write_leaderboard
 from benchmark.report.values import Value, csv_number
 from benchmark.report.writing import write_report
-from benchmark.running.driver import JobState
+from benchmark.running.jobs import JobState
 from benchmark.running.live import _cells
-from benchmark.running.progress import Progress
+from benchmark.running.progress import RunProgress
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
 
 OUTCOMES = [["goal", "collision"], ["collision", "goal"]] * 6
@@ -66,7 +66,7 @@ def test_reports_and_leaderboards(root, tmp_path):
 
 
 def test_evaluate(capsys):
-    _show(episodes(TINY))
+    show_metrics(episodes(TINY))
     said = capsys.readouterr().out
     assert re.search(r"return +0\.000 ", said)
     assert not NEGATIVE_ZERO.search(said)
@@ -76,6 +76,6 @@ def test_single_numbers():
     value = Value("return", TINY, TINY, 1.0, 24, 24.0, "agent-episodes", 12, 1, "this checkpoint", "")
     assert (value.text, value.interval) == ("0.0", "[0.0, 1.0]")
     state = JobState("a run")  # type: ignore[arg-type] - of a job only its name is shown
-    state.progress = Progress("training", 0.5, 6, 1500, 60.0, 867.4, TINY, 0.75, 0.25)
+    state.progress = RunProgress("training", 0.5, 6, 1500, 60.0, 867.4, TINY, 0.75, 0.25)
     assert _cells(state)[5] == "0.00"
     assert [csv_number(number) for number in (-0.0, -1e-9, 0.125)] == ["0", "-1e-09", "0.125"]

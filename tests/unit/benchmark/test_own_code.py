@@ -5,9 +5,9 @@ import pytest
 
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.config import Experiment, VehicleName, check_whole, read_experiment
-from benchmark.experiment.runs import references_of, run_from, runs_of
-from benchmark.floors import FLOORS
+from benchmark.experiment.runs import run_from, runs_of, scripted_runs_of
 from benchmark.metrics import METRICS, Measure
+from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.agents.interface import VEHICLE_CLASSES
 from smarts.config import ConfigError
 
@@ -120,18 +120,18 @@ class Broken:
 
 def test_own_metrics_and_scripted_policies(write):
     file = write(
-        "algorithms: [ppo]\nmetrics: [safety, 'own_m:LONG']\nreference: [keep_lane, 'own_p:Waits']\n",
+        "algorithms: [ppo]\nmetrics: [safety, 'own_m:LONG']\nscripted: [keep_lane, 'own_p:Waits']\n",
         own_m=METRIC,
         own_p=POLICY,
     )
     experiment = read_experiment(file)
     run = next(runs_of(experiment))
-    assert run.cell.test_content()["metrics"] == ["safety", "own_m:LONG"]
+    assert run.task_setting.test_content()["metrics"] == ["safety", "own_m:LONG"]
     assert isinstance(METRICS["own_m:LONG"], Measure)
     assert METRICS["own_m:LONG"].name == "own_m:LONG"
     assert [*METRICS][-1] == "own_m:LONG"
-    assert FLOORS["own_p:Waits"]().act(np.zeros(3), np.ones(4, bool)) == 1
-    assert [each.folder.parts[1] for each in references_of(experiment)] == ["keep_lane", "own_p-Waits"]
+    assert SCRIPTED_POLICIES["own_p:Waits"]().act(np.zeros(3), np.ones(4, bool)) == 1
+    assert [each.folder.parts[1] for each in scripted_runs_of(experiment)] == ["keep_lane", "own_p-Waits"]
 
 
 BAD = {
@@ -156,16 +156,16 @@ class Anonymous(MyConfig):
 @pytest.mark.parametrize(
     ("change", "place", "said"),
     [
-        ("reference=['wrong_syntax:A']", "wrong_syntax.py:1: ", "SyntaxError"),
-        ("reference=['wrong_import:A']", "wrong_import.py:2: ", "no_such_module_at_all"),
-        ("reference=['raises_at_once:A']", "raises_at_once.py:3: ", "RuntimeError: at once"),
-        ("reference=['leaves:A']", "leaves.py:2: ", "SystemExit: 3"),
-        ("reference=['not_there:A']", "", "there is no module 'not_there'"),
-        ("reference=['own_q:Wait']", "own_q.py: ", "did you mean 'Waits'"),
-        ("reference=['own_q:Lame']", "own_q.py: ", "has no method 'act'"),
-        ("reference=['own_q:Broken']", "own_q.py:10: ", "RuntimeError: no"),
-        ("reference=['own_n:LONG']", "own_n.py: ", "no class"),
-        ("reference=['__main__:A']", "", "other processes cannot import"),
+        ("scripted=['wrong_syntax:A']", "wrong_syntax.py:1: ", "SyntaxError"),
+        ("scripted=['wrong_import:A']", "wrong_import.py:2: ", "no_such_module_at_all"),
+        ("scripted=['raises_at_once:A']", "raises_at_once.py:3: ", "RuntimeError: at once"),
+        ("scripted=['leaves:A']", "leaves.py:2: ", "SystemExit: 3"),
+        ("scripted=['not_there:A']", "", "there is no module 'not_there'"),
+        ("scripted=['own_q:Wait']", "own_q.py: ", "did you mean 'Waits'"),
+        ("scripted=['own_q:Lame']", "own_q.py: ", "has no method 'act'"),
+        ("scripted=['own_q:Broken']", "own_q.py:10: ", "RuntimeError: no"),
+        ("scripted=['own_n:LONG']", "own_n.py: ", "no class"),
+        ("scripted=['__main__:A']", "", "other processes cannot import"),
         ("metrics=['own_n:NONE']", "own_n.py: ", "is no Measure"),
         ("metrics=['own_n.LONG']", "", "there is no metric 'own_n.LONG'"),
         ("algorithms=['own_q:Waits']", "own_q.py: ", "no subclass of"),
@@ -205,10 +205,10 @@ def test_files_that_cannot_be_imported(tmp_path, imports, said):
     assert problem.startswith(f"{file}:1: imports: ")
 
 
-def test_a_file_of_the_command_line_is_as_good(tmp_path):
+def test_a_file_of_the_command_line_is_non_inferior(tmp_path):
     (tmp_path / "own_cli.py").write_text(POLICY)
     file = tmp_path / "mine.yaml"
-    file.write_text(f"algorithms: [ppo]\nreference: ['own_cli:Waits']\n{HEAD}")
+    file.write_text(f"algorithms: [ppo]\nscripted: ['own_cli:Waits']\n{HEAD}")
     experiment = read_experiment(file, imports=[tmp_path / "own_cli.py"])
     assert experiment.imports == (str(tmp_path / "own_cli.py"),)
 
@@ -220,7 +220,7 @@ def test_a_file_of_the_command_line_is_as_good(tmp_path):
             "algorithms=[dqn]",
             "algorithms[0]: 'dqn' needs discrete actions, and environment.action is 'Continuous'",
         ),
-        ("reference=[random]", "reference[0]: 'random' acts by lane actions"),
+        ("scripted=[random]", "scripted[0]: 'random' acts by lane actions"),
         ("environment.vehicle=tank", "environment.vehicle is 'tank'"),
         ("environment.vehicle_model=dinamic", "environment.vehicle_model is 'dinamic'"),
         (
@@ -242,18 +242,20 @@ def test_physics_and_actions_are_checked(tmp_path, change, said):
 
 def test_a_policy_that_needs_the_benchmarks_observation(tmp_path):
     file = tmp_path / "mine.yaml"
-    file.write_text(f"algorithms: [ppo]\n{HEAD}environment: {{adapter: raw}}\nreference: [yielder, parked]\n")
+    file.write_text(
+        f"algorithms: [ppo]\n{HEAD}environment: {{adapter: raw}}\nscripted: [gap_acceptance, parked]\n"
+    )
     (problem,) = problems_of(file)
-    assert "reference[0]: 'yielder' looks at the observation of adapter 'benchmark'" in problem
+    assert "scripted[0]: 'gap_acceptance' looks at the observation of adapter 'benchmark'" in problem
 
 
 def test_experiments_made_in_python_are_checked_like_files(folder):
     (folder / "own_python.py").write_text(POLICY)
     given = {"algorithms": ["ppo"], "tasks": ["loop"], "imports": [str(folder / "own_python.py")]}
-    checked = check_whole(Experiment(name="x", reference=["own_python:Waits"], **given))
+    checked = check_whole(Experiment(name="x", scripted=["own_python:Waits"], **given))
     assert checked.reference == ("own_python:Waits",)
     bad = Experiment(
-        reference=["own_python:Wait"], training={"lr": 2.0}, environment={"options": {"rewrd": 1}}, **given
+        scripted=["own_python:Wait"], training={"lr": 2.0}, environment={"options": {"rewrd": 1}}, **given
     )
     with pytest.raises(ConfigError) as caught:
         check_whole(bad)

@@ -14,9 +14,9 @@ from benchmark.experiment.config import Resources, read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
-from benchmark.running.again import evaluate_again
 from benchmark.running.cluster import start_ray
 from benchmark.running.environments import environment
+from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.testing import EVALUATION_SEED
 from benchmark.running.training import algorithm_of
 from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
@@ -73,10 +73,10 @@ def decisions(root):
 )
 def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
     run, folder = make(name, settings)
-    evaluate_again(folder.path, episodes=2, modes=("greedy",), out=tmp_path / "out")
+    evaluate_checkpoint(folder.path, episodes=2, modes=("greedy",), out=tmp_path / "out")
     wanted = decisions(tmp_path / "out" / "episodes" / "greedy-loop")
     policy = load_policy(folder.path)
-    env = environment(run.cell, copies=1, record=tmp_path / "own")
+    env = environment(run.task_setting, copies=1, record=tmp_path / "own")
     try:
         now, over = env.reset(EVALUATION_SEED, np.array([REPORTED_WORLDS]), stride=1), 0
         while over < 2:

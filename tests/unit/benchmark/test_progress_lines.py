@@ -8,11 +8,11 @@ import pytest
 from rich.console import Console
 
 from benchmark.running import live
-from benchmark.running.driver import JobState
 from benchmark.running.exit_codes import INTERRUPTED
-from benchmark.running.experiment import goes_on, interruptible
+from benchmark.running.experiment import interruptible, resumable
+from benchmark.running.jobs import JobState
 from benchmark.running.live import LiveProgress
-from benchmark.running.progress import Progress
+from benchmark.running.progress import RunProgress
 
 NAME = "ppo, two_way, no_social_vehicles, seed 1"
 
@@ -29,9 +29,9 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
         shown.show([state])
         return log.getvalue().splitlines()
 
-    training = Progress("training", 0.5, 6, 1500, 60.0, 867.4, 1.41, 0.75, 0.25)
+    training = RunProgress("training", 0.5, 6, 1500, 60.0, 867.4, 1.41, 0.75, 0.25)
     assert lines("waiting") == []
-    assert lines("beginning") == [f"{NAME}: beginning (compiles kernels that are not in the cache)"]
+    assert lines("starting") == [f"{NAME}: starting (compiling kernels that are not cached)"]
     expected = (
         f"{NAME}: training 50%, iteration 6, 867 steps/s, return 1.41, completion 0.75, collision 0.25, "
         "1.0 min left"
@@ -40,9 +40,9 @@ def test_a_log_has_one_line_for_each_change_and_names_its_numbers(monkeypatch):
     assert lines("training", training) == []
     monkeypatch.setattr(live, "SECONDS", 0.0)
     assert lines("training", training) == [expected]
-    begun = Progress("training", 0.25, 1, 750, 30.0, 25.0)
+    begun = RunProgress("training", 0.25, 1, 750, 30.0, 25.0)
     assert lines("training", begun) == [f"{NAME}: training 25%, iteration 1, 25 steps/s, 1.5 min left"]
-    assert lines("testing", Progress("testing", 0.25)) == [f"{NAME}: testing 25%"]
+    assert lines("testing", RunProgress("testing", 0.25)) == [f"{NAME}: testing 25%"]
     assert lines("failed", error="[red] no") == [f"{NAME}: failed: [red] no"]
     assert lines("failed", error="[red] no") == []
     assert lines("finished") == [f"{NAME}: finished"]
@@ -59,7 +59,7 @@ def test_whatever_is_ended_says_how_to_go_on(tmp_path, capsys, number):
         return 0
 
     try:
-        assert interruptible(work, goes_on(tmp_path)) == INTERRUPTED
+        assert interruptible(work, resumable(tmp_path)) == INTERRUPTED
     finally:
         signal.signal(signal.SIGINT, ctrl_c)
     assert f"what is finished is in {tmp_path}, the same command goes on" in capsys.readouterr().err

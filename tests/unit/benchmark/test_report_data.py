@@ -16,7 +16,7 @@ def greedy(outcomes=TWO, **labels):
 
 
 def test_runs_that_are_there_under_way_and_missing(tmp_path):
-    write_experiment(tmp_path, seeds=[1, 2, 3], reference=["parked"])
+    write_experiment(tmp_path, seeds=[1, 2, 3], scripted=["parked"])
     write_run(tmp_path, "ppo", greedy(), seed=1)
     write_run(tmp_path, "ppo", None, seed=2, progress=[[1, 400, 2.0, 200, -1.5, 0.25, 0.5, "", "", ""]])
     results = read_results(tmp_path)
@@ -71,7 +71,7 @@ def test_damaged_and_foreign_files_are_named_and_left_out(tmp_path):
 )
 def test_the_table_of_another_test_is_named(tmp_path, episodes, modes, fits):
     write_experiment(tmp_path)
-    run = write_run(tmp_path, "ppo", greedy([*TWO, ["void", "void"]]))
+    run = write_run(tmp_path, "ppo", greedy([*TWO, ["invalid", "invalid"]]))
     facts = json.loads((run / "run.json").read_text())
     tested = {"episodes": episodes, "modes": modes, "held_out_episodes": 0}
     (run / "run.json").write_text(json.dumps({**facts, "tested": tested}))
@@ -99,6 +99,6 @@ def test_no_results(tmp_path):
 
 def test_void_episodes_are_counted(tmp_path):
     write_experiment(tmp_path)
-    write_run(tmp_path, "ppo", greedy([*TWO, ["void", "void"]]))
+    write_run(tmp_path, "ppo", greedy([*TWO, ["invalid", "invalid"]]))
     counts = read_results(tmp_path).counts
-    assert (counts["measured"], counts["void"]) == (2, 1)
+    assert (counts["measured"], counts["invalid"]) == (2, 1)

@@ -20,7 +20,7 @@ from benchmark.report.provenance import circumstances, run_lines
 from benchmark.report.style import OUTCOME_COLOURS, new_figure
 from benchmark.report.tables import difference_notes
 from benchmark.report.values import Value
-from benchmark.report.wording import AS_GOOD, WORSE, intervals, mark
+from benchmark.report.wording import INFERIOR, NON_INFERIOR, intervals, mark
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
 from tests.hand_made_results import ALONE, ENVIRONMENT, agent_episodes, write_experiment, write_run
@@ -56,9 +56,9 @@ def cell_of(report: Report, algorithm: str, mode: str = "greedy") -> TableCell:
 class TestMarks:
     """The paper has 0.1 / 0.07 of PPO and 0.83 / 0.2 of DQN."""
 
-    def test_who_is_as_good_as_the_paper(self, report):
-        assert [mark(cell_of(report, name)) for name in ("ppo", "dqn")] == [AS_GOOD, AS_GOOD]
-        assert mark(cell_of(report, "ppo", "sampled")) == WORSE
+    def test_who_is_non_inferior_as_the_paper(self, report):
+        assert [mark(cell_of(report, name)) for name in ("ppo", "dqn")] == [NON_INFERIOR, NON_INFERIOR]
+        assert mark(cell_of(report, "ppo", "sampled")) == INFERIOR
 
     def test_the_star_in_latex_is_theirs(self, report):
         assert r"{\small 0.1 / 0.07$^{\ast}$}" in main_table(report, "greedy")
@@ -70,9 +70,9 @@ class TestMarks:
         page = report_page(report)
         found = re.findall(r'paper (0\.\d+ / 0\.\d+) <span class="([\w-]+)"[^>]*>([\w ]*)</span>', page)
         assert set(found) == {
-            ("0.1 / 0.07", "as-good", AS_GOOD),
-            ("0.1 / 0.07", "worse", WORSE),
-            ("0.83 / 0.2", "as-good", AS_GOOD),
+            ("0.1 / 0.07", "as-good", NON_INFERIOR),
+            ("0.1 / 0.07", "worse", INFERIOR),
+            ("0.83 / 0.2", "as-good", NON_INFERIOR),
         }
 
     @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_a_run_without_its_table_is_not_finished(tmp_path):
     assert not folder.is_finished(tested)
 
 
-def test_all_files_say_what_as_good_means_and_count_ties_in_each_mode(report):
+def test_all_files_say_what_non_inferior_means_and_count_ties_in_each_mode(report):
     bound = "the 95% Wilson bound of the paper's cell at its 40 agent-episodes"
     assert f"% {wording.BOLD}" in main_table(report, "greedy")
     for text in (

@@ -36,11 +36,11 @@ def play(folder, number, outcomes, begin=0.0, **facts):
 
 @pytest.fixture
 def store(tmp_path):
-    """Two episodes that count, one void, one cut short, one damaged."""
+    """Two episodes that count, one invalid, one cut short, one damaged."""
     folder = tmp_path / "store"
     play(folder, 0, [Outcome.GOAL, Outcome.COLLISION], scenario="hand_made@dense")
     play(folder, 1, [Outcome.GOAL, Outcome.GOAL], begin=1.0, scenario="hand_made@dense")
-    play(folder, 2, [Outcome.VOID, Outcome.VOID], begin=2.0, is_void=True)
+    play(folder, 2, [Outcome.INVALID, Outcome.INVALID], begin=2.0, is_invalid=True)
     play(folder, 3, [Outcome.NONE, Outcome.NONE], begin=3.0, is_complete=False)
     damaged = play(folder, 4, [Outcome.GOAL, Outcome.GOAL], begin=4.0)
     vehicles = damaged / "vehicles.parquet"
@@ -51,14 +51,14 @@ def store(tmp_path):
 def test_a_row_for_each_agent_episode(store):
     table = measure_episodes(store, labels={"algorithm": "ppo"})
     counts = table.attrs["episodes"]
-    assert (counts["measured"], counts["void"], counts["incomplete"]) == (2, 1, 1)
+    assert (counts["measured"], counts["invalid"], counts["incomplete"]) == (2, 1, 1)
     assert [*counts["corrupted"]] == ["e4"]
     assert "vehicles" in counts["corrupted"]["e4"]
-    assert table["outcome"].tolist() == ["goal", "collision", "goal", "goal", "void", "void"]
+    assert table["outcome"].tolist() == ["goal", "collision", "goal", "goal", "invalid", "invalid"]
     assert table["variation"].tolist() == ["dense"] * 4 + [""] * 2
     assert set(table["algorithm"]) == {"ppo"}
     assert table["agents"].tolist() == [1, 1, 1, 1, 0, 0]
-    assert table.loc[table["is_void"], "collisions"].isna().all()
+    assert table.loc[table["is_invalid"], "collisions"].isna().all()
 
 
 def change(file, column, value):
@@ -77,7 +77,7 @@ def change(file, column, value):
     [
         ("agents", "entry_step", 10**6, "table 'agents' is not between -1 and 20"),
         ("agents", "outcome", 99, "not a whole episode: ValueError: 99 is not a valid Outcome"),
-        ("agents", "distance_travelled", math.nan, "column 'travelled' is not finite"),
+        ("agents", "distance_travelled", math.nan, "column 'distance_travelled' is not finite"),
         ("vehicles", "length", math.nan, "column 'length' is not finite"),
         ("vehicles", "s", math.inf, "column 's' is not finite"),
     ],

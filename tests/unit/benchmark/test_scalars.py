@@ -1,6 +1,8 @@
 """Progress for TensorBoard: what progress.csv says, over agent-steps."""
 
-from benchmark.results.run_folder import PROGRESS_COLUMNS, RunFolder
+from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
+from benchmark.results.progress import add_progress, begin_progress
+from benchmark.results.run_folder import RunFolder
 from benchmark.running.scalars import Scalars
 from tests.scalar_files import read_scalars
 
@@ -17,11 +19,10 @@ def line(iteration, **columns):
 
 def test_the_files_hold_the_columns_of_progress_and_nothing_that_is_made_again(tmp_path):
     folder = RunFolder(tmp_path)
-    folder.begin_progress(0)
-    first = Scalars(folder.tensorboard, folder.read_progress())
+    first = Scalars(folder.tensorboard, begin_progress(folder.progress, 0))
     for number in (1, 2, 3):
         given = line(number, completion=number / 4, collision=float("nan"))
-        folder.add_progress(given)
+        add_progress(folder.progress, given)
         first.add(given)
     first.close()
     seconds = {100: 2.0, 200: 4.0, 300: 6.0}
@@ -30,8 +31,8 @@ def test_the_files_hold_the_columns_of_progress_and_nothing_that_is_made_again(t
         "seconds": seconds,
     }
 
-    folder.begin_progress(2)  # killed, with a checkpoint of the second iteration
-    second = Scalars(folder.tensorboard, folder.read_progress())
+    # Killed, with a checkpoint of the second iteration.
+    second = Scalars(folder.tensorboard, begin_progress(folder.progress, 2))
     second.add(line(3, completion=0.875, validation_return=-1.5))
     second.close()
     assert read_scalars(folder.tensorboard) == {

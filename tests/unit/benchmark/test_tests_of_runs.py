@@ -3,7 +3,7 @@
 import pytest
 
 from benchmark.experiment.config import Environment, Evaluation, Task
-from benchmark.experiment.runs import Cell
+from benchmark.experiment.runs import TaskSetting
 from benchmark.metrics import join_tables
 from benchmark.results.files import ResultsError
 from benchmark.running.testing import Part, _measured
@@ -14,7 +14,7 @@ ROAD = straight(lanes=2, length=200.0)
 FIRST = 2_000_000
 
 
-def measured(folder, episodes, *, void=(), missing=(), cut=(), keep=False):
+def measured(folder, episodes, *, invalid=(), missing=(), cut=(), keep=False):
     """Play a part of a test by hand; return its table, and which worlds were played in which rounds."""
     rounds = []
 
@@ -22,15 +22,15 @@ def measured(folder, episodes, *, void=(), missing=(), cut=(), keep=False):
         rounds.append([world - FIRST for world in worlds])
         # Simulations that are done go on with further worlds, which are then cut short or even finished.
         for number in [*rounds[-1], rounds[-1][-1] + 1]:
-            end = Outcome.VOID if number in void else Outcome.GOAL
+            end = Outcome.INVALID if number in invalid else Outcome.GOAL
             drive = Drive(["road_0"], at_speed(5.0, 20, 10.0), agent="a", outcome=end)
-            facts = {"is_void": number in void, "is_complete": number not in cut}
+            facts = {"is_invalid": number in invalid, "is_complete": number not in cut}
             if number not in missing:
                 record(store, ROAD, [drive], name=f"w{number}", world=FIRST + number, **facts)
 
     part = Part("greedy", ("hand_made",), episodes)
     task = Task(name="hand_made", scenarios=("loop",))
-    cell = Cell(task, "hand_made", Environment(), Evaluation(keep_episodes=keep), 1)
+    cell = TaskSetting(task, "hand_made", Environment(), Evaluation(keep_episodes=keep), 1)
     return join_tables([*_measured(part, folder, {}, play, cell)]), rounds
 
 
@@ -42,16 +42,16 @@ def test_as_many_as_are_asked_for_are_played_once(tmp_path):
     table, rounds = measured(tmp_path, 3)
     assert rounds == [[0, 1, 2]]
     assert worlds_of(table) == [0, 1, 2]
-    assert table.attrs["episodes"] == {"measured": 3, "void": 0, "incomplete": 0, "corrupted": {}}
+    assert table.attrs["episodes"] == {"measured": 3, "invalid": 0, "incomplete": 0, "corrupted": {}}
     assert not [*tmp_path.iterdir()]
 
 
 def test_for_each_that_does_not_count_the_next_world_is_played(tmp_path):
-    table, rounds = measured(tmp_path, 4, void={1, 4}, missing={2}, cut={3}, keep=True)
+    table, rounds = measured(tmp_path, 4, invalid={1, 4}, missing={2}, cut={3}, keep=True)
     assert rounds == [[0, 1, 2, 3], [4, 5, 6], [7]]
     assert worlds_of(table) == [0, 1, 4, 5, 6, 7]
-    assert worlds_of(table[~table["is_void"]]) == [0, 5, 6, 7]
-    assert table.attrs["episodes"] == {"measured": 4, "void": 2, "incomplete": 2, "corrupted": {}}
+    assert worlds_of(table[~table["is_invalid"]]) == [0, 5, 6, 7]
+    assert table.attrs["episodes"] == {"measured": 4, "invalid": 2, "incomplete": 2, "corrupted": {}}
     assert {path.name for path in tmp_path.iterdir()} == {
         *("greedy-hand_made", "greedy-hand_made-2", "greedy-hand_made-3")
     }
@@ -59,4 +59,4 @@ def test_for_each_that_does_not_count_the_next_world_is_played(tmp_path):
 
 def test_a_test_in_which_nothing_counts_is_refused(tmp_path):
     with pytest.raises(ResultsError, match="not one of 10 test episodes counts"):
-        measured(tmp_path, 2, void=range(100))
+        measured(tmp_path, 2, invalid=range(100))

@@ -7,6 +7,7 @@ import ray
 
 from benchmark.experiment.config import Resources, read_experiment
 from benchmark.experiment.runs import runs_of
+from benchmark.results.progress import read_progress
 from benchmark.results.run_folder import RunFolder
 from benchmark.running import training
 from benchmark.running.cluster import start_ray
@@ -80,4 +81,4 @@ def test_minutes_are_those_of_training_over_a_restart(tmp_path, clock):
         # Three seconds in all, of which the first was before the restart.
         assert [progress.seconds for progress in second.go()] == [2.0, 3.0]
         assert (second.ended_by, second.validations) == ("minutes", 3)
-    assert [line["seconds"] for line in folder.read_progress()] == ["1.0", "2.0", "3.0"]
+    assert [line["seconds"] for line in read_progress(folder.progress)[0]] == ["1.0", "2.0", "3.0"]

@@ -68,7 +68,8 @@ def test_a_table_that_is_written_is_not_said_to_be_missing(monkeypatch, tmp_path
     def interrupted(table):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("benchmark.running.again.evaluate_again", lambda run, **options: "a table")
-    monkeypatch.setattr("benchmark.cli.evaluate._show", interrupted)
+    place = "benchmark.running.evaluate_checkpoint.evaluate_checkpoint"
+    monkeypatch.setattr(place, lambda run, **options: "a table")
+    monkeypatch.setattr("benchmark.cli.experiments.show_metrics", interrupted)
     ended = CliRunner().invoke(app, ["evaluate", "a_run", "--out", str(tmp_path)])
     assert (ended.exit_code, ended.stderr) == (130, "interrupted\n")

@@ -5,7 +5,7 @@ import signal
 import pytest
 import typer
 
-from benchmark.cli.run import run
+from benchmark.cli.experiments import run
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.metrics import write_table
@@ -32,7 +32,7 @@ def file(tmp_path):
     for each in runs_of(read_experiment(file)):
         folder = RunFolder(tmp_path / "results" / "done" / each.folder)
         folder.open(each.content())
-        folder.note(status=FINISHED, tested=each.cell.test_content())
+        folder.note(status=FINISHED, tested=each.task_setting.test_content())
         labels = {"algorithm": "ppo", "training_seed": each.seed, "task": "loop", "task_traffic": ALONE}
         outcomes = [["goal", "goal"], ["goal", "collision"]]
         write_table(agent_episodes(outcomes, mode="greedy", **labels), folder.table)

@@ -155,8 +155,8 @@ def test_a_batch_equals_separate_runs(rig):
                     driven.act(9.0, 1.0 - agent_id, agent_id=agent_id)
             driven.step()
     for row in range(3):
-        for table in ("vehicles", "agent_states"):
-            for name, column in getattr(together.world, table).columns():
+        for table in ("vehicles", "agents"):
+            for name, column in getattr(together.world, table)._asdict().items():
                 other = getattr(getattr(alone[row].world, table), name)
                 assert np.array_equal(column[row], other[0]), name
 

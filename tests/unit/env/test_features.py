@@ -55,12 +55,12 @@ def frame_of(world):
     worlds, agents = world.agents.state.shape
     return Frame(
         world=world,
-        rows=np.ones(world.worlds, np.bool_),
+        env_mask=np.ones(world.worlds, np.bool_),
         actions=None,
         commands=None,
         contacts=Contacts.allocate(worlds, agents, world.vehicles.capacity),
         events=Events.allocate(worlds, agents),
-        wanted=np.ones((worlds, agents), np.bool_),
+        observe_mask=np.ones((worlds, agents), np.bool_),
         readings=Readings({}, {}),
     )
 

@@ -3,7 +3,6 @@
 import hashlib
 import subprocess
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -133,7 +132,7 @@ class World:
     def __init__(self, country: Country, capacity: int = 64) -> None:
         self.country = country
         self.state = State(worlds=1, capacity=capacity, agents=0, lanes=LANES)
-        self.states = self.state.vehicles[0]
+        self.states = self.state.vehicles.of(0)
         self.registry = self.state.registry
         self.traffic = SumoTraffic(self.state, 0)
 
@@ -173,7 +172,7 @@ class World:
         return [self.registry.name(0, slot) for slot in np.flatnonzero(self.states.alive).tolist()]
 
     def fingerprint(self) -> bytes:
-        return b"".join(getattr(self.states, field.name).tobytes() for field in fields(self.states))
+        return b"".join(column.tobytes() for column in self.states)
 
 
 @pytest.fixture(scope="session")

@@ -66,7 +66,7 @@ def test_every_state_stays_finite(model, case):
             world.advance(rows)
             tracks = vehicles.step(world, commands, rows)
             assert np.isfinite(tracks.poses).all(), f"step {step}"
-            for name, column in world.vehicles.columns():
+            for name, column in world.vehicles._asdict().items():
                 assert np.isfinite(column[0, : len(cars)]).all(), f"{name} in step {step}"
             assert np.abs(world.vehicles.speed[0, : len(cars)]).max() < FASTEST, f"step {step}"
     finally:

@@ -124,9 +124,9 @@ def test_rows_that_rest_stay_as_they_are(stage):
     driven = stage([ego()], [ego()])
     driven.actuate(throttle=0.5, steering=0.1)
     driven.step(3)
-    before = {name: column[1].copy() for name, column in driven.world.vehicles.columns()}
+    before = {name: column[1].copy() for name, column in driven.world.vehicles._asdict().items()}
     tracks = driven.step(5, rows=np.array([True, False])).poses[1].copy()
-    for name, column in driven.world.vehicles.columns():
+    for name, column in driven.world.vehicles._asdict().items():
         assert np.array_equal(column[1], before[name]), name
     assert driven.world.vehicles.position[0, 0, 0] > before["position"][0, 0] + 4.0
     assert np.array_equal(driven.step(rows=np.array([True, False])).poses[1], tracks)
@@ -146,7 +146,7 @@ def test_a_batch_equals_separate_runs(stage, model):
                 alone[row].step()
         together.step(rows=rows)
     for row in range(3):
-        for name, column in together.world.vehicles.columns():
+        for name, column in together.world.vehicles._asdict().items():
             assert np.array_equal(column[row], getattr(alone[row].world.vehicles, name)[0]), name
 
 

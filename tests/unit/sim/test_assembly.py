@@ -77,7 +77,7 @@ class Run:
         for row in np.flatnonzero(frame.env_mask).tolist():
             told = self.hashes[row].update
             for table in (world.vehicles, world.before, world.agents):
-                for _, column in table.columns():
+                for column in table:
                     told(column[row].tobytes())
             told(world.signals[row].tobytes() + frame.events.bits[row].tobytes())
             for sensor, block in frame.readings.blocks.items():
@@ -120,7 +120,7 @@ def test_an_episode_does_not_depend_on_those_before(scenarios):
         hashed = hashlib.blake2b()
         for _ in range(40):
             parts.simulation.step(parts.actions, np.ones(1, np.bool_), np.ones((1, EGOS), np.bool_))
-            for _, column in world.vehicles.columns():
+            for column in world.vehicles:
                 hashed.update(column.tobytes())
         return hashed.hexdigest()
 
@@ -184,7 +184,7 @@ def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
     assert "no longer finite" in str(frame.failures[1])
     assert frame.env_mask.tolist() == [True, False, True]
     assert frame.events.finished.tolist() == [False, True, False]
-    assert (world.agents.outcome[1] == Outcome.VOID).all()
+    assert (world.agents.outcome[1] == Outcome.INVALID).all()
     assert (world.agents.state[[0, 2]] == AgentStatus.ACTIVE).all()
     three.simulation.reset({1: three.schedule.start(1, 1)})
     for _ in range(3):
@@ -203,7 +203,7 @@ def test_traffic_that_fails_ends_its_own_episode_only(three):
     assert frame.env_mask.tolist() == [True, False, True]
     assert frame.events.finished.tolist() == [False, True, False]
     assert frame.events.truncated.tolist() == [[False] * 2, [True] * 2, [False] * 2]
-    assert (world.agents.outcome[1] == Outcome.VOID).all()
+    assert (world.agents.outcome[1] == Outcome.INVALID).all()
     assert (world.agents.state[1] == AgentStatus.DONE).all()
     assert (world.agents.state[[0, 2]] == AgentStatus.ACTIVE).all()
     frame = stepped(three, [0, 2])

@@ -84,7 +84,7 @@ def random_pairs(worlds, others, speed):
 def test_against_exact_predicates(speed, worlds):
     others = 100
     world, tracks, poses, size = random_pairs(worlds, others, speed)
-    contacts = FootprintContacts(world).find(world, Tracks.of(tracks, others + 1), np.ones(worlds, np.bool_))
+    contacts = FootprintContacts(world).find(world, tracks_of(tracks, world), np.ones(worlds, np.bool_))
     touching = contacts.touching[:, 0, 1:]
     assert not contacts.touching[:, 0, 0].any()
     expected = overlaps(poses[:, :1], size[:, :1, None], poses[:, 1:], size[:, 1:, None])
@@ -113,12 +113,16 @@ def test_against_exact_predicates(speed, worlds):
     assert expected[rows, contacts.partner[rows, 0] - 1, first[rows]].all()
 
 
+def tracks_of(poses, world):
+    """Return tracks of vehicles that touch nothing."""
+    worlds, agents, substeps, _ = poses.shape
+    return Tracks.allocate(worlds, agents, world.vehicles.capacity, substeps)._replace(poses=poses)
+
+
 def find(made, tracks=None, rows=EVERYBODY, touches=()):
     """Return the contacts; `touches` are agent, slot, when counted from 1, speed."""
     world = made.world
-    if tracks is None:
-        tracks = np.zeros((*world.agents.slot.shape, 0, 3))
-    tracks = Tracks.of(tracks, world.vehicles.capacity)
+    tracks = tracks_of(np.zeros((*world.agents.slot.shape, 0, 3)) if tracks is None else tracks, world)
     for agent_id, slot, when, speed in touches:
         tracks.touched[0, agent_id, slot], tracks.touch_speed[0, agent_id, slot] = when, speed
     return FootprintContacts(world).find(world, tracks, rows)
@@ -282,7 +286,7 @@ def test_simulations_that_rest_have_no_contacts():
     cars = [Car(0.0, 0.0, mission=EGO), Car(4.0, 0.0)]
     made = world_of(cars, cars, maps=[maps.straight()])
     finder = FootprintContacts(made.world)
-    tracks = Tracks.of(np.zeros((2, 4, 0, 3)), made.world.vehicles.capacity)
+    tracks = Tracks.allocate(2, 4, made.world.vehicles.capacity, 0)
     assert finder.find(made.world, tracks, np.array([True, True])).partner[:, 0].tolist() == [1, 1]
     assert finder.find(made.world, tracks, np.array([False, True])).partner[:, 0].tolist() == [-1, 1]
 

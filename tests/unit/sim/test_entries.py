@@ -158,7 +158,7 @@ def test_nobody_is_in_the_way_of_a_vehicle_off_the_map():
     stage = Stage(straight(), ego(x=100.0))
     stage.add("near", 80.0, 0.0, 20.0)
     stage.world.vehicles.lane[0, 0] = -1
-    assert vehicles_in_the_way(straight(), stage.world.vehicles[0], 0) == []
+    assert vehicles_in_the_way(straight(), stage.world.vehicles.of(0), 0) == []
 
 
 def test_a_trap_takes_the_first_vehicle_that_comes():

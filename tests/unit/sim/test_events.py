@@ -205,7 +205,7 @@ def test_an_overlap_at_the_start_voids_the_episode():
     stage.agents.state[0, 2] = AgentStatus.WAITING
     stage.contacts.partner[0, 1] = 7
     events = stage.judge.reset(stage.world, stage.contacts, stage.rows)
-    assert stage.agents.outcome[0].tolist() == [Outcome.VOID] * 3 + [Outcome.NONE]
+    assert stage.agents.outcome[0].tolist() == [Outcome.INVALID] * 3 + [Outcome.NONE]
     assert stage.agents.state[0].tolist() == [
         AgentStatus.DONE,
         AgentStatus.DONE,

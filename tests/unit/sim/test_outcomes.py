@@ -49,4 +49,4 @@ def test_every_event_ends_somehow():
 
 def test_truncation():
     truncating = {outcome for outcome in Outcome if is_truncating(int(outcome))}
-    assert truncating == {Outcome.TIME_OUT, Outcome.OTHER, Outcome.VOID}
+    assert truncating == {Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID}

@@ -159,9 +159,9 @@ def test_from_agent_to_agent():
 )
 def test_what_is_not_as_the_proposer_saw_it_is_refused(transfer):
     case = Case()
-    before = [column.copy() for _, column in case.world.vehicles.columns()]
+    before = [column.copy() for column in case.world.vehicles]
     assert case.apply(transfer) == 1
-    assert all((a == b).all() for a, (_, b) in zip(before, case.world.vehicles.columns(), strict=True))
+    assert all((a == b).all() for a, b in zip(before, case.world.vehicles, strict=True))
 
 
 def test_a_provider_that_cannot_drive_on_is_not_made_to():

@@ -22,7 +22,7 @@ from smarts.sim.recorder_kernel import NEAR
 from smarts.sstudio.build import build_scenario
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import AgentStatus
-from smarts.types.episode_schema import TABLE, TABLES
+from smarts.types.episode_schema import TABLE, TABLES, VERSION
 from smarts.types.events import Outcome
 
 WORLDS, EGOS, PERIOD, LIMIT = 2, 4, 5, 60
@@ -61,8 +61,8 @@ class Log:
         for row in np.flatnonzero(frame.env_mask).tolist():
             if row in frame.starts:
                 self.frames[row] = []
-            kept = {name: column[row].copy() for name, column in world.vehicles.columns()}
-            kept |= {f"agents.{name}": column[row].copy() for name, column in world.agents.columns()}
+            kept = {name: column[row].copy() for name, column in world.vehicles._asdict().items()}
+            kept |= {f"agents.{name}": column[row].copy() for name, column in world.agents._asdict().items()}
             kept |= {"bits": frame.events.bits[row].copy(), "partner": frame.contacts.partner[row].copy()}
             kept |= {"side": frame.contacts.side[row].copy(), "step": int(world.step[row])}
             kept["names"] = [world.registry.name(row, slot) for slot in range(world.vehicles.capacity)]
@@ -210,7 +210,7 @@ def test_agents_equal_the_log(pair):
             assert row["events"] == frame["bits"][agent_id]
             assert row["partner_slot"] == frame["partner"][agent_id]
             assert row["action_mask"] == sum(
-                1 << bit for bit in np.flatnonzero(frame["agents.legal"][agent_id]).tolist()
+                1 << bit for bit in np.flatnonzero(frame["agents.action_mask"][agent_id]).tolist()
             )
     assert len(recorded) == expected
 
@@ -227,7 +227,7 @@ def test_decisions_carry_the_state_they_were_made_on(pair):
             assert row["action"] == ActionSpaceType.Lane
             # The mask is that of the state before, which the agent saw.
             assert row["action_mask"] == sum(
-                1 << bit for bit in np.flatnonzero(before["agents.legal"][agent_id]).tolist()
+                1 << bit for bit in np.flatnonzero(before["agents.action_mask"][agent_id]).tolist()
             )
             assert row["is_effective"] == frame["agents.effective"][agent_id]
     assert len(recorded) == expected
@@ -240,7 +240,7 @@ def test_agents(pair):
     for agent_id, agent in enumerate(rows(episode, "agents")):
         last = next(f for f in log if f["agents.outcome"][agent_id])
         begin = start.agents[agent_id]
-        assert agent["name"] == begin.name == f"agent-{agent}"
+        assert agent["name"] == begin.name == f"agent-{agent_id}"
         assert (agent["start_x"], agent["start_y"]) == begin.pose[:2]
         assert agent["start_speed"] == np.float32(begin.speed)
         assert (agent["entry_step"], agent["end_step"]) == (0, last["step"])
@@ -296,12 +296,13 @@ def test_facts(pair):
     facts = episode.facts
     assert facts["scenario"] == "intersection"
     assert (facts["seed"], facts["world"], facts["episode"]) == (42, start.world, 1)
-    assert facts["sumo_seed"] == start.traffic_seed
+    assert facts["traffic_engine"] == start.engine
+    assert facts["traffic_seed"] == start.traffic_seed
     assert facts["traffic"] == start.traffic_name
     assert facts["steps"] == log[-1]["step"]
     assert facts["most_vehicles"] == max(frame["alive"].sum() for frame in log)
     assert facts["is_complete"]
-    assert not facts["is_void"]
+    assert not facts["is_invalid"]
     assert facts["remark"] == ""
     built = build_scenario("intersection").roads()
     assert episode.roads().lane_ids == built.lane_ids
@@ -348,7 +349,7 @@ def test_large_tables_are_written_in_pieces(tmp_path):
         writer.append("vehicles", {name: np.full(1000, piece) for name in names})
     writer.append(
         "episode",
-        {name: [1] for name in TABLE["episode"].names}
+        {name: [VERSION] for name in TABLE["episode"].names}
         | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]},
     )
     episode = RecordedEpisode(writer.finish())

@@ -125,7 +125,7 @@ def test_lights_are_recorded_when_they_change(tmp_path):
 
 def void(recording):
     recording.world.agents.state[0, 0] = AgentStatus.DONE
-    recording.world.agents.outcome[0, 0] = Outcome.VOID
+    recording.world.agents.outcome[0, 0] = Outcome.INVALID
     recording.events.just_done[0, 0] = recording.events.truncated[0, 0] = recording.events.finished[0] = True
 
 
@@ -134,10 +134,10 @@ def test_an_overlap_at_the_start(tmp_path):
     void(recording)
     recording.begin()
     episode = recording.read()
-    assert episode.facts["is_void"]
+    assert episode.facts["is_invalid"]
     assert episode.facts["is_complete"]
     assert "overlapped" in episode.facts["remark"]
-    assert episode.table("agents")["outcome"].tolist() == [Outcome.VOID]
+    assert episode.table("agents")["outcome"].tolist() == [Outcome.INVALID]
     assert episode.table("agents")["truncated"].tolist() == [True]
 
 
@@ -147,7 +147,7 @@ def test_traffic_that_fails(tmp_path):
     void(recording)
     recording.step(failures={0: TrafficError("SUMO has gone")})
     facts = recording.read().facts
-    assert facts["is_void"]
+    assert facts["is_invalid"]
     assert facts["remark"] == "traffic failed: SUMO has gone"
 
 

@@ -47,7 +47,7 @@ class Run:
     def state(self, row):
         world = self.world
         tables = (world.vehicles, world.before, world.agents)
-        return b"".join(column[row].tobytes() for table in tables for _, column in table.columns())
+        return b"".join(column[row].tobytes() for table in tables for column in table)
 
     def _hash(self, row):
         self.hashes[row].update(self.state(row) + self.world.signals[row].tobytes())
@@ -125,7 +125,7 @@ def test_after_a_reset_egos_sit_in_the_first_slots(new_run):
     assert (world.vehicles.owner[:, :EGOS] == Owner.AGENT).all()
     assert world.agents.on_route.all()
     assert (world.agents.remaining > 20).all()
-    for (_, now), (_, before) in zip(world.vehicles.columns(), world.before.columns(), strict=True):
+    for now, before in zip(world.vehicles, world.before, strict=True):
         assert (now == before).all()
 
 

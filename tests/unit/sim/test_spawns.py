@@ -37,7 +37,7 @@ def entries(name, seeds):
             starts = (parts.schedule.start(0, episode, seed) for episode in range(50))
             start = next(start for start in starts if start.traffic.warm_up)
             frame = simulation.reset({0: start})
-            void = bool((world.agents.outcome[0] == Outcome.VOID).any())
+            void = bool((world.agents.outcome[0] == Outcome.INVALID).any())
             hit = []
             for step in range(0 if void else STEPS):
                 frame = simulation.step(parts.actions, rows, nobody)

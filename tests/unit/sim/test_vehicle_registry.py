@@ -1,7 +1,5 @@
 """Identity: slots, generations and names."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,7 +28,7 @@ def test_what_a_row_says_of_an_arrival():
     registry = new_registry()
     assert registry.admit(0, "a", *CAR) == 0
     assert registry.admit(0, "ego", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5) == 1
-    states = registry.states[0]
+    states = registry.states.of(0)
     assert states.alive.tolist() == [True, True] + 6 * [False]
     assert states.owner[:2].tolist() == [Owner.TRAFFIC, Owner.AGENT]
     assert states.home[:2].tolist() == [Owner.TRAFFIC, Owner.NOBODY]
@@ -62,13 +60,13 @@ def test_dismissal_clears_the_row():
     registry = new_registry()
     empty = VehicleStates.allocate(1, 8)
     slot = registry.admit(0, "a", *CAR)
-    for field in dataclasses.fields(VehicleStates):
-        if field.name not in ("generation", "alive"):
-            getattr(registry.states, field.name)[0, slot] = 1
+    for name, column in registry.states._asdict().items():
+        if name not in ("generation", "alive"):
+            column[0, slot] = 1
     registry.dismiss(0, slot)
-    for field in dataclasses.fields(VehicleStates):
-        if field.name != "generation":
-            assert (getattr(registry.states, field.name) == getattr(empty, field.name)).all(), field.name
+    for name, column in registry.states._asdict().items():
+        if name != "generation":
+            assert (column == getattr(empty, name)).all(), name
 
 
 def test_reset_is_a_new_world():
@@ -77,8 +75,8 @@ def test_reset_is_a_new_world():
         registry.admit(0, name, *CAR)
     registry.reset(0)
     empty = VehicleStates.allocate(1, 8)
-    for field in dataclasses.fields(VehicleStates):
-        assert (getattr(registry.states, field.name) == getattr(empty, field.name)).all(), field.name
+    for name, column in registry.states._asdict().items():
+        assert (column == getattr(empty, name)).all(), name
 
 
 def test_a_full_world_is_a_named_error():

@@ -14,7 +14,7 @@ def world():
 
 def snapshot(world, row):
     tables = (world.vehicles, world.before, world.agents)
-    return [column[row].copy() for table in tables for _, column in table.columns()]
+    return [column[row].copy() for table in tables for column in table]
 
 
 def test_advancing_remembers_and_leaves_the_present(world):
@@ -39,7 +39,7 @@ def test_clearing_is_as_new(world):
     new = snapshot(World(worlds=2, capacity=4, agents=3, lanes=5, vias=2), 0)
     beside = snapshot(world, 1)
     for table in (world.vehicles, world.before, world.agents):
-        for _, column in table.columns():
+        for column in table:
             column[0] = 1
     world.step[0] = 9
     world.clear(0)

@@ -1,0 +1,176 @@
+"""`smarts-bench run`, `sweep`, `evaluate` and `algorithms`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from algorithms.registry import ALGORITHMS, Entry, Paradigm
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Config = Annotated[Path, typer.Argument(help="Experiment file (YAML).", show_default=False)]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="Override a value of the file, e.g. --set budget.minutes=5. Repeatable.",
+        metavar="KEY=VALUE",
+    ),
+]
+Import = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--import",
+        help="Python file or package with your own code, named as MODULE:CLASS. Repeatable.",
+        metavar="PATH",
+        show_default=False,
+    ),
+]
+Out = Annotated[Path, typer.Option(help="Parent folder of the experiment's results.")]
+
+MODES: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled")
+HEADER = ("name", "paradigm", "level", "communication", "actions", "recurrent", "description")
+SHORT = {Paradigm.CTDE: "CTDE"}
+
+
+def run(config: Config, set_: Set = None, import_: Import = None, out: Out = Path("results")) -> None:
+    """Train, evaluate and report an experiment. Give the same command again to resume."""
+    from benchmark.experiment.config import read_experiment
+
+    experiment = read_experiment(config, set_ or (), import_ or ())
+    root = out / experiment.name
+    # Printed first, since loading Ray, building scenarios and starting Ray take a while.
+    typer.echo(f"{experiment.name}: building scenarios, checking {root}", err=True)
+    budget = experiment.budget
+    until = f" or {budget.minutes:g} minutes, whichever comes first" if budget.minutes else ""
+    typer.echo(f"training budget of each run: {budget.agent_steps:,} agent-steps{until}", err=True)
+    from benchmark.report.writing import write_report
+    from benchmark.running.experiment import interruptible, resumable, run_experiment
+
+    def work() -> int:
+        code = run_experiment(experiment, root)
+        typer.echo(f"report: {write_report(root)}")
+        return code
+
+    raise typer.Exit(interruptible(work, resumable(root)))
+
+
+def sweep(config: Config, set_: Set = None, import_: Import = None, out: Out = Path("results")) -> None:
+    """Search hyper-parameters with Ray Tune (section `tune`). Give the same command again to resume."""
+    from benchmark.experiment.config import read_experiment
+
+    experiment = read_experiment(config, set_ or (), import_ or ())
+    from benchmark.running.experiment import interruptible, resumable
+    from benchmark.running.sweeping import sweep as search
+
+    root = out / experiment.name
+    raise typer.Exit(interruptible(lambda: search(experiment, root), resumable(root)))
+
+
+def evaluate(
+    run: Annotated[
+        Path, typer.Argument(help="Folder of a run, with config.yaml and checkpoint/.", show_default=False)
+    ],
+    scenario: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Scenario, or SCENARIO@VARIATION. Repeatable.",
+            show_default="those of the training",
+        ),
+    ] = None,
+    traffic: Annotated[
+        str | None, typer.Option(help="Traffic variation.", show_default="that of the training")
+    ] = None,
+    episodes: Annotated[int, typer.Option(help="Number of episodes for each mode.", min=1)] = 50,
+    mode: Annotated[
+        list[str] | None,
+        typer.Option(help="Action selection. Repeatable.", metavar="[greedy|sampled]", show_default="both"),
+    ] = None,
+    checkpoint: Annotated[
+        Literal["last", "best"], typer.Option(help="Last checkpoint, or the best one in validation.")
+    ] = "last",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for the table and the recorded episodes.", show_default="not kept"),
+    ] = None,
+    import_: Import = None,
+) -> None:
+    """Evaluate a trained policy and print all metrics with 95% intervals."""
+    modes = _modes(mode)
+    from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+    from benchmark.running.experiment import interruptible
+
+    table: pd.DataFrame | None = None
+
+    def work() -> int:
+        nonlocal table
+        table = evaluate_checkpoint(
+            run,
+            scenarios=scenario or (),
+            traffic=traffic,
+            episodes=episodes,
+            modes=modes,
+            checkpoint=checkpoint,
+            out=out,
+            imports=import_ or (),
+        )
+        return 0
+
+    left = "nothing was written" if out is None else f"no table was written to {out}"
+    code = interruptible(work, left)
+    if table is not None:
+        show_metrics(table)
+    raise typer.Exit(code)
+
+
+def show_metrics(table: pd.DataFrame) -> None:
+    """Print all metrics of a test."""
+    from benchmark.metrics import compute
+
+    found = compute(table, ["mode"])
+    for name, group in found.groupby("mode"):
+        rows = group.to_dict("records")
+        typer.echo(f"{name}: {rows[0]['n']} agent-episodes")
+        for row in rows:
+            interval = f"[{row['low']:z.3f}, {row['high']:z.3f}]" if row["low"] == row["low"] else ""
+            value = f"{row['value']:z.3f}" if row["value"] == row["value"] else "n/a"
+            typer.echo(f"  {row['metric']:<24} {value:>8}  {interval:<18} {row['note']}".rstrip())
+
+
+def _modes(given: list[str] | None) -> tuple[Literal["greedy", "sampled"], ...]:
+    # Typer supports no list of literals.
+    for name in given or ():
+        if name not in MODES:
+            raise typer.BadParameter(f"{name!r} is neither greedy nor sampled", param_hint="--mode")
+    return tuple(name for name in MODES if not given or name in given)
+
+
+def list_algorithms() -> None:
+    """List all algorithms and their properties."""
+    rows = [HEADER, *(_row(name, entry) for name, entry in ALGORITHMS.items())]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        line = "  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True))
+        typer.echo(line.rstrip())
+    for paradigm, short in SHORT.items():
+        typer.echo(f"\n{short}: {paradigm}")
+
+
+def _row(name: str, entry: Entry) -> tuple[str, ...]:
+    return (
+        name,
+        SHORT.get(entry.paradigm, entry.paradigm.value),
+        entry.level,
+        _yes(entry.communication),
+        entry.actions.value,
+        _yes(entry.recurrent),
+        entry.summary,
+    )
+
+
+def _yes(tag: bool) -> str:
+    return "yes" if tag else "no"

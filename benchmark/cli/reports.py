@@ -1,0 +1,131 @@
+"""`smarts-bench report`, `leaderboard` and `compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from benchmark.metrics.results import Frame
+
+Mode = Annotated[Literal["greedy", "sampled"], typer.Option(help="Test episodes to use.")]
+Side = Annotated[Path, typer.Argument(help="results/NAME or results/NAME/ALGORITHM.", show_default=False)]
+TITLES = {
+    "first": "first",
+    "second": "second",
+    "task": "task",
+    "task_traffic": "traffic",
+    "metric": "metric",
+    "value": "difference",
+    "interval": "95% interval",
+    "pairs": "starts",
+    "seeds": "seeds",
+    "p_value": "p",
+    "corrected": "corrected p",
+    "better": "better",
+}
+"""Column of the table of `compare` -> its title."""
+
+
+def report(
+    results: Annotated[Path, typer.Argument(help="Results folder, results/NAME.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write to.", show_default="RESULTS/report")
+    ] = None,
+) -> None:
+    """Write the report of an experiment (HTML, Markdown, CSV, LaTeX), finished or not."""
+    from benchmark.report.writing import write_report
+
+    typer.echo(write_report(results, out))
+
+
+def leaderboard(
+    results: Annotated[
+        list[Path],
+        typer.Argument(metavar="RESULTS...", help="Results folders, results/NAME.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("leaderboard.html"),
+    mode: Mode = "greedy",
+) -> None:
+    """Rank the algorithms of several experiments on one page."""
+    from benchmark.report.leaderboard_page import write_leaderboard
+
+    write_leaderboard(results, out, mode)
+    typer.echo(out)
+
+
+def compare(
+    a: Side,
+    b: Side,
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--metric", help="Metric to compare. Repeatable.", show_default="completion and collision rate"
+        ),
+    ] = None,
+    mode: Mode = "greedy",
+    csv: Annotated[
+        Path | None, typer.Option("--csv", help="CSV file to write as well.", show_default=False)
+    ] = None,
+) -> None:
+    """Compare two experiments or two algorithms at equal starts.
+
+    Prints A minus B for each algorithm in both experiments, or for the two algorithms, with p-values
+    Holm-corrected over all lines. A start is one observation, averaged over training seeds: results are about
+    these checkpoints, not about other trainings of the algorithm.
+    """
+    from benchmark.report.comparing import (
+        compare_sides,
+        differing_protocols,
+        read_side,
+        scenarios_apart,
+        told_apart,
+    )
+    from benchmark.report.ranking import RANKED_BY
+    from benchmark.report.values import csv_number
+    from benchmark.results.files import write_whole
+
+    first, second = told_apart(read_side(a), read_side(b))
+    found = compare_sides(first, second, metric or RANKED_BY, mode)
+    differing = differing_protocols(first, second)
+    if differing:
+        typer.echo("note: the protocols differ:", err=True)
+        for line in differing:
+            typer.echo(f"  {line}", err=True)
+    for side in (first, second):
+        for line in side.left_out:
+            typer.echo(f"note: left out: {side.name}: {line}", err=True)
+    for line in scenarios_apart(first, second):
+        typer.echo(f"note: {line}", err=True)
+    if csv is not None:
+        text = found.to_csv(index=False, float_format=csv_number, lineterminator="\n")
+        write_whole(csv, lambda file: file.write_text(text, encoding="utf-8"))
+    typer.echo(_shown(found))
+    for note in dict.fromkeys(filter(None, found["note"])):
+        typer.echo(f"note: left out: {note}", err=True)
+
+
+def _shown(found: Frame) -> str:
+    lines = [[*TITLES.values()], *map(_line, found.to_dict("records"))]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+        for line in lines
+    )
+
+
+def _line(row: dict[Any, Any]) -> list[str]:
+    """Return a row of `compare_sides` as text, in the order of `TITLES`; NaN differs from itself."""
+    is_compared = row["corrected"] == row["corrected"]
+    known = row["low"] == row["low"]
+    return [
+        *(str(row[name]) for name in ("first", "second", "task", "task_traffic", "metric")),
+        f"{row['value']:+z.3f}" if row["value"] == row["value"] else "n/a",
+        f"[{row['low']:+z.3f}, {row['high']:+z.3f}]" if known else "no interval",
+        str(row["pairs"]),
+        f"{row['first_seeds']} / {row['second_seeds']}",
+        *(f"{row[name]:.3f}" if is_compared else "" for name in ("p_value", "corrected")),
+        row["better"] or ("tie" if is_compared else "not compared"),
+    ]

@@ -1,0 +1,170 @@
+"""`smarts-bench scripted`: what can be reached without learning."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from benchmark.cli.experiments import Import
+from benchmark.results.files import ResultsError, try_writing, write_whole
+from smarts.errors import SmartsError, UnknownNameError, nearest_names
+
+if TYPE_CHECKING:
+    from benchmark.scripted.play import Tally
+
+SCENARIOS = ("two_way", "double_merge", "intersection")
+SHOWN = ("collision", "goal", "off_road", "off_route", "missed_goal", "not_moving", "time_out")
+WITH_INTERVAL = ("collision", "goal")
+COLUMNS = (
+    "policy",
+    "scenario",
+    "traffic",
+    "episodes",
+    "agent_episodes",
+    "seconds",
+    *SHOWN,
+    *(f"{name}_{end}" for name in WITH_INTERVAL for end in ("low", "high")),
+)
+
+
+def scripted(
+    policies: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[POLICY]...", help="Policies to play.", show_default="all"),
+    ] = None,
+    scenario: Annotated[
+        list[str] | None,
+        typer.Option(help="Scenario name or folder. Repeatable.", show_default=", ".join(SCENARIOS)),
+    ] = None,
+    episodes: Annotated[
+        int, typer.Option(help="Number of episodes for each policy, scenario and traffic.", min=1)
+    ] = 50,
+    seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**63 - 1)] = 42,
+    out: Annotated[Path | None, typer.Option(help="CSV file to write.", show_default=False)] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Folder to record the episodes to.", show_default=False)
+    ] = None,
+    import_: Import = None,
+) -> None:
+    """Play scripted policies and print the shares of their outcomes.
+
+    Shares are of agent-episodes; those of collision and goal have 95% intervals.
+    """
+    from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER
+    from benchmark.scripted.play import play
+    from smarts.registry import file_name, import_own, is_own_name
+    from smarts.sstudio.locating import locate
+
+    import_own(import_ or ())
+    known = (*SCRIPTED_POLICIES, SUMO_DRIVER)
+    chosen = policies or known
+    for policy in chosen:
+        if is_own_name(policy):
+            SCRIPTED_POLICIES[policy]
+        elif policy not in known:
+            raise UnknownNameError(
+                f"there is no scripted policy {policy!r}", remedy=nearest_names(policy, known)
+            )
+    for name in scenario or SCENARIOS:
+        locate(name)
+    _check_table(out)
+    typer.echo(_line(COLUMNS[:3], COLUMNS[3], "s", SHOWN))
+    table = None if out is None else CsvTable(out)
+    for policy, name in itertools.product(chosen, scenario or SCENARIOS):
+        folder = None if record is None else record / file_name(policy) / Path(name).name
+        for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
+            typer.echo(_shown(tally))
+            if table is not None:
+                table.add(_row(tally))
+    if table is not None:
+        table.finish()
+        typer.echo(f"wrote {out}")
+
+
+class CsvTable:
+    """A CSV file that is whole after each line, so that an interrupted command loses none.
+
+    Args:
+        file: Its path; an existing file is replaced when the first line is added.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._lines: list[Sequence[str]] = [COLUMNS]
+        self._failure: ResultsError | None = None
+
+    def add(self, line: Sequence[str]) -> None:
+        """Add a line. If it cannot be written, print a note once and try again with the next line."""
+        self._lines.append(line)
+        try:
+            write_whole(self._file, self._write)
+        except ResultsError as error:
+            if self._failure is None:
+                typer.echo(f"note: {error.place}: {error.problem}; will try again", err=True)
+            self._failure = error
+        else:
+            self._failure = None
+
+    def finish(self) -> None:
+        """Raise `ResultsError` unless all lines are written."""
+        if self._failure is not None:
+            raise ResultsError(
+                self._failure.problem,
+                place=self._failure.place,
+                remedy="all lines are above; make room, then give the command again",
+            )
+
+    def _write(self, file: Path) -> None:
+        with file.open("w", newline="") as out:
+            csv.writer(out, lineterminator="\n").writerows(self._lines)
+
+
+def _row(tally: Tally) -> list[str]:
+    """Return a line of the table, in the order of `COLUMNS`."""
+    ends = [end for name in WITH_INTERVAL for end in tally.interval(name)]
+    return [
+        tally.policy,
+        tally.scenario,
+        tally.traffic,
+        str(tally.episodes),
+        str(tally.outcomes.total()),
+        f"{tally.seconds:.1f}",
+        *(f"{value:.3f}" for value in [*map(tally.share, SHOWN), *ends]),
+    ]
+
+
+def _shown(tally: Tally) -> str:
+    shares = []
+    for name in SHOWN:
+        low, high = tally.interval(name)
+        interval = f" [{low:.2f}, {high:.2f}]" if name in WITH_INTERVAL else ""
+        shares.append(f"{tally.share(name):.2f}{interval}")
+    names = tally.policy, Path(tally.scenario).name, tally.traffic
+    return _line(names, str(tally.episodes), f"{tally.seconds:.0f}", shares)
+
+
+def _line(names: Sequence[str], episodes: str, seconds: str, shares: Sequence[str]) -> str:
+    policy, scenario, traffic = names
+    return f"{policy:<16}{scenario:<14}{traffic:<24}{episodes:>8}{seconds:>5}" + "".join(
+        f"{share:>{20 if name in WITH_INTERVAL else 12}}" for name, share in zip(SHOWN, shares, strict=True)
+    )
+
+
+def _check_table(out: Path | None) -> None:
+    """Raise `SmartsError` if the table cannot be written, before anything is played."""
+    if out is None:
+        return
+    if out.suffix != ".csv":
+        raise SmartsError(
+            f"the table {out.name!r} is no CSV file", place="--out", remedy="use the suffix .csv"
+        )
+    if out.is_dir() or any(parent.is_file() for parent in out.parents):
+        raise SmartsError(
+            "there is a folder or a file in the way", place=str(out), remedy="choose another --out"
+        )
+    try_writing(out)

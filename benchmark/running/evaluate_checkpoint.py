@@ -1,0 +1,140 @@
+"""Evaluates the checkpoint of a run, in the same or in other traffic and scenarios."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import pandas as pd
+
+from benchmark.experiment.config import Evaluation, Task, name_of
+from benchmark.experiment.runs import Run, run_from
+from benchmark.metrics import read_table
+from benchmark.results.files import FormatError, ResultsError
+from benchmark.results.run_folder import RunFolder
+from benchmark.running.cluster import start_ray
+from benchmark.running.importing import named_own_code
+from benchmark.running.played import scenario_digests
+from benchmark.running.testing import play_test
+from benchmark.running.training import algorithm_of, restore
+from smarts.config import fitted
+from smarts.registry import import_own
+from smarts.sstudio.build import build_scenario
+
+
+def evaluate_checkpoint(
+    path: Path,
+    *,
+    scenarios: Sequence[str] = (),
+    traffic: str | None = None,
+    episodes: int = 50,
+    modes: tuple[Literal["greedy", "sampled"], ...] = ("greedy", "sampled"),
+    checkpoint: Literal["last", "best"] = "last",
+    out: Path | None = None,
+    imports: Sequence[str | Path] = (),
+) -> pd.DataFrame:
+    """Return the table of a test of a run's policy, for `benchmark.metrics.compute`.
+
+    Args:
+        path: The run's folder, which is not changed.
+        scenarios: By default those of the training.
+        traffic: By default that of the training.
+        episodes: For each mode.
+        modes: Ways of acting.
+        checkpoint: The last, or the best in validation.
+        out: Folder for the table and the recorded episodes; not a run's.
+        imports: Files and folders of own code, by default the ones of the training.
+
+    Raises:
+        ResultsError: There is no run or no such checkpoint, or it is damaged; or `out` is a run's folder.
+        SmartsError: A scenario or its traffic does not exist (a `ConfigError` where one has a wrong name).
+        CheckpointError: The checkpoint does not fit the run's config.
+        OwnCodeError: Own code cannot be imported, or raises.
+    """
+    folder = RunFolder(path)
+    if out is not None and RunFolder(out).run.exists():
+        raise ResultsError(
+            "holds the results of a run, which would be overwritten",
+            place=str(out),
+            remedy="choose another --out",
+        )
+    trained = read_run(folder, imports)
+    run = _with_test(trained, scenarios, traffic, episodes, modes, keep=out is not None)
+    for scenario in run.task_setting.task.scenarios:
+        build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
+            run.task_setting.environment.agents
+        )
+    if run.task_setting.traffic == trained.task_setting.traffic:
+        for name in folder.changed_scenarios(scenario_digests(run.task_setting)):
+            print(f"note: {path}: the scenario {name!r} has changed since this run", file=sys.stderr)
+    kept = folder.checkpoint if checkpoint == "last" else folder.best
+    if not kept.exists():
+        raise ResultsError(
+            f"the run has no {checkpoint} checkpoint", place=str(path), remedy="train it further"
+        )
+    start_ray(run.resources)
+    with (
+        tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary,
+        named_own_code("the run's own code"),
+        algorithm_of(run) as algo,
+    ):
+        restore(algo, kept)
+        answer = RunFolder(out or Path(temporary))
+        for _ in play_test(run, answer, algo):
+            pass
+        return read_table(answer.table)
+
+
+def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:
+    """Return the run of a folder and import its own code.
+
+    Args:
+        folder: The run's.
+        imports: Files and folders of own code, by default the ones of the training.
+
+    Raises:
+        ResultsError: There is none, or its config is damaged.
+        OwnCodeError: A file or folder of own code does not exist.
+    """
+    try:
+        tested = folder.facts().get("tested", {})  # first, since it refuses other formats
+        run = run_from(folder.read_config())
+        metrics = tuple(tested["metrics"]) if "metrics" in tested else None
+        own = tuple(str(Path(path).absolute()) for path in imports) or run.task_setting.imports
+        import_own(own)
+        return replace(run, task_setting=replace(run.task_setting, imports=own, metrics=metrics))
+    except FormatError:
+        raise
+    except (ResultsError, ValueError) as error:
+        reason = error.problem if isinstance(error, ResultsError) else error
+        raise ResultsError(
+            f"not a run: {reason}",
+            place=str(folder.config),
+            remedy="give a folder such as results/NAME/ppo/intersection/no_social_vehicles/seed_1",
+        ) from error
+
+
+def _with_test(
+    run: Run,
+    scenarios: Sequence[str],
+    traffic: str | None,
+    episodes: int,
+    modes: tuple[Literal["greedy", "sampled"], ...],
+    *,
+    keep: bool,
+) -> Run:
+    task_setting = run.task_setting
+    task = task_setting.task
+    if scenarios:
+        values = {"name": name_of(scenarios), "scenarios": list(scenarios)}
+        task = fitted(values, Task, "--scenario")
+    evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=keep)
+    task_setting = replace(
+        task_setting, task=task, traffic=traffic or task_setting.traffic, evaluation=evaluation
+    )
+    resources = run.resources.model_copy(update={"env_runners": 0})
+    return replace(run, task_setting=task_setting, resources=resources)

@@ -1,0 +1,200 @@
+"""Plays scripted policies in scenarios and counts the outcomes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algorithms.joint.worlds import REPORTED_WORLDS
+from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER, ScriptedPolicy
+from benchmark.scripted.sumo_driver import sumo_episodes
+from benchmark.statistics import wilson_interval
+from smarts.env.vector import VectorHiWayEnv, VectorStep
+from smarts.errors import SmartsError, TrafficError
+from smarts.sim.assembly import Options
+from smarts.sstudio.build import build_scenario
+from smarts.types.actions import LaneAction
+from smarts.types.episode import EpisodeStart
+
+AGENTS = 4
+
+
+@dataclass
+class Tally:
+    """Outcomes of a policy's agents in one scenario with one traffic."""
+
+    policy: str
+    scenario: str
+    traffic: str
+    agents: int
+    """In each episode."""
+    episodes: int = 0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    """Outcome -> number of agents."""
+    steps: float = 0.0
+    """Of all episodes."""
+
+    def add(self, outcomes: Counter[str], steps: float) -> None:
+        """Count an episode."""
+        self.episodes += 1
+        self.outcomes += outcomes
+        self.steps += steps
+
+    @property
+    def seconds(self) -> float:
+        """Mean length of an episode [s], NaN without episodes."""
+        return 0.1 * self.steps / self.episodes if self.episodes else math.nan
+
+    def share(self, outcome: str) -> float:
+        """Return the share of agent-episodes with an outcome, NaN without episodes."""
+        total = self.outcomes.total()
+        return self.outcomes[outcome] / total if total else math.nan
+
+    def interval(self, outcome: str) -> tuple[float, float]:
+        """Return the 95% interval of a share.
+
+        Wilson's interval with the episode as unit: agents of one episode may end alike, so n agent-episodes
+        count as n / agents independent ones (the largest possible design effect).
+        """
+        return wilson(self.share(outcome), self.outcomes.total() / self.agents)
+
+
+def wilson(share: float, count: float) -> tuple[float, float]:
+    """Return Wilson's 95% interval (1927) of a share of `count` independent trials, [0, 1] without trials."""
+    if count <= 0:
+        return 0.0, 1.0
+    low, high = wilson_interval(share, count)
+    return float(low), float(high)
+
+
+class Ended(NamedTuple):
+    """A finished episode."""
+
+    outcomes: Counter[str]
+    """Outcome -> number of agents."""
+    steps: float
+
+
+def play(
+    policy: str,
+    scenario: str,
+    *,
+    episodes: int,
+    seed: int = 42,
+    first_world: int = REPORTED_WORLDS,
+    record: Path | None = None,
+) -> Iterator[Tally]:
+    """Play a scenario with every agent driven by a policy; yield a tally for each of its traffics.
+
+    Episode k is that of world `first_world` + k, as in the evaluation of learned policies.
+
+    Args:
+        policy: A name of `SCRIPTED_POLICIES`, or `SUMO_DRIVER`.
+        scenario: Folder, or name of the suite.
+        episodes: How many are counted for each traffic: the first valid ones.
+        seed: Of the run.
+        first_world: See above.
+        record: Folder for recorded episodes; the last episode of each traffic is cut short.
+
+    Raises:
+        SmartsError: `record` is given for SUMO's driver.
+        TrafficError: Traffic failed.
+    """
+    for traffic in build_scenario(scenario).traffic:
+        tally = Tally(policy, scenario, traffic, AGENTS)
+        if policy == SUMO_DRIVER:
+            if record is not None:
+                raise SmartsError("only agents are recorded", place="record", remedy="leave out sumo_driver")
+            played = sumo_episodes(scenario, traffic, AGENTS, seed, first_world)
+        else:
+            played = _episodes(policy, scenario, traffic, seed, first_world, record)
+        for outcomes, steps in played:
+            if not outcomes["invalid"]:
+                tally.add(outcomes, steps)
+            if tally.episodes >= episodes:
+                break
+        played.close()
+        yield tally
+
+
+def _episodes(
+    policy: str, scenario: str, traffic: str, seed: int, first_world: int, record: Path | None
+) -> Generator[Ended]:
+    """Yield one episode of each world in turn."""
+    options = Options(record=record)
+    env = VectorHiWayEnv(1, [scenario], AGENTS, seed=seed, simulation=options, traffic=[traffic])
+    with closing(env):
+        yield from episodes_of(env, policy, seed, first_world)
+
+
+def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_world: int) -> Generator[Ended]:
+    """Yield one episode of each world in turn, with every agent driven by a policy.
+
+    Args:
+        env: One simulation whose observations and actions fit the policy.
+        policy: A name of `SCRIPTED_POLICIES`, or `module:Class` of a user's own.
+        seed: Of the run.
+        first_world: The world of the first episode.
+
+    Raises:
+        TrafficError: Traffic failed.
+    """
+    drivers: list[ScriptedPolicy] = [SCRIPTED_POLICIES[policy]() for _ in env.agents]
+    now = env.reset(seed, np.array([first_world]), stride=1)
+    start = _begin(drivers, env)
+    while True:
+        now = env.step(_actions(drivers, now, env))
+        for error in now.failed.values():
+            place = f"{start.scenario}, world {start.world}"
+            raise TrafficError("the traffic failed", place=place) from error
+        for shares in now.metrics.values():
+            yield Ended(_outcomes(shares, len(env.agents)), shares["steps"])
+            start = _begin(drivers, env)
+
+
+def _begin(drivers: Sequence[ScriptedPolicy], env: VectorHiWayEnv) -> EpisodeStart:
+    (start,) = env.episodes
+    for agent, driver in enumerate(drivers):
+        driver.begin(start, agent)
+    return start
+
+
+def _actions(drivers: Sequence[ScriptedPolicy], now: VectorStep, env: VectorHiWayEnv) -> list[NDArray]:
+    """Return the actions of all active agents, for each block of agents, shape (1, n, ...)."""
+    actions, first = [], 0
+    for block, leaves, mask in zip(env.spaces.blocks, now.observations, now.masks, strict=True):
+        shape = (1, len(block.agents), *(block.action.shape or ()))
+        chosen = np.zeros(shape, block.action.dtype)
+        for place in np.flatnonzero(now.alive[0, first : first + len(block.agents)]).tolist():
+            seen = {name: leaf[0, place] for name, leaf in leaves.items()}
+            action_mask = np.ones(len(LaneAction), np.bool_) if mask is None else mask[0, place]
+            driver: Any = drivers[first + place]
+            chosen[0, place] = driver.act(_observation(driver, seen), action_mask)
+        actions.append(chosen)
+        first += len(block.agents)
+    return actions
+
+
+def _observation(driver: ScriptedPolicy, seen: Mapping[str, NDArray]) -> Any:
+    """Return a policy's observation: the only array, or a dict of arrays.
+
+    The policies of this package read the vector of adapter "benchmark" and ignore other arrays.
+    """
+    if [*seen] == [""]:
+        return seen[""]
+    is_ours = type(driver).__module__.startswith("benchmark.scripted.")
+    return seen["observation"] if is_ours and "observation" in seen else dict(seen)
+
+
+def _outcomes(shares: Mapping[str, float], agents: int) -> Counter[str]:
+    return Counter(
+        {name: round(share * agents) for name, share in shares.items() if name != "steps" and share}
+    )

@@ -1,0 +1,67 @@
+"""Tests of finished runs that cannot be made, each refused with one message before anything starts."""
+
+import pytest
+
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.runs import run_from, runs_of
+from benchmark.results.commands import EXPERIMENT, last_experiment
+from benchmark.results.files import ResultsError
+from benchmark.results.run_folder import RunFolder
+from benchmark.running.evaluate_checkpoint import evaluate_checkpoint, read_run
+from smarts.config import ConfigError
+
+
+@pytest.fixture
+def run(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("algorithms: [ppo]\ntasks: [loop]\nbudget: {minutes: 5}\n")
+    return next(runs_of(read_experiment(file)))
+
+
+@pytest.fixture
+def folder(run, tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    folder.open(run.content())
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("intersecton", "--scenario: scenarios[0]: there is no scenario 'intersecton', neither in the suite"),
+        ("intersecton", "did you mean 'intersection'?"),
+        ("", "there is no scenario ''"),
+    ],
+)
+def test_a_scenario_that_does_not_exist_is_one_message(folder, name, said):
+    with pytest.raises(ConfigError) as caught:
+        evaluate_checkpoint(folder.path, scenarios=[name])
+    assert said in str(caught.value)
+
+
+def test_a_run_whose_scenario_does_not_exist_any_more(run, folder):
+    assert run_from(run.content()).content() == run.content()
+    folder.config.write_text(folder.config.read_text().replace("- loop", "- gone"))
+    with pytest.raises(ResultsError) as caught:
+        read_run(folder)
+    assert "scenarios[0]: there is no scenario 'gone'" in caught.value.problem
+    assert "pydantic" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("key", "value"), [("budget", 5), ("environment", {"agents": 0}), ("copies", "x")])
+def test_a_config_of_a_run_that_is_none(run, key, value):
+    with pytest.raises(ValueError, match="not the content of a run"):
+        run_from({**run.content(), key: value})
+
+
+def test_what_is_wrong_with_what_was_asked_for_last(tmp_path):
+    problems = {}
+    (tmp_path / EXPERIMENT).write_text('{"algorithms": ["ppo"], "tasks": ["loop"], "bugdet": 1}')
+    assert last_experiment(tmp_path, problems) is None
+    assert problems == {
+        EXPERIMENT: "not an experiment of this version: there is no key bugdet; did you mean 'budget'?; "
+        "`run` writes it anew"
+    }
+    (tmp_path / EXPERIMENT).write_text("[")
+    assert last_experiment(tmp_path, problems) is None
+    assert problems[EXPERIMENT].endswith("; `run` writes it anew")

@@ -1,0 +1,93 @@
+"""Scripted policies in a scenario of the benchmark."""
+
+import csv
+import resource
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from benchmark.cli.scripted import COLUMNS, CsvTable, scripted
+from benchmark.results.files import ResultsError
+from benchmark.scripted import SUMO_DRIVER
+from benchmark.scripted.play import play
+from smarts.errors import SmartsError, UnknownNameError
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+
+
+@pytest.mark.slow
+def test_keep_lane_drives_and_parked_stands(tmp_path):
+    table = tmp_path / "scripted.csv"
+    scripted(
+        ["keep_lane", "parked"], ["two_way"], episodes=1, seed=42, out=table, record=tmp_path / "records"
+    )
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["policy"], row["traffic"]) for row in rows] == [
+        (policy, traffic)
+        for policy in ("keep_lane", "parked")
+        for traffic in ("no_social_vehicles", "random_social_vehicles")
+    ]
+    assert all(row["agent_episodes"] == "4" for row in rows)
+    assert float(rows[0]["not_moving"]) == 0.0
+    assert float(rows[2]["not_moving"]) == 1.0
+    recorded = [
+        RecordedEpisode(folder) for folder in episodes_in(tmp_path / "records" / "parked" / "two_way")
+    ]
+    assert len(recorded) >= 2
+
+
+@pytest.mark.slow
+def test_sumos_driver_arrives_on_empty_roads():
+    for scenario in ("two_way", "double_merge"):
+        alone, _ = play(SUMO_DRIVER, scenario, episodes=2, first_world=100)
+        assert alone.share("goal") == 1.0
+
+
+def test_bad_input_is_refused_before_anything_is_played(tmp_path):
+    with pytest.raises(UnknownNameError, match="yeilder"):
+        scripted(["yeilder"])
+    with pytest.raises(SmartsError, match=r"scripted\.txt"):
+        scripted(["parked"], out=tmp_path / "scripted.txt")
+    with pytest.raises(SmartsError, match=r"/proc/x\.csv: cannot be written") as caught:
+        scripted(["parked"], out=Path("/proc/x.csv"))
+    assert "place that can be written to" in caught.value.remedy
+    with pytest.raises(SmartsError, match="only agents are recorded"):
+        next(play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path))
+
+
+@contextmanager
+def full_disk():
+    """Let no file grow beyond 100 bytes, which fails as a full disk does."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_loses_no_line_of_a_table(tmp_path, capsys):
+    file = tmp_path / "scripted.csv"
+    lines = [[f"{number}"] * len(COLUMNS) for number in range(4)]
+
+    def written():
+        with file.open(newline="") as opened:
+            return [*csv.reader(opened)]
+
+    table = CsvTable(file)
+    table.add(lines[0])
+    assert written() == [[*COLUMNS], lines[0]]
+    with full_disk():
+        table.add(lines[1])
+        table.add(lines[2])
+    assert written() == [[*COLUMNS], lines[0]]
+    assert capsys.readouterr().err.count("cannot be written") == 1
+    with pytest.raises(ResultsError, match="cannot be written") as caught:
+        table.finish()
+    assert caught.value.place == str(file)
+    assert "lines are above" in caught.value.remedy
+    table.add(lines[3])
+    table.finish()
+    assert written() == [[*COLUMNS], *lines]
+    assert [*tmp_path.iterdir()] == [file]
