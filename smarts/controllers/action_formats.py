@@ -16,11 +16,10 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.errors import ActionError, shown
 from smarts.types.actions import Actions
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 Places = tuple[Any, Any]
 """Rows of simulations and ids of agents, as an index of `Actions`: two numbers, or two arrays of shape
 (N,)."""
@@ -34,7 +33,7 @@ PATH_POINTS = 32
 class Rejected(NamedTuple):
     """Why the first bad one of several actions is rejected."""
 
-    index: int
+    first: int
     """Of the action."""
     problem: str
 

@@ -9,7 +9,8 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
-from smarts.controllers.action_formats import ActionFormat, Floats, Places, Rejected, numbers_of, rejection
+from smarts.arrays import Floats
+from smarts.controllers.action_formats import ActionFormat, Places, Rejected, numbers_of, rejection
 from smarts.controllers.lane_following import BY_NAME, LaneFollowing
 from smarts.types.actions import Actions, LaneAction
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from smarts.controllers.action_formats import FAR, ActionFormat, Floats, NumbersFormat, rejection
+from smarts.arrays import Floats
+from smarts.controllers.action_formats import FAR, ActionFormat, NumbersFormat, rejection
 from smarts.controllers.target_pose import TURN, TargetPose
 
 

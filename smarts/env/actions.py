@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.arrays import Bools, Floats
 from smarts.controllers import action_format
 from smarts.controllers.action_formats import (
     ActionFormat,
-    Floats,
     Places,
     Rejected,
     numbers_of,
@@ -27,8 +27,6 @@ from smarts.controllers.action_formats import (
 from smarts.env.groups import ActionEncoding, AgentGroup
 from smarts.errors import ActionError
 from smarts.types.actions import Actions
-
-Bools = NDArray[np.bool_]
 
 _LARGEST_WHOLE = 2**53
 """Above it, float64 does not hold every whole number."""
@@ -89,7 +87,7 @@ class ActionEncoder:
         found = action_format(group.kind)
         numbers = found.parse_batch(given[rows, columns])
         if isinstance(numbers, Rejected):
-            row, column = int(rows[numbers.index]), int(columns[numbers.index])
+            row, column = int(rows[numbers.first]), int(columns[numbers.first])
             place = place_of(group.agents[column], row if len(chosen) > 1 else None)
             raise rejection(given[row, column].tolist(), numbers.problem, place, found.remedy)
         return Parsed(found, numbers, (rows, group.agent_ids[columns]))
@@ -144,7 +142,7 @@ def element_of(group: AgentGroup, agent: str, action: Any) -> NDArray:
     """
     place, space = place_of(agent), group.action
     values = numbers_of(action, space.shape or (), place, lambda: own_remedy(group))
-    dtype = np.dtype(space.dtype)
+    dtype: Any = np.dtype(space.dtype)
     if dtype.kind not in "iu":
         limits = np.finfo(dtype)
         return np.clip(values, limits.min, limits.max).astype(dtype)

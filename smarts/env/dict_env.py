@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.spec import AgentSpec
+from smarts.arrays import Bools
 from smarts.controllers.action_formats import rejection
 from smarts.env.actions import Own, Parsed
 from smarts.env.runner import EpisodeKey, SimulationRunner, Transition
 from smarts.errors import ActionError, nearest_names
 from smarts.types.events import Event, Outcome
 from smarts.types.streams import check_seed
-
-Bools = NDArray[np.bool_]
 
 _EVENTS = [(int(event), str(event.name).lower()) for event in Event if event]
 _OUTCOMES = [outcome.name.lower() for outcome in Outcome]

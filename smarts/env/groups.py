@@ -14,6 +14,7 @@ from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
+from smarts.arrays import Bools, Ints
 from smarts.controllers import action_space
 from smarts.env.adapters.protocol import MASK, AdapterContext, ArrayAdapter
 from smarts.env.settings import EnvSettings
@@ -21,9 +22,6 @@ from smarts.roads.scene import Scene
 from smarts.sim.assembly import Assembly
 from smarts.types.actions import Actions, ActionSpaceType
 from smarts.types.interface import Field
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 
 ALONE = "observation"
 """Name of a field that is the whole observation where it is the only one."""

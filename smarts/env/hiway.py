@@ -75,7 +75,7 @@ class HiWayEnv(NotCopied, gym.Env):
         super().reset(seed=seed, options=options)
         return self._env.reset(seed)
 
-    def step(self, action: Mapping[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
+    def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
         """Carry out a decision; return observations, rewards, terminated, truncated and infos by agent.
 
         Both done dicts have "__all__" too: whether the episode is over, and whether it is so because some of

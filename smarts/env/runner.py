@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.checks import check_instance
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.env.actions import ActionEncoder
 from smarts.env.social_agents import SocialAgentRequests, SocialAgents
 from smarts.errors import ScenarioError, SmartsError
@@ -22,9 +23,6 @@ from smarts.sim.assembly import Assembly
 from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import EpisodeStart
 from smarts.types.frame import Frame
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 
 # A number: to compare an array with a member of an enumeration takes three times as long.
 _ACTIVE = int(AgentStatus.ACTIVE)
@@ -74,7 +72,7 @@ class Transition:
     entered later and ended before its first decision is recorded, but the user has never seen it."""
     events: Ints
     """`Event` bits of all its steps."""
-    outcome: NDArray[np.int8]
+    outcome: Bytes
     """An `Outcome`."""
     terminated: Bools
     """Ended for good, among `acted`."""

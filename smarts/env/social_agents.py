@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.acting import ActionRequest, AgentHost
+from smarts.arrays import Bools
 from smarts.env.actions import ActionEncoder
 from smarts.types.agent_states import AgentStatus
 from smarts.types.frame import Frame
 from smarts.types.world import World
-
-Bools = NDArray[np.bool_]
 
 _ACTIVE, _SHADOWING = int(AgentStatus.ACTIVE), int(AgentStatus.SHADOWING)
 
