@@ -113,7 +113,13 @@ def always_touching(fleet: Any) -> Iterator[None]:
         worlds._find_company = kept
 
 
-def paths(model: str) -> Iterator[tuple[str, str, list[str]]]:
+def runner_of(env: Any) -> Any:
+    """Return the runner of an environment."""
+    inner = getattr(env, "_env", env)
+    return inner.runner if hasattr(inner, "runner") else inner._runner
+
+
+def paths(model: Any) -> Iterator[tuple[str, str, list[str]]]:
     """Yield API, kernel and frames for one vehicle model."""
     from smarts.dynamics import bullet
 
@@ -121,10 +127,7 @@ def paths(model: str) -> Iterator[tuple[str, str, list[str]]]:
     for api, (env, step) in made(interface).items():
         try:
             env.reset(seed=1)
-            runner = env._runner if hasattr(env, "_runner") else None
-            inner = getattr(env, "_env", None)
-            runner = runner or getattr(inner, "runner", None) or inner._runner
-            fleet = runner.simulation._stages.vehicles.fleet
+            fleet = runner_of(env).simulation._stages.vehicles.fleet
             with seen_calls(fleet, KERNELS[model]) as calls:
                 step(env)
             yield from ((api, name, frames) for name, frames in calls.items())

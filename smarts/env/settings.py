@@ -91,8 +91,7 @@ class EnvSettings:
         check_truth("action_mask", self.action_mask)
         if self.simulation is not None:
             check_instance("simulation", self.simulation, Options, "smarts.sim.assembly.Options(...)")
-        if self.adapter_options is not None:
-            check_options(self.adapter_class, self.adapter_options)
+        check_options(self.adapter_class, {} if self.adapter_options is None else self.adapter_options)
 
     @property
     def adapter_class(self) -> Callable[..., ArrayAdapter]:
