@@ -24,39 +24,13 @@ class A2CLearner(PPOLearner):
 
 
 class A2CConfig(PPOConfig):
-    """Independent A2C."""
+    """RLlib config of independent A2C."""
 
     algorithm = "a2c"
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or A2C)
-        # Without a ratio, a second step on the same data would not be a policy gradient.
-        self.training(epochs=1, minibatch_size=None, lr=1e-3)
-        self.env_runners(rollout_fragment_length=16)
-
-    def validate(self) -> None:
-        """Refuse more than one step on a rollout (RLlib).
-
-        Raises:
-            ValueError: `epochs` or `minibatch_size` ask for more.
-        """
-        super().validate()
-        if self.epochs != 1 or self.minibatch_size is not None:
-            self._value_error(
-                f"{self.algorithm!r} takes one step on each rollout, but epochs={self.epochs} and "
-                f"minibatch_size={self.minibatch_size}: without a ratio the second would not be a policy "
-                "gradient; leave both at 1 and None, or use 'ppo'"
-            )
-
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return A2CLearner
 
 
 class A2C(PPO):
     """Independent A2C."""
 
-    @classmethod
-    def get_default_config(cls) -> A2CConfig:
-        """Return the defaults (RLlib)."""
-        return A2CConfig()
+    config_class = A2CConfig
+    learner_class = A2CLearner

@@ -71,13 +71,9 @@ class CentralisedVLearner(PPOLearner):
 
 
 class CentralisedVConfig(PPOConfig):
-    """MAPPO."""
+    """RLlib config of MAPPO."""
 
     algorithm = "centralised_v"
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or CentralisedV)
-        self.training(normalize_values=True)
 
     def modules(self, spec: JointSpec):
         """Return a policy for each group and the central critic."""
@@ -85,15 +81,9 @@ class CentralisedVConfig(PPOConfig):
         policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
         return policies | {CRITIC: self.learner_spec(spec, CentralValue)}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return CentralisedVLearner
-
 
 class CentralisedV(PPO):
     """MAPPO."""
 
-    @classmethod
-    def get_default_config(cls) -> CentralisedVConfig:
-        """Return the defaults (RLlib)."""
-        return CentralisedVConfig()
+    config_class = CentralisedVConfig
+    learner_class = CentralisedVLearner

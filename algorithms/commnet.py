@@ -19,7 +19,6 @@ share one network. The paper's extensions are left out: local connectivity, skip
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -27,7 +26,6 @@ from torch import Tensor, nn
 from algorithms.a2c import A2C, A2CConfig, A2CLearner
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
 from algorithms.joint.module import JointModule
-from algorithms.joint.ranges import NOT_NEGATIVE, NUMBER, Ranges, Widths
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.communication import mean_of_others
 from algorithms.parts.moments import RunningMoments
@@ -82,7 +80,7 @@ class CommNetModule(JointModule):
         """Return scaled values (M, n) of last hidden layers (M, n, H)."""
         return self.baseline(hidden).squeeze(-1)
 
-    def plain(self) -> None:
+    def feedforward_parts(self) -> None:
         """Return None: agents cannot be evaluated one by one."""
 
     def get_non_inference_attributes(self) -> list[str]:
@@ -92,8 +90,6 @@ class CommNetModule(JointModule):
 
 class CommNetLearner(A2CLearner):
     """One actor-critic step on all networks at once, since every message matters to every hearer."""
-
-    config: CommNetConfig  # type: ignore[assignment]
 
     def nets(self) -> list[CommNetModule]:
         """Return the networks in the order of the groups."""
@@ -123,7 +119,7 @@ class CommNetLearner(A2CLearner):
             entropy = self.mean(policy.entropy(), own.alive)
             fit = self.mean(error, own.alive)
             total = total + self.mean(loss, own.alive) + self.config.value_coeff * fit
-            total = total - self.now(self.config.entropy_coeff) * entropy
+            total = total - self.schedule_value(self.config.entropy_coeff) * entropy
             self.log(net.group.id, "entropy", entropy)
             self.log(net.group.id, "value_loss", fit)
         absent = batch.absent()
@@ -131,30 +127,10 @@ class CommNetLearner(A2CLearner):
 
 
 class CommNetConfig(A2CConfig):
-    """CommNet.
-
-    Attributes:
-        communication_steps: How many layers hear, K.
-        channel: False: nobody hears anything, which makes the agents independent.
-        value_coeff: Weight of the baseline's error.
-    """
+    """RLlib config of CommNet."""
 
     algorithm = "commnet"
     interchangeable = ("channel",)
-    ranges: ClassVar[Ranges] = {
-        "communication_steps": NUMBER,
-        "value_coeff": NOT_NEGATIVE,
-        "hidden": Widths(least=1),
-    }
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or CommNet)
-        self._defaults(communication_steps=2, channel=True, value_coeff=0.03)
-        self.training(sharing="all")
-
-    communication_steps: int
-    channel: bool
-    value_coeff: float
 
     def module_settings(self):
         """Return the settings that networks are built from."""
@@ -165,15 +141,9 @@ class CommNetConfig(A2CConfig):
         """Return a network for each group."""
         return {g.id: self.policy_spec(spec, g, CommNetModule) for g in spec.groups}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return CommNetLearner
-
 
 class CommNet(A2C):
     """CommNet."""
 
-    @classmethod
-    def get_default_config(cls) -> CommNetConfig:
-        """Return the defaults (RLlib)."""
-        return CommNetConfig()
+    config_class = CommNetConfig
+    learner_class = CommNetLearner

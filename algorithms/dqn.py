@@ -15,19 +15,17 @@ Deviations: target networks follow by polyak averaging instead of periodic copie
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
 
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, ReplayBatch, ReplayGroup
-from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.config import JointConfig
 from algorithms.joint.env import MEMORY
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, without_memory
 from algorithms.joint.prioritised import PrioritisedReplay
-from algorithms.joint.ranges import NOT_NEGATIVE, FirstAndLast, Ranges
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
@@ -59,7 +57,7 @@ class QNetwork(nn.Module):
             features = self.memory(features, leaves[MEMORY], None, 1)
         return self.values(features)
 
-    def recall(self, view: GroupView) -> tuple[Tensor, Tensor]:
+    def forward_recurrent(self, view: GroupView) -> tuple[Tensor, Tensor]:
         """Return (Q values, memory afterwards) of moments or sequences; without memory, (Q, features)."""
         features = self.trunk(self.encoder(view.observations))
         if self.memory is not None:
@@ -105,13 +103,13 @@ class DQNModule(JointModule):
 
     def policy(self, view: GroupView) -> Tensor:
         """Return Q values (M, n, A)."""
-        return self.q.recall(view)[0]
+        return self.q.forward_recurrent(view)[0]
 
-    def recall(self, view: GroupView) -> tuple[Tensor, Tensor]:
+    def forward_recurrent(self, view: GroupView) -> tuple[Tensor, Tensor]:
         """Return (Q values, memory afterwards)."""
-        return self.q.recall(view)
+        return self.q.forward_recurrent(view)
 
-    def plain(self) -> tuple[Encoder, nn.Module] | None:
+    def feedforward_parts(self) -> tuple[Encoder, nn.Module] | None:
         """Return encoder and body, for stacked acting, with the duelling streams folded into one layer."""
         if self.memory_size:
             return None
@@ -120,8 +118,6 @@ class DQNModule(JointModule):
 
 class DQNLearner(OffPolicyLearner):
     """Temporal-difference steps, group by group."""
-
-    config: DQNConfig  # type: ignore[assignment]
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step every Q network towards its bootstrapped target."""
@@ -138,7 +134,7 @@ class DQNLearner(OffPolicyLearner):
                 self.log(group.id, "td_loss", loss)
             surprise[group.id] = (chosen - target).detach().abs()
         self.reprioritise(batch, batch.join(surprise))
-        self.track(*(g.id for g in self.groups), tau=self.config.tau)
+        self.polyak_update(*(g.id for g in self.groups), tau=self.config.tau)
 
     def make_replay(self) -> JointReplay:
         """Return an empty replay buffer: prioritised, of sequences, or plain."""
@@ -158,7 +154,7 @@ class DQNLearner(OffPolicyLearner):
         if not net.memory_size:
             return own.next, own.next
         with torch.no_grad():
-            memories = net.q.recall(own)[1], net.target_q.recall(own)[1]
+            memories = net.q.forward_recurrent(own)[1], net.target_q.forward_recurrent(own)[1]
         # Whoever did not act before, or whose life ended, begins with the empty memory that is stored.
         stored, same = own.next.observations[MEMORY], own.bootstrap[..., None]
         online, target = (
@@ -179,49 +175,10 @@ class DQNLearner(OffPolicyLearner):
             return values.gather(-1, ranking.argmax(-1, keepdim=True)).squeeze(-1)
 
 
-class DQNConfig(OffPolicyConfig):
-    """Independent DQN.
-
-    Attributes:
-        double: Choose the next action by the online network.
-        duelling: Separate streams for value and advantage.
-        prioritised: Draw transitions by their last temporal difference (Schaul et al. 2016).
-        priority_alpha: How much: 0 is uniform.
-        priority_beta: How far importance weights undo it: 1 entirely.
-        epsilon: (first, last) probability of a random action.
-        epsilon_steps: Environment steps from the first to the last.
-    """
+class DQNConfig(JointConfig):
+    """RLlib config of independent DQN."""
 
     algorithm = "dqn"
-    ranges: ClassVar[Ranges] = {
-        "priority_alpha": NOT_NEGATIVE,
-        "priority_beta": NOT_NEGATIVE,
-        "epsilon": FirstAndLast(),
-        "epsilon_steps": NOT_NEGATIVE,
-    }
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or DQN)
-        self._defaults(prioritised=False, priority_alpha=0.6, priority_beta=0.4)
-        self._defaults(double=True, duelling=True, epsilon=(1.0, 0.05), epsilon_steps=10_000)
-
-    prioritised: bool
-    priority_alpha: float
-    priority_beta: float
-    double: bool
-    duelling: bool
-    epsilon: tuple[float, float]
-    epsilon_steps: int
-
-    def validate(self) -> None:
-        """Refuse settings that cannot work together (RLlib).
-
-        Raises:
-            ValueError: Priorities were asked for sequences, or where one team loss has no agent's difference.
-        """
-        super().validate()
-        if self.prioritised and (self.gru or self.algorithm != "dqn"):
-            self._value_error("prioritised replay is for 'dqn' without gru: it ranks single transitions")
 
     def exploration(self, steps: int) -> Exploration:
         """Return epsilon-greedy exploration, annealed linearly."""
@@ -237,15 +194,9 @@ class DQNConfig(OffPolicyConfig):
         """Return a Q network for each group."""
         return {g.id: self.policy_spec(spec, g, DQNModule) for g in spec.groups}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return DQNLearner
-
 
 class DQN(JointAlgorithm):
     """Independent DQN."""
 
-    @classmethod
-    def get_default_config(cls) -> DQNConfig:
-        """Return the defaults (RLlib)."""
-        return DQNConfig()
+    config_class = DQNConfig
+    learner_class = DQNLearner

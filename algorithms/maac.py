@@ -17,17 +17,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Mapping
-from typing import ClassVar, cast
+from typing import cast
 
 import torch
 from torch import Tensor, nn
 
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch, encode
-from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule
-from algorithms.joint.ranges import COUNT, NOT_NEGATIVE, Ranges, Widths
 from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.maddpg import Actor
 from algorithms.parts.attention import attend
@@ -51,7 +50,7 @@ class MAACModule(JointModule):
         """Return logits (M, n, A)."""
         return self.actor(view.observations)
 
-    def plain(self) -> tuple[Encoder, nn.Module]:
+    def feedforward_parts(self) -> tuple[Encoder, nn.Module]:
         """Return encoder and body, for stacked acting."""
         return self.actor.encoder, self.actor.body
 
@@ -149,13 +148,11 @@ def counterfactual_advantage(values: Tensor, policy: CategoricalDistribution, ac
 class MAACLearner(OffPolicyLearner):
     """A step of the critic, then of every policy, then targets."""
 
-    config: MAACConfig  # type: ignore[assignment]
-
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Take the steps of one minibatch."""
         self.fit_critic(batch)
         self.improve_policies(batch)
-        self.track(*self.module.keys(), tau=self.config.tau)
+        self.polyak_update(*self.module.keys(), tau=self.config.tau)
 
     def play(
         self, view: JointView, *, target: bool = False
@@ -198,36 +195,10 @@ class MAACLearner(OffPolicyLearner):
             self.log(group.id, "entropy", self.mean(policy.entropy(), own.alive))
 
 
-class MAACConfig(OffPolicyConfig):
-    """MAAC.
-
-    Attributes:
-        alpha: Weight of the policies' entropy, in scaled rewards.
-        attention_heads: Heads of the critic's attention; they divide the last of `hidden`.
-    """
+class MAACConfig(JointConfig):
+    """RLlib config of MAAC."""
 
     algorithm = "maac"
-    ranges: ClassVar[Ranges] = {"alpha": NOT_NEGATIVE, "attention_heads": COUNT, "hidden": Widths(least=1)}
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or MAAC)
-        self._defaults(alpha=0.01, attention_heads=4)
-        self.training(lr=1e-3, batch_size=256)
-
-    alpha: float
-    attention_heads: int
-
-    def validate(self) -> None:
-        """Refuse heads that do not divide the width (RLlib).
-
-        Raises:
-            ValueError: They do not.
-        """
-        super().validate()
-        if self.hidden[-1] % self.attention_heads:
-            self._value_error(
-                f"attention_heads={self.attention_heads} does not divide the last of hidden={self.hidden}"
-            )
 
     def module_settings(self):
         """Return the settings that networks are built from."""
@@ -238,15 +209,9 @@ class MAACConfig(OffPolicyConfig):
         policies = {g.id: self.policy_spec(spec, g, MAACModule) for g in spec.groups}
         return policies | {CRITIC: self.learner_spec(spec, MAACCritic)}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return MAACLearner
-
 
 class MAAC(JointAlgorithm):
     """MAAC."""
 
-    @classmethod
-    def get_default_config(cls) -> MAACConfig:
-        """Return the defaults (RLlib)."""
-        return MAACConfig()
+    config_class = MAACConfig
+    learner_class = MAACLearner

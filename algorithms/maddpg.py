@@ -13,7 +13,6 @@ with flags of who is there; agents of a group share networks, told apart by a le
 from __future__ import annotations
 
 import copy
-from typing import ClassVar
 
 import numpy as np
 import torch
@@ -23,10 +22,9 @@ from torch import Generator, Tensor, nn
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, ReplayBatch
 from algorithms.joint.checks import check_vectors
-from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule, critic_of
-from algorithms.joint.ranges import NOT_NEGATIVE, Ranges
 from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.parts.distributions import CategoricalHead, DeterministicHead, Exploration, Head
 from algorithms.parts.networks import Encoder, perceptron
@@ -65,7 +63,7 @@ class MADDPGModule(JointModule):
         """Return logits, or actions before tanh, (M, n, P)."""
         return self.actor(view.observations)
 
-    def plain(self) -> tuple[Encoder, nn.Module]:
+    def feedforward_parts(self) -> tuple[Encoder, nn.Module]:
         """Return encoder and body, for stacked acting."""
         return self.actor.encoder, self.actor.body
 
@@ -139,14 +137,12 @@ class MADDPGCritic(LearnerModule):
 class MADDPGLearner(OffPolicyLearner):
     """Critic steps for all groups, then policy steps for all groups, then targets."""
 
-    config: MADDPGConfig  # type: ignore[assignment]
-
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Take the steps of one minibatch."""
         taken = batch.encoded_actions()
         self.fit_critics(batch, taken)
         self.improve_policies(batch, taken)
-        self.track(*self.module.keys(), tau=self.config.tau)
+        self.polyak_update(*self.module.keys(), tau=self.config.tau)
 
     def fit_critics(self, batch: ReplayBatch, taken: dict[str, Tensor]) -> None:
         """Regress Q_i(x, a) on r_i + gamma Q'_i(x', a'), a' from the target policies (eq. 6)."""
@@ -177,24 +173,10 @@ class MADDPGLearner(OffPolicyLearner):
             self.log(group.id, "policy_q", self.mean(q, own.alive))
 
 
-class MADDPGConfig(OffPolicyConfig):
-    """MADDPG.
-
-    Attributes:
-        noise: Standard deviation of exploration noise on continuous actions in [-1, 1].
-        logit_penalty: Weight of the mean square of policy outputs, which keeps samples from freezing.
-    """
+class MADDPGConfig(JointConfig):
+    """RLlib config of MADDPG."""
 
     algorithm = "maddpg"
-    ranges: ClassVar[Ranges] = {"noise": NOT_NEGATIVE, "logit_penalty": NOT_NEGATIVE}
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or MADDPG)
-        self._defaults(noise=0.1, logit_penalty=1e-3)
-        self.training(lr=1e-3, grad_clip=0.5, batch_size=256)
-
-    noise: float
-    logit_penalty: float
 
     def exploration(self, steps: int) -> Exploration:
         """Return sampling, and noise on continuous actions."""
@@ -206,15 +188,9 @@ class MADDPGConfig(OffPolicyConfig):
         policies = {g.id: self.policy_spec(spec, g, MADDPGModule) for g in spec.groups}
         return policies | {critic_of(g): self.learner_spec(spec, MADDPGCritic, g) for g in spec.groups}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return MADDPGLearner
-
 
 class MADDPG(JointAlgorithm):
     """MADDPG."""
 
-    @classmethod
-    def get_default_config(cls) -> MADDPGConfig:
-        """Return the defaults (RLlib)."""
-        return MADDPGConfig()
+    config_class = MADDPGConfig
+    learner_class = MADDPGLearner

@@ -16,7 +16,6 @@ paper's gradient without the noise of sampling that action; an entropy bonus.
 from __future__ import annotations
 
 import copy
-from typing import ClassVar
 
 import torch
 from gymnasium.spaces import Box
@@ -28,11 +27,9 @@ from algorithms.joint.features import MEAN_ACTION, common_actions
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
 from algorithms.joint.neighbours import Neighbourhood
-from algorithms.joint.ranges import NOT_NEGATIVE, Ranges
 from algorithms.joint.spec import JointSpec
 from algorithms.maac import MAACModule, of_actions
 from algorithms.mf_q import MeanFieldConfig, MeanFieldQ, mean_actions
-from algorithms.parts.schedule import Schedule
 
 
 class MeanFieldCritic(LearnerModule):
@@ -53,8 +50,6 @@ class MeanFieldCritic(LearnerModule):
 class MeanFieldACLearner(OffPolicyLearner):
     """Critic steps for all groups, then policy steps for all groups, then targets."""
 
-    config: MeanFieldACConfig  # type: ignore[assignment]
-
     def build(self) -> None:
         """Build modules, and what tells neighbours."""
         super().build()
@@ -65,7 +60,7 @@ class MeanFieldACLearner(OffPolicyLearner):
         means = mean_actions(batch, self.neighbourhood)
         self.fit_critics(batch, means)
         self.improve_policies(batch, means)
-        self.track(*self.module.keys(), tau=self.config.tau)
+        self.polyak_update(*self.module.keys(), tau=self.config.tau)
 
     def fit_critics(self, batch: ReplayBatch, means: Tensor) -> None:
         """Regress Q_i(o, a_i, m_i) on r_i + gamma * E_a Q'_i(o', a, m_i), a from the target policy."""
@@ -91,41 +86,23 @@ class MeanFieldACLearner(OffPolicyLearner):
                 values = self.net(critic_of(group)).q(seen)
             gain = self.mean((policy.log_probs.exp() * values).sum(-1), own.alive)
             entropy = self.mean(policy.entropy(), own.alive)
-            self.step_optimizer(-gain - self.now(self.config.entropy_coeff) * entropy, group.id)
+            self.step_optimizer(-gain - self.schedule_value(self.config.entropy_coeff) * entropy, group.id)
             self.log(group.id, "entropy", entropy)
 
 
 class MeanFieldACConfig(MeanFieldConfig):
-    """MF-AC.
-
-    Attributes:
-        entropy_coeff: Weight of the policies' entropy, in scaled returns, or an RLlib schedule over
-            environment steps.
-    """
+    """RLlib config of MF-AC."""
 
     algorithm = "mf_ac"
-    ranges: ClassVar[Ranges] = {"entropy_coeff": NOT_NEGATIVE._replace(scheduled=True)}
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or MeanFieldAC)
-        self._defaults(entropy_coeff=0.01)
-
-    entropy_coeff: Schedule
 
     def modules(self, spec: JointSpec):
         """Return a policy and a critic for each group."""
         policies = {g.id: self.policy_spec(spec, g, MAACModule) for g in spec.groups}
         return policies | {critic_of(g): self.learner_spec(spec, MeanFieldCritic, g) for g in spec.groups}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return MeanFieldACLearner
-
 
 class MeanFieldAC(JointAlgorithm):
     """MF-AC."""
 
-    @classmethod
-    def get_default_config(cls) -> MeanFieldACConfig:
-        """Return the defaults (RLlib)."""
-        return MeanFieldACConfig()
+    config_class = MeanFieldACConfig
+    learner_class = MeanFieldACLearner

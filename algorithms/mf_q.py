@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from typing import ClassVar
 
 import torch
 from gymnasium.spaces import Box
@@ -30,13 +29,12 @@ from torch import Tensor, nn
 from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, ReplayBatch
-from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.config import JointConfig
 from algorithms.joint.env import VectorJointEnv
 from algorithms.joint.features import MEAN_ACTION, WithMeanActions, common_actions
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
-from algorithms.joint.neighbours import Graph, Neighbourhood
-from algorithms.joint.ranges import POSITIVE, Ranges
+from algorithms.joint.neighbours import Neighbourhood
 from algorithms.joint.spec import JointSpec
 from algorithms.maac import of_actions
 from algorithms.parts.communication import mean_over
@@ -77,7 +75,7 @@ class MeanFieldQModule(JointModule):
         """Return Q values (M, n, A) for the mean action of the step before, which is among the leaves."""
         return self.q(view.observations)
 
-    def plain(self) -> tuple[Encoder, nn.Module]:
+    def feedforward_parts(self) -> tuple[Encoder, nn.Module]:
         """Return encoder and body, for stacked acting."""
         return self.q.encoder, self.q.body
 
@@ -89,8 +87,6 @@ def mean_actions(batch: ReplayBatch, neighbourhood: Neighbourhood) -> Tensor:
 
 class MeanFieldQLearner(OffPolicyLearner):
     """Temporal-difference steps with the mean action, group by group."""
-
-    config: MeanFieldQConfig  # type: ignore[assignment]
 
     def build(self) -> None:
         """Build modules, and what tells neighbours."""
@@ -112,22 +108,11 @@ class MeanFieldQLearner(OffPolicyLearner):
             loss = self.mean((chosen - target).square(), own.alive)
             self.step_optimizer(loss, group.id)
             self.log(group.id, "td_loss", loss)
-        self.track(*(g.id for g in self.groups), tau=self.config.tau)
+        self.polyak_update(*(g.id for g in self.groups), tau=self.config.tau)
 
 
-class MeanFieldConfig(OffPolicyConfig):
-    """Settings of both mean-field algorithms.
-
-    Attributes:
-        graph: Who is whose neighbour; see `algorithms.joint.neighbours.Graph`.
-    """
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class)
-        self._defaults(graph="auto")
-        self.training(lr=1e-3)
-
-    graph: Graph
+class MeanFieldConfig(JointConfig):
+    """RLlib config of both mean-field algorithms."""
 
     def check(self, spec: JointSpec) -> None:
         """Refuse environments whose agents have no action in common (see `JointConfig.check`).
@@ -146,21 +131,10 @@ class MeanFieldConfig(OffPolicyConfig):
 
 
 class MeanFieldQConfig(MeanFieldConfig):
-    """MF-Q.
-
-    Attributes:
-        temperature: Of the Boltzmann policy, in scaled returns: the smaller, the greedier.
-    """
+    """RLlib config of MF-Q."""
 
     algorithm = "mf_q"
-    ranges: ClassVar[Ranges] = {"temperature": POSITIVE}
     interchangeable = ("temperature",)
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or MeanFieldQLearning)
-        self._defaults(temperature=0.1)
-
-    temperature: float
 
     def adapt(self, env: VectorJointEnv) -> VectorJointEnv:
         """Let agents see the mean action of the step before, where there is one; else `check` refuses."""
@@ -174,15 +148,9 @@ class MeanFieldQConfig(MeanFieldConfig):
         """Return a Q network for each group."""
         return {g.id: self.policy_spec(spec, g, MeanFieldQModule) for g in spec.groups}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return MeanFieldQLearner
-
 
 class MeanFieldQLearning(JointAlgorithm):
     """MF-Q."""
 
-    @classmethod
-    def get_default_config(cls) -> MeanFieldQConfig:
-        """Return the defaults (RLlib)."""
-        return MeanFieldQConfig()
+    config_class = MeanFieldQConfig
+    learner_class = MeanFieldQLearner

@@ -33,7 +33,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from math import prod
-from typing import Any, ClassVar
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -42,11 +42,10 @@ from algorithms.errors import SpaceError
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, ReplayBatch
 from algorithms.joint.checks import check_vectors
-from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
-from algorithms.joint.neighbours import Graph, Neighbourhood
-from algorithms.joint.ranges import COUNT, NOT_NEGATIVE, NUMBER, FirstAndLast, Ranges
+from algorithms.joint.neighbours import Neighbourhood
 from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.maac import of_actions
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
@@ -151,14 +150,12 @@ class NetworkedQModule(JointModule):
             outputs.append(module.combinations.own_values(table, module.group))
         return outputs
 
-    def plain(self) -> None:
+    def feedforward_parts(self) -> None:
         """Return None: agents cannot be evaluated one by one."""
 
 
 class NetworkedQLearner(OffPolicyLearner):
     """Steps of a distributed fit; every `fit_steps` of them agents agree and set new targets."""
-
-    config: NetworkedQConfig  # type: ignore[assignment]
 
     def build(self) -> None:
         """Build modules, with nothing known of gradients yet."""
@@ -182,7 +179,7 @@ class NetworkedQLearner(OffPolicyLearner):
         self.average(mixing)
         if (self.updates % self.config.fit_steps) == 0:
             self.average(torch.linalg.matrix_power(mixing, self.config.agreement_rounds))
-            self.track(*(group.id for group in self.groups), tau=1.0)
+            self.polyak_update(*(group.id for group in self.groups), tau=1.0)
 
     def local_gradients(self, batch: ReplayBatch) -> Tensor:
         """Return each node's gradient (G, W) of its own share of the team's squared error."""
@@ -240,49 +237,10 @@ def node_links(links: Tensor, groups: Sequence[Group]) -> Tensor:
     return linked
 
 
-class NetworkedQConfig(OffPolicyConfig):
-    """Networked fitted Q-iteration.
-
-    Attributes:
-        graph: Who exchanges parameters with whom; see `algorithms.joint.neighbours.Graph`.
-        consensus: False: nobody exchanges anything, so that everybody fits his own reward.
-        fit_steps: Steps of a fit before its result gives the next targets.
-        agreement_rounds: Rounds of averaging at the end of a fit.
-        max_joint_actions: Joint actions that may be told apart.
-        epsilon: (first, last) probability of a random action.
-        epsilon_steps: Environment steps from the first to the last.
-    """
+class NetworkedQConfig(JointConfig):
+    """RLlib config of networked fitted Q-iteration."""
 
     algorithm = "networked_q"
-    ranges: ClassVar[Ranges] = {
-        "fit_steps": COUNT,
-        "agreement_rounds": NUMBER,
-        "max_joint_actions": COUNT,
-        "epsilon": FirstAndLast(),
-        "epsilon_steps": NOT_NEGATIVE,
-    }
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or NetworkedQ)
-        self._defaults(
-            graph="auto",
-            consensus=True,
-            fit_steps=50,
-            agreement_rounds=8,
-            max_joint_actions=4096,
-            epsilon=(1.0, 0.05),
-            epsilon_steps=10_000,
-        )
-        # A node that clips its own gradient would no longer follow the team's.
-        self.training(lr=1e-3, grad_clip=None)
-
-    graph: Graph
-    consensus: bool
-    fit_steps: int
-    agreement_rounds: int
-    max_joint_actions: int
-    epsilon: tuple[float, float]
-    epsilon_steps: int
 
     def exploration(self, steps: int) -> Exploration:
         """Return epsilon-greedy exploration, annealed linearly."""
@@ -322,15 +280,9 @@ class NetworkedQConfig(OffPolicyConfig):
         """Return a network of joint values for each group."""
         return {g.id: self.policy_spec(spec, g, NetworkedQModule) for g in spec.groups}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return NetworkedQLearner
-
 
 class NetworkedQ(JointAlgorithm):
     """Networked fitted Q-iteration."""
 
-    @classmethod
-    def get_default_config(cls) -> NetworkedQConfig:
-        """Return the defaults (RLlib)."""
-        return NetworkedQConfig()
+    config_class = NetworkedQConfig
+    learner_class = NetworkedQLearner

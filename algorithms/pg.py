@@ -17,7 +17,7 @@ Adam.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -25,10 +25,9 @@ import torch
 from algorithms.a2c import A2C, A2CConfig, A2CLearner
 from algorithms.joint.batch import JointView, OnPolicyBatch, to_tensor
 from algorithms.joint.env import Bools
-from algorithms.joint.lives import OpenLives
-from algorithms.joint.ranges import COUNT, Ranges
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import JointSpec
+from algorithms.joint.trajectories import OpenTrajectories
 
 
 def returns_to_go(rewards: np.ndarray, chain: Bools, gamma: float) -> np.ndarray:
@@ -50,12 +49,10 @@ def returns_to_go(rewards: np.ndarray, chain: Bools, gamma: float) -> np.ndarray
 class PGLearner(A2CLearner):
     """One policy-gradient step on all lives that have ended since the last."""
 
-    config: PGConfig  # type: ignore[assignment]
-
     def build(self) -> None:
         """Build modules, with no life open."""
         super().build()
-        self.lives = OpenLives(self.config.longest_life)
+        self.trajectories = OpenTrajectories(self.config.longest_trajectory)
 
     def update_joint(self, rollout: JointRollout) -> None:
         """Learn from the lives that ended in this fragment, if any did."""
@@ -69,7 +66,7 @@ class PGLearner(A2CLearner):
 
         `alive` marks these agents only.
         """
-        whole, ready = self.lives.add(rollout)
+        whole, ready = self.trajectories.add(rollout)
         returns = returns_to_go(whole.rewards * self.config.reward_scale, whole.masks().chain, self.gamma)
         t, b = np.nonzero(ready.any(-1))
         device = self._device
@@ -107,31 +104,17 @@ class PGLearner(A2CLearner):
             super().fit_values(batch)
 
     def _own_state(self) -> dict[str, Any]:
-        return {**super()._own_state(), "lives": self.lives.get_state()}
+        return {**super()._own_state(), "trajectories": self.trajectories.get_state()}
 
     def _set_own_state(self, state: dict[str, Any]) -> None:
         super()._set_own_state(state)
-        self.lives.set_state(state["lives"])
+        self.trajectories.set_state(state["trajectories"])
 
 
 class PGConfig(A2CConfig):
-    """Independent PG.
-
-    Attributes:
-        baseline: Whether a learned value is taken off the returns.
-        longest_life: Steps that a life may take: nothing is learnt from it before it ends.
-    """
+    """RLlib config of independent PG."""
 
     algorithm = "pg"
-    ranges: ClassVar[Ranges] = {"longest_life": COUNT}
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or PG)
-        self._defaults(baseline=True, longest_life=10_000)
-        self.env_runners(rollout_fragment_length=64)
-
-    baseline: bool
-    longest_life: int
 
     def modules(self, spec: JointSpec):
         """Return a policy for each group, and a value network as its baseline."""
@@ -141,15 +124,9 @@ class PGConfig(A2CConfig):
             if self.baseline or not module.learner_only
         }
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return PGLearner
-
 
 class PG(A2C):
     """Independent PG."""
 
-    @classmethod
-    def get_default_config(cls) -> PGConfig:
-        """Return the defaults (RLlib)."""
-        return PGConfig()
+    config_class = PGConfig
+    learner_class = PGLearner

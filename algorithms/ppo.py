@@ -13,21 +13,18 @@ recurrence of their own but read the policies' stored memory beside the observat
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 import torch
 from torch import Tensor
 
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.batch import GroupView, JointView, OnPolicyBatch
-from algorithms.joint.bundles import Bundle, bundles
-from algorithms.joint.config import OnPolicyConfig
+from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OnPolicyLearner
 from algorithms.joint.module import LearnerModule, critic_of
-from algorithms.joint.ranges import POSITIVE, Ranges
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
+from algorithms.joint.stacking import StackedGroups, stack_groups
 from algorithms.parts.moments import RunningMoments
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 
@@ -59,22 +56,20 @@ def clipped_surrogate(log_prob: Tensor, old_log_prob: Tensor, advantages: Tensor
 class PPOLearner(OnPolicyLearner):
     """Clipped policy steps and value regression, group by group."""
 
-    config: PPOConfig  # type: ignore[assignment]
-
     def build(self) -> None:
         """Build modules, and find groups whose networks can be evaluated as one."""
         super().build()
-        self.policy_bundles = bundles(self.groups, self._plain_policy)
-        self.value_bundles = bundles(self.groups, self._plain_value)
+        self.stacked_policies = stack_groups(self.groups, self._plain_policy)
+        self.stacked_values = stack_groups(self.groups, self._plain_value)
 
     def values(self, view: JointView) -> Tensor:
         """Return each agent's value of its own observation, (M, N)."""
         values = {}
-        for bundle in self.value_bundles:
-            columns = self._scaled_values(bundle, view.view(bundle.whole)).split(
-                [g.size for g in bundle.groups], -1
+        for stack in self.stacked_values:
+            columns = self._scaled_values(stack, view.view(stack.whole)).split(
+                [g.size for g in stack.groups], -1
             )
-            for group, scaled in zip(bundle.groups, columns, strict=True):
+            for group, scaled in zip(stack.groups, columns, strict=True):
                 values[group.id] = self.net(critic_of(group)).moments.unscaled(scaled)
         return view.join(values)
 
@@ -92,16 +87,16 @@ class PPOLearner(OnPolicyLearner):
     def update_minibatch(self, batch: OnPolicyBatch) -> None:
         """Step every policy, then every value function."""
         losses, stepped = [], []
-        for bundle in self.policy_bundles:
-            own = batch.part(bundle.whole)
-            head = self.net(bundle.groups[0].id).head
-            policy = head.distribution(self._outputs(bundle, own), own.action_mask)
+        for stack in self.stacked_policies:
+            own = batch.part(stack.whole)
+            head = self.net(stack.groups[0].id).head
+            policy = head.distribution(self._outputs(stack, own), own.action_mask)
             loss = self.policy_loss(policy.log_prob(own.actions), own.log_prob, own.advantages)
-            entropy, weight = policy.entropy(), self.now(self.config.entropy_coeff)
-            losses.append(bundle.means(loss - weight * entropy, own.alive).sum())
-            present = bundle.present(own.alive)  # momentum would move the others all the same
+            entropy, weight = policy.entropy(), self.schedule_value(self.config.entropy_coeff)
+            losses.append(stack.means(loss - weight * entropy, own.alive).sum())
+            present = stack.present(own.alive)  # momentum would move the others all the same
             stepped += [group.id for group in present]
-            self._log_present(bundle, present, "entropy", bundle.means(entropy, own.alive))
+            self._log_present(stack, present, "entropy", stack.means(entropy, own.alive))
         if stepped:
             self.step_optimizer(torch.stack(losses).sum(), *stepped)
         self.fit_values(batch)
@@ -113,24 +108,24 @@ class PPOLearner(OnPolicyLearner):
     def fit_values(self, batch: OnPolicyBatch) -> None:
         """Regress values on their targets."""
         losses, stepped = [], []
-        for bundle in self.value_bundles:
-            own = batch.part(bundle.whole)
-            targets = own.targets.split([group.size for group in bundle.groups], -1)
+        for stack in self.stacked_values:
+            own = batch.part(stack.whole)
+            targets = own.targets.split([group.size for group in stack.groups], -1)
             scaled = [
                 self.net(critic_of(group)).moments.scaled(target)
-                for group, target in zip(bundle.groups, targets, strict=True)
+                for group, target in zip(stack.groups, targets, strict=True)
             ]
-            error = (self._scaled_values(bundle, own) - torch.cat(scaled, -1)).square()
-            means = bundle.means(error, own.alive)
+            error = (self._scaled_values(stack, own) - torch.cat(scaled, -1)).square()
+            means = stack.means(error, own.alive)
             losses.append(means.sum())
-            present = bundle.present(own.alive)
+            present = stack.present(own.alive)
             stepped += [critic_of(group) for group in present]
-            self._log_present(bundle, present, "value_loss", means)
+            self._log_present(stack, present, "value_loss", means)
         if stepped:
             self.step_optimizer(torch.stack(losses).sum(), *stepped)
 
     def _plain_policy(self, group: Group):
-        return self.net(group.id).plain()
+        return self.net(group.id).feedforward_parts()
 
     def _plain_value(self, group: Group):
         if critic_of(group) not in self.module:  # there are other critics, or none
@@ -138,39 +133,26 @@ class PPOLearner(OnPolicyLearner):
         critic = self.net(critic_of(group))
         return critic.encoder, critic.body
 
-    def _log_present(self, bundle: Bundle, present: list[Group], name: str, means: Tensor) -> None:
-        for group, mean in zip(bundle.groups, means.unbind(), strict=True):
+    def _log_present(self, stack: StackedGroups, present: list[Group], name: str, means: Tensor) -> None:
+        for group, mean in zip(stack.groups, means.unbind(), strict=True):
             if group in present:
                 self.log(group.id, name, mean)
 
-    def _outputs(self, bundle: Bundle, view: GroupView) -> Tensor:
-        if bundle.is_stacked:
-            return bundle.outputs(view, self._plain_policy)
-        return self.net(bundle.whole.id).policy(view)
+    def _outputs(self, stack: StackedGroups, view: GroupView) -> Tensor:
+        if stack.is_stacked:
+            return stack.outputs(view, self._plain_policy)
+        return self.net(stack.whole.id).policy(view)
 
-    def _scaled_values(self, bundle: Bundle, view: GroupView) -> Tensor:
-        if bundle.is_stacked:
-            return bundle.outputs(view, self._plain_value).squeeze(-1)
-        return self.net(critic_of(bundle.whole)).value(view)
+    def _scaled_values(self, stack: StackedGroups, view: GroupView) -> Tensor:
+        if stack.is_stacked:
+            return stack.outputs(view, self._plain_value).squeeze(-1)
+        return self.net(critic_of(stack.whole)).value(view)
 
 
-class PPOConfig(OnPolicyConfig):
-    """Independent PPO.
-
-    Attributes:
-        clip: Largest change of an action's probability ratio that is rewarded.
-        normalize_values: Let critics fit standardised targets.
-    """
+class PPOConfig(JointConfig):
+    """RLlib config of independent PPO."""
 
     algorithm = "ppo"
-    ranges: ClassVar[Ranges] = {"clip": POSITIVE}
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or PPO)
-        self._defaults(clip=0.2, normalize_values=False)
-
-    clip: float
-    normalize_values: bool
 
     def module_settings(self):
         """Return the settings that networks are built from."""
@@ -181,15 +163,9 @@ class PPOConfig(OnPolicyConfig):
         policies = {g.id: self.policy_spec(spec, g) for g in spec.groups}
         return policies | {critic_of(g): self.learner_spec(spec, LocalValue, g) for g in spec.groups}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return PPOLearner
-
 
 class PPO(JointAlgorithm):
     """Independent PPO."""
 
-    @classmethod
-    def get_default_config(cls) -> PPOConfig:
-        """Return the defaults (RLlib)."""
-        return PPOConfig()
+    config_class = PPOConfig
+    learner_class = PPOLearner

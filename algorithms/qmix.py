@@ -9,7 +9,6 @@ Deviations: as VDN; the state is the environment's, or all observations side by 
 from __future__ import annotations
 
 import copy
-from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -17,7 +16,6 @@ from torch import Tensor, nn
 from algorithms.joint.batch import JointView
 from algorithms.joint.checks import check_state
 from algorithms.joint.module import LearnerModule
-from algorithms.joint.ranges import WIDTH, Ranges
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.networks import perceptron
 from algorithms.vdn import VDN, VDNConfig, VDNLearner
@@ -68,20 +66,9 @@ class QMIXLearner(VDNLearner):
 
 
 class QMIXConfig(VDNConfig):
-    """QMIX.
-
-    Attributes:
-        mixer_width: Hidden units of the mixer.
-    """
+    """RLlib config of QMIX."""
 
     algorithm = "qmix"
-    ranges: ClassVar[Ranges] = {"mixer_width": WIDTH}
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or QMIX)
-        self._defaults(mixer_width=32)
-
-    mixer_width: int
 
     def module_settings(self):
         """Return the settings that networks are built from."""
@@ -92,15 +79,9 @@ class QMIXConfig(VDNConfig):
         check_state(spec, self.algorithm)
         return super().modules(spec) | {MIXER: self.learner_spec(spec, QMIXMixer)}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return QMIXLearner
-
 
 class QMIX(VDN):
     """QMIX."""
 
-    @classmethod
-    def get_default_config(cls) -> QMIXConfig:
-        """Return the defaults (RLlib)."""
-        return QMIXConfig()
+    config_class = QMIXConfig
+    learner_class = QMIXLearner

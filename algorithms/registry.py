@@ -1,13 +1,16 @@
-"""The table of algorithms: where each lives and what kind it is. Imports no framework."""
+"""The table of algorithms: config, settings and tags of each. Imports neither torch nor Ray."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 from typing import NamedTuple
 
+from algorithms import settings
+from algorithms.settings import JointSettings
+
 
 class Paradigm(StrEnum):
-    """Who knows what, when (section 3 of the SMARTS paper)."""
+    """What agents know in training and when they act (section 3 of the SMARTS paper)."""
 
     DECENTRALISED = "fully decentralised"
     CENTRALISED = "fully centralised"
@@ -28,92 +31,137 @@ class Entry(NamedTuple):
 
     Attributes:
         target: `module:class` of its RLlib config.
-        paradigm: Who knows what, when.
+        settings: What it can be set to.
+        paradigm: What its agents know in training and when they act.
         level: Multi-agent intelligence M0-M5 that it can reach, as the paper grades it.
         actions: Action spaces it can handle.
+        summary: One line for the table.
         communication: Whether agents exchange messages when they act.
         recurrent: Whether its policy may carry memory.
-        summary: One line for the table.
     """
 
     target: str
+    settings: type[JointSettings]
     paradigm: Paradigm
     level: str
     actions: Actions
-    communication: bool
-    recurrent: bool
-    summary: str
+    summary: str = ""
+    communication: bool = False
+    recurrent: bool = False
 
     def acts_in(self, kind: Actions) -> bool:
         """Return whether the algorithm can handle a space of this kind."""
         return self.actions in (kind, Actions.BOTH)
 
 
-def _entry(
-    target: str,
-    paradigm: Paradigm,
-    level: str,
-    actions: Actions,
-    summary: str,
-    *,
-    communication: bool = False,
-    recurrent: bool = False,
-) -> Entry:
-    return Entry(f"algorithms.{target}", paradigm, level, actions, communication, recurrent, summary)
-
-
-_D, _F, _C, _N = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE, Paradigm.NETWORKED
+_DEC, _CEN, _CTDE, _NET = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE, Paradigm.NETWORKED
+_DISCRETE, _BOTH = Actions.DISCRETE, Actions.BOTH
 
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 ALGORITHMS: dict[str, Entry] = {
-    "pg": _entry("pg:PGConfig", _D, "M1", Actions.BOTH, "independent policy gradient on whole lives"),
-    "a2c": _entry(
-        "a2c:A2CConfig", _D, "M1", Actions.BOTH, "independent advantage actor-critic", recurrent=True
+    "pg": Entry(
+        "algorithms.pg:PGConfig",
+        settings.PGSettings,
+        _DEC,
+        "M1",
+        _BOTH,
+        "independent policy gradient on whole trajectories",
     ),
-    "ppo": _entry("ppo:PPOConfig", _D, "M1", Actions.BOTH, "independent PPO", recurrent=True),
-    "dqn": _entry(
-        "dqn:DQNConfig", _D, "M1", Actions.DISCRETE, "independent double duelling Q-learning", recurrent=True
+    "a2c": Entry(
+        "algorithms.a2c:A2CConfig",
+        settings.A2CSettings,
+        _DEC,
+        "M1",
+        _BOTH,
+        "independent advantage actor-critic",
+        recurrent=True,
     ),
-    "commnet": _entry(
-        "commnet:CommNetConfig",
-        _F,
+    "ppo": Entry(
+        "algorithms.ppo:PPOConfig", settings.PPOSettings, _DEC, "M1", _BOTH, "independent PPO", recurrent=True
+    ),
+    "dqn": Entry(
+        "algorithms.dqn:DQNConfig",
+        settings.DQNSettings,
+        _DEC,
+        "M1",
+        _DISCRETE,
+        "independent double duelling Q-learning",
+        recurrent=True,
+    ),
+    "commnet": Entry(
+        "algorithms.commnet:CommNetConfig",
+        settings.CommNetSettings,
+        _CEN,
         "M3",
-        Actions.BOTH,
+        _BOTH,
         "hidden layers broadcast when acting",
         communication=True,
     ),
-    "centralised_v": _entry(
-        "centralised_v:CentralisedVConfig",
-        _C,
+    "centralised_v": Entry(
+        "algorithms.centralised_v:CentralisedVConfig",
+        settings.CentralisedVSettings,
+        _CTDE,
         "M3",
-        Actions.BOTH,
+        _BOTH,
         "PPO with a central critic",
         recurrent=True,
     ),
-    "maddpg": _entry("maddpg:MADDPGConfig", _C, "M3", Actions.BOTH, "critics that see everybody's actions"),
-    "maac": _entry(
-        "maac:MAACConfig", _C, "M3", Actions.DISCRETE, "soft actor-critic, attention in its critic"
-    ),
-    "mf_q": _entry(
-        "mf_q:MeanFieldQConfig", _C, "M4", Actions.DISCRETE, "values of the neighbours' mean action"
-    ),
-    "mf_ac": _entry("mf_ac:MeanFieldACConfig", _C, "M4", Actions.DISCRETE, "MF-Q's critic with a policy"),
-    "vdn": _entry(
-        "vdn:VDNConfig", _C, "M3", Actions.DISCRETE, "team value as a sum of values", recurrent=True
-    ),
-    "qmix": _entry(
-        "qmix:QMIXConfig",
-        _C,
+    "maddpg": Entry(
+        "algorithms.maddpg:MADDPGConfig",
+        settings.MADDPGSettings,
+        _CTDE,
         "M3",
-        Actions.DISCRETE,
+        _BOTH,
+        "critics of all agents' actions",
+    ),
+    "maac": Entry(
+        "algorithms.maac:MAACConfig",
+        settings.MAACSettings,
+        _CTDE,
+        "M3",
+        _DISCRETE,
+        "soft actor-critic, attention in its critic",
+    ),
+    "mf_q": Entry(
+        "algorithms.mf_q:MeanFieldQConfig",
+        settings.MeanFieldQSettings,
+        _CTDE,
+        "M4",
+        _DISCRETE,
+        "values of the neighbours' mean action",
+    ),
+    "mf_ac": Entry(
+        "algorithms.mf_ac:MeanFieldACConfig",
+        settings.MeanFieldACSettings,
+        _CTDE,
+        "M4",
+        _DISCRETE,
+        "MF-Q's critic with a policy",
+    ),
+    "vdn": Entry(
+        "algorithms.vdn:VDNConfig",
+        settings.VDNSettings,
+        _CTDE,
+        "M3",
+        _DISCRETE,
+        "team value as a sum of values",
+        recurrent=True,
+    ),
+    "qmix": Entry(
+        "algorithms.qmix:QMIXConfig",
+        settings.QMIXSettings,
+        _CTDE,
+        "M3",
+        _DISCRETE,
         "team value as a monotone function of values",
         recurrent=True,
     ),
-    "networked_q": _entry(
-        "networked_q:NetworkedQConfig",
-        _N,
+    "networked_q": Entry(
+        "algorithms.networked_q:NetworkedQConfig",
+        settings.NetworkedQSettings,
+        _NET,
         "M3",
-        Actions.DISCRETE,
+        _DISCRETE,
         "team value fitted by consensus over a graph",
         communication=True,
     ),

@@ -9,20 +9,15 @@ Deviations: recurrence is optional (`gru`); absent agents contribute zero, and t
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import torch
 from torch import Tensor
 
 from algorithms.dqn import DQN, DQNConfig, DQNLearner
 from algorithms.joint.batch import JointView, ReplayBatch
-from algorithms.joint.ranges import Either, Ranges
 
 
 class VDNLearner(DQNLearner):
     """One temporal difference for the whole team. Mixers override `mix` and `trained`."""
-
-    config: VDNConfig  # type: ignore[assignment]
 
     def update_minibatch(self, batch: ReplayBatch) -> None:
         """Step all networks together towards the team's target."""
@@ -43,7 +38,7 @@ class VDNLearner(DQNLearner):
         absent = batch.absent()
         self.step_optimizer(loss, *(name for name in self.trained() if name not in absent))
         self.log(self.groups[0].id, "td_loss", loss)
-        self.track(*self.trained(), tau=self.config.tau)
+        self.polyak_update(*self.trained(), tau=self.config.tau)
 
     def team_reward(self, batch: ReplayBatch) -> Tensor:
         """Return the team's reward (M,)."""
@@ -62,31 +57,13 @@ class VDNLearner(DQNLearner):
 
 
 class VDNConfig(DQNConfig):
-    """VDN.
-
-    Attributes:
-        team_reward: "sum" or "mean" of the rewards of those present; "mean" where all get the same shared
-            reward.
-    """
+    """RLlib config of VDN."""
 
     algorithm = "vdn"
-    ranges: ClassVar[Ranges] = {"team_reward": Either("sum", "mean")}
-
-    def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or VDN)
-        self._defaults(team_reward="sum")
-
-    team_reward: str
-
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return VDNLearner
 
 
 class VDN(DQN):
     """VDN."""
 
-    @classmethod
-    def get_default_config(cls) -> VDNConfig:
-        """Return the defaults (RLlib)."""
-        return VDNConfig()
+    config_class = VDNConfig
+    learner_class = VDNLearner

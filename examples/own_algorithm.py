@@ -7,12 +7,13 @@ import torch
 from ray.tune import register_env
 
 from algorithms.joint.algorithm import JointAlgorithm
-from algorithms.joint.config import OffPolicyConfig
+from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration
 from algorithms.parts.masking import ILLEGAL
 from algorithms.registry import Actions, Entry, Paradigm
+from algorithms.settings import Fraction, OffPolicySettings
 from smarts.env import VectorHiWayEnv
 
 
@@ -47,19 +48,22 @@ class MyLearner(OffPolicyLearner):
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
             error = (chosen - own.rewards - self.gamma * following).square()
             self.step_optimizer(self.mean(error, own.alive), group.id)  # this network and no other
-        self.track(*(g.id for g in self.groups), tau=self.config.tau)  # target_x follows x
+        self.polyak_update(*(g.id for g in self.groups), tau=self.config.tau)  # target_x follows x
 
 
-class MyConfig(OffPolicyConfig):
-    """Its settings."""
+class MySettings(OffPolicySettings):
+    """Its settings: keywords of training(), keys of experiment files."""
+
+    epsilon: Fraction = 0.1
+    """Probability of a random action."""
+
+
+class MyConfig(JointConfig):
+    """Its RLlib config."""
 
     algorithm = "mine"
     # In this library it is a line in `algorithms/registry.py` instead.
-    entry = Entry("own_algorithm:MyConfig", Paradigm.DECENTRALISED, "M1", Actions.DISCRETE, False, False, "")
-
-    def __init__(self, algo_class=None):
-        super().__init__(algo_class or Mine)
-        self._defaults(epsilon=0.1)  # becomes a keyword of training()
+    entry = Entry("own_algorithm:MyConfig", MySettings, Paradigm.DECENTRALISED, "M1", Actions.DISCRETE)
 
     def exploration(self, steps):
         """Return how runners explore after so many environment steps."""
@@ -69,18 +73,12 @@ class MyConfig(OffPolicyConfig):
         """Return the networks: one for each group."""
         return {g.id: self.policy_spec(spec, g, MyModule) for g in spec.groups}
 
-    def get_default_learner_class(self):
-        """Return the learner (RLlib)."""
-        return MyLearner
-
 
 class Mine(JointAlgorithm):
-    """RLlib rebuilds configs from this class."""
+    """The algorithm: its config and its learner."""
 
-    @classmethod
-    def get_default_config(cls):
-        """Return the defaults (RLlib)."""
-        return MyConfig()
+    config_class = MyConfig
+    learner_class = MyLearner
 
 
 def main():

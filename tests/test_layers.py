@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import pytest
@@ -129,3 +130,42 @@ def test_the_check_itself_finds(tmp_path, monkeypatch, place, source):
     file.parent.mkdir(parents=True)
     file.write_text(source)
     assert violations(file, imports_of(file))
+
+
+def cycles(imports: Mapping[str, set[str]]) -> list[list[str]]:
+    """Return the modules that import each other, directly or through others."""
+    reached = {module: set(found) & imports.keys() for module, found in imports.items()}
+    for middle in imports:
+        for module in imports:
+            if middle in reached[module]:
+                reached[module] |= reached[middle]
+    rings = {frozenset(m for m in imports if m in reached[n] and n in reached[m]) for n in imports}
+    return sorted(sorted(ring) for ring in rings if ring)
+
+
+def modules_of(files: Iterable[Path]) -> dict[str, set[str]]:
+    """Return module -> what it imports, without packages themselves, which only name their parts."""
+    return {
+        ".".join(file.relative_to(ROOT).with_suffix("").parts): imports_of(file)
+        for file in files
+        if file.name != "__init__.py"
+    }
+
+
+def test_no_modules_import_each_other():
+    assert cycles(modules_of(FILES)) == []
+
+
+def test_the_search_for_cycles_finds(tmp_path, monkeypatch):
+    monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
+    sources = {
+        "a": "from smarts.sim import b",
+        "b": "def f():\n    from .c import g",
+        "c": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from smarts.sim.a import h",
+        "d": "import smarts.sim.a",
+    }
+    files = [tmp_path / "smarts" / "sim" / f"{name}.py" for name in sources]
+    files[0].parent.mkdir(parents=True)
+    for file, source in zip(files, sources.values(), strict=True):
+        file.write_text(source)
+    assert cycles(modules_of(files)) == [["smarts.sim.a", "smarts.sim.b", "smarts.sim.c"]]

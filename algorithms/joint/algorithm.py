@@ -6,7 +6,7 @@ import logging
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import ray
 from ray import cloudpickle
@@ -21,14 +21,14 @@ from ray.rllib.utils.metrics import (
 
 from algorithms.errors import AlgorithmError, CheckpointError, RunnerFailure
 from algorithms.joint.config import JointConfig
-from algorithms.joint.learner import JointTrainingData
+from algorithms.joint.learner import JointTorchLearner, JointTrainingData
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.runner import SAMPLERS, SPEC, Reply
-from algorithms.joint.spec import JointSpec
+from algorithms.joint.runner import SAMPLERS, JointEnvRunner, SampleResult
+from algorithms.joint.spec import SPEC, JointSpec
 
 logger = logging.getLogger(__name__)
 
-IDENTITY = "joint_identity"
+SIGNATURE = "checkpoint_signature"
 KILLED = "num_hung_env_runners_killed"
 RESTART_POLL = 0.2
 """Time between two looks whether a lost runner is back [s]."""
@@ -37,12 +37,30 @@ RESTART_POLL = 0.2
 class JointAlgorithm(Algorithm):
     """Asks runners for fragments, in one round trip with the weights, and learns from what comes back.
 
-    Algorithms subclass it with their own `get_default_config`, since RLlib rebuilds configs from it.
+    An algorithm subclasses it and names its config and its learner:
+
+        class PPO(JointAlgorithm):
+            config_class = PPOConfig
+            learner_class = PPOLearner
     """
 
+    config_class: ClassVar[type[JointConfig]]
+    learner_class: ClassVar[type[JointTorchLearner]]
+    runner_class: ClassVar[type[JointEnvRunner]] = JointEnvRunner
     config: JointConfig  # type: ignore[assignment]
     env_runner_group: Any
     learner_group: Any
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Let the config know its algorithm."""
+        super().__init_subclass__(**kwargs)
+        if "config_class" in vars(cls):
+            cls.config_class.algorithm_class = cls
+
+    @classmethod
+    def get_default_config(cls) -> JointConfig:
+        """Return the defaults (RLlib, which rebuilds configs from them)."""
+        return cls.config_class(cls)
 
     def setup(self, config: JointConfig) -> None:  # type: ignore[override]
         """Build runners, then check the spaces, then build networks (RLlib)."""
@@ -74,7 +92,7 @@ class JointAlgorithm(Algorithm):
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
         """Return RLlib's state, where every sampler stands, and what the state fits (RLlib)."""
         state = super().get_state(components, not_components=not_components, **kwargs)
-        state[IDENTITY] = self._identity()
+        state[SIGNATURE] = self._signature()
         if self._check_component(SAMPLERS, components, not_components):
             states = self.env_runner_group.foreach_env_runner(
                 _sampler_state, local_env_runner=not self.config.num_env_runners
@@ -89,8 +107,8 @@ class JointAlgorithm(Algorithm):
             CheckpointError: The state is of another algorithm, of other agents, spaces or groups, or of
                 networks built from other settings.
         """
-        if IDENTITY in state:
-            self._check_identity(state[IDENTITY])
+        if SIGNATURE in state:
+            self._check_signature(state[SIGNATURE])
         super().set_state(state)
         if state.get(SAMPLERS):
             self.env_runner_group.foreach_env_runner(
@@ -106,8 +124,8 @@ class JointAlgorithm(Algorithm):
             CheckpointError: The checkpoint is of another algorithm, of other agents, spaces or groups, or of
                 networks built from other settings.
         """
-        self._check_identity(
-            _stored_identity(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
+        self._check_signature(
+            _stored_signature(Path(getattr(path, "path", path)) / f"{self.STATE_FILE_NAME}.pkl")
         )
         super().restore_from_path(path, *args, **kwargs)
 
@@ -117,7 +135,7 @@ class JointAlgorithm(Algorithm):
             return super().restore_env_runners(env_runner_group)
         return env_runner_group.probe_unhealthy_env_runners()
 
-    def _replies(self) -> list[Reply]:
+    def _replies(self) -> list[SampleResult]:
         """Return at least one runner's reply; while all are lost, wait for those that Ray restarts.
 
         Raises:
@@ -141,7 +159,7 @@ class JointAlgorithm(Algorithm):
             time.sleep(RESTART_POLL)
             group.probe_unhealthy_env_runners()
 
-    def _ask(self) -> list[Reply]:
+    def _ask(self) -> list[SampleResult]:
         """Return the replies of runners that answer in time; others are killed and come back."""
         group = self.env_runner_group
         state = self.runner_state()
@@ -180,15 +198,15 @@ class JointAlgorithm(Algorithm):
     def _steps(self) -> int:
         return int(self.metrics.peek((ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME), default=0))
 
-    def _identity(self) -> dict[str, Any]:
-        return {**self.config.identity(), **self.spec.describe()}
+    def _signature(self) -> dict[str, Any]:
+        return {**self.config.checkpoint_signature(), **self.spec.describe()}
 
-    def _check_identity(self, stored: dict[str, Any] | None) -> None:
-        own = self._identity()
+    def _check_signature(self, stored: dict[str, Any] | None) -> None:
+        own = self._signature()
         if stored is None or stored == own:
             return
         # Checkpoints of earlier versions do not tell the settings of their networks.
-        names = {*stored, *own} - (self.config.identity().keys() - stored.keys())
+        names = {*stored, *own} - (self.config.checkpoint_signature().keys() - stored.keys())
         differing = sorted(name for name in names if stored.get(name) != own.get(name))
         if not differing:
             return
@@ -208,9 +226,9 @@ def _restore_sampler(runner: Any, samplers: dict[Any, Any], steps: int) -> None:
     runner.set_state({NUM_ENV_STEPS_SAMPLED_LIFETIME: steps, SAMPLERS: samplers})
 
 
-def _stored_identity(file: Path) -> dict[str, Any] | None:
+def _stored_signature(file: Path) -> dict[str, Any] | None:
     """Return what a checkpoint says it fits, or None where the file is not local."""
     if not file.is_file():
         return None
     with file.open("rb") as stream:
-        return cloudpickle.load(stream).get(IDENTITY)
+        return cloudpickle.load(stream).get(SIGNATURE)

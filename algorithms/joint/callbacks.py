@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from ray.rllib.callbacks.callbacks import RLlibCallback
@@ -11,9 +11,6 @@ from ray.rllib.callbacks.utils import make_callback
 from ray.rllib.utils import force_list
 
 from algorithms.joint.env import Bools, Ints, JointStep
-
-if TYPE_CHECKING:
-    from algorithms.joint.runner import JointEnvRunner
 
 START, STEP, END = "on_episode_start", "on_episode_step", "on_episode_end"
 
@@ -67,7 +64,7 @@ class EpisodeCallbacks:
     `rl_module`. An episode whose copy failed ends without `on_episode_end`. Evaluation episodes call nothing.
     """
 
-    def __init__(self, runner: JointEnvRunner) -> None:
+    def __init__(self, runner: Any) -> None:
         self._runner = runner
         self._objects: list[RLlibCallback] = [
             create() for create in force_list(runner.config.callbacks_class)

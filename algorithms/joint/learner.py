@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import ray
@@ -16,6 +16,7 @@ from ray.rllib.utils.metrics import NUM_ENV_STEPS_SAMPLED_LIFETIME
 from torch import Tensor, nn
 
 from algorithms.joint.batch import JointView, OnPolicyBatch, ReplayBatch, to_tensor
+from algorithms.joint.config import JointConfig
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.spec import Group, JointSpec
@@ -23,9 +24,6 @@ from algorithms.joint.threads import torch_threads
 from algorithms.parts.advantages import generalised_advantages
 from algorithms.parts.masking import masked_mean, standardised
 from algorithms.parts.schedule import Schedule, value_at
-
-if TYPE_CHECKING:
-    from algorithms.joint.config import JointConfig, OffPolicyConfig, OnPolicyConfig
 
 JOINT, REPLAY = "joint", "replay"
 """Parts of a learner's state besides RLlib's."""
@@ -114,7 +112,7 @@ class JointTorchLearner(TorchLearner):
             for p in parameters:
                 p.grad = None
 
-    def now(self, schedule: Schedule) -> float:
+    def schedule_value(self, schedule: Schedule) -> float:
         """Return what a setting is at this update, where it may be a schedule over environment steps."""
         return value_at(schedule, self.env_steps)
 
@@ -126,7 +124,7 @@ class JointTorchLearner(TorchLearner):
         """Report the mean of a number over this update; read from the device only once an update."""
         self._means.setdefault((module_id, name), []).append(value.detach())
 
-    def track(self, *module_ids: str, tau: float) -> None:
+    def polyak_update(self, *module_ids: str, tau: float) -> None:
         """Move target networks towards their originals: target <- (1 - tau) * target + tau * original.
 
         An attribute `target_x` of a module's `targets` follows its attribute `x`.
@@ -210,8 +208,6 @@ class JointTorchLearner(TorchLearner):
 
 class OnPolicyLearner(JointTorchLearner):
     """Learns from each rollout once: `prepare` makes the batch, then come epochs of minibatches."""
-
-    config: OnPolicyConfig  # type: ignore[assignment]
 
     def values(self, view: JointView) -> Tensor:
         """Return state values (M, N) of M moments, without gradient: the second slot."""
@@ -313,8 +309,6 @@ def cut_sequences(batch: OnPolicyBatch, steps: int, length: int) -> OnPolicyBatc
 
 class OffPolicyLearner(JointTorchLearner):
     """Keeps a replay buffer and takes a fixed number of updates per environment step."""
-
-    config: OffPolicyConfig  # type: ignore[assignment]
 
     def build(self) -> None:
         """Build modules, and the replay buffer."""

@@ -78,9 +78,13 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
 
     def policy(self, view: GroupView) -> Tensor:
         """Return the outputs (M, n, P) that the head turns into actions."""
-        return self.recall(view)[0] if self.memory_size else self.body(self.encoder(view.observations))
+        return (
+            self.forward_recurrent(view)[0]
+            if self.memory_size
+            else self.body(self.encoder(view.observations))
+        )
 
-    def recall(self, view: GroupView) -> tuple[Tensor, Tensor]:
+    def forward_recurrent(self, view: GroupView) -> tuple[Tensor, Tensor]:
         """Return a recurrent policy's (outputs, memory afterwards) of moments, or of sequences of moments."""
         features = self.trunk(self.encoder(view.observations))
         memory = self.memory(features, view.observations[MEMORY], view.fresh, view.length)
@@ -91,7 +95,7 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         """Return each group's outputs (M, n, P); the slot of agents that communicate."""
         return [module.policy(view) for module, view in zip(modules, views, strict=True)]
 
-    def plain(self) -> tuple[Encoder, nn.Module] | None:
+    def feedforward_parts(self) -> tuple[Encoder, nn.Module] | None:
         """Return (encoder, body) if the policy is just `body(encoder(...))`, so that runners may stack it."""
         return None if self.memory_size else (self.encoder, self.body)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -13,26 +12,7 @@ from algorithms.joint.batch import JointView
 from algorithms.joint.env import JointSpaces
 from algorithms.parts.communication import others
 from algorithms.parts.graph import complete, ring, within
-
-
-@dataclass(frozen=True)
-class Near:
-    """Agents within a distance of each other are neighbours.
-
-    Attributes:
-        radius: Largest distance, in the unit of the positions.
-        leaf: Observation leaf that holds each agent's position.
-        components: Places of the coordinates in the flattened leaf.
-    """
-
-    radius: float
-    leaf: str = ""
-    components: tuple[int, ...] = (0, 1)
-
-
-Graph = str | Near | Sequence[tuple[str, str]]
-"""`"auto"`: the environment's graph if it has one, else everybody; `"environment"`, `"all"`, `"ring"` in the
-order of the columns; `Near`; or pairs of agents."""
+from algorithms.settings import Graph, Near
 
 
 class Neighbourhood:

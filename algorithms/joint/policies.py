@@ -12,7 +12,7 @@ from algorithms.joint.batch import GroupView
 from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import View
 from algorithms.joint.spec import Group, JointSpec
-from algorithms.parts.distributions import AgentHost, Exploration
+from algorithms.parts.distributions import Exploration, SampledActions
 from algorithms.parts.networks import PlacedPerceptron, StackedPerceptrons
 
 
@@ -40,12 +40,12 @@ class Policies:
         with torch.no_grad():
             self._stacked = [self._stack([self._modules[g.id] for g in groups]) for groups in self._by_block]
 
-    def act(self, view: View, exploration: Exploration, generator: Generator) -> list[AgentHost]:
-        """Return one `Acting` per block for a view with leading axis (B,)."""
+    def act(self, view: View, exploration: Exploration, generator: Generator) -> list[SampledActions]:
+        """Return one `SampledActions` per block for a view with leading axis (B,)."""
         with torch.inference_mode():
             return [self._act(k, view, exploration, generator) for k in range(len(self._by_block))]
 
-    def _act(self, block: int, view: View, exploration: Exploration, generator: Generator) -> AgentHost:
+    def _act(self, block: int, view: View, exploration: Exploration, generator: Generator) -> SampledActions:
         leaves = {name: torch.from_numpy(leaf) for name, leaf in view.observations[block].items()}
         mask = view.masks[block]
         action_mask = None if mask is None else torch.from_numpy(mask)
@@ -55,7 +55,7 @@ class Policies:
         if stacked is not None:
             outputs = stacked(leaves)
         elif first.memory_size:
-            recalled = [self._modules[g.id].recall(_seen_by(g, view)) for g in groups]
+            recalled = [self._modules[g.id].forward_recurrent(_seen_by(g, view)) for g in groups]
             outputs, memory = (self._in_columns(block, parts) for parts in zip(*recalled, strict=True))
             return first.head.act(outputs, action_mask, exploration, generator)._replace(memory=memory)
         else:
@@ -83,7 +83,7 @@ class Policies:
     @staticmethod
     def _stack(modules: list[JointModule]) -> Callable[[Mapping[str, Tensor]], Tensor] | None:
         """Return what maps the leaves of a block to outputs (B, n, P) in few steps, if that can be."""
-        plain = [parts for module in modules if (parts := module.plain())]
+        plain = [parts for module in modules if (parts := module.feedforward_parts())]
         bodies = [body for _, body in plain if isinstance(body, nn.Sequential)]
         if not bodies or len(bodies) < len(modules) or not StackedPerceptrons.fits(bodies):
             return None

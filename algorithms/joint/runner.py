@@ -6,7 +6,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import ray
@@ -33,22 +33,18 @@ from ray.tune.registry import ENV_CREATOR, _global_registry
 from algorithms.errors import AlgorithmError, SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.callbacks import EpisodeCallbacks
+from algorithms.joint.config import JointConfig
 from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
 from algorithms.joint.metrics import EPISODE_MEAN
 from algorithms.joint.policies import Policies
 from algorithms.joint.rollout import JointRollout
 from algorithms.joint.sampler import Episode, EvaluatedStep, Listener, Sampler
-from algorithms.joint.spec import JointSpec, agent_spaces
+from algorithms.joint.spec import SPEC, JointSpec, agent_spaces
 from algorithms.joint.threads import torch_threads
 from algorithms.joint.worlds import EVALUATION_WORLDS
 
-if TYPE_CHECKING:
-    from algorithms.joint.config import JointConfig
-
 logger = logging.getLogger(__name__)
 
-SPEC = "__joint__"
-"""Key under which `get_spaces` hands the `JointSpec` to whoever builds modules."""
 SAMPLERS = "samplers"
 """Key of states that belong to one process each; all others ignore them."""
 FAILED_COPIES = "num_failed_env_copies_lifetime"
@@ -56,7 +52,7 @@ LARGEST_RESTART_ID = 2**63 - 1
 """Rollouts keep the number in an array of int64; steps never get there."""
 
 
-class Reply(NamedTuple):
+class SampleResult(NamedTuple):
     """What a runner answers to a request for data.
 
     Attributes:
@@ -108,15 +104,15 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             self.module = spec.build()
             self._policies = Policies(self.spec, {g.id: self.module[g.id] for g in self.spec.groups})
 
-    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> Reply:
+    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> SampleResult:
         """Take over weights and counters, return a fragment: in one round trip, so never stale."""
         self.set_state(ray.get(state) if isinstance(state, ray.ObjectRef) else state)
         try:
             rollout = self._sample_fragment(steps)
         except AlgorithmError as failure:
             # Raised here, it would count as the actor's death, and the actor would be restarted for ever.
-            return Reply(self.worker_index, failure, self.get_metrics())
-        return Reply(self.worker_index, rollout, self.get_metrics())
+            return SampleResult(self.worker_index, failure, self.get_metrics())
+        return SampleResult(self.worker_index, rollout, self.get_metrics())
 
     def sample(  # type: ignore[override]
         self,

@@ -20,7 +20,7 @@ from algorithms.joint.policies import Policies
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import to_env
 from algorithms.joint.spec import JointSpec
-from algorithms.parts.distributions import AgentHost, Exploration
+from algorithms.parts.distributions import Exploration, SampledActions
 
 
 class Episode(NamedTuple):
@@ -55,7 +55,7 @@ class EvaluatedStep(NamedTuple):
     Attributes:
         playing: World of the episode each copy plays, -1 if it idles, (B,).
         view: What the agents saw, leading axis (B,).
-        distributions: Per block, what the actions were sampled from; see `Acting.distribution`.
+        distributions: Per block, what the actions were sampled from; see `SampledActions.distribution`.
         actions: Per block, in the environment's units.
         step: What the environment answered.
     """
@@ -271,12 +271,12 @@ class Sampler:
     def _in_env_units(self, actions: list[np.ndarray]) -> tuple[np.ndarray, ...]:
         return tuple(to_env(b.action, a) for b, a in zip(self._spec.spaces.blocks, actions, strict=True))
 
-    def _act(self, view: View, exploration: Exploration) -> list[AgentHost]:
+    def _act(self, view: View, exploration: Exploration) -> list[SampledActions]:
         acting = self.policies.act(view, exploration, self._generator)
         self._memories = [None if chosen.memory is None else chosen.memory.numpy() for chosen in acting]
         return acting
 
-    def _annotate(self, acting: Sequence[AgentHost]) -> None:
+    def _annotate(self, acting: Sequence[SampledActions]) -> None:
         annotate = getattr(self.env, "annotate", None)
         if annotate is None:
             return

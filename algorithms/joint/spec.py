@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,10 @@ from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
 from algorithms.joint.env import Action, Block, Ints, JointSpaces
+from algorithms.settings import Sharing
 
-Sharing = str | Mapping[str, Sequence[str]] | Callable[[str], str]
-"""`"none"`, `"all"`, groups by name, or a function from agent to group name."""
-
+SPEC = "__joint__"
+"""Key of RLlib's `spaces` under which runners hand the `JointSpec` to the algorithm."""
 Index = slice | Ints
 """Columns of an axis: a slice, hence a view, where they are contiguous."""
 

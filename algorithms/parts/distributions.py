@@ -27,7 +27,7 @@ class Exploration(NamedTuple):
     noise: float = 0.0
 
 
-class AgentHost(NamedTuple):
+class SampledActions(NamedTuple):
     """Actions of one block and where they came from.
 
     Attributes:
@@ -114,7 +114,7 @@ class Head(Protocol):
 
     def act(
         self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> AgentHost:
+    ) -> SampledActions:
         """Return the actions for outputs (B, n, P) and legal actions (B, n, A) or None."""
         ...
 
@@ -133,11 +133,11 @@ class CategoricalHead:
 
     def act(
         self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> AgentHost:
+    ) -> SampledActions:
         """Return sampled, or most probable, actions."""
         policy = self.distribution(outputs, action_mask)
         actions = policy.sample(generator) if exploration.explore else policy.mode()
-        return AgentHost(actions, policy.log_prob(actions), policy.log_probs.exp())
+        return SampledActions(actions, policy.log_prob(actions), policy.log_probs.exp())
 
 
 class GaussianHead:
@@ -156,11 +156,11 @@ class GaussianHead:
 
     def act(
         self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> AgentHost:
+    ) -> SampledActions:
         """Return sampled actions, or the mean."""
         policy = self.distribution(outputs)
         actions = policy.sample(generator) if exploration.explore else policy.mean
-        return AgentHost(
+        return SampledActions(
             actions, policy.log_prob(actions), torch.stack([policy.mean, policy.log_std.exp()], -2)
         )
 
@@ -175,7 +175,7 @@ class EpsilonGreedyHead:
 
     def act(
         self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> AgentHost:
+    ) -> SampledActions:
         """Return epsilon-greedy actions."""
         epsilon = exploration.epsilon if exploration.explore else 0.0
         allowed = torch.ones_like(outputs) if action_mask is None else action_mask.to(outputs.dtype)
@@ -185,9 +185,9 @@ class EpsilonGreedyHead:
             epsilon * allowed / allowed.sum(-1, keepdim=True).clamp(min=1) + (1 - epsilon) * greedy
         )
         if epsilon == 0:
-            return AgentHost(greedy.argmax(-1), None, probabilities)
+            return SampledActions(greedy.argmax(-1), None, probabilities)
         drawn = (probabilities / exponential(probabilities, generator)).argmax(-1)
-        return AgentHost(drawn, None, probabilities)
+        return SampledActions(drawn, None, probabilities)
 
 
 class BoltzmannHead:
@@ -205,11 +205,11 @@ class BoltzmannHead:
 
     def act(
         self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> AgentHost:
+    ) -> SampledActions:
         """Return sampled actions, or the best."""
         policy = self.distribution(outputs, action_mask)
         actions = policy.sample(generator) if exploration.explore else policy.mode()
-        return AgentHost(actions, policy.log_prob(actions), policy.log_probs.exp())
+        return SampledActions(actions, policy.log_prob(actions), policy.log_probs.exp())
 
 
 class DeterministicHead:
@@ -222,12 +222,12 @@ class DeterministicHead:
 
     def act(
         self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> AgentHost:
+    ) -> SampledActions:
         """Return noisy actions, clipped to [-1, 1]."""
         mean = outputs.tanh()
         scale = exploration.noise if exploration.explore else 0.0
         noise = scale * torch.empty_like(mean).normal_(generator=generator)
-        return AgentHost(
+        return SampledActions(
             (mean + noise).clamp(-1, 1), None, torch.stack([mean, torch.full_like(mean, scale)], -2)
         )
 

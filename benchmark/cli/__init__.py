@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperGroup
 
 from algorithms.errors import AlgorithmError
-from benchmark.cli import doctor, experiments, render, reports, scenario, scripted
+from benchmark.cli import doctor, experiments, render, reports, scenario, scripted, settings
 from benchmark.running.exit_codes import INTERRUPTED
 from smarts.errors import SmartsError
 
@@ -64,6 +64,8 @@ app.command()(reports.report)
 app.command()(reports.compare)
 app.command()(reports.leaderboard)
 app.command("algorithms")(experiments.list_algorithms)
+app.command()(settings.settings)
+app.command()(settings.schema)
 app.add_typer(scenario.app, name="scenario")
 app.command()(render.render)
 app.command()(doctor.doctor)

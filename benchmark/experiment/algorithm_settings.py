@@ -1,35 +1,27 @@
-"""The algorithms' settings: from the table that the registry's publish, of others from their config class."""
+"""What the algorithms of an experiment are and can be set to: registered ones and own code alike."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from pydantic import ConfigDict, create_model
-
-from algorithms.joint.ranges import COUNT, Values, declared
 from algorithms.registry import ALGORITHMS, Entry
-from algorithms.settings import OF_RUNNERS, defaults_of_config, settings, values
-from smarts.config import ConfigError, Section, fitted
-from smarts.registry import Registry, is_own_name
-
-KINDS: dict[str, Any] = {
-    "sharing": str | dict[str, list[str]],
-    **dict.fromkeys(("lr", "entropy_coeff"), float | list[list[float]]),
-}
-"""Settings that take more than what their default is like."""
+from algorithms.settings import JointSettings, SettingFault, faults
+from smarts.errors import nearest_names, shown
+from smarts.registry import Registry
 
 
 def _adopt(name: str, found: Any) -> Any:
-    """Return the config class of a user's algorithm, of which one can be made."""
+    """Return the config class of a user's algorithm, after making one."""
     from algorithms.joint.config import JointConfig  # here: loads torch and Ray
 
     if not isinstance(found, type) or not issubclass(found, JointConfig):
         raise ValueError("is no subclass of algorithms.joint.config.JointConfig")
-    config = found()
-    if not isinstance(found.entry, Entry) and getattr(config, "algorithm", None) not in ALGORITHMS:
+    if not isinstance(found.entry, Entry) and getattr(found, "algorithm", None) not in ALGORITHMS:
         raise ValueError("has no `entry` that says what it is, as in examples/own_algorithm.py")
+    found()
     return found
 
 
@@ -37,6 +29,7 @@ CONFIGS = Registry("algorithm", {name: entry.target for name, entry in ALGORITHM
 """Name -> the algorithm's RLlib config class, a `JointConfig`; a user's own is "module:Class"."""
 
 
+@cache
 def entry_of(algorithm: str) -> Entry:
     """Return what an algorithm is: a line of the registry, or the `entry` of its own config.
 
@@ -46,74 +39,58 @@ def entry_of(algorithm: str) -> Entry:
     return ALGORITHMS[algorithm] if algorithm in ALGORITHMS else CONFIGS[algorithm]().entry
 
 
-@cache
-def defaults_of(algorithm: str) -> Mapping[str, Any]:
-    """Return the default of each of an algorithm's settings.
+def settings_of(algorithm: str) -> type[JointSettings]:
+    """Return the class of an algorithm's settings.
 
     Raises:
         OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
     """
-    if algorithm in ALGORITHMS:
-        return settings()[algorithm]
-    return defaults_of_config(CONFIGS[algorithm]())
+    return entry_of(algorithm).settings
 
 
-def limits_of(algorithm: str, name: str) -> Values | None:
-    """Return the values that a setting may take; None: any."""
-    if name in OF_RUNNERS:
-        return COUNT
-    if algorithm in ALGORITHMS:
-        return values()[algorithm].get(name)
-    return declared(CONFIGS[algorithm]).get(name)
+def setting_names(algorithm: str) -> list[str]:
+    """Return the names of an algorithm's settings; raises as `settings_of`."""
+    return [*settings_of(algorithm).model_fields]
 
 
-def _kind(name: str, default: Any) -> Any:
-    if name in KINDS:
-        return KINDS[name]
-    if isinstance(default, bool):
-        return bool
-    return {int: int | None, float: float | None, str: str, list: list[Any]}.get(type(default), Any)
+def setting_faults(algorithm: str, values: Mapping[str, Any]) -> Iterator[tuple[SettingFault, str, str]]:
+    """Yield each fault of an algorithm's settings, with a text that names the value and a remedy."""
+    for fault in faults(settings_of(algorithm), dict(values)):
+        if fault.is_unknown:
+            remedy = nearest_names(str(fault.key[0]), setting_names(algorithm))
+            yield fault, f"{algorithm!r} has no such setting", remedy
+        elif fault.key:
+            yield fault, shown(fault.value), fault.problem[:1].lower() + fault.problem[1:]
+        else:
+            yield fault, f"{algorithm}: {fault.problem}", ""
 
 
-def _section(name: str, defaults: Mapping[str, Any]) -> Any:
-    fields: dict[str, Any] = {key: (_kind(key, value), value) for key, value in defaults.items()}
-    return create_model(name, __base__=Section, **fields)
+def settings_table(algorithm: str) -> list[tuple[str, str, str, str]]:
+    """Return a header, and name, default, allowed values and meaning of each setting.
+
+    Raises:
+        UnknownNameError: There is no such algorithm.
+        OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
+    """
+    described = settings_of(algorithm).model_json_schema()["properties"]
+    rows = [
+        (name, json.dumps(part.get("default")), allowed(part), " ".join(part["description"].split()))
+        for name, part in described.items()
+    ]
+    return [("setting", "default", "allowed", "meaning"), *rows]
 
 
-_BY_ALGORITHM = {name: _section(name, defaults) for name, defaults in settings().items()}
-
-
-class OwnSections(Section):
-    """Has sections of algorithms that are "module:Class", too, which are checked against their configs."""
-
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, dict[str, Any]]  # type: ignore[reportIncompatibleVariableOverride]
-
-
-SettingsByAlgorithm: Any = create_model(
-    "SettingsByAlgorithm",
-    __base__=OwnSections,
-    **{name: (section | None, None) for name, section in _BY_ALGORITHM.items()},  # type: ignore[arg-type]
-)
-"""A section for each algorithm, each with its settings."""
-
-CommonSettings: Any = _section(
-    "CommonSettings", {key: value for defaults in settings().values() for key, value in defaults.items()}
-)
-"""The settings of all algorithms."""
-
-
-@cache
-def _model_of(algorithm: str) -> Any:
-    if not is_own_name(algorithm):
-        return _BY_ALGORITHM[algorithm]
-    return _section("OwnSettings", defaults_of(algorithm))
-
-
-def type_fault(algorithm: str, name: str, value: Any) -> str:
-    """Return why a value is none of a setting, whatever its range; nothing if it can be."""
-    try:
-        fitted({name: value}, _model_of(algorithm))
-    except ConfigError as error:
-        return f"{value!r}: {error.problems[0].remedy}"
-    return ""
+def allowed(schema: Mapping[str, Any]) -> str:
+    """Return which values a JSON schema allows, in words: "number > 0", "list of integer >= 1"."""
+    if kinds := schema.get("anyOf") or schema.get("oneOf"):
+        return " or ".join(map(allowed, kinds))
+    if "const" in schema or "enum" in schema:
+        return " or ".join(json.dumps(value) for value in schema.get("enum", [schema.get("const")]))
+    kind = schema.get("type", "any")
+    if kind == "array":
+        parts = schema.get("prefixItems")
+        return f"[{', '.join(map(allowed, parts))}]" if parts else f"list of {allowed(schema['items'])}"
+    if kind == "object":
+        return f"name: {allowed(schema['additionalProperties'])}"
+    limits = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<="}
+    return " ".join([kind, *(f"{sign} {schema[key]:g}" for key, sign in limits.items() if key in schema)])

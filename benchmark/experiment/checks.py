@@ -11,8 +11,7 @@ from math import isfinite
 from typing import Any
 
 from algorithms.registry import ALGORITHMS, Actions
-from algorithms.settings import settings
-from benchmark.experiment.algorithm_settings import CONFIGS, defaults_of, entry_of, limits_of, type_fault
+from benchmark.experiment.algorithm_settings import CONFIGS, entry_of, setting_faults, setting_names
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import Fault
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
@@ -77,57 +76,58 @@ def _words(error: SmartsError) -> tuple[str, str]:
 
 
 def _settings(values: Values) -> Iterator[Fault]:
-    names = _known_algorithms(values)
+    """Yield settings that no algorithm takes, and each value that one of the algorithms cannot take."""
     common, own = _section(values, "training"), _section(values, "settings")
-    found: dict[tuple[str, ...], str] = {}
-    for algorithm in names:
-        mine = _section(own, algorithm)
-        for name in defaults_of(algorithm):
-            section, key = (mine, ("settings", algorithm)) if name in mine else (common, ("training",))
-            is_typed = algorithm in ALGORITHMS or section is common  # by the model already
-            fault = "" if is_typed or name not in section else type_fault(algorithm, name, section[name])
-            fault = fault or (_fault(algorithm, name, section[name], values) if name in section else "")
-            if fault:
-                found[(*key, name)] = fault
-    for key, text in found.items():
-        yield Fault(key, text)
-    yield from _unknown_settings(own)
-    every = {name for defaults in settings().values() for name in defaults}
-    used = {name for algorithm in names for name in defaults_of(algorithm)}
-    for name in sorted((common.keys() & every) - used) if names else ():
+    algorithms = _known_algorithms(values)
+    yield from _unused(common, algorithms)
+    told: set[tuple[str | int, ...]] = set()
+    for algorithm in dict.fromkeys([*algorithms, *own]):
+        try:
+            given = common if algorithm in algorithms else {}
+            faults = _setting_faults(algorithm, given, _section(own, algorithm), values)
+        except OwnCodeError as error:
+            yield Fault(("settings", algorithm), *_words(error))
+            continue
+        for fault in faults:
+            if fault.key not in told:
+                told.add(fault.key)
+                yield fault
+
+
+def _setting_faults(algorithm: str, common: Values, own: Values, values: Values) -> list[Fault]:
+    """Return what is wrong with the settings that a file gives an algorithm, at their places in the file.
+
+    Raises:
+        OwnCodeError: A `module:Class` cannot be imported, or is no algorithm.
+    """
+    if algorithm not in ALGORITHMS and not is_own_name(algorithm):
+        text = f"there is no algorithm {algorithm!r}"
+        return [Fault(("settings", algorithm), text, nearest_names(algorithm, ALGORITHMS))]
+    given = {name: common[name] for name in common.keys() & setting_names(algorithm)} | {**own}
+
+    def place(name: str | int) -> tuple[str, ...]:
+        return ("settings", algorithm) if name in own or name not in common else ("training",)
+
+    found = [
+        Fault((*place(fault.key[0]), *fault.key) if fault.key else ("settings", algorithm), text, remedy)
+        for fault, text, remedy in setting_faults(algorithm, given)
+    ]
+    sharing = _sharing_fault(given.get("sharing"), _section(values, "environment").get("agents", 4))
+    return [*found, Fault((*place("sharing"), "sharing"), sharing)] if sharing else found
+
+
+def _unused(common: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
+    """Yield settings of all algorithms that none of them has."""
+    used = {name for algorithm in algorithms for name in setting_names(algorithm)}
+    every = used | {name for algorithm in ALGORITHMS for name in setting_names(algorithm)}
+    for name in sorted(common.keys() - every):
+        yield Fault(("training", name), "no algorithm has such a setting", nearest_names(name, every))
+    for name in sorted((common.keys() & every) - used) if algorithms else ():
         yield Fault(("training", name), f"none of the algorithms has {name}", "remove it")
 
 
 def _known_algorithms(values: Values) -> list[str]:
     return [name for name in _texts(values.get("algorithms")) if name in ALGORITHMS or is_own_name(name)]
-
-
-def _unknown_settings(own: Values) -> Iterator[Fault]:
-    """Yield sections of unknown algorithms, and unknown settings of own algorithms."""
-    for algorithm in own:
-        if algorithm in ALGORITHMS:
-            continue
-        if not is_own_name(algorithm):
-            remedy = nearest_names(algorithm, ALGORITHMS)
-            yield Fault(("settings",), f"there is no key settings.{algorithm}", remedy)
-            continue
-        try:
-            known = defaults_of(algorithm)
-        except OwnCodeError as error:
-            yield Fault(("settings", algorithm), *_words(error))
-            continue
-        for name in sorted(_section(own, algorithm).keys() - known.keys()):
-            remedy = nearest_names(name, known)
-            yield Fault(("settings", algorithm, name), f"{algorithm!r} has no such setting", remedy)
-
-
-def _fault(algorithm: str, name: str, value: Any, values: Values) -> str:
-    """Return why an algorithm's setting cannot have a value, whose type is right; nothing if it can."""
-    if name == "sharing":
-        return _sharing_fault(value, _section(values, "environment").get("agents", 4))
-    limits = limits_of(algorithm, name)
-    fault = limits.fault(value) if limits else None
-    return f"{value!r} is {fault}" if fault else ""
 
 
 def _actions(values: Values) -> Iterator[Fault]:
@@ -160,11 +160,9 @@ def _tyres(environment: Values) -> Iterator[Fault]:
 
 
 def _sharing_fault(sharing: Any, agents: Any) -> str:
-    if isinstance(sharing, str):
-        kinds = ("none", "all")
-        return "" if sharing in kinds else f"{sharing!r} is neither 'none' nor 'all', nor groups of agents"
+    """Return which agents are not in exactly one group; nothing where there are no groups."""
     if not isinstance(sharing, dict) or not isinstance(agents, int):
-        return ""  # the model says so
+        return ""
     named = [agent for members in sharing.values() if isinstance(members, list) for agent in members]
     known = agent_names(agents)
     for agent in known:
@@ -175,44 +173,56 @@ def _sharing_fault(sharing: Any, agents: Any) -> str:
 
 
 def _searched(values: Values) -> Iterator[Fault]:
-    for algorithm in _texts(values.get("algorithms"))[:1]:
+    """Yield what a search cannot set, or cannot choose from."""
+    agents = _section(values, "environment").get("agents", 4)
+    for algorithm in _known_algorithms(values)[:1]:
         for name, given in _section(_section(values, "tune"), "parameters").items():
             key = ("tune", "parameters", name)
-            if algorithm not in _known_algorithms(values):
-                continue
-            known = defaults_of(algorithm)
+            known = setting_names(algorithm)
             if name not in known:
                 yield Fault(key, f"{algorithm!r} has no such setting", nearest_names(name, known))
                 continue
+            if fault := _draw_fault(given):
+                yield Fault((*key, *fault.key), fault.text, fault.remedy)
+                continue
             for inner, value in _ends(given):
-                if isinstance(value, Fault):
-                    yield Fault((*key, *value.key), value.text, value.remedy)
-                elif fault := type_fault(algorithm, name, value) or _fault(algorithm, name, value, values):
-                    yield Fault((*key, *inner), fault)
+                for fault, text, remedy in setting_faults(algorithm, {name: value}):
+                    if fault.key:  # how settings fit each other depends on what is drawn
+                        yield Fault((*key, *inner, *fault.key[1:]), text, remedy)
+                if name == "sharing" and (text := _sharing_fault(value, agents)):
+                    yield Fault((*key, *inner), text)
 
 
-def _ends(given: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    """Yield place and value of all that a search may choose from, of draws its two ends; or what is wrong."""
+def _draw_fault(given: Any) -> Fault | None:
+    """Return what is wrong with what a search is to choose from: values, or a draw with its bounds."""
     if isinstance(given, list) and given:
-        yield from (((number,), value) for number, value in enumerate(given))
-        return
+        return None
     (kind, bounds), *more = given.items() if isinstance(given, dict) and given else [("", None)]
     if kind not in DRAWS or more or not isinstance(bounds, list) or len(bounds) != 2:
         draws = ", ".join(f"{{{draw}: [low, high]}}" for draw in DRAWS)
-        text = f"{given!r} is nothing to search in"
-        yield (), Fault((), text, f"give a list of values, or one of {draws}")
-        return
+        return Fault((), f"{given!r} is nothing to search in", f"give a list of values, or one of {draws}")
+    return _bounds_fault(kind, bounds)
+
+
+def _bounds_fault(kind: str, bounds: list[Any]) -> Fault | None:
     wanted = int if kind == "randint" else int | float
     if not all(isinstance(bound, wanted) and not isinstance(bound, bool) for bound in bounds):
-        yield (), Fault((kind,), f"{bounds!r} are no {'whole ' if wanted is int else ''}numbers")
-        return
+        return Fault((kind,), f"{bounds!r} are no {'whole ' if wanted is int else ''}numbers")
     low, high = bounds
-    if not (low < high and isfinite(low) and isfinite(high)) or (kind == "loguniform" and low <= 0):
-        least = "0 < low < high" if kind == "loguniform" else "low < high"
-        yield (), Fault((kind,), f"{bounds!r} are no bounds", f"give [low, high] with {least}, both finite")
-        return
-    ends = (low, high - 1) if kind == "randint" else (float(low), float(high))
-    yield from (((kind, number), value) for number, value in enumerate(ends))
+    if low < high and isfinite(low) and isfinite(high) and (kind != "loguniform" or low > 0):
+        return None
+    least = "0 < low < high" if kind == "loguniform" else "low < high"
+    return Fault((kind,), f"{bounds!r} are no bounds", f"give [low, high] with {least}, both finite")
+
+
+def _ends(given: Any) -> list[tuple[tuple[str | int, ...], Any]]:
+    """Return place and value of all that a search may choose from, of a draw its two ends."""
+    if isinstance(given, list):
+        return [((number,), value) for number, value in enumerate(given)]
+    ((kind, (low, high)),) = given.items()
+    if kind == "randint":
+        return [((kind, 0), low), ((kind, 1), high - 1)]
+    return [((kind, 0), float(low)), ((kind, 1), float(high))]
 
 
 def _adapter(environment: Values) -> Iterator[Fault]:

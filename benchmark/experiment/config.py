@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticSerializationError
 
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.algorithm_settings import CommonSettings, SettingsByAlgorithm, defaults_of
+from benchmark.experiment.algorithm_settings import settings_of
 from benchmark.experiment.checks import check_experiment
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read_config, shown
@@ -228,7 +228,7 @@ class Resources(Section):
     """Runs side by side; by default one for each CPU that Ray has, divided by what a run needs."""
     env_runners: Annotated[int, Field(ge=0)] = 0
     """Processes that simulate for one run; 0: the run's own."""
-    copies: Positive = 8
+    num_envs_per_env_runner: Positive = 8
     """Simulations in each of these processes."""
     learner_gpus: Annotated[float, Field(ge=0, allow_inf_nan=False), AfterValidator(_gpus)] = 0
     """GPUs for the learner of one run."""
@@ -268,9 +268,9 @@ class Experiment(Section):
     """Names of the scenarios' traffic variations: each is trained and tested on by itself."""
     seeds: Seeds = (1, 2, 3)
     """Of training; tests are the same for all of them."""
-    training: CommonSettings = CommonSettings()  # type: ignore[valid-type]
+    training: dict[str, Any] = Field(default_factory=dict)
     """Settings of all algorithms that have them, such as `sharing` and `gamma`."""
-    settings: SettingsByAlgorithm = SettingsByAlgorithm()  # type: ignore[valid-type]
+    settings: dict[str, dict[str, Any] | None] = Field(default_factory=dict)
     """Settings of single algorithms, before those of all."""
     environment: Environment = Environment()
     budget: Budget = Budget()
@@ -289,10 +289,10 @@ class Experiment(Section):
         Raises:
             OwnCodeError: A `module:Class` cannot be imported.
         """
-        known = defaults_of(algorithm)
-        common = self.training.model_dump(exclude_unset=True)
-        own = self.settings.model_dump(exclude_unset=True).get(algorithm)
-        return {name: value for name, value in common.items() if name in known} | (own or {})
+        settings = settings_of(algorithm)
+        common = {name: self.training[name] for name in self.training.keys() & settings.model_fields}
+        chosen = settings.model_validate(common | (self.settings.get(algorithm) or {}))
+        return chosen.model_dump(mode="json", exclude_unset=True)
 
 
 def read_experiment(

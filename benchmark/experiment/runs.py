@@ -30,7 +30,7 @@ class TaskSetting:
     traffic: str
     environment: Environment
     evaluation: Evaluation
-    copies: int
+    num_envs: int
     """Simulations side by side."""
     metrics: tuple[str, ...] | None = None
     """What tests measure; None: all that are registered."""
@@ -99,7 +99,7 @@ class Run:
             "validations": evaluation.validations,
             "validation_episodes": evaluation.validation_episodes,
             "env_runners": self.resources.env_runners,
-            "copies": self.resources.copies,
+            "num_envs_per_env_runner": self.resources.num_envs_per_env_runner,
             **self.task_setting.own_content(),
         }
 
@@ -120,13 +120,13 @@ def run_from(content: Mapping[str, Any]) -> Run:
                 content["traffic"],
                 fitted(content["environment"], Environment),
                 evaluation,
-                content["copies"],
+                content["num_envs_per_env_runner"],
                 imports=tuple(content.get("imports", ())),
             ),
             content["seed"],
             content["settings"],
             fitted(content["budget"], Budget),
-            fitted({key: content[key] for key in ("env_runners", "copies")}, Resources),
+            fitted({key: content[key] for key in ("env_runners", "num_envs_per_env_runner")}, Resources),
         )
     except (KeyError, TypeError, ValueError, ConfigError) as error:
         raise ValueError(f"not the content of a run: {error}") from error
@@ -192,7 +192,7 @@ def task_settings_of(experiment: Experiment) -> list[TaskSetting]:
             traffic,
             experiment.environment,
             experiment.evaluation,
-            experiment.resources.copies,
+            experiment.resources.num_envs_per_env_runner,
             experiment.metrics,
             experiment.imports,
         )

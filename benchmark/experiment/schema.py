@@ -1,11 +1,11 @@
-"""The JSON schema of experiment files, for editors: `python -m benchmark.experiment.schema` writes it."""
+"""The JSON schema of experiment files, for editors: `smarts-bench schema` prints it."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
+
+from pydantic.json_schema import models_json_schema
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.config import Experiment
@@ -17,11 +17,10 @@ from smarts.types.traffic import TRAFFIC_ENGINES
 
 OWN = r"^[\w.]+:[\w.]+$"
 """Names of own code, "module:Class"."""
-FILE = Path(__file__).parents[2] / "configs" / "schema.json"
 
 
 def schema() -> dict[str, Any]:
-    """Return the schema."""
+    """Return the schema of experiment files, with the settings of every registered algorithm."""
     found = Experiment.model_json_schema()
     properties = found["properties"]
     properties[EXTENDS] = {
@@ -36,23 +35,31 @@ def schema() -> dict[str, Any]:
     found["$defs"]["Environment"]["properties"]["traffic_engine"]["anyOf"][0]["enum"] = sorted(
         TRAFFIC_ENGINES
     )
-    sections = found["$defs"]["SettingsByAlgorithm"]
-    sections["patternProperties"] = {OWN: sections.pop("additionalProperties")}
-    sections["additionalProperties"] = False
+    _add_settings(found)
     found.pop("required", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
+
+
+def _add_settings(found: dict[str, Any]) -> None:
+    """Say what `training` and `settings` may hold."""
+    classes = {name: entry.settings for name, entry in ALGORITHMS.items()}
+    _, definitions = models_json_schema([(each, "validation") for each in set(classes.values())])
+    found["$defs"] |= definitions["$defs"]
+    sections = {name: {"$ref": f"#/$defs/{each.__name__}"} for name, each in classes.items()}
+    found["properties"]["settings"] |= {
+        "properties": {name: {"anyOf": [section, {"type": "null"}]} for name, section in sections.items()},
+        "patternProperties": {OWN: {"type": ["object", "null"]}},
+        "additionalProperties": False,
+    }
+    # Of settings that several algorithms have, the first one's meaning; own algorithms may have others.
+    found["properties"]["training"]["properties"] = {
+        name: {"$ref": f"{sections[algorithm]['$ref']}/properties/{name}"}
+        for algorithm in reversed(classes)
+        for name in classes[algorithm].model_fields
+    }
 
 
 def _names(known: Iterable[str]) -> dict[str, Any]:
     """Return the schema of a registered name, or of "module:Class"."""
     registered = sorted(name for name in known if not is_own_name(name))
     return {"anyOf": [{"enum": registered}, {"type": "string", "pattern": OWN}]}
-
-
-def text() -> str:
-    """Return the file's content."""
-    return json.dumps(schema(), indent=1) + "\n"
-
-
-if __name__ == "__main__":
-    FILE.write_text(text(), encoding="utf-8")

@@ -31,7 +31,7 @@ NAME = "smarts-bench"
 def environment(
     task_setting: TaskSetting,
     *,
-    copies: int | None = None,
+    num_envs: int | None = None,
     scenarios: Sequence[str] = (),
     record: Path | None = None,
     discount: float | None = None,
@@ -39,8 +39,8 @@ def environment(
     """Return a task setting's environment, a `VectorHiWayEnv`.
 
     Args:
-        task_setting: Task, traffic and environment options.
-        copies: Simulations side by side, by default the task setting's.
+        task_setting: What is played.
+        num_envs: Simulations side by side, by default the task setting's.
         scenarios: Others than the task setting's, such as held-out variations.
         record: Where episodes are written to.
         discount: Of the learner, which shaped rewards have to agree with; by default that of the weights.
@@ -51,7 +51,7 @@ def environment(
     given = task_setting.environment
     import_own(task_setting.imports)
     return VectorHiWayEnv(
-        copies or task_setting.copies,
+        num_envs or task_setting.num_envs,
         list(scenarios or task_setting.task.scenarios),
         agents=dict.fromkeys(agent_names(given.agents), interface_of(given)),
         decision_interval=given.decision_interval,
@@ -86,7 +86,7 @@ def try_environment(task_setting: TaskSetting) -> Any:
     Raises:
         SmartsError: It cannot be made or played; of own code, with its file and line.
     """
-    with named_own_code("the environment's own code"), closing(environment(task_setting, copies=1)) as env:
+    with named_own_code("the environment's own code"), closing(environment(task_setting, num_envs=1)) as env:
         env.reset()
         env.step([_some_actions(block) for block in env.spaces.blocks])
         return env.spaces
@@ -100,5 +100,5 @@ def _some_actions(block: Any) -> NDArray:
 
 
 def create(config: Any) -> Any:
-    """Return the training environment (called by RLlib)."""
-    return environment(config["task_setting"], copies=config["num_envs"], discount=config["discount"])
+    """Return the training environment for RLlib, made from the task setting and discount in `config`."""
+    return environment(config["task_setting"], num_envs=config["num_envs"], discount=config["discount"])

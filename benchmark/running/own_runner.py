@@ -8,7 +8,7 @@ from typing import Any
 import ray
 
 from algorithms.errors import AlgorithmError
-from algorithms.joint.runner import JointEnvRunner, Reply
+from algorithms.joint.runner import JointEnvRunner, SampleResult
 from benchmark.running.importing import named_own_code
 from smarts.errors import OwnCodeError
 from smarts.registry import import_own
@@ -28,14 +28,14 @@ class _Imports:
 class OwnCodeRunner(JointEnvRunner):
     """Answers with errors of own code, which end the run; other errors end the runner, which is restarted."""
 
-    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> Reply:
+    def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> SampleResult:
         """Take over weights and counters, return a fragment."""
         try:
             with named_own_code("the run's own code"):
                 return super().request(state, steps)
         except OwnCodeError as error:
             failure = AlgorithmError(error.problem, place=error.place, remedy=error.remedy)
-            return Reply(self.worker_index, failure, self.get_metrics())
+            return SampleResult(self.worker_index, failure, self.get_metrics())
 
 
 def own_code_runner(paths: Sequence[str]) -> type[JointEnvRunner]:

@@ -22,7 +22,7 @@ from ray import tune
 from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.basic_variant import BasicVariantGenerator
 
-from benchmark.experiment.algorithm_settings import defaults_of
+from benchmark.experiment.algorithm_settings import setting_names
 from benchmark.experiment.checks import DRAWS
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, completed, runs_of
@@ -263,10 +263,10 @@ def _section(experiment: Experiment) -> Tune:
         )
     algorithm = experiment.algorithms[0]
     for name in experiment.tune.parameters:
-        if name not in defaults_of(algorithm):
+        if name not in setting_names(algorithm):
             raise SweepError(
                 f"{algorithm!r} has no setting {name!r}",
                 place="tune.parameters",
-                remedy=nearest_names(name, defaults_of(algorithm)),
+                remedy=nearest_names(name, setting_names(algorithm)),
             )
     return experiment.tune

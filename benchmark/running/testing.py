@@ -90,7 +90,9 @@ def play_scripted(run: ScriptedRun, folder: RunFolder) -> Iterator[float]:
     folder.note(status=TESTING, run=str(run), **scenarios, **machine())
 
     def play_part(part: Part, worlds: range, record: Path) -> None:
-        with closing(environment(run.task_setting, copies=1, scenarios=part.scenarios, record=record)) as env:
+        with closing(
+            environment(run.task_setting, num_envs=1, scenarios=part.scenarios, record=record)
+        ) as env:
             played = episodes_of(env, run.policy, EVALUATION_SEED, worlds.start)
             for _ in islice(played, len(worlds)):
                 pass

@@ -16,7 +16,6 @@ from ray.tune.registry import register_env
 from algorithms.errors import AlgorithmError
 from algorithms.joint.evaluation import evaluate
 from algorithms.joint.worlds import EVALUATION_WORLDS
-from algorithms.settings import apply
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
@@ -113,7 +112,7 @@ def config_of(run: Run) -> Any:
     if run.task_setting.imports:
         config.env_runner_cls = own_code_runner(run.task_setting.imports)
     config.env_runners(
-        num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.task_setting.copies
+        num_env_runners=run.resources.env_runners, num_envs_per_env_runner=run.task_setting.num_envs
     )
     if run.resources.learner_gpus:
         config.learners(num_gpus_per_learner=run.resources.learner_gpus)
@@ -122,7 +121,7 @@ def config_of(run: Run) -> Any:
     if "checkpoint_replay" in config.setting_names:
         # Hundreds of megabytes a minute; a resumed run fills its replay buffer again.
         settings.setdefault("checkpoint_replay", False)
-    return apply(config, settings)
+    return config.training(**settings)
 
 
 def restore(algo: Any, checkpoint: Path) -> None:

@@ -73,7 +73,7 @@ class GapAcceptancePolicy:
     """Slows down if it would come near the predicted place of another vehicle, else keeps going.
 
     Right of way: oncoming traffic before left turns, right before left; vehicles without it are avoided if
-    they come too near. It changes lanes if the goal lies to the side of a straight road and that lane is free.
+    they come too near. It changes lanes if the goal lies beside a straight road and that lane is free.
     """
 
     def begin(self, episode: EpisodeStart, agent: int) -> None:

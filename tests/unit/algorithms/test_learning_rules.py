@@ -11,8 +11,8 @@ from gymnasium.spaces import Box
 from rigs import Rig, moved, replayed
 
 import algorithms
-from algorithms.joint.bundles import Bundle
 from algorithms.joint.module import critic_of
+from algorithms.joint.stacking import StackedGroups
 from algorithms.maac import CRITIC
 from tests.games.games import Constant, Cues, Game, Ragged, Target, TwoStep
 
@@ -323,9 +323,9 @@ def test_networks_evaluated_as_one_learn_like_separate_ones():
     """Over deaths and arrivals, with groups of which nobody is there in some minibatches."""
     settings = {"normalize_values": True, "minibatch_size": 3, "epochs": 2}
     one, several = (Rig("ppo", Ragged, **settings) for _ in range(2))
-    assert [bundle.is_stacked for bundle in one.learner.policy_bundles] == [True]
-    several.learner.policy_bundles = several.learner.value_bundles = tuple(
-        Bundle((group,), group) for group in several.spec.groups
+    assert [stack.is_stacked for stack in one.learner.stacked_policies] == [True]
+    several.learner.stacked_policies = several.learner.stacked_values = tuple(
+        StackedGroups((group,), group) for group in several.spec.groups
     )
     rollout = one.rollout(30)
     for rig in (one, several):

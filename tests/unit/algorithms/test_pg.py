@@ -104,7 +104,7 @@ def test_a_copy_that_begins_anew_loses_its_open_lives_and_no_other():
 
 
 def test_lives_without_end_are_refused():
-    rig = Rig("pg", Levers(4), longest_life=20)
+    rig = Rig("pg", Levers(4), longest_trajectory=20)
     rig.learner.update_joint(rig.rollout(20))
     with pytest.raises(EnvironmentFailure, match="24 steps"):
         rig.learner.update_joint(rig.rollout(4))

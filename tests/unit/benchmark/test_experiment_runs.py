@@ -33,7 +33,7 @@ environment: {agents: 2}
 budget: {agent_steps: 12000}
 evaluation: {episodes: 3, modes: [greedy, sampled], validations: 2, validation_episodes: 2}
 reference: [parked]
-resources: {copies: 2, parallel: 1}
+resources: {num_envs_per_env_runner: 2, parallel: 1}
 """
 
 
@@ -199,7 +199,7 @@ training: {sharing: all, rollout_fragment_length: 8}
 environment: {agents: 2}
 budget: {agent_steps: 1000000, minutes: 0.02}
 evaluation: {episodes: 3, held_out_episodes: 2, validations: 1, validation_episodes: 1}
-resources: {copies: 2, parallel: 1}
+resources: {num_envs_per_env_runner: 2, parallel: 1}
 """
 BY_TRAFFIC = {
     "no_social_vehicles": {"three_lanes"},

@@ -43,19 +43,18 @@ def problems_of(file, *overrides):
 
 ALGORITHM = """
 from algorithms.ppo import PPO, PPOConfig
-from algorithms.joint.ranges import FRACTION
+from algorithms.registry import ALGORITHMS
+from algorithms.settings import Fraction, PPOSettings
+
+class MySettings(PPOSettings):
+    caution: Fraction = 0.5
+    \"\"\"What it means.\"\"\"
 
 class MyConfig(PPOConfig):
-    ranges = {"caution": FRACTION}
-
-    def __init__(self, algo_class=None):
-        super().__init__(algo_class or Mine)
-        self._defaults(caution=0.5)
+    entry = ALGORITHMS["ppo"]._replace(settings=MySettings)
 
 class Mine(PPO):
-    @classmethod
-    def get_default_config(cls):
-        return MyConfig()
+    config_class = MyConfig
 """
 
 
@@ -77,19 +76,26 @@ def test_an_own_algorithm_has_the_settings_of_its_config(write):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "place", "named"),
     [
-        ("settings={'own_b:MyConfig': {cautoin: 1}}", "has no such setting; did you mean 'caution'?"),
-        ("settings={'own_b:MyConfig': {caution: 2}}", "caution: 2 is not a number of at least 0"),
-        ("settings={'own_b:MyConfig': {caution: a}}", "caution: 'a': input should be a valid number"),
-        ("settings={'own_c:Other': {lr: 1}}", "there is no module 'own_c'"),
-        ("training={lr: 2}", "training.lr: 2 is not"),
-        ("tune={parameters: {caution: [0, 3]}}", "tune.parameters.caution[1]: 3 is not a number"),
+        ("settings={'own_b:MyConfig': {cautoin: 1}}", "settings.own_b:MyConfig.cautoin", "'caution'"),
+        ("settings={'own_b:MyConfig': {caution: 2}}", "settings.own_b:MyConfig.caution", "2"),
+        ("settings={'own_b:MyConfig': {caution: a}}", "settings.own_b:MyConfig.caution", "'a'"),
+        ("settings={'own_c:Other': {lr: 1}}", "settings.own_c:Other", "'own_c'"),
+        ("training={lr: 2}", "training.lr", "2"),
+        ("tune={parameters: {caution: [0, 3]}}", "tune.parameters.caution[1]", "3"),
     ],
 )
-def test_settings_of_an_own_algorithm_are_checked_against_its_config(write, change, said):
-    file = write("algorithms: ['own_b:MyConfig']\n", own_b=ALGORITHM)
-    assert any(said in problem for problem in problems_of(file, change)), problems_of(file, change)
+def test_settings_of_an_own_algorithm_are_checked_against_its_class(write, change, place, named):
+    (problem,) = problems_of(write("algorithms: ['own_b:MyConfig']\n", own_b=ALGORITHM), change)
+    assert f" {place}: " in problem
+    assert named in problem
+
+
+def test_own_settings_can_be_given_for_all_algorithms(write):
+    file = write("algorithms: ['own_f:MyConfig', dqn]\ntraining: {caution: 0.25}\n", own_f=ALGORITHM)
+    assert read_experiment(file).settings_of("own_f:MyConfig") == {"caution": 0.25}
+    assert read_experiment(file).settings_of("dqn") == {}
 
 
 METRIC = """
@@ -147,7 +153,7 @@ class Hidden(MyConfig):
     def __init__(self, algo_class=None):
         raise KeyError("in its constructor")
 
-class Anonymous(MyConfig):
+class Anonymous(PPOConfig):
     algorithm = "mine"
 """,
 }
@@ -169,7 +175,7 @@ class Anonymous(MyConfig):
         ("metrics=['own_n:NONE']", "own_n.py: ", "is no Measure"),
         ("metrics=['own_n.LONG']", "", "there is no metric 'own_n.LONG'"),
         ("algorithms=['own_q:Waits']", "own_q.py: ", "no subclass of"),
-        ("algorithms=['own_k:Hidden']", "own_k.py:19: ", "KeyError: 'in its constructor'"),
+        ("algorithms=['own_k:Hidden']", "own_k.py:18: ", "KeyError: 'in its constructor'"),
         ("algorithms=['own_k:Anonymous']", "own_k.py: ", "has no `entry`"),
         ("environment.adapter='own_q:Waits'", "own_q.py: ", "has no method 'encode'"),
         ("environment.adapter='own_n:NONE'", "own_n.py: ", "neither a class nor a function"),
@@ -260,7 +266,7 @@ def test_experiments_made_in_python_are_checked_like_files(folder):
     with pytest.raises(ConfigError) as caught:
         check_whole(bad)
     said = str(caught.value)
-    for each in ("name: is missing", "did you mean 'Waits'", "training.lr: 2.0 is not", "no such option"):
+    for each in ("name: is missing", "did you mean 'Waits'", "training.lr: 2.0; ", "no such option"):
         assert each in said
 
 

@@ -15,7 +15,7 @@ BRAKE = np.array([[[0.0, 1.0, 0.0]]], np.float32)
 
 
 def cell(**given):
-    return TaskSetting(TASK, "no_social_vehicles", Environment(agents=1, **given), Evaluation(), copies=1)
+    return TaskSetting(TASK, "no_social_vehicles", Environment(agents=1, **given), Evaluation(), num_envs=1)
 
 
 def speeds(env, actions, decisions):
@@ -58,7 +58,7 @@ def test_a_bus_is_longer_and_the_default_is_the_benchmarks():
 def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine):
     task = Task(name="intersection", scenarios=["intersection"])
     given = Environment(agents=1, traffic_engine=engine)
-    played = TaskSetting(task, "random_social_vehicles", given, Evaluation(held_out_episodes=1), copies=1)
+    played = TaskSetting(task, "random_social_vehicles", given, Evaluation(held_out_episodes=1), num_envs=1)
     for scenario in (None, next(held_out_of(played))):
         env = environment(played, scenarios=scenario and [scenario])
         try:

@@ -33,7 +33,7 @@ traffic: [no_social_vehicles]
 seeds: [3]
 settings: {{{name}: {settings}}}
 environment: {{agents: {agents}}}
-resources: {{copies: 2}}
+resources: {{num_envs_per_env_runner: 2}}
 """
 
 
@@ -76,7 +76,7 @@ def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
     evaluate_checkpoint(folder.path, episodes=2, modes=("greedy",), out=tmp_path / "out")
     wanted = decisions(tmp_path / "out" / "episodes" / "greedy-loop")
     policy = load_policy(folder.path)
-    env = environment(run.task_setting, copies=1, record=tmp_path / "own")
+    env = environment(run.task_setting, num_envs=1, record=tmp_path / "own")
     try:
         now, over = env.reset(EVALUATION_SEED, np.array([REPORTED_WORLDS]), stride=1), 0
         while over < 2:

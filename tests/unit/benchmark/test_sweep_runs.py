@@ -23,7 +23,7 @@ training: {sharing: all, rollout_fragment_length: 16}
 environment: {agents: 2}
 budget: {agent_steps: 3000}
 evaluation: {validations: 2, validation_episodes: 2}
-resources: {copies: 2, parallel: 1}
+resources: {num_envs_per_env_runner: 2, parallel: 1}
 tune: {parameters: {lr: [0.001, 0.0001]}, metric: return}
 """
 

@@ -23,7 +23,7 @@ training: {rollout_fragment_length: 4}
 environment: {agents: 1}
 budget: {agent_steps: 1000000, minutes: 0.05}
 evaluation: {validations: 3, validation_episodes: 1}
-resources: {copies: 1}
+resources: {num_envs_per_env_runner: 1}
 """
 TRAINING, VALIDATION, CHECKPOINT = 1.0, 100.0, 1000.0
 """What each takes on the clock [s]."""

@@ -1,7 +1,5 @@
 """Environments that start badly, answer NaN where nobody looks, or act in Boxes of several axes."""
 
-from typing import ClassVar
-
 import numpy as np
 import pytest
 import torch
@@ -12,9 +10,7 @@ import algorithms
 from algorithms.errors import EnvironmentFailure
 from algorithms.joint.adapter import COMMON, JointVector
 from algorithms.joint.env import MEMORY, Block, Final, JointSpaces, JointStep
-from algorithms.joint.ranges import Range, Ranges, declared, faults
 from algorithms.parts.distributions import Exploration
-from algorithms.ppo import PPOConfig
 from algorithms.registry import ALGORITHMS
 from tests.games.games import Cues, Game, Ragged, Target
 
@@ -256,72 +252,6 @@ def test_a_seed_is_drawn_where_none_is_given():
     assert given.seed == 0
 
 
-@pytest.mark.parametrize(
-    ("name", "settings", "match"),
-    [
-        ("ppo", {"clip": -1}, "clip=-1 is not a number above 0"),
-        ("ppo", {"lambda_": 3}, "lambda_=3 is not a number of at least 0 and at most 1"),
-        ("ppo", {"hidden": 64}, "hidden=64 is not a tuple of widths"),
-        ("mf_q", {"temperature": 0}, "temperature=0 is not a number above 0"),
-        ("mf_ac", {"entropy_coeff": [[5, 0.1]]}, "is not a schedule"),
-        ("dqn", {"tau": 5}, "tau=5"),
-        ("dqn", {"batch_size": 0}, "batch_size=0 is not a whole number of at least 1"),
-        ("dqn", {"capacity": 0}, "capacity=0"),
-        ("ppo", {"lr": 3}, "lr=3 is not a number of at least 0 and at most 1"),
-        ("ppo", {"lr": [[0, 3.0], [10, 0.1]]}, "is not a schedule"),
-        ("ppo", {"hidden": (10**9,)}, "is not a tuple of widths from 1 to 16384"),
-        ("ppo", {"hidden": (10**400,)}, "is not a tuple of widths"),
-        ("dqn", {"hidden": (64,) * 1000}, "is not a tuple of 0 to 100 widths"),
-        ("maac", {"hidden": ()}, "is not a tuple of 1 to 100 widths"),
-        ("ppo", {"gru": 10**9}, "gru=1000000000 is not"),
-        ("qmix", {"mixer_width": 10**9}, "mixer_width=1000000000 is not"),
-        ("ppo", {"reward_scale": -(10**400)}, "reward_scale=-1000"),
-        ("dqn", {"epsilon": 0.1}, "epsilon=0.1 is not a pair"),
-        ("dqn", {"learning_starts": 5000, "capacity": 1000}, "nothing would ever be learnt"),
-        ("networked_q", {"fit_steps": 0}, "fit_steps=0"),
-        ("commnet", {"communication_steps": -1}, "communication_steps=-1"),
-        ("maac", {"alpha": -1}, "alpha=-1"),
-        ("vdn", {"team_reward": "avg"}, "team_reward='avg' is neither"),
-    ],
-)
-def test_settings_out_of_range_are_refused(name, settings, match):
-    with pytest.raises(ValueError, match=match):
-        algorithms.config(name).training(**settings).validate()
-
-
-def test_an_own_algorithms_settings_mean_what_it_says():
-    """`alpha` of MAAC is no weight here, `clip` has no smallest number, `tau` has another range."""
-
-    class Own(PPOConfig):
-        ranges: ClassVar[Ranges] = {"tau": Range(2), "clip": None}
-
-        def __init__(self):
-            super().__init__()
-            self._defaults(alpha="first", epsilon=0.1, temperature=-40.0, tau=3.0)
-            self.training(clip=-1)
-
-    Own().validate()
-    with pytest.raises(ValueError, match="tau=1 is not a number of at least 2"):
-        Own().training(tau=1).validate()
-    with pytest.raises(ValueError, match="lambda_=3"):
-        Own().training(lambda_=3).validate()
-
-
 def test_several_learners_are_refused():
     with pytest.raises(ValueError, match="learn in one process: set num_learners to 0 or 1"):
         algorithms.config("ppo").learners(num_learners=2).validate()
-
-
-@pytest.mark.parametrize("name", list(ALGORITHMS))
-def test_every_number_among_the_settings_has_a_range(name):
-    config = algorithms.config(name)
-    numbers = {n for n in config.setting_names if type(getattr(config, n)) in (int, float)}
-    assert numbers - {"lr"} <= set(declared(type(config)))  # RLlib checks the learning rate
-
-
-@pytest.mark.parametrize("name", list(ALGORITHMS))
-def test_defaults_are_in_range(name):
-    config = algorithms.config(name)
-    values = {setting: getattr(config, setting) for setting in config.setting_names}
-    assert not [*faults(type(config), values)]
-    config.validate()  # the checks between settings, too

@@ -22,10 +22,10 @@ class Uniform:
     has_log_prob = False
 
     def act(self, view, exploration, generator):
-        from algorithms.parts.distributions import AgentHost
+        from algorithms.parts.distributions import SampledActions
 
         actions = torch.randint(3, view.alive.shape, generator=generator)
-        return [AgentHost(actions, None, torch.zeros(1))]
+        return [SampledActions(actions, None, torch.zeros(1))]
 
 
 def value_of(observation):

@@ -67,6 +67,6 @@ def test_a_replay_buffer_of_other_sequences_is_refused():
 
 def test_what_shapes_no_network_tells_no_checkpoints_apart():
     hot, cold = (algorithms.config("mf_q").training(temperature=t) for t in (0.1, 2.0))
-    assert hot.identity() == cold.identity()
+    assert hot.checkpoint_signature() == cold.checkpoint_signature()
     few, many = (algorithms.config("maac").training(attention_heads=n) for n in (2, 4))
-    assert few.identity() != many.identity()
+    assert few.checkpoint_signature() != many.checkpoint_signature()

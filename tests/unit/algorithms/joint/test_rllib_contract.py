@@ -9,7 +9,7 @@ import pytest
 
 import algorithms
 from algorithms.errors import CheckpointError, EnvironmentFailure, SpaceError, UnknownSettingError
-from algorithms.joint.algorithm import IDENTITY
+from algorithms.joint.algorithm import SIGNATURE
 from tests.games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -225,7 +225,7 @@ def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ
     assert_same(before, weights(other))
     # Checkpoints of before do not tell the settings; `lr` may differ at all times.
     state = algo.get_state()
-    del state[IDENTITY]["hidden"]
+    del state[SIGNATURE]["hidden"]
     build(small(lr=1.0, hidden=[16])).set_state(state)
 
 

@@ -12,7 +12,7 @@ from algorithms.joint.env import Bools, Ints
 from algorithms.joint.rollout import JointRollout, View
 
 
-class OpenLives:
+class OpenTrajectories:
     """The steps of lives that go on beyond the last fragment.
 
     A life ends when its agent terminates, is cut by a time limit or leaves. A life that a failure of the
@@ -66,7 +66,7 @@ class OpenLives:
             raise EnvironmentFailure(
                 f"a life has lasted {len(going) - first} steps and goes on",
                 place="algorithm that learns from whole lives",
-                remedy="give episodes a time limit, raise `longest_life`, or use 'a2c'",
+                remedy="give episodes a time limit, raise `longest_trajectory`, or use 'a2c'",
             )
         self._held = _part(rollout, first, np.arange(going.shape[1]))
         self._spent = ~going[first:]

@@ -18,7 +18,7 @@ Plain = Callable[[Group], tuple[Encoder, nn.Module] | None]
 
 
 @dataclass(frozen=True)
-class Bundle:
+class StackedGroups:
     """All groups of a block, of one agent each, with plain networks of one shape; or any single group.
 
     Attributes:
@@ -53,15 +53,15 @@ class Bundle:
         return [group for group, there in zip(self.groups, alive.any(0).tolist(), strict=True) if there]
 
 
-def bundles(groups: Sequence[Group], plain: Plain) -> tuple[Bundle, ...]:
+def stack_groups(groups: Sequence[Group], plain: Plain) -> tuple[StackedGroups, ...]:
     """Return the groups in bundles, block by block."""
-    found: list[Bundle] = []
+    found: list[StackedGroups] = []
     for block in sorted({group.block for group in groups}):
         own = tuple(group for group in groups if group.block == block)
         if len(own) > 1 and _fit([(group, plain(group)) for group in own]):
-            found.append(Bundle(own, _joined(own)))
+            found.append(StackedGroups(own, _joined(own)))
         else:
-            found += [Bundle((group,), group) for group in own]
+            found += [StackedGroups((group,), group) for group in own]
     return tuple(found)
 
 

@@ -1,0 +1,132 @@
+"""Settings: values in and out of range, and what configs make of them."""
+
+from typing import Annotated
+
+import numpy as np
+import pytest
+from pydantic import Field
+
+import algorithms
+from algorithms.ppo import PPOConfig
+from algorithms.registry import ALGORITHMS
+from algorithms.settings import Near, PPOSettings, faults
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("ppo", {"clip": -1}),
+        ("ppo", {"lambda_": 3}),
+        ("ppo", {"hidden": 64}),
+        ("ppo", {"epochs": True}),
+        ("ppo", {"sharing": "everyone"}),
+        ("ppo", {"lr": 3}),
+        ("ppo", {"lr": float("nan")}),
+        ("ppo", {"gru": 10**9}),
+        ("ppo", {"reward_scale": -(10**400)}),
+        ("ppo", {"rollout_fragment_length": "auto"}),
+        ("a2c", {"epochs": 2}),
+        ("a2c", {"minibatch_size": 64}),
+        ("mf_q", {"temperature": 0}),
+        ("mf_q", {"graph": "star"}),
+        ("mf_ac", {"entropy_coeff": [[5, 0.1]]}),
+        ("mf_ac", {"entropy_coeff": [[0, 0.1], [9, 0.2], [9, 0.1]]}),
+        ("dqn", {"tau": 5}),
+        ("dqn", {"batch_size": 0}),
+        ("dqn", {"capacity": 0, "learning_starts": 0}),
+        ("dqn", {"hidden": (64,) * 1000}),
+        ("dqn", {"epsilon": 0.1}),
+        ("maac", {"hidden": ()}),
+        ("maac", {"alpha": -1}),
+        ("qmix", {"mixer_width": 10**9}),
+        ("networked_q", {"fit_steps": 0}),
+        ("commnet", {"communication_steps": -1}),
+        ("vdn", {"team_reward": "avg"}),
+        ("vdn", {"prioritised": True}),
+    ],
+)
+def test_a_setting_out_of_range_is_named_with_its_value(name, wrong):
+    (setting, value), *_ = wrong.items()
+    (fault,) = faults(ALGORITHMS[name].settings, wrong)
+    assert fault.key == (setting,)
+    assert fault.value is value
+    with pytest.raises(ValueError, match=f"^{setting}="):
+        algorithms.config(name).training(**wrong).validate()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "key"),
+    [
+        ({"lr": [[0, 3.0], [10, 0.1]]}, ("lr", 0, 1)),
+        ({"hidden": (10**9,)}, ("hidden", 0)),
+        ({"hidden": (64, 10**400)}, ("hidden", 1)),
+        ({"sharing": {"team": ["a", 5]}}, ("sharing", "team", 1)),
+    ],
+)
+def test_a_wrong_part_of_a_setting_is_named_by_its_place(wrong, key):
+    assert [fault.key for fault in faults(ALGORITHMS["ppo"].settings, wrong)] == [key]
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("dqn", {"learning_starts": 5000, "capacity": 1000}),
+        ("dqn", {"prioritised": True, "gru": 8}),
+        ("maac", {"attention_heads": 5}),
+        ("ppo", {"rollout_fragment_length": 60, "gru": 8}),
+    ],
+)
+def test_settings_that_do_not_fit_each_other_are_refused(name, wrong):
+    assert [fault.key for fault in faults(ALGORITHMS[name].settings, wrong)] == [()]
+    with pytest.raises(ValueError, match=str(next(iter(wrong)))):
+        algorithms.config(name).training(**wrong).validate()
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("ppo", {"lr": np.float64(0.1), "epochs": np.int64(3)}),
+        ("ppo", {"lr": [[0, 1e-3], [9, 1e-4]], "minibatch_size": None, "grad_clip": None}),
+        ("ppo", {"sharing": len}),
+        ("ppo", {"sharing": {"team": ("a", "b")}}),
+        ("mf_q", {"graph": Near(5.0)}),
+        ("mf_q", {"graph": [("a", "b"), ("b", "c")]}),
+        ("dqn", {"hidden": [], "epsilon": [1, 0]}),
+    ],
+)
+def test_values_of_every_kind_are_taken(name, settings):
+    algorithms.config(name).training(**settings).validate()
+
+
+def test_an_own_algorithms_settings_mean_what_it_says():
+    """`alpha` of MAAC is no weight here, `clip` has no smallest number, `tau` has another range."""
+
+    class OwnSettings(PPOSettings):
+        alpha: str = "first"
+        clip: float = -1
+        tau: Annotated[float, Field(ge=2)] = 3.0
+
+    class Own(PPOConfig):
+        entry = ALGORITHMS["ppo"]._replace(settings=OwnSettings)
+
+    assert (Own().alpha, Own().clip, Own().lr) == ("first", -1, PPOSettings().lr)
+    Own().validate()
+    for wrong in ({"tau": 1}, {"lambda_": 3}):
+        with pytest.raises(ValueError, match=f"^{next(iter(wrong))}="):
+            Own().training(**wrong).validate()
+
+
+@pytest.mark.parametrize("name", list(ALGORITHMS))
+def test_every_setting_has_a_meaning_and_a_default_in_range(name):
+    settings = ALGORITHMS[name].settings
+    assert all(settings.meaning(setting) for setting in settings.model_fields)
+    assert not faults(settings, dict(settings()))
+    algorithms.config(name).validate()
+
+
+@pytest.mark.parametrize("name", list(ALGORITHMS))
+def test_every_number_among_the_settings_has_a_range(name):
+    described = ALGORITHMS[name].settings.model_json_schema()["properties"].values()
+    numbers = [part for part in described if part.get("type") in ("integer", "number")]
+    assert numbers
+    assert all(part.keys() & {"minimum", "exclusiveMinimum", "const"} for part in numbers)
