@@ -242,7 +242,7 @@ def _adapter(environment: Values) -> Iterator[Fault]:
         remedy = nearest_names(option, known)
         yield Fault(("environment", "options", option), f"adapter {name!r} has no such option", remedy)
     if "reward" in options and "reward" in known:
-        from smarts.env.adapters.own_reward import check_reward
+        from smarts.rewards.own import check_reward
 
         try:
             check_reward(options["reward"])

@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.checks import check_truth
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
@@ -18,8 +19,7 @@ from smarts.agents.spec import AgentSpec
 from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.env.adapters import ADAPTERS
 from smarts.env.adapters.actions import action_of, remedy_of
-from smarts.env.adapters.benchmark import benchmark_interface
-from smarts.env.adapters.protocol import MASK, AdapterContext, ArrayAdapter
+from smarts.env.adapters.protocol import ArrayAdapter
 from smarts.env.batch import Batch, EpisodeKey, Transition
 from smarts.env.setting_checks import (
     LONGEST_DECISION,
@@ -32,6 +32,8 @@ from smarts.env.setting_checks import (
     check_whole,
 )
 from smarts.errors import ActionError
+from smarts.observations.action_mask import MASK
+from smarts.observations.context import AdapterContext
 from smarts.sim.assembly import Assembly, Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario

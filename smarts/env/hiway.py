@@ -14,14 +14,15 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters.actions import encode_one
-from smarts.env.adapters.protocol import AdapterContext, ArrayAdapter
-from smarts.env.adapters.reward import Rewards
+from smarts.env.adapters.protocol import ArrayAdapter
 from smarts.env.arrays import Adapter, EnvSettings, maker_of
 from smarts.env.batch import Batch, Transition
 from smarts.env.not_copied import NotCopied
 from smarts.env.observation_collector import ObservationCollector
 from smarts.env.setting_checks import check_instance
 from smarts.env.solo import Episodes, annotate_each, as_row, check_names, info_of
+from smarts.observations.context import AdapterContext
+from smarts.rewards.weights import Rewards
 from smarts.sim.assembly import Options
 from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
@@ -87,7 +88,7 @@ class HiWayEnv(NotCopied, gym.Env):
         served = AdapterContext(
             parts.scene, tuple(self.agent_ids), agents, none, decision_interval, max_steps=0
         )
-        self._collector, self._metres = ObservationCollector(parts, served), Rewards(served, "route_metres")
+        self._collector, self._metres = ObservationCollector(served), Rewards(served, "route_metres")
         self._columns = {name: agent_id for agent_id, name in enumerate(self.agent_ids)}
         self._batch = Batch(parts, [self._metres, self._collector], period=decision_interval)
         self._episodes = Episodes(seed)

@@ -16,11 +16,11 @@ from smarts.agents.checks import check_truth
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.controllers.action_numbers import refusal
-from smarts.env.adapters.protocol import MASK
 from smarts.env.arrays import ALONE, Adapter, assembled, space_of
 from smarts.env.not_copied import NotCopied
 from smarts.env.vector import VectorHiWayEnv, VectorStep
 from smarts.errors import SmartsError
+from smarts.observations.action_mask import MASK
 from smarts.sim.assembly import Options
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed

@@ -13,12 +13,13 @@ from smarts.agents.options import InterfaceError
 from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.controllers.lane_actions import lane_action_number
 from smarts.env.adapters.actions import action_of, action_space, encode_one, remedy_of
-from smarts.env.adapters.protocol import MASK, AdapterContext
 from smarts.env.arrays import ArrayWorlds, EnvSettings, Group
 from smarts.env.batch import Batch, EpisodeKey, Transition
-from smarts.env.observation import Observation
 from smarts.env.observation_collector import ObservationCollector
 from smarts.errors import ActionError, nearest_names
+from smarts.observations.action_mask import MASK
+from smarts.observations.context import AdapterContext
+from smarts.sensors.observation import Observation
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import Event, Outcome
 from smarts.types.streams import check_seed
@@ -173,7 +174,7 @@ class SoloWorld:
         served = AdapterContext(
             parts.scene, tuple(self._adapted), agents, ActionSpaceType.Empty, period, max_steps=0
         )
-        onlooker = ObservationCollector(parts, served)
+        onlooker = ObservationCollector(served)
         self._worlds.batch.watch(onlooker)
         return onlooker
 

@@ -11,12 +11,12 @@ from gymnasium.spaces import Box, Discrete
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.options import InterfaceError
-from smarts.env.adapters.protocol import MASK
 from smarts.env.arrays import ALONE, Adapter, Agents, ArrayWorlds, EnvSettings, Group, box_of
 from smarts.env.batch import EpisodeKey, Transition
 from smarts.env.not_copied import NotCopied
 from smarts.env.setting_checks import check_whole
 from smarts.errors import SmartsError, TrafficError
+from smarts.observations.action_mask import MASK
 from smarts.sim.assembly import Options
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome

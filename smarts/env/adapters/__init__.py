@@ -1,10 +1,10 @@
-"""Adapters: frames -> observations and rewards, actions of an environment -> actions of the simulation."""
+"""Adapters: an observation and a reward, as environments use them."""
 
 from typing import Any
 
 from smarts.registry import Registry
 
-_METHODS = ("encode", "collect", "reset")
+_METHODS = ("collect", "reset")
 
 
 def _adopt(name: str, found: Any) -> Any:
@@ -15,17 +15,14 @@ def _adopt(name: str, found: Any) -> Any:
     if isinstance(found, type) and missing:
         raise ValueError(
             f"has no method {missing[0]!r}: see smarts/env/adapters/protocol.py, or derive it from "
-            "BenchmarkAdapter"
+            "ObservationAndReward"
         )
     return found
 
 
 ADAPTERS = Registry(
     "adapter",
-    {
-        "benchmark": "smarts.env.adapters.benchmark:BenchmarkAdapter",
-        "raw": "smarts.env.adapters.raw:RawAdapter",
-    },
+    {name: f"smarts.env.adapters.adapter:{name}" for name in ("benchmark", "paper", "raw")},
     _adopt,
 )
-"""Name -> "module:Class" of a `smarts.env.adapters.protocol.ArrayAdapter`; a user's own is such a name."""
+"""Name -> "module:function" that makes an `ArrayAdapter`; a user's own is such a "module:function"."""

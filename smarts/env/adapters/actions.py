@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from smarts.controllers.action_numbers import numbers_of, refusal
 from smarts.controllers.lane_actions import lane_action_number
-from smarts.env.adapters.protocol import AdapterContext
 from smarts.errors import ActionError
+from smarts.observations.context import AdapterContext
 from smarts.types.actions import Actions, ActionSpaceType, LaneAction
 
 Bools = NDArray[np.bool_]

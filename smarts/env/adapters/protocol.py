@@ -1,79 +1,36 @@
-"""What an adapter for arrays is."""
+"""What environments need of observations and rewards as arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from collections.abc import Mapping
+from typing import Protocol
 
-import numpy as np
 from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
-from smarts.agents.interface import AgentInterface
-from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType
-from smarts.types.agent_states import AgentStatus
+from smarts.arrays import Bools, Singles
+from smarts.types.actions import Actions
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-
-MASK = "action_mask"
-"""Name of the field that says which discrete actions are legal."""
-
-
-@dataclass(frozen=True)
-class AdapterContext:
-    """The agents that an adapter serves: some egos that act in the same way."""
-
-    scene: Scene
-    agents: tuple[str, ...]
-    """Their names."""
-    agent_ids: Ints
-    """Their agents, shape (G,)."""
-    action: ActionSpaceType
-    period: int
-    """Steps from one decision to the next."""
-    max_steps: int
-    """Steps up to the time limit, 0 without one."""
-    interfaces: tuple[AgentInterface, ...] = ()
-    """Theirs; empty where all are like the one that the adapter is made with."""
-
-    def ended(self, frame: Frame) -> Bools:
-        """Return whose episode ended in a step, shape (B, G)."""
-        return frame.events.just_done[:, self.agent_ids]
-
-    def present(self, frame: Frame) -> Bools:
-        """Return who was there in a step, or at a reset, shape (B, G)."""
-        is_active = frame.world.agents.state[:, self.agent_ids] == AgentStatus.ACTIVE
-        return (is_active & frame.env_mask[:, None]) | self.ended(frame)
-
 
 class ArrayAdapter(Protocol):
-    """Serves some egos of all simulations at once, by kernels: there is no Python per agent.
+    """Observations and rewards of some egos of all simulations at once, by kernels: no Python for each agent.
 
-    A decision lasts several steps. In each, the adapter is shown the frame; at the end of the decision it
-    hands out what has come together. Sums over agents or time are taken in a fixed order (kernels, not numpy
-    reductions, whose order depends on B). Made by a call with `Served` and the adapter's own options.
+    A decision lasts several steps, each of which the adapter gets as a frame. Sums over agents or time are
+    taken in a fixed order (kernels, not numpy reductions, whose order depends on B).
     """
 
-    action: ClassVar[ActionSpaceType | None]
-    """How the agents must act, None if any way will do."""
-    sensors: ClassVar[Collection[str] | None]
-    """Names of the sensors whose readings it looks at, among those of its agents; None: all of them. The
-    others are not observed."""
     fields: tuple[Field, ...]
     """The observation of one agent. A field `action_mask` says which discrete actions are legal."""
     action_space: Space
 
     def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
-        """Take the chosen agents' actions in: checked, clipped, marked fresh. A decision begins.
+        """Write the chosen agents' actions: checked, clipped, marked fresh. A decision begins.
 
         Args:
             given: Actions in the environment's action space, shape (B, G, ...).
-            chosen: Whose actions are new, shape (B, G); the others' last ones go on.
+            chosen: The agents whose actions are new, shape (B, G); the others keep their last ones.
             out: To write into, shape (B, A).
 
         Raises:
@@ -82,11 +39,11 @@ class ArrayAdapter(Protocol):
         ...
 
     def collect(self, frame: Frame, is_last: bool) -> object:
-        """See one step of a decision, or a reset; `is_last` if the decision ends with it."""
+        """Process one step of a decision, or a reset; `is_last` if the decision ends with it."""
         ...
 
     def reset(self, egos: Bools) -> None:
-        """Forget what is remembered of these egos, shape (B, N); their observations become zero."""
+        """Begin episodes of these egos, shape (B, N); their observations become zero."""
         ...
 
     @property
@@ -95,6 +52,6 @@ class ArrayAdapter(Protocol):
         ...
 
     @property
-    def rewards(self) -> NDArray[np.float32]:
+    def rewards(self) -> Singles:
         """Of the decision, shape (B, G)."""
         ...
