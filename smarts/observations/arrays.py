@@ -16,7 +16,7 @@ from smarts.observations.context import AdapterContext
 from smarts.observations.feature import Feature
 from smarts.observations.lists import FeatureChoice, Observed, feature_list
 from smarts.observations.stacking import write_stack, write_vector
-from smarts.registry import guarded, is_own_name
+from smarts.registry import guarded
 from smarts.types.interface import Field
 
 VECTOR = "observation"
@@ -117,7 +117,7 @@ class ArrayObservation:
 
     def _bound(self, choice: FeatureChoice, feature: Feature, *out: NDArray) -> Observe:
         """Return the function that observes a feature; of a user's own one that checks what it writes."""
-        if not is_own_name(choice.name):
+        if not choice.is_own:
             return feature.bind(*out)
         doing, fields = f"the feature {choice.name!r}", feature.fields()
         observe: Any = guarded(guarded(feature.bind, doing)(*out), doing)

@@ -27,9 +27,19 @@ MOST_FRAMES = 100
 class FeatureChoice:
     """A feature of a list."""
 
-    name: str
-    """Of `FEATURES`, or a user's own as "module:Class"."""
+    source: str | type[Feature]
+    """A name of `FEATURES`, or a user's own: "module:Class", or the class itself."""
     options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """For errors and layouts."""
+        return self.source if isinstance(self.source, str) else self.source.__name__
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the feature is a user's."""
+        return not isinstance(self.source, str) or is_own_name(self.source)
 
     def kind(self) -> type[Feature]:
         """Return the class.
@@ -38,7 +48,7 @@ class FeatureChoice:
             UnknownNameError: There is no such feature.
             OwnCodeError: It is not importable, or not a feature.
         """
-        return FEATURES[self.name]
+        return FEATURES[self.source] if isinstance(self.source, str) else self.source
 
     def make(self, context: AdapterContext) -> Feature:
         """Return the feature of some agents.
@@ -56,7 +66,7 @@ class FeatureChoice:
                     place="observation",
                     remedy=nearest_names(str(option), known),
                 )
-        made: Any = guarded(kind, f"the feature {self.name!r}") if is_own_name(self.name) else kind
+        made: Any = guarded(kind, f"the feature {self.name!r}") if self.is_own else kind
         return made(context, **self.options)
 
 
@@ -79,7 +89,7 @@ class FeatureList:
         """Return the list with more features at the ends.
 
         Args:
-            stacked: Names, or dicts of a name and its options.
+            stacked: Names, own classes, or dicts of a name and its options.
             features: The same.
         """
         return replace(
@@ -163,7 +173,7 @@ def _sequence(given: Mapping[str, Any], key: str) -> Sequence[Any]:
 def _choice(given: Any) -> FeatureChoice:
     if isinstance(given, FeatureChoice):
         return given
-    if isinstance(given, str):
+    if isinstance(given, str) or (isinstance(given, type) and issubclass(given, Feature)):
         return FeatureChoice(given)
     if isinstance(given, Mapping) and len(given) == 1:
         ((name, options),) = given.items()

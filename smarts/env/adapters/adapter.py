@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
+from smarts.agents.checks import check_truth
 from smarts.arrays import Bools
 from smarts.env.adapters.actions import action_space, encode_array
 from smarts.observations.arrays import ArrayObservation
@@ -65,14 +66,16 @@ def benchmark(
     context: AdapterContext,
     interface: Any = None,
     *,
+    observation: Observed = "benchmark",
     reward: Reward = "benchmark",
     discount: float | None = None,
     image: bool = False,
     image_size: int = 64,
     image_resolution: float = 1.0,
 ) -> ObservationAndReward:
-    """Return the benchmark's observation and reward, perhaps with a picture."""
-    features = feature_list("benchmark")
+    """Return the benchmark's observation, or another list of features, and reward, perhaps with a picture."""
+    check_truth("image", image, "the adapter's options")
+    features = feature_list(observation)
     if image:
         features = features.plus([{"image": {"size": image_size, "resolution": image_resolution}}])
     return ObservationAndReward(context, features, reward, discount)

@@ -122,6 +122,9 @@ def test_a_feature_of_ones_own(own_module):
     given = {"frames": 2, "stacked": ["speed", {"own_features:Twice": {"scale": 15.0}}]}
     seen = observe(ArrayObservation(context_of(made_world(6.0)), given))[VECTOR]
     np.testing.assert_allclose(seen[0, 0], [0.2] * 6, rtol=1e-6)
+    given_class = {"frames": 2, "stacked": ["speed", FeatureChoice(Twice, {"scale": 15.0})]}
+    same = observe(ArrayObservation(context_of(made_world(6.0)), given_class))[VECTOR]
+    np.testing.assert_array_equal(same, seen)
     assert feature_list(given).layout(1) == {"speed": slice(3, 4), "own_features:Twice": slice(4, 6)}
 
 
