@@ -27,6 +27,8 @@ class Feature:
     """How many numbers there are."""
     in_vector: ClassVar[bool] = True
     """False: its fields are observations of their own, beside the vector."""
+    needs_equal_sensors: ClassVar[bool] = False
+    """Whether agents need the same sensors with the same options to be observed together."""
 
     def __init__(self, context: AdapterContext) -> None:
         self.context = context

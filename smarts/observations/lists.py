@@ -98,6 +98,11 @@ class FeatureList:
             features=(*self.features, *map(_choice, features)),
         )
 
+    @property
+    def needs_equal_sensors(self) -> bool:
+        """Whether agents need the same sensors to be observed together."""
+        return any(each.kind().needs_equal_sensors for each in (*self.stacked, *self.features))
+
     def layout(self, agents: int) -> dict[str, slice]:
         """Return where each feature's numbers are in the vector of one of some agents; newest frame only."""
         places, begin = {}, 0

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from numpy.typing import NDArray
 
+from smarts.agents.checks import InterfaceError
 from smarts.arrays import Bools
 from smarts.observations.context import AdapterContext
 from smarts.observations.feature import Feature
@@ -18,10 +19,17 @@ class SensorReadings(Feature):
     """Every field of the agents' sensors, named "sensor/field"; the agents have equal sensors."""
 
     in_vector = False
+    needs_equal_sensors = True
 
     def __init__(self, context: AdapterContext) -> None:
         super().__init__(context)
         self._sensors = sensors_of(context.interfaces[0])
+        if any(sensors_of(each) != self._sensors for each in context.interfaces):
+            raise InterfaceError(
+                f"the agents {', '.join(context.agents)} have different sensors",
+                place="feature sensors",
+                remedy="give them equal interfaces",
+            )
 
     def fields(self) -> tuple[Field, ...]:
         """Return the sensors' fields."""

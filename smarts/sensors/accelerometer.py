@@ -15,8 +15,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import HARDEST, HARDEST_JERK, HARDEST_TURN, HARDEST_TURN_JERK, clipped
-from smarts.sensors.observation import Observation, Triple, triple
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen, Triple, triple
 from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleStates
@@ -73,7 +72,7 @@ class AccelerationAndJerk:
         )
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> MotionChange:
+    def as_object(readings: Readings, seen: Seen) -> MotionChange:
         """Return the readings as vectors in space."""
         return MotionChange(
             triple(readings["linear_acceleration"]),

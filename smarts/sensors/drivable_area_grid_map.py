@@ -13,8 +13,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, viewer
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.sensors.road_raster import ROAD, RoadRaster, paint_road, road_raster
 from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
@@ -40,7 +39,7 @@ class DrivableArea:
         return bind(_observe, *state, agent_ids, resolution, is_road, GridOut(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> GridMap:
+    def as_object(readings: Readings, seen: Seen) -> GridMap:
         """Return the picture."""
         return grid_map(readings, seen)
 

@@ -25,8 +25,7 @@ from smarts.sensors.bounds import (
 )
 from smarts.sensors.heights import vehicle_height
 from smarts.sensors.mission import MissionObservation
-from smarts.sensors.observation import Observation, Triple, triple
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen, Triple, triple
 from smarts.types.agent_states import AgentStates
 from smarts.types.coordinates import Dimensions, Heading, RefLinePoint
 from smarts.types.interface import Field
@@ -113,7 +112,7 @@ class EgoVehicleState:
         return bind(_observe, *state, agent_ids, _Out(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> EgoVehicleObservation:
+    def as_object(readings: Readings, seen: Seen) -> EgoVehicleObservation:
         """Return the vehicle with the agent's mission, and what its other sensors say about it."""
         yaw_rate = float(readings["yaw_rate"])
         return EgoVehicleObservation(

@@ -11,8 +11,7 @@ from smarts.arrays import Pixels, Singles
 from smarts.geometry.compiling import kernel
 from smarts.geometry.raster import paint_box, place_in_view
 from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
-from smarts.sensors.observation import Observation, Triple
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen, Triple
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleStates
 
@@ -54,7 +53,7 @@ def grid_fields(height: int, width: int, channels: int, most: int, meaning: str)
     )
 
 
-def grid_map(readings: Readings, seen: Observation) -> GridMap:
+def grid_map(readings: Readings, seen: Seen) -> GridMap:
     """Return a picture as an object."""
     height, width, _ = readings["data"].shape
     ego = seen.ego_vehicle_state

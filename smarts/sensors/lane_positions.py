@@ -13,8 +13,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, clipped
-from smarts.sensors.observation import Observation, triple
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen, triple
 from smarts.types.agent_states import AgentStates
 from smarts.types.coordinates import RefLinePoint
 from smarts.types.interface import Field
@@ -37,7 +36,7 @@ class LanePosition:
         return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, out["lane_position"])
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> RefLinePoint:
+    def as_object(readings: Readings, seen: Seen) -> RefLinePoint:
         """Return the place."""
         return RefLinePoint(*triple(readings["lane_position"]))
 

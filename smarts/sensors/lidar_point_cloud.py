@@ -16,8 +16,7 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
 from smarts.sensors.heights import vehicle_height
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleStates
@@ -71,7 +70,7 @@ class LidarPoints:
         return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, *rays, _Out(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> LidarPointCloud:
+    def as_object(readings: Readings, seen: Seen) -> LidarPointCloud:
         """Return points, hits and rays as lists."""
         hits = readings["hit"] != 0
         points = np.where(hits[:, None], readings["point"], np.inf)

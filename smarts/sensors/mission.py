@@ -13,8 +13,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.types.agent_states import AgentStates
 from smarts.types.coordinates import Point
 from smarts.types.interface import Field
@@ -82,7 +81,7 @@ class MissionAndGoal:
         return bind(_observe, scene.world.agents, scene.world.missions, agent_ids, _Out(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> MissionObservation:
+    def as_object(readings: Readings, seen: Seen) -> MissionObservation:
         """Return the mission."""
         goal = GoalObservation(
             GoalKind(int(readings["goal"])),

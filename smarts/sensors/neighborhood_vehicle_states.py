@@ -18,8 +18,7 @@ from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
 from smarts.sensors.heights import vehicle_height
 from smarts.sensors.nearest import nearest_vehicles
-from smarts.sensors.observation import Observation, Triple
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen, Triple
 from smarts.types.agent_states import AgentStates
 from smarts.types.coordinates import Dimensions, Heading, RefLinePoint
 from smarts.types.interface import Field
@@ -95,7 +94,7 @@ class NeighborhoodVehicleStates:
         return bind(_observe, *state, agent_ids, math.inf if radius is None else float(radius), _Out(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> tuple[VehicleObservation, ...]:
+    def as_object(readings: Readings, seen: Seen) -> tuple[VehicleObservation, ...]:
         """Return the vehicles, nearest first."""
         # One conversion of each array: single numbers of arrays are slow.
         count = int(readings["count"])

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from smarts.sensors.waypoint import Waypoint
     from smarts.types.coordinates import RefLinePoint
 
-Triple = tuple[float, float, float]
-
 
 class Collision(NamedTuple):
     """A vehicle that was touched."""
@@ -256,9 +254,3 @@ class ObservationMaker:
 
 # A number: to compare with a member of an enumeration takes longer.
 _SHADOWING = int(AgentStatus.SHADOWING)
-
-
-def triple(values: NDArray) -> Triple:
-    """Return the components of a vector in the plane or in space."""
-    x, y, *rest = values.tolist()
-    return x, y, rest[0] if rest else 0.0

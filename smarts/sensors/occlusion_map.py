@@ -17,8 +17,7 @@ from smarts.geometry.raster import place_in_view
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import LARGEST_BOX, clipped, clipped_above
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, viewer
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleStates
@@ -44,7 +43,7 @@ class VisibleArea:
         return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, *sight, GridOut(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> GridMap:
+    def as_object(readings: Readings, seen: Seen) -> GridMap:
         """Return the picture."""
         return grid_map(readings, seen)
 

@@ -13,8 +13,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, paint_vehicle, viewer
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleStates
@@ -37,7 +36,7 @@ class OccupancyGrid:
         return bind(_observe, world.agents, world.vehicles, agent_ids, resolution, GridOut(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> GridMap:
+    def as_object(readings: Readings, seen: Seen) -> GridMap:
         """Return the picture."""
         return grid_map(readings, seen)
 

@@ -2,20 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Ints
+from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.types.interface import Field
 
-if TYPE_CHECKING:
-    from smarts.sensors.observation import Observation
+Triple = tuple[float, float, float]
 
 Readings = Mapping[str, NDArray]
 """One agent's readings of one sensor, by field."""
+
+
+class Seen(Protocol):
+    """The observation that readings become an attribute of; `smarts.sensors.observation.Observation`."""
+
+    graph: LaneGraph
+    """The map."""
+    name: str
+    """Of the agent's vehicle."""
+    neighbors: Sequence[str]
+    """Names of the vehicles in `neighborhood_vehicle_states`."""
+
+    def lane_ids(self, lane: int) -> tuple[str, str]:
+        """Return the ids of a lane's road and of the lane, by its number in the map; empty for -1."""
+        ...
+
+    def __getattr__(self, name: str) -> Any:
+        """Return another sensor's attribute, None if the agent does not have the sensor."""
+        ...
 
 
 class Sensor(Protocol):
@@ -44,7 +63,7 @@ class Sensor(Protocol):
         ...
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> Any:
+    def as_object(readings: Readings, seen: Seen) -> Any:
         """Return one agent's readings as the attribute of `Observation` that has the sensor's name.
 
         Args:
@@ -52,3 +71,9 @@ class Sensor(Protocol):
             seen: The observation: names of vehicles and lanes, and the other sensors' attributes.
         """
         ...
+
+
+def triple(values: NDArray) -> Triple:
+    """Return the components of a vector in the plane or in space."""
+    x, y, *rest = values.tolist()
+    return x, y, rest[0] if rest else 0.0

@@ -18,8 +18,7 @@ from smarts.roads.arrays import Roads
 from smarts.roads.kernels import centre_at, lane_length, project_on_lanes
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.sensors.road_links import RoadLinks, road_links
 from smarts.sensors.waypoint import Waypoint, waypoints_of
 from smarts.types.agent_states import AgentStates
@@ -85,7 +84,7 @@ class RoadWaypointsAround:
         return bind(_observe, *state, agent_ids, self.option.horizon, _Out(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> RoadWaypoints:
+    def as_object(readings: Readings, seen: Seen) -> RoadWaypoints:
         """Return the lanes' waypoints."""
         lanes: dict[str, list[list[Waypoint]]] = {}
         for number in range(int(readings["lane_count"])):

@@ -18,8 +18,7 @@ from smarts.roads.kernels import find_row, lane_length
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
 from smarts.sensors.nearest import keep_nearest
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.types.agent_states import AgentStates
 from smarts.types.coordinates import Point
 from smarts.types.interface import Field
@@ -100,7 +99,7 @@ class SignalsAhead:
         )
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> tuple[SignalObservation, ...]:
+    def as_object(readings: Readings, seen: Seen) -> tuple[SignalObservation, ...]:
         """Return the lights, nearest first."""
         return tuple(
             SignalObservation(

@@ -14,8 +14,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, paint_vehicle, viewer
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.sensors.road_raster import (
     CENTRE_LINE,
     DIVIDER,
@@ -91,7 +90,7 @@ class TopDownRgb:
         return bind_picture(scene, agent_ids, resolution, *colours, GridOut(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> GridMap:
+    def as_object(readings: Readings, seen: Seen) -> GridMap:
         """Return the picture."""
         return grid_map(readings, seen)
 

@@ -16,8 +16,7 @@ from smarts.roads.arrays import Roads
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, MOST, clipped, clipped_above
 from smarts.sensors.nearest import keep_nearest
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
 from smarts.types.mission import Missions
@@ -84,7 +83,7 @@ class ViaPoints:
         return bind(_observe, *state, agent_ids, reach, _Out(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> Vias:
+    def as_object(readings: Readings, seen: Seen) -> Vias:
         """Return the points."""
         return Vias(
             tuple(

@@ -6,8 +6,7 @@ import math
 from typing import NamedTuple
 
 from smarts.arrays import Floats
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.types.coordinates import Heading
 
 
@@ -46,7 +45,7 @@ class Waypoint(NamedTuple):
         return math.hypot(position[0] - self.pos[0], position[1] - self.pos[1])
 
 
-def waypoints_of(readings: Readings, seen: Observation, path: int, count: int) -> list[Waypoint]:
+def waypoints_of(readings: Readings, seen: Seen, path: int, count: int) -> list[Waypoint]:
     """Return the first waypoints of a path, out of arrays of shape (paths, waypoints, ...)."""
     names = ("heading", "lane", "lane_width", "speed_limit", "lane_index", "lane_offset")
     # One conversion of each array: single numbers of arrays are slow.

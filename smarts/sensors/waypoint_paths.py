@@ -19,8 +19,7 @@ from smarts.roads.lane_graph import LaneKind
 from smarts.roads.scene import Scene
 from smarts.roads.waypoints import WaypointPaths, write_waypoints
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
-from smarts.sensors.observation import Observation
-from smarts.sensors.protocol import Readings
+from smarts.sensors.protocol import Readings, Seen
 from smarts.sensors.waypoint import Waypoint, waypoints_of
 from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
@@ -81,7 +80,7 @@ class WaypointPathsAhead:
         return bind(_observe, *state, agent_ids, spacing, _Out(**out))
 
     @staticmethod
-    def as_object(readings: Readings, seen: Observation) -> list[list[Waypoint]]:
+    def as_object(readings: Readings, seen: Seen) -> list[list[Waypoint]]:
         """Return the paths, from the right to the left."""
         counts = readings["waypoint_count"][: int(readings["path_count"])].tolist()
         return [waypoints_of(readings, seen, path, count) for path, count in enumerate(counts)]

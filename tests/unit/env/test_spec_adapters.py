@@ -8,7 +8,7 @@ from smarts.agents import ActionSpaceType, AgentSpec
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.env.adapters.adapter import ObservationAndReward
+from smarts.env.array_adapters import ObservationAndReward
 from smarts.errors import ActionError, UnknownNameError
 
 PLAIN = benchmark_interface()
