@@ -1,11 +1,12 @@
-"""Two ways to say what agents see and are paid for: adapters of a spec, and an adapter for arrays."""
+"""Two ways to change observations and rewards: adapters of a spec, and a feature and a reward for arrays."""
 
 import numpy as np
 from gymnasium.spaces import Box
 
 from smarts.agents import AgentSpec
+from smarts.agents.benchmark import benchmark_interface
 from smarts.env import VectorHiWayEnv, hiway_parallel_env
-from smarts.env.adapters.benchmark import BenchmarkAdapter, benchmark_interface
+from smarts.observations.feature import Feature
 
 
 def speed_and_gap(observation) -> np.ndarray:
@@ -45,23 +46,31 @@ def by_spec(decisions: int = 20) -> float:
     return total
 
 
-class HurriedAdapter(BenchmarkAdapter):
-    """The benchmark's observation; a decision also costs what is missing to 10 m/s."""
+class Acceleration(Feature):
+    """Acceleration along the heading, 1 at 10 m/s^2."""
 
-    def collect(self, frame, is_last):
-        """Take the speed off the reward of those whose decision ends."""
-        settle = self._served.present(frame) if is_last else self._served.ended(frame)
-        before = self._is_new.copy()
-        super().collect(frame, is_last)
-        rows, agents = np.nonzero(settle & ~before)
-        slots = frame.world.agents.slot[rows, self._served.agent_ids[agents]]
-        missing = np.maximum(0.0, 10.0 - frame.world.vehicles.speed[rows, slots])
-        self.rewards[rows, agents] -= 0.01 * missing
+    def bind(self, *out):
+        """Return the function that writes the numbers of the agents in its mask, shape (B, n, 1)."""
+        (numbers,) = out
+        world, agent_ids = self.context.scene.world, self.context.agent_ids
+
+        def observe(observe_mask):
+            rows, agents = np.nonzero(observe_mask)
+            slots = world.agents.slot[rows, agent_ids[agents]]
+            numbers[rows, agents, 0] = np.clip(world.vehicles.acceleration[rows, slots] / 10.0, -1.0, 1.0)
+
+        return observe
+
+
+def hurried(step) -> np.ndarray:
+    """Return the reward of a step of 0.1 s: what is missing to 10 m/s is a cost."""
+    return -0.002 * np.maximum(0.0, 10.0 - step.speed)
 
 
 def by_arrays(decisions: int = 20) -> float:
-    """Drive eight agents of two simulations with an array adapter; return the sum of their rewards."""
-    env = VectorHiWayEnv(2, ["loop"], adapter=HurriedAdapter)
+    """Drive eight agents of two simulations, which observe their acceleration; return the rewards' sum."""
+    observation = {"base": "benchmark", "features": [Acceleration]}
+    env = VectorHiWayEnv(2, ["loop"], adapter_options={"observation": observation, "reward": hurried})
     total = 0.0
     try:
         env.reset(42)
