@@ -1,7 +1,7 @@
 """CommNet: agents that broadcast hidden layers to each other when they act.
 
 Sukhbaatar, Szlam & Fergus 2016, "Learning Multiagent Communication with Backpropagation". Every agent
-encodes its observation, then K times hears the mean of the other living agents' hidden layers (eq. 2) and
+encodes its observation, then K times hears the mean of the other active agents' hidden layers (eq. 2) and
 computes its next hidden layer (eq. 1), in the paper's simple form h <- tanh(H^i h + C^i c). The gradient is
 the paper's: policy gradient with a learned baseline as a second output of the same network, its error
 weighted by `value_coeff` (the paper's alpha = 0.03), through all agents' messages.

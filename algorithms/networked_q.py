@@ -23,9 +23,9 @@ takes the agent's own part of the best joint action.
 
 Deviations: adapt-then-combine order, in which both exchanges happen after the local part (a complete graph is
 then exactly the centralised fit); steps by Adam on the tracked gradient; every step on a fresh minibatch from
-replay that all agents share, instead of one fixed batch; the state is everybody's observations side by side
-with who is there, zeros for absent agents, whose only action is number 0; a group of agents that share
-a network is one node, whose weight is its size.
+replay that all agents share, instead of one fixed batch; the state is all observations side by side
+with which agents are active, zeros for absent agents, whose only action is number 0; a group of agents that
+share a network is one node, whose weight is its size.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from algorithms.parts.networks import perceptron
 
 
 def joint_state(views: Sequence[GroupView]) -> Tensor:
-    """Return everybody's observations side by side and who is there, (M, D), in the order of the groups."""
+    """Return all observations and which agents are active side by side, (M, D), in order of the groups."""
     parts = []
     for view in views:
         there = view.alive[..., None]
@@ -228,7 +228,7 @@ class NetworkedQLearner(OffPolicyLearner):
 
 
 def node_links(links: Tensor, groups: Sequence[Group]) -> Tensor:
-    """Return which groups are linked, (G, G): those of whom two agents hear each other, each the other."""
+    """Group adjacency (G, G): true if any two members communicate both ways."""
     mutual, nodes = links & links.transpose(-1, -2), len(groups)
     linked = torch.zeros(nodes, nodes, dtype=torch.bool, device=links.device)
     for i, one in enumerate(groups):

@@ -281,7 +281,7 @@ class Sampler:
         return step._replace(observations=seen)
 
     def _draw_latents(self, rows: Ints, latents: Sequence[np.ndarray | None]) -> None:
-        """Show the latents (B, n, ...), drawn anew for the episodes that begin in some environments.
+        """Show the latents (B, n, ...), redrawn for the episodes that begin in some environments.
 
         Each episode has a generator of its own: its latents do not depend on the number of environments.
         """

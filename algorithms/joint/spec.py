@@ -1,4 +1,4 @@
-"""Who shares what: agents ordered into blocks (equal spaces) and groups (one network)."""
+"""Agents ordered into blocks (equal spaces) and groups (one network)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class JointSpec:
 
     Attributes:
         agents: All N agents in column order (block after block).
-        spaces: The blocks, the state's size, whether there is a graph.
+        spaces: The blocks, the state's size, whether it has a graph.
         groups: Parameter-sharing groups; together they cover all agents.
     """
 
