@@ -198,9 +198,8 @@ class JointTorchLearner(TorchLearner):
         self.generator.set_state(torch.tensor(state["generator"]))
         self.rng.bit_generator.state = state["rng"]
         self.updates = state["updates"]
-        # Checkpoints of earlier versions tell neither the steps nor the learning rate.
-        self.env_steps = state.get("env_steps", 0)
-        if state.get("lr", self.config.lr) != self.config.lr:
+        self.env_steps = state["env_steps"]
+        if state["lr"] != self.config.lr:
             # Optimisers came with the rate they were stored with, which RLlib changes after an update only.
             for optimizer, rate in self._optimizer_lr_schedules.items():
                 self._set_optimizer_lr(optimizer, rate.update(self.env_steps))

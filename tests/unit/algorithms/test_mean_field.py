@@ -121,9 +121,9 @@ def test_actions_without_a_mean_are_refused(name):
             super().__init__()
             self.action_spaces = {"agent_0": Discrete(2), "agent_1": Discrete(3)}
 
-    with pytest.raises(SpaceError, match="means over actions"):
+    with pytest.raises(SpaceError, match=r"^action space: "):
         Rig(name, Uneven)
-    with pytest.raises(SpaceError, match="needs discrete actions"):
+    with pytest.raises(SpaceError, match=r"^action space: "):
         Rig(name, Target)
 
 

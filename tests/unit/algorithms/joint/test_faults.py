@@ -109,7 +109,7 @@ def test_nan_in_every_first_observation_stops_the_run():
     rig = Rig("ppo", NaNStart)
     NaNStart.bad = 10**6
     rig.sampler._max_failures = 3
-    with pytest.raises(EnvironmentFailure, match="began 4 times in a row with NaN"):
+    with pytest.raises(EnvironmentFailure, match=" 4 times"):
         rig.rollout(2)
 
 
@@ -142,7 +142,7 @@ def test_a_constructor_that_always_raises_is_named():
     def make(b):
         raise OSError("no display")
 
-    with pytest.raises(EnvironmentFailure, match=r"copy 0 could not be started 3 times.*no display"):
+    with pytest.raises(EnvironmentFailure, match=r"environment 0 .* 3 times.*no display"):
         JointVector(make, 2, max_failures=3)
 
 
@@ -253,5 +253,5 @@ def test_a_seed_is_drawn_where_none_is_given():
 
 
 def test_several_learners_are_refused():
-    with pytest.raises(ValueError, match="learn in one process: set num_learners to 0 or 1"):
+    with pytest.raises(ValueError, match="num_learners"):
         algorithms.config("ppo").learners(num_learners=2).validate()
