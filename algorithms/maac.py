@@ -28,7 +28,7 @@ from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.spec import Group, JointSpec, action_size
-from algorithms.maddpg import Actor
+from algorithms.maddpg import PolicyNetwork
 from algorithms.parts.attention import attend
 from algorithms.parts.distributions import CategoricalDistribution
 from algorithms.parts.networks import Encoder, perceptron
@@ -43,7 +43,7 @@ class MAACModule(JointModule):
 
     def make_networks(self) -> None:
         """Create policy and target policy."""
-        self.actor = Actor(self.group, self.settings["hidden"], self.head.outputs)
+        self.actor = PolicyNetwork(self.group, self.settings["hidden"], self.head.outputs)
         self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:

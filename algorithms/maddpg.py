@@ -31,7 +31,7 @@ from algorithms.parts.networks import Encoder, perceptron
 from algorithms.parts.relaxation import straight_through_gumbel
 
 
-class Actor(nn.Module):
+class PolicyNetwork(nn.Module):
     """Policy outputs (..., n, P) of observation leaves."""
 
     def __init__(self, group: Group, hidden: tuple[int, ...], outputs: int) -> None:
@@ -56,7 +56,7 @@ class MADDPGModule(JointModule):
 
     def make_networks(self) -> None:
         """Create policy and target policy."""
-        self.actor = Actor(self.group, self.settings["hidden"], self.head.outputs)
+        self.actor = PolicyNetwork(self.group, self.settings["hidden"], self.head.outputs)
         self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:

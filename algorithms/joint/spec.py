@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
-from algorithms.joint.env import Action, Block, Ints, JointSpaces
+from algorithms.joint.env import Action, AgentBlock, Ints, JointSpaces
 from algorithms.settings import Sharing
 
 SPEC = "__joint__"
@@ -67,7 +67,7 @@ class JointSpec:
         cls,
         spaces: JointSpaces,
         sharing: Sharing = "none",
-        carried: Callable[[Block], Mapping[str, Box]] | None = None,
+        carried: Callable[[AgentBlock], Mapping[str, Box]] | None = None,
     ) -> JointSpec:
         """Order the agents of `spaces` into groups.
 

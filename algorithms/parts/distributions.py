@@ -44,7 +44,7 @@ class SampledActions(NamedTuple):
     memory: Tensor | None = None
 
 
-class Distribution(Protocol):
+class PolicyDistribution(Protocol):
     """What losses need of a policy."""
 
     def log_prob(self, actions: Tensor) -> Tensor:

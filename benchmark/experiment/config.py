@@ -108,7 +108,7 @@ Scenario = Annotated[str, AfterValidator(_scenario)]
 Engine = Annotated[str, AfterValidator(_engine)]
 
 
-class Task(Section):
+class TrainingTask(Section):
     """What a policy is trained and tested on: a scenario, or several of them in turns."""
 
     name: FolderName
@@ -132,7 +132,7 @@ def _tasks(given: Any) -> Any:
     ]
 
 
-def _differently_named(tasks: tuple[Task, ...]) -> tuple[Task, ...]:
+def _differently_named(tasks: tuple[TrainingTask, ...]) -> tuple[TrainingTask, ...]:
     _distinct(task.name for task in tasks)
     return tasks
 
@@ -162,7 +162,9 @@ ActionName = Literal[
     "Direct",
     "RelativeTargetPose",
 ]
-Tasks = Annotated[tuple[Task, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)]
+Tasks = Annotated[
+    tuple[TrainingTask, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)
+]
 
 
 class Environment(Section):
