@@ -58,7 +58,7 @@ class CentralisedVLearner(PPOLearner):
         return critic.moments.unscaled(critic.value(view))
 
     def observe_targets(self, batch: OnPolicyBatch) -> None:
-        """Let the critic adapt its scale."""
+        """Adapt the scale of the critic."""
         self.net(CRITIC).moments.observe(batch.targets, batch.alive)
 
     def fit_values(self, batch: OnPolicyBatch) -> None:

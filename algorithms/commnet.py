@@ -84,7 +84,7 @@ class CommNetModule(JointModule):
         """Return None: agents cannot be evaluated one by one."""
 
     def get_non_inference_attributes(self) -> list[str]:
-        """Return what runners need not hold (RLlib)."""
+        """Return the attributes that runners do not hold (RLlib)."""
         return ["baseline", "moments"]
 
 
@@ -104,7 +104,7 @@ class CommNetLearner(A2CLearner):
         return view.join(values)
 
     def observe_targets(self, batch: OnPolicyBatch) -> None:
-        """Let every baseline adapt its scale."""
+        """Adapt the scale of every baseline."""
         for group, own in batch.groups():
             self.net(group.id).moments.observe(own.targets, own.alive)
 

@@ -116,7 +116,7 @@ class MeanFieldConfig(JointConfig):
     """RLlib config of both mean-field algorithms."""
 
     def check(self, spec: JointSpec) -> None:
-        """Refuse environments whose agents have no action in common (see `JointConfig.check`).
+        """Raise if agents have different actions; see `JointConfig.check`.
 
         Raises:
             SpaceError: Actions are not discrete, or not equally many.

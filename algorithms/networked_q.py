@@ -211,7 +211,7 @@ class NetworkedQLearner(OffPolicyLearner):
         return metropolis(node_links(self.neighbourhood.of(batch[:1])[0], self.groups))
 
     def average(self, mixing: Tensor) -> None:
-        """Let every node replace its parameters by the weighted mean of its neighbours' and its own."""
+        """Replace every node's parameters by the weighted mean of its neighbours' and its own."""
         with torch.no_grad():
             own = [torch.nn.utils.parameters_to_vector(self._fitted[g.id]) for g in self.groups]
             for group, mixed in zip(self.groups, mixing @ torch.stack(own), strict=True):
@@ -249,7 +249,7 @@ class NetworkedQConfig(JointConfig):
         return Exploration(explore=bool(self.explore), epsilon=first + (last - first) * done)
 
     def check(self, spec: JointSpec) -> None:
-        """Refuse environments that the algorithm cannot handle.
+        """Raise if the algorithm cannot handle the environment.
 
         Raises:
             SpaceError: Actions are not discrete or make too many combinations, an observation is an image, or

@@ -94,7 +94,7 @@ class PGLearner(A2CLearner):
         return batch
 
     def observe_targets(self, batch: OnPolicyBatch) -> None:
-        """Let baselines adapt their scale."""
+        """Adapt the scale of baselines."""
         if self.config.baseline:
             super().observe_targets(batch)
 

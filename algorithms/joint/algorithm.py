@@ -52,7 +52,7 @@ class JointAlgorithm(Algorithm):
     learner_group: Any
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Let the config know its algorithm."""
+        """Name the algorithm in its config."""
         super().__init_subclass__(**kwargs)
         if "config_class" in vars(cls):
             cls.config_class.algorithm_class = cls

@@ -153,7 +153,7 @@ class JointConfig(AlgorithmConfig):
         )
 
     def check(self, spec: JointSpec) -> None:
-        """Refuse environments that the algorithm cannot handle.
+        """Raise if the algorithm cannot handle the environment.
 
         Raises:
             SpaceError: An action space does not fit; the message names algorithms that do.

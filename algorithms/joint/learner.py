@@ -76,7 +76,7 @@ class JointTorchLearner(TorchLearner):
         return self.module[module_id].unwrapped()
 
     def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
-        """Give every module one Adam over all its parameters except target networks."""
+        """Create one Adam for every module, over its parameters without target networks."""
         parameters = self.net(module_id).trained_parameters()
         if parameters:
             self.register_optimizer(
@@ -160,7 +160,7 @@ class JointTorchLearner(TorchLearner):
         raise NotImplementedError
 
     def compute_loss_for_module(self, **kwargs: Any) -> Tensor:
-        """Refuse: losses belong to `update_minibatch` (RLlib)."""
+        """Raise: losses belong to `update_minibatch` (RLlib)."""
         raise NotImplementedError("joint learners compute their losses in update_minibatch")
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
