@@ -123,7 +123,7 @@ class RunFolder:
         if there is None:
             return
         is_extended = _is_extended(here, there)
-        compared = _with_common_imports(there, here), _with_common_imports(here, there)
+        compared = with_common_imports(there, here), with_common_imports(here, there)
         differing = _differing(*({**each, BUDGET: None} if is_extended else each for each in compared))
         if differing:
             raise ResultsError(
@@ -240,7 +240,7 @@ def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
     return all(isinstance(budget, dict) for budget in budgets) and is_larger(*budgets)  # type: ignore[arg-type]
 
 
-def _with_common_imports(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+def with_common_imports(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
     """Return a content with only those imports whose modules another one imports too, from wherever.
 
     A metric or an algorithm that is added to an experiment changes nothing in what its other runs trained.

@@ -1,6 +1,7 @@
 """Searches: what the section `tune` of a file becomes, and what is refused before anything starts."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from ray import tune
@@ -110,3 +111,21 @@ def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, me
 
 def test_one_run_is_searched(experiment):
     assert the_run(experiment()).algorithm == "ppo"
+
+
+def test_a_search_continues_with_further_imports_only(experiment, tmp_path):
+    run, section, file = the_run(experiment()), Tune(parameters={"lr": [0.1]}), tmp_path / "search.json"
+
+    def importing(*paths):
+        return replace(run, task_setting=replace(run.task_setting, imports=paths))
+
+    _keep_to_one_search(file, importing("/a/own.py"), section)
+    _keep_to_one_search(file, importing("/a/own.py", "/a/more.py"), section)
+    for other, searched in (
+        (importing("/b/own.py"), section),
+        (replace(importing("/a/own.py"), seed=9), section),
+        (importing("/a/own.py"), Tune(parameters={"lr": [0.2]})),
+    ):
+        with pytest.raises(ResultsError) as caught:
+            _keep_to_one_search(file, other, searched)
+        assert caught.value.place == str(file)
