@@ -42,7 +42,7 @@ _COUNTS = b"smarts_bench.metrics.episodes"
 def measure_episodes(
     folder: str | Path,
     *,
-    labels: Mapping[str, Any] | None = None,
+    labels: Mapping[str, Any] = {},
     split: str = "train",
     metrics: Sequence[str] = (),
     worlds: range | None = None,
@@ -78,7 +78,7 @@ def measure_episodes(
             recorded = RecordedEpisode(path)
             if worlds is not None and int(recorded.facts["world"]) not in worlds:
                 continue
-            kind, rows = _measured(EpisodeData(recorded, split), measures, labels or {})
+            kind, rows = _measured(EpisodeData(recorded, split), measures, labels)
         except (RecordError, MapError) as error:
             counts["corrupted"][path.name] = error.problem
         except (IndexError, KeyError, ValueError) as error:

@@ -67,11 +67,7 @@ def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Stand
         differing: Of `differences`, of one cell.
         entries: Who is ranked.
     """
-    decided: dict[tuple[Hashable, Hashable], dict[str, Any]] = {}
-    for row in differing.to_dict("records"):
-        pair = row["first"], row["second"]
-        if {*pair} <= {*entries} and not math.isnan(row["corrected"]):
-            decided.setdefault(pair, {})[row["metric"]] = row["wins"]
+    decided = _decided(differing, entries)
     met: dict[Hashable, set[Hashable]] = {entry: set() for entry in entries}
     better = dict.fromkeys(entries, 0)
     for (first, second), wins in decided.items():
@@ -85,6 +81,18 @@ def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Stand
         entry: Standing(1 + better[entry], any(better[other] == better[entry] for other in met[entry]))
         for entry in ranked
     }
+
+
+def _decided(
+    differing: Frame, entries: Sequence[Hashable]
+) -> dict[tuple[Hashable, Hashable], dict[str, Any]]:
+    """Return for each pair of entries that could be compared the winner ("" for a tie) by metric."""
+    found: dict[tuple[Hashable, Hashable], dict[str, Any]] = {}
+    for row in differing.to_dict("records"):
+        pair = row["first"], row["second"]
+        if {*pair} <= {*entries} and not math.isnan(row["corrected"]):
+            found.setdefault(pair, {})[row["metric"]] = row["wins"]
+    return found
 
 
 def of_cell(differing: Frame, task: str, traffic: str) -> Frame:
