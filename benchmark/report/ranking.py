@@ -1,4 +1,4 @@
-"""Who is better than whom in a cell, and the ranks which that allows."""
+"""Comparisons of algorithms in a cell, and their ranks."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Stand
 
     One is better than another by its completion rate, or by its collision rate where completion is a tie. So
     entries between which nothing is decided, and than which the same others are better, have the same rank.
-    Who could be compared with none of the others has no rank.
+    An entry without a comparison has no rank.
 
     Args:
         differing: Of `differences`, of one cell.
-        entries: Who is ranked.
+        entries: To be ranked.
     """
     decided = _decided(differing, entries)
     met: dict[Hashable, set[Hashable]] = {entry: set() for entry in entries}

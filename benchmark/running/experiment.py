@@ -100,20 +100,26 @@ def check_task_settings(experiment: Experiment) -> None:
 
 
 def _check_own_code(experiment: Experiment) -> None:
-    """Play one decision with an own adapter or reward, and check that the algorithms fit its spaces.
+    """Try own adapter, reward and metrics, and check that the algorithms fit the adapter's spaces.
 
     Raises:
-        OwnCodeError: It cannot be made, or raises.
+        OwnCodeError: Own code cannot be made, or raises.
         SpaceError: An algorithm does not handle the adapter's actions or observations.
     """
     given = experiment.environment
     own = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
-    if not any(map(is_own_name, own)):
+    metrics = [name for name in experiment.metrics or () if is_own_name(name)]
+    if not any(map(is_own_name, [*own, *metrics])):
         return
     # Imported here, so that the driver's process loads the simulation only for own code.
-    from benchmark.running.environments import try_environment
+    from benchmark.running.environments import try_environment, try_metrics
 
-    spaces = try_environment(task_settings_of(experiment)[0])
+    first = task_settings_of(experiment)[0]
+    if metrics:
+        try_metrics(first, metrics)
+    if not any(map(is_own_name, own)):
+        return
+    spaces = try_environment(first)
     if is_own_name(given.adapter):
         for algorithm in experiment.algorithms:
             CONFIGS[algorithm]().check(JointSpec.build(spaces))
