@@ -136,6 +136,7 @@ def test_a_second_writer_is_refused_and_a_dead_one_is_not_in_the_way(tmp_path):
 def test_results_of_another_config_are_refused(tmp_path):
     folder = RunFolder(tmp_path / "run")
     folder.open({"a": 1})
+    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
     folder.note(status="training")
     folder.open({"a": 1})
     with raises(ResultsError, folder.config, values=["a (1, here 2)"]):
@@ -147,7 +148,7 @@ def test_a_refusal_names_the_values_that_differ(tmp_path):
     there = {"seed": 1, "budget": {"agent_steps": 9000, "minutes": None}, "settings": {"lr": 0.1}}
     here = {"seed": 1, "budget": {"agent_steps": 3000, "minutes": None}, "settings": {"gamma": 0.9}}
     folder.open(there)
-    folder.note(status="training")
+    folder.note(status="finished")
     with pytest.raises(ResultsError) as caught:
         folder.check(here)
     assert caught.value.problem.partition("config: ")[2].split(", settings.") == [
@@ -240,11 +241,16 @@ def test_the_committed_results_are_finished(tmp_path):
         JobScheduler(jobs_of(larger), tmp_path / "table", larger.resources)
 
 
-def test_the_config_of_a_run_that_was_killed_before_it_began_is_written_anew(tmp_path):
+@pytest.mark.parametrize("has_failed", [False, True])
+def test_a_run_that_has_left_nothing_takes_a_corrected_config(tmp_path, has_failed):
+    """Killed before it began, or failed at its first settings."""
     folder = RunFolder(tmp_path / "run")
     folder.open({"a": 1})
+    if has_failed:
+        folder.note(status="training", scenarios={"loop": "old"})
+    assert folder.changed_scenarios({"loop": "new"}) == []
     folder.open({"a": 2})
-    folder.note(status="training")
+    assert folder.status is None
     assert folder.read_config() == {"a": 2}
 
 
