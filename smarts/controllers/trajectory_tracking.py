@@ -8,10 +8,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
@@ -33,7 +34,8 @@ class TrajectoryTracking:
     the vehicle goes on straight and brakes to a stand.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.Trajectory
+    action_format: ClassVar[ActionFormat] = PathFormat(columns=(1, 2, 3, 4))
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         self._write = LateBound(write_paths, scene.world.state)

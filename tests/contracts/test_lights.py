@@ -31,7 +31,7 @@ def light_at_the_end(connections, edge, state_of):
 
 def test_agents_are_told_what_sumo_shows_at_the_end_of_their_lane(city):
     net = sumolib.net.readNet(str(build_scenario("city").directory / "map.net.xml"))
-    now, batch, told = city.reset(), city._worlds.batch, Counter()
+    now, batch, told = city.reset(), city._runner, Counter()
     world = batch.world
     state_of = batch.simulation._stages.traffic._drivers[0]._library.trafficlight.getRedYellowGreenState
     for _ in range(60):

@@ -1,10 +1,10 @@
-"""Adapters: frames -> observations and rewards, actions of an environment -> actions of the simulation."""
+"""Adapters: frames -> observations and rewards."""
 
 from typing import Any
 
 from smarts.registry import Registry
 
-_METHODS = ("encode", "collect", "reset")
+_METHODS = ("collect", "reset")
 
 
 def _adopt(name: str, found: Any) -> Any:

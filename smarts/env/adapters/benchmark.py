@@ -6,13 +6,11 @@ from collections.abc import Collection
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from smarts.agents.checks import check_truth
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
 from smarts.agents.interface import AgentInterface
-from smarts.env.adapters.actions import action_space, encode_array
 from smarts.env.adapters.features import (
     FEATURES,
     Driving,
@@ -33,7 +31,7 @@ from smarts.env.adapters.situation import (
 )
 from smarts.geometry.binding import bind
 from smarts.sim.columns import columns_of
-from smarts.types.actions import Actions, ActionSpaceType, LaneAction
+from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
 
@@ -87,7 +85,6 @@ class BenchmarkAdapter:
         SmartsError: The picture is not possible, or `image` is not a truth value.
     """
 
-    action: ClassVar[ActionSpaceType | None] = None
     sensors: ClassVar[Collection[str] | None] = ()
 
     def __init__(
@@ -110,7 +107,6 @@ class BenchmarkAdapter:
             *([self._pictures.field] if self._pictures else []),
             *([_MASK] if served.action == ActionSpaceType.Lane else []),
         )
-        self.action_space: Space = action_space(served.action)
         self.observations = {field.name: field.allocate(world.worlds, agents) for field in self.fields}
         self._served = served
         self._features = np.zeros((world.worlds, agents, FEATURES), np.float32)
@@ -120,11 +116,6 @@ class BenchmarkAdapter:
         self._rewards = make_rewards(served, reward, discount)
         self.rewards = self._rewards.values
         self._bind()
-
-    def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
-        """Take in lane actions 0 to 3, shape (B, G)."""
-        encode_array(self._served, given, chosen, out)
-        self.rewards[:] = 0.0
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Count a step towards the reward, and look around if a decision ends with it."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
-from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import AgentStatus
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
@@ -59,27 +58,11 @@ class ArrayAdapter(Protocol):
     reductions, whose order depends on B). Made by a call with `Served` and the adapter's own options.
     """
 
-    action: ClassVar[ActionSpaceType | None]
-    """How the agents must act, None if any way will do."""
     sensors: ClassVar[Collection[str] | None]
     """Names of the sensors whose readings it looks at, among those of its agents; None: all of them. The
     others are not observed."""
     fields: tuple[Field, ...]
     """The observation of one agent. A field `action_mask` says which discrete actions are legal."""
-    action_space: Space
-
-    def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
-        """Take the chosen agents' actions in: checked, clipped, marked fresh. A decision begins.
-
-        Args:
-            given: Actions in the environment's action space, shape (B, G, ...).
-            chosen: Whose actions are new, shape (B, G); the others' last ones go on.
-            out: To write into, shape (B, A).
-
-        Raises:
-            ActionError: An action is not finite or not in the space; names agent and value.
-        """
-        ...
 
     def collect(self, frame: Frame, is_last: bool) -> object:
         """See one step of a decision, or a reset; `is_last` if the decision ends with it."""

@@ -7,15 +7,13 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
-from gymnasium.spaces import Discrete, Space
 from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
-from smarts.env.adapters.actions import action_space, encode_array
 from smarts.env.adapters.own_reward import Reward, make_rewards
 from smarts.env.adapters.protocol import MASK, AdapterContext
 from smarts.sensors.suite import sensors_of
-from smarts.types.actions import Actions, ActionSpaceType, LaneAction
+from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.frame import Frame, Readings
 from smarts.types.interface import Field
 
@@ -34,7 +32,6 @@ class RawAdapter:
         discount: By which the learner discounts a decision, if not as in the weights.
     """
 
-    action: ClassVar[ActionSpaceType | None] = None
     sensors: ClassVar[Collection[str] | None] = None
 
     def __init__(
@@ -53,21 +50,15 @@ class RawAdapter:
             for sensor, made in sensors_of(interface).items()
             for field in made.fields()
         }
-        self.action_space: Space = action_space(served.action)
         worlds, agents = served.scene.world.worlds, len(served.agents)
         self._arrays = {place: field.allocate(worlds, agents) for place, field in fields.items()}
         self.observations = {fields[place].name: array for place, array in self._arrays.items()}
         self.fields = tuple(fields.values())
-        if isinstance(self.action_space, Discrete):
+        if served.action == ActionSpaceType.Lane:
             mask = Field(MASK, (len(LaneAction),), np.int8, 0, 1, "", "which lane actions are legal")
             self.fields = (*self.fields, mask)
             self.observations[MASK] = mask.allocate(worlds, agents)
         self._blocks: dict[str, tuple[str, Ints]] = {}
-
-    def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
-        """Take in actions of the agents' type, shape (B, G, ...)."""
-        encode_array(self._served, given, chosen, out)
-        self.rewards[:] = 0.0
 
     def collect(self, frame: Frame, is_last: bool) -> None:
         """Count a step towards the reward, and copy the readings if a decision ends with it."""

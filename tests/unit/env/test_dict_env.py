@@ -139,12 +139,12 @@ def test_adapters_of_the_spec(closing):
 def test_metres_of_the_route_add_up(closing):
     env = closing(HiWayEnv(["two_way"], specs("a")))
     env.reset()
-    remaining = [env._batch.world.agents.remaining[0, 0]]
+    remaining = [env._env.runner.world.agents.remaining[0, 0]]
     total = 0.0
     for _ in range(30):
         rewards = env.step({"a": 0})[1]
         total += rewards["a"]
-    remaining.append(env._batch.world.agents.remaining[0, 0])
+    remaining.append(env._env.runner.world.agents.remaining[0, 0])
     assert total == pytest.approx(remaining[0] - remaining[1], abs=1e-4)
 
 

@@ -99,7 +99,7 @@ def test_a_held_lane_change_is_carried_out_once(new_env):
 
 def _change_once(env, change):
     """The action holds for the five steps of the decision, and is carried out in the first of them."""
-    world = env._worlds.batch.world
+    world = env._runner.world
     before = int(world.agents.target_lane[0, 0])
     env.step([np.array([[change]])])
     assert world.agents.effective[0, 0]
@@ -168,7 +168,7 @@ def test_blocks_that_are_none_are_refused(new_env, actions):
     env.reset()
     with pytest.raises(ActionError, match="blocks of agents"):
         env.step(actions)
-    assert env._worlds.batch.world.step[0] == 0
+    assert env._runner.world.step[0] == 0
 
 
 @pytest.mark.parametrize("array", [np.array, torch.tensor], ids=["numpy", "torch"])
@@ -191,7 +191,7 @@ def test_actions_of_another_shape_are_refused(new_env, actions):
     env.reset()
     with pytest.raises(ActionError):
         env.step(actions)
-    assert env._worlds.batch.world.step[0] == 0
+    assert env._runner.world.step[0] == 0
 
 
 def test_absurd_paths_move_nobody_out_of_this_world(new_env):
@@ -204,7 +204,7 @@ def test_absurd_paths_move_nobody_out_of_this_world(new_env):
     actions[0] = 1e200
     for _ in range(3):
         now = env.step([actions])
-    assert env._worlds.batch.world.step.tolist() == [15, 15]
+    assert env._runner.world.step.tolist() == [15, 15]
     assert not now.failed
     assert np.isfinite(now.observations[0]["ego_vehicle_state/speed"]).all()
 
@@ -225,7 +225,7 @@ def test_without_simulations_there_is_no_environment():
 def test_an_agent_is_due_every_half_second(new_env):
     env = new_env(1, ["two_way"], 2)
     env.reset()
-    agents = env._worlds.batch.world.agents
+    agents = env._runner.world.agents
     for decision in range(3):
         env.step([np.zeros((1, 2), int)])
         assert agents.next_due[0].tolist() == [5 * (decision + 1)] * 2
@@ -267,7 +267,7 @@ def test_each_is_told_the_share_of_its_own_patience(new_env):
     env.reset(1)
     for _ in range(12):
         now = env.step([np.array([[SLOW, SLOW]])])
-    world = env._worlds.batch.world
+    world = env._runner.world
     stood = (world.step[0] - world.agents.last_moved_step[0, :2]) * world.dt
     assert (stood > 1.0).all()
     np.testing.assert_allclose(now.observations[0][""][0, :, RESTED], stood / patience, rtol=1e-5)
