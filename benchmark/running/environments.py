@@ -17,9 +17,9 @@ from benchmark.experiment.config import Environment
 from benchmark.experiment.runs import TaskSetting
 from benchmark.metrics import compute, measure_episodes
 from benchmark.running.importing import named_own_code
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
 from smarts.env.adapters import ADAPTERS
-from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.env.vector import VectorHiWayEnv
 from smarts.registry import import_own
 from smarts.sim.assembly import Options

@@ -25,6 +25,7 @@ from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests
+from smarts.observations.lists import feature_list
 from smarts.registry import is_own_name
 from smarts.sstudio.build import build_scenario
 
@@ -100,29 +101,30 @@ def check_task_settings(experiment: Experiment) -> None:
 
 
 def _check_own_code(experiment: Experiment) -> None:
-    """Try own adapter, reward and metrics, and check that the algorithms fit the adapter's spaces.
+    """Try own adapter, features, reward and metrics, and check that the algorithms fit the spaces.
 
     Raises:
         OwnCodeError: Own code cannot be made, or raises.
-        SpaceError: An algorithm does not handle the adapter's actions or observations.
+        SpaceError: An algorithm does not handle the actions or observations.
     """
     given = experiment.environment
-    own = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
+    names = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
+    features = feature_list(given.options.get("observation", {}))
+    own_features = [each for each in (*features.stacked, *features.features) if each.is_own]
     metrics = [name for name in experiment.metrics or () if is_own_name(name)]
-    if not any(map(is_own_name, [*own, *metrics])):
-        return
+    has_own_parts = bool(own_features) or any(map(is_own_name, names))
     # Imported here, so that the driver's process loads the simulation only for own code.
-    from benchmark.running.environments import try_environment, try_metrics
-
-    first = task_settings_of(experiment)[0]
     if metrics:
-        try_metrics(first, metrics)
-    if not any(map(is_own_name, own)):
-        return
-    spaces = try_environment(first)
-    if is_own_name(given.adapter):
-        for algorithm in experiment.algorithms:
-            CONFIGS[algorithm]().check(JointSpec.build(spaces))
+        from benchmark.running.environments import try_metrics
+
+        try_metrics(task_settings_of(experiment)[0], metrics)
+    if has_own_parts:
+        from benchmark.running.environments import try_environment
+
+        spaces = try_environment(task_settings_of(experiment)[0])
+        if is_own_name(given.adapter) or own_features:
+            for algorithm in experiment.algorithms:
+                CONFIGS[algorithm]().check(JointSpec.build(spaces))
 
 
 def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
