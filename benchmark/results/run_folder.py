@@ -150,14 +150,19 @@ class RunFolder:
         Args:
             digests: Name -> present digest.
         """
-        known = self.facts().get(SCENARIOS, {}) if self._content() is not None else {}
+        known = self.facts().get(SCENARIOS, {}) if self._has_results() else {}
         return [name for name, digest in digests.items() if known.get(name, digest) != digest]
 
     def _content(self) -> dict[str, Any] | None:
         """Return the completed config of the run in the folder; None without one."""
+        return completed(self.read_config()) if self._has_results() else None
+
+    def _has_results(self) -> bool:
+        """Return whether the folder holds more than the begin of a run."""
+        if self.status == FINISHED or self._is_there(self.checkpoint):
+            return True
         # Without a checkpoint nothing of an unfinished training can be used; scripted policies have none.
-        is_used = self.status == FINISHED or (self.status == TESTING and self.progress.exists())
-        return completed(self.read_config()) if is_used or self._is_there(self.checkpoint) else None
+        return self.status == TESTING and self.progress.exists()
 
     @staticmethod
     def _is_there(folder: Path) -> bool:

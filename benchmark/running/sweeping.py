@@ -49,7 +49,7 @@ class SweepError(SmartsError):
 def sweep(experiment: Experiment, root: Path) -> int:
     """Search, print and keep a row for each trial in trials.csv, the best first; return the exit code.
 
-    The same call goes on with a search that was interrupted.
+    The same call resumes an interrupted search.
 
     Raises:
         SweepError: The experiment has no `tune` section, stands for several runs, or names no known draw.
@@ -104,7 +104,7 @@ def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
         raise ResultsError(
             "here is a search with another config",
             place=str(file),
-            remedy="give the experiment another name or --out, or remove the folder to begin anew",
+            remedy="give the experiment another name or --out, or remove the folder to start again",
         )
 
 

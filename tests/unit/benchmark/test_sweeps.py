@@ -21,6 +21,7 @@ from benchmark.running.sweeping import (
     within_bounds,
 )
 from smarts.errors import SmartsError
+from tests.raising import raises
 
 ONE = "algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
 
@@ -93,18 +94,18 @@ def test_population_based_training_stays_within_bounds():
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("overrides", "named"),
     [
-        ([], "there is no section `tune`"),
-        (["tune.parameters.lr=[0.1]", "seeds=[1, 2]"], "stands for 2 runs"),
-        (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "nothing to compare"),
-        (["tune.parameters.lrr=[0.1]"], "'ppo' has no such setting; did you mean 'lr'"),
-        (["tune.parameters.lr={normal: [0, 1]}"], "nothing to search in"),
-        (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "loop has no traffic 'rush_hour'"),
+        ([], "tune"),
+        (["tune.parameters.lr=[0.1]", "seeds=[1, 2]"], "2 runs"),
+        (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "evaluation.validations"),
+        (["tune.parameters.lrr=[0.1]"], "tune.parameters.lrr"),
+        (["tune.parameters.lr={normal: [0, 1]}"], "{'normal': [0, 1]}"),
+        (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "rush_hour"),
     ],
 )
-def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, message):
-    with pytest.raises(SmartsError, match=message):
+def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, named):
+    with raises(SmartsError, values=[named]):
         sweep(experiment(*overrides), tmp_path / "results")
     assert not (tmp_path / "results").exists()
 
