@@ -7,9 +7,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.continuous import LEAST, MOST
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+from smarts.types.actions import Actions, CommandMode, Commands
 
 Bools = NDArray[np.bool_]
 
@@ -17,7 +18,8 @@ Bools = NDArray[np.bool_]
 class ActuatorDynamic:
     """Passes on throttle and brake in [0, 1] and the rate of steering in locks a second, [-1, 1]."""
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.ActuatorDynamic
+    action_format: ClassVar[ActionFormat] = NumbersFormat(LEAST, MOST)
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         pass

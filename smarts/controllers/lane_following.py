@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_path
 from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
@@ -20,7 +21,7 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.guide import Guide, guide_of
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands, LaneAction
+from smarts.types.actions import Actions, CommandMode, Commands, LaneAction
 from smarts.types.agent_states import ChangePhase
 from smarts.types.guidance import GuidePhase
 
@@ -211,7 +212,8 @@ class LaneFollowing:
         scene: What the controller works in.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.LaneWithContinuousSpeed
+    action_format: ClassVar[ActionFormat] = NumbersFormat([0, -1], [60, 1], whole=[1])
+    follows_lanes: ClassVar[bool] = True
     manner: ClassVar[int] = BY_SPEED
 
     def __init__(self, scene: Scene, speeds: Floats | None = None) -> None:

@@ -16,12 +16,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.controllers.trajectory_tracking import write_paths
 from smarts.dynamics import layout, vehicle, vehicle_names
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, Commands
+from smarts.types.actions import Actions, Commands
 from smarts.types.vehicles import VehicleKind
 
 Bools = NDArray[np.bool_]
@@ -61,7 +62,8 @@ def sharpest_curvatures() -> Floats:
 class ModelPredictive:
     """Tracks a path of x, y, heading, speed with foresight: cuts what the steering cannot follow, early."""
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.MPC
+    action_format: ClassVar[ActionFormat] = PathFormat(columns=(1, 2, 3, 4))
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         self._sharpest = sharpest_curvatures()

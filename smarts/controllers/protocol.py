@@ -7,8 +7,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.action_formats import ActionFormat
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, Commands
+from smarts.types.actions import Actions, Commands
 
 Bools = NDArray[np.bool_]
 
@@ -20,7 +21,11 @@ class Controller(Protocol):
     resets it.
     """
 
-    action: ClassVar[ActionSpaceType]
+    action_format: ClassVar[ActionFormat]
+    """What agents of this type give."""
+    follows_lanes: ClassVar[bool]
+    """Whether it writes the agents' target lane and the vehicles' desired speed. Such a controller is made
+    with the largest speeds on each map [m/s], shape (M,), too."""
 
     def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the commands of the chosen agents, and nothing of the others.

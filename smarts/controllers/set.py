@@ -23,8 +23,6 @@ Floats = NDArray[np.float64]
 
 _ACTIVE, _NONE = int(AgentStatus.ACTIVE), int(CommandMode.NONE)
 
-LANE_TYPES = (ActionSpaceType.Lane, ActionSpaceType.LaneWithContinuousSpeed)
-
 
 class ControllerSet:
     """Turns the actions of all active agents into commands, each by the controller of its type.
@@ -43,12 +41,12 @@ class ControllerSet:
         shape = scene.world.agents.slot.shape
         self._commands = Commands.allocate(*shape)
         self._controllers: list[Controller] = []
-        for kind in sorted({ActionSpaceType(kind) for kind in kinds}):
+        in_order = sorted({ActionSpaceType(kind) for kind in kinds})
+        for kind in in_order:
             made = CONTROLLERS[kind.name]
-            is_discrete = kind == ActionSpaceType.Lane
-            self._controllers.append(made(scene, speeds) if is_discrete else made(scene))
+            self._controllers.append(made(scene, speeds) if made.follows_lanes else made(scene))
         self._neutral = FallbackController(scene, speeds)
-        types = np.array([int(controller.action) for controller in self._controllers], np.int8)
+        types = np.array(in_order, np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
         self._part = bind(
             group_by_action_type,
@@ -67,7 +65,7 @@ class ControllerSet:
             if in_use >> number & 1:
                 chosen = self._chosen[number]
                 controller.command(self._scene, actions, chosen, out)
-                if controller.action not in LANE_TYPES:
+                if not controller.follows_lanes:
                     self._steer_freely(world, chosen)
         if in_use >> len(self._controllers):
             self._neutral.command(self._scene, actions, self._chosen[-1], out)

@@ -7,11 +7,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.action_formats import FAR, ActionFormat, NumbersFormat
 from smarts.controllers.placing import PLAN, place_by_targets
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, Commands
+from smarts.types.actions import Actions, Commands
 
 Bools = NDArray[np.bool_]
+
+TURN = 2 * np.pi
+"""The largest magnitude of a target's heading [rad]."""
 
 
 class TargetPose:
@@ -24,7 +28,8 @@ class TargetPose:
         scene: What the controller works in.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.TargetPose
+    action_format: ClassVar[ActionFormat] = NumbersFormat([-FAR, -FAR, -TURN, 0], [FAR, FAR, TURN, 1000])
+    follows_lanes: ClassVar[bool] = False
     relative: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:

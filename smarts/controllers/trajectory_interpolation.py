@@ -8,10 +8,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped_half_open
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+from smarts.types.actions import Actions, CommandMode, Commands
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -30,7 +31,8 @@ class TrajectoryInterpolation:
         scene: What the controller works in.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.TrajectoryWithTime
+    action_format: ClassVar[ActionFormat] = PathFormat(columns=(0, 1, 2, 3, 4))
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         self._begin = np.zeros(scene.world.agents.slot.shape, np.int32)

@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+from smarts.types.actions import Actions, CommandMode, Commands
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -31,7 +32,8 @@ class TrajectoryTracking:
     the vehicle goes on straight and brakes to a stand.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.Trajectory
+    action_format: ClassVar[ActionFormat] = PathFormat(columns=(1, 2, 3, 4))
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         pass

@@ -13,6 +13,7 @@ import numpy as np
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.rules import agent_rules, alive_rules
+from smarts.controllers import action_format
 from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
 from smarts.dynamics import vehicle
@@ -37,7 +38,7 @@ from smarts.sim.simulation import Simulation, Stages
 from smarts.sim.starts import Shape
 from smarts.sim.transfer_rules import HandoverRules
 from smarts.sstudio.built import BuiltScenario
-from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.actions import Actions
 from smarts.types.agent_states import agent_names
 from smarts.types.frame import Frame
 from smarts.types.interface import AgentRules
@@ -46,10 +47,6 @@ from smarts.types.world import World
 
 if TYPE_CHECKING:
     from smarts.sim.recorder import EpisodeRecorder
-
-PATH_ACTIONS = (ActionSpaceType.Trajectory, ActionSpaceType.MPC, ActionSpaceType.TrajectoryWithTime)
-"""Agents that act by one of these need room for paths."""
-
 
 LONGEST_SUBSTEP = 0.02
 """Of the vehicles' dynamics [s]; made for 0.01."""
@@ -263,7 +260,7 @@ def _shape(interface: AgentInterface) -> Shape:
 
 
 def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
-    has_paths = bool(np.isin(rules.action, PATH_ACTIONS).any())
+    has_paths = any(action_format(int(kind)).has_path for kind in rules.action)
     actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
     actions.kind[:] = rules.action
     return actions
