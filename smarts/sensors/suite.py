@@ -17,7 +17,6 @@ from smarts.roads.scene import Scene
 from smarts.sensors.protocol import Sensor
 from smarts.types.frame import Readings
 from smarts.types.interface import Field
-from smarts.types.world import World
 
 
 def sensors_of(interface: AgentInterface, names: Collection[str] | None = None) -> dict[str, Sensor]:
@@ -120,7 +119,7 @@ class SensorSuite:
             {group.name: group.agent_ids for group in self._groups},
         )
 
-    def observe(self, world: World, observe_mask: Bools) -> Readings:
+    def observe(self, observe_mask: Bools) -> Readings:
         """Return the readings of the agents in the mask, shape (B, A)."""
         for agent_ids, mask in self._masks:
             np.take(observe_mask, agent_ids, axis=1, out=mask)

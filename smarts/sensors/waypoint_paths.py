@@ -14,7 +14,7 @@ from smarts.arrays import Bools, Floats, Ints, Singles
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.guide import Guide, guide_of, is_led, write_led_path
+from smarts.roads.guide import is_led, write_led_path
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.scene import Scene
 from smarts.roads.waypoints import WaypointPaths, write_waypoints
@@ -22,6 +22,7 @@ from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped,
 from smarts.sensors.protocol import Readings, Seen
 from smarts.sensors.waypoint import Waypoint, waypoints_of
 from smarts.types.agent_states import AgentStates
+from smarts.types.guidance import Guidance
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
@@ -76,7 +77,7 @@ class WaypointPathsAhead:
         """Return the function that writes the readings of the agents in its mask."""
         world, spacing = scene.world, float(self.option.spacing)
         ways = scene.atlas.roads, scene.routes.current, scene.routes.number, world.map
-        state = world.agents, world.vehicles, *ways, guide_of(world)
+        state = world.agents, world.vehicles, *ways, world.guidance
         return bind(_observe, *state, agent_ids, spacing, _Out(**out))
 
     @staticmethod
@@ -94,7 +95,7 @@ def _observe(
     table: RouteTable,
     route: Ints,
     maps: Ints,
-    guide: Guide,
+    guide: Guidance,
     agent_ids: Ints,
     spacing: float,
     out: _Out,

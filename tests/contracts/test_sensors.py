@@ -132,7 +132,7 @@ def test_every_option_has_its_sensor():
 def test_kernels_are_compiled_once():
     scene = scene_of(*[random_cars(np.random.Generator(np.random.Philox(6)))] * 2)
     interface = AgentInterface.from_type(AgentType.Full, occlusion_map=True)
-    SensorSuite(scene, [interface, interface, None, None]).observe(scene.world, np.eye(2, 4) > 0)
+    SensorSuite(scene, [interface, interface, None, None]).observe(np.eye(2, 4) > 0)
     for name in SENSORS:
         observing = importlib.import_module(f"smarts.sensors.{name}")._observe
         assert not observing.signatures, name
