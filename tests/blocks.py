@@ -5,12 +5,12 @@
 | `python`, `console` | run in the page's folder and namespace |
 | `python`, `yaml`, `xml` with `title="file"` | written to that file |
 | `yaml` without a title | read as an experiment file |
-| `diff` with `title="file"` | its lines without a sign are in that file of the repository, in a row |
+| `diff` with `title="file"` | its lines without a sign are in that file of the repository, in this order |
 | `text` with `title="Output"` | what the block before it prints; `...` stands for anything |
-| `--8<-- "examples/..."` | that example, copied to the folder; `test_examples.py` runs it |
+| a block that begins with `--8<-- "examples/..."` | that example, copied; `test_examples.py` runs it |
 
-An HTML comment before a block says when it is not run: `<!-- nightly: why -->` leaves it to `make nightly`,
-`<!-- not run: why -->` to nobody.
+An HTML comment before a block says when it does not run: `<!-- nightly: why -->` defers it to `make nightly`,
+`<!-- not run: why -->` excludes it.
 """
 
 import ast
@@ -55,7 +55,7 @@ class Block:
     @property
     def is_code(self) -> bool:
         """Return whether this is no output and no drawing."""
-        return self.language in LANGUAGES - {"text"}
+        return self.language != "text"
 
 
 def blocks_of(page: Path) -> list[Block]:
@@ -77,10 +77,14 @@ def _blocks(page: Path, text: str, offset: int) -> list[Block]:
     found: list[Block] = []
     note = ""
     for token in MarkdownIt("commonmark").parse(text):
+        if token.type == "code_block":
+            raise ValueError(
+                f"{page}:{offset + token.map[0] + 1}: an indented block names no language: fence it"
+            )
         if token.type == "html_block":
             match = NOTE.search(token.content)
             note = f"{match[1]}: {match[2]}" if match else ""
-        elif token.type in ("fence", "code_block"):  # an indented one has no language
+        elif token.type == "fence":
             language, _, rest = token.info.partition(" ")
             title = TITLE.search(rest)
             block = Block(
