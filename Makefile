@@ -13,7 +13,7 @@ SYSTEM := $(VENV)/.system
 LIBRARIES := libGL.so.1 libX11.so.6 libXext.so.6 libXrender.so.1 libexpat.so.1 libatomic.so.1
 DEBIAN := libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1
 
-.PHONY: help install run traffic test test-fast check format build-scenario pictures lock clean
+.PHONY: help install run traffic test test-fast check format build-scenario docs pictures lock clean
 
 help:  ## list the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,12 +46,19 @@ build-scenario: $(INSTALLED)  ## build one scenario by hand: make build-scenario
 	@test -n "$(scenario)" || { echo "usage: make build-scenario scenario=DIRECTORY" >&2; exit 2; }
 	$(BIN)/smarts-bench scenario build "$(scenario)"
 
-pictures: $(INSTALLED)  ## draw the sheet of all scenarios that the README shows
+docs: $(INSTALLED)  ## build the documents: site/index.html, which needs no network
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --clean
+
+pictures: $(INSTALLED)  ## draw the sheet of all scenarios and the film that the README shows
 	$(BIN)/smarts-bench scenario show --all --out docs/scenarios.png
+	episodes=$$(mktemp -d) && trap 'rm -rf "$$episodes"' EXIT && \
+	$(BIN)/smarts-bench scripted gap_acceptance --scenario intersection --episodes 1 --record "$$episodes" && \
+	$(BIN)/smarts-bench render "$$episodes"/gap_acceptance/intersection/seed42_world2000000_episode00000~2 \
+		--out docs/driving.gif --width 420 --every 5 --speed 2 --end 22
 
 lock: ## write the exact versions of a fresh installation to constraints.txt
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/pip install --quiet torch==2.13.0 -e '.[dev,learn]'
+	.venv-lock/bin/pip install --quiet torch==2.13.0 -e '.[dev,docs,learn]'
 	.venv-lock/bin/pip freeze --exclude-editable | sed 's/+cpu$$//' > constraints.txt
 	rm -rf .venv-lock
 
@@ -70,7 +77,7 @@ $(SYSTEM):
 	@touch $@
 
 $(INSTALLED): pyproject.toml constraints.txt | $(SYSTEM)
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev,learn]'
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev,docs,learn]'
 	$(BIN)/smarts-bench compile
 	@touch $@
 
@@ -78,6 +85,6 @@ $(INSTALLED): pyproject.toml constraints.txt | $(SYSTEM)
 TORCHRL := torchrl==0.14.1 tensordict==0.14.3
 
 .PHONY: nightly
-nightly: $(INSTALLED)  ## run the examples whose libraries are not installed by default
+nightly: $(INSTALLED)  ## run what trains: the pages' blocks, examples/nightly; the output is results/nightly.txt
 	$(BIN)/pip install --quiet --constraint constraints.txt $(TORCHRL)
-	for example in examples/nightly/*.py; do $(BIN)/python "$$example" || exit 1; done
+	$(BIN)/python -m tests.nightly > results/nightly.txt

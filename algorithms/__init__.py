@@ -3,9 +3,10 @@
 ```python
 import algorithms
 
-algo = algorithms.config("ppo").environment(MyEnv).training(lr=5e-4).build_algo()
-algo.train()
+config = algorithms.config("ppo").training(lr=5e-4)  # an RLlib AlgorithmConfig
 ```
+
+`config.environment(...).build_algo().train()` trains, as with RLlib's own algorithms.
 
 Every algorithm is a first-class RLlib algorithm and runs on any RLlib `MultiAgentEnv` whose agents step
 simultaneously, or on a vector environment with the interface of `algorithms.joint.env`. Importing this

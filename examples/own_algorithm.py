@@ -1,99 +1,55 @@
-"""An algorithm of one's own, a plain Q-learner with a target network, trained on the loop."""
-
-from copy import deepcopy
+"""An algorithm of one's own: PPO with a second term in its policy loss, and a setting for it."""
 
 import ray
-import torch
 from ray.tune import register_env
 
-from algorithms.joint.algorithm import JointAlgorithm
-from algorithms.joint.config import JointConfig
-from algorithms.joint.learner import OffPolicyLearner
-from algorithms.joint.module import JointModule
-from algorithms.parts.distributions import EpsilonGreedyHead, Exploration
-from algorithms.parts.masking import ILLEGAL
+from algorithms.ppo import PPO, PPOConfig, PPOLearner
 from algorithms.registry import Actions, Entry, Paradigm
-from algorithms.settings import Fraction, OffPolicySettings
+from algorithms.settings import NotNegative, PPOSettings
 from smarts.env import VectorHiWayEnv
 
 
-class MyModule(JointModule):
-    """Q values: the default `body(encoder(observations))`, and targets of both."""
+class CautiousLearner(PPOLearner):
+    """PPO whose policy loss also has the square of the log-probability."""
 
-    targets = ("target_encoder", "target_body")
-
-    def make_head(self):
-        """Say how outputs become actions."""
-        return EpsilonGreedyHead(self.group.action)
-
-    def make_networks(self):
-        """Create all networks."""
-        super().make_networks()
-        self.target_encoder = deepcopy(self.encoder).requires_grad_(False)
-        self.target_body = deepcopy(self.body).requires_grad_(False)
+    def policy_loss(self, log_prob, old_log_prob, advantages):
+        """Return the loss of each action."""
+        loss = super().policy_loss(log_prob, old_log_prob, advantages)
+        return loss + self.config.caution * log_prob.square()
 
 
-class MyLearner(OffPolicyLearner):
-    """The paper's pseudo-code."""
+class CautiousSettings(PPOSettings):
+    """PPO's settings, and one more."""
 
-    def update_minibatch(self, batch):
-        """Step each group's network towards its targets."""
-        for group, own in batch.present():  # own.observations, own.actions, ...: (M, n, ...)
-            net = self.net(group.id)
-            with torch.no_grad():
-                values = net.target_body(net.target_encoder(own.next.observations))
-                if own.next.action_mask is not None:
-                    values = values.masked_fill(~own.next.action_mask, ILLEGAL)
-                following = torch.where(own.bootstrap, values.amax(-1), 0)
-            chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
-            error = (chosen - own.rewards - self.gamma * following).square()
-            self.step_optimizer(self.mean(error, own.alive), group.id)  # this network and no other
-        self.polyak_update(*(g.id for g in self.groups), tau=self.config.tau)  # target_x follows x
+    caution: NotNegative = 0.0
+    """Weight of the square of log-probabilities."""
 
 
-class MySettings(OffPolicySettings):
-    """Its settings: keywords of training(), keys of experiment files."""
+class CautiousConfig(PPOConfig):
+    """Its RLlib config, with PPO's networks."""
 
-    epsilon: Fraction = 0.1
-    """Probability of a random action."""
-
-
-class MyConfig(JointConfig):
-    """Its RLlib config."""
-
-    algorithm = "mine"
-    # In this library it is a line in `algorithms/registry.py` instead.
-    entry = Entry("own_algorithm:MyConfig", MySettings, Paradigm.DECENTRALISED, "M1", Actions.DISCRETE)
-
-    def exploration(self, steps):
-        """Return how runners explore after so many environment steps."""
-        return Exploration(explore=bool(self.explore), epsilon=self.epsilon)
-
-    def modules(self, spec):
-        """Return the networks: one for each group."""
-        return {g.id: self.policy_spec(spec, g, MyModule) for g in spec.groups}
+    algorithm = "cautious"
+    entry = Entry(
+        "own_algorithm:CautiousConfig", CautiousSettings, Paradigm.DECENTRALISED, "M1", Actions.BOTH
+    )
 
 
-class Mine(JointAlgorithm):
+class Cautious(PPO):
     """The algorithm: its config and its learner."""
 
-    config_class = MyConfig
-    learner_class = MyLearner
+    config_class = CautiousConfig
+    learner_class = CautiousLearner
 
 
 def main():
-    """Train it for two iterations."""
+    """Train it for an iteration."""
     ray.init(num_cpus=2, include_dashboard=False, ignore_reinit_error=True)
     register_env("loop", lambda config: VectorHiWayEnv(config["num_envs"], ["loop"], 2))
-    config = MyConfig().environment("loop").env_runners(num_env_runners=0, num_envs_per_env_runner=2)
-    algo = config.training(sharing="all", epsilon=0.2, learning_starts=50).build_algo()
-    try:
-        for _ in range(2):
-            steps = algo.train()["env_runners"]["num_env_steps_sampled"]
-            print(f"{steps:.0f} steps")
-    finally:
-        algo.stop()
-        ray.shutdown()
+    config = CautiousConfig().environment("loop").training(sharing="all", caution=0.01)
+    algo = config.env_runners(num_env_runners=0, num_envs_per_env_runner=2).build_algo()
+    print(f"{algo.train()['env_runners']['num_env_steps_sampled']:.0f} joint decisions")
+    algo.stop()
+    ray.shutdown()
 
 
 if __name__ == "__main__":

@@ -194,8 +194,8 @@ def _follow(
 ) -> None:
     """Step all simulations until each drive has ended."""
     rows = np.ones(len(drives), np.bool_)
-    matcher = MapMatcher(scene.atlas, scene.routes)
-    matcher.locate(world, rows)
+    matcher = MapMatcher(scene)
+    matcher.match(rows)
     for row in range(len(drives)):
         world.settle(row)
     controllers = ControllerSet(scene, [ActionSpaceType.Lane])
@@ -204,15 +204,15 @@ def _follow(
     actions.given[:] = True
     actions.values[:, :, 0] = LaneAction.keep_lane
     actions.action_mask[:, :, :2] = True
-    vehicles.reset(world, rows)
+    vehicles.reset(rows)
     latest = max(drive.length for drive in drives) / SLOWEST / world.dt
     step = 0
     while rows.any() and step < latest:
         step += 1
         actions.fresh[:] = True
         world.advance(rows)
-        vehicles.step(world, controllers.command(world, actions, rows), rows)
-        matcher.locate(world, rows)
+        vehicles.step(controllers.command(actions, rows), rows)
+        matcher.match(rows)
         for row in np.flatnonzero(rows).tolist():
             if row in vehicles.failures:
                 raise vehicles.failures[row]

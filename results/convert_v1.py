@@ -4,6 +4,7 @@ OLD is the folder of an experiment or a run, or a store of recorded episodes; it
 Names change, numbers do not:
 
 - folder and YAML key `reference` -> `scripted`, policy `yielder` -> `gap_acceptance`
+- YAML key `copies` -> `num_envs_per_env_runner`
 - columns `is_void` -> `is_invalid`, `travelled` -> `distance_travelled`, outcome `void` -> `invalid`
 - tables and columns of recorded episodes, see `EPISODE_TABLES` and `EPISODE_COLUMNS`
 """
@@ -25,7 +26,7 @@ from smarts.errors import SmartsError
 
 FORMAT = 2
 POLICIES = {"yielder": "gap_acceptance"}
-CONFIG_KEYS = {"reference": "scripted"}
+CONFIG_KEYS = {"reference": "scripted", "copies": "num_envs_per_env_runner"}
 TABLE_COLUMNS = {"is_void": "is_invalid", "travelled": "distance_travelled"}
 OUTCOMES = {"void": "invalid"}
 EPISODE_TABLES = {"seats": "agent_states"}
@@ -109,7 +110,8 @@ def _renamed(content: Any) -> Any:
     for old, new in POLICIES.items():
         content = new + content[len(old) :] if content == old or content.startswith(f"{old}, ") else content
     if content.startswith("smarts-bench "):  # a command that made the results
-        content = content.replace("reference=", "scripted=").replace("yielder", "gap_acceptance")
+        for old, new in (*CONFIG_KEYS.items(), *POLICIES.items()):
+            content = content.replace(old, new)
     return content
 
 

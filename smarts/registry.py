@@ -82,6 +82,15 @@ class Registry(Mapping[str, Any]):
         self._own[name] = adopted(self.kind, name, self._adopt)
         return self._own[name]
 
+    def add(self, name: str, place: str) -> None:
+        """Register a part of the caller's, for this process.
+
+        Args:
+            name: Its name.
+            place: "module:attribute".
+        """
+        self._places[name] = place
+
     def __contains__(self, name: object) -> bool:
         return name in self._places or name in self._own
 

@@ -9,6 +9,7 @@ from smarts.errors import SmartsError
 from smarts.providers.sumo_engine import SumoEngine
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
+from smarts.roads.scene import Scene
 from smarts.sim.entries import Entries
 from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
@@ -37,7 +38,7 @@ class PassOn:
     def __init__(self, worlds: int, agents: int) -> None:
         self._commands = Commands.allocate(worlds, agents, substeps=SUBSTEPS)
 
-    def command(self, world, actions, rows):
+    def command(self, actions, rows):
         self._commands.mode[rows] = CommandMode.ACTUATORS
         self._commands.actuators[rows] = actions.values[rows, :, :3]
         return self._commands
@@ -46,14 +47,16 @@ class PassOn:
 class Bicycles:
     """Vehicles that roll without slip: throttle 1 is 3 m/s^2, brake 1 is 8 m/s^2, steering 1 is 0.5 rad."""
 
-    def __init__(self, worlds: int, agents: int) -> None:
+    def __init__(self, world: World, agents: int) -> None:
         self.failures = {}
-        self._tracks = np.zeros((worlds, agents, SUBSTEPS, 3))
+        self._world = world
+        self._tracks = np.zeros((world.worlds, agents, SUBSTEPS, 3))
 
-    def reset(self, world, rows):
+    def reset(self, rows):
         pass
 
-    def step(self, world, commands, rows):
+    def step(self, commands, rows):
+        world = self._world
         driven = (world.agents.state == AgentStatus.ACTIVE) & rows[:, None]
         for row, agent_id in zip(*map(np.ndarray.tolist, np.nonzero(driven)), strict=True):
             self._drive(world, row, agent_id, commands.actuators[row, agent_id].tolist())
@@ -90,7 +93,7 @@ class NoContacts:
     def __init__(self, worlds: int, agents: int, capacity: int) -> None:
         self._contacts = Contacts.allocate(worlds, agents, capacity)
 
-    def find(self, world, tracks, rows):
+    def find(self, tracks, rows):
         return self._contacts
 
 
@@ -100,20 +103,20 @@ class NoEvents:
     def __init__(self, worlds: int, agents: int) -> None:
         self._events = Events.allocate(worlds, agents)
 
-    def reset(self, world, contacts, rows):
+    def reset(self, contacts, rows):
         return self._events
 
-    def detect(self, world, contacts, rows):
+    def detect(self, contacts, rows):
         return self._events
 
 
 class NoTransfers:
-    def propose(self, world, events, rows):
+    def propose(self, events, rows):
         return NO_TRANSFERS
 
 
 class NoSensors:
-    def observe(self, world, wanted):
+    def observe(self, wanted):
         return Readings({}, {})
 
 
@@ -141,16 +144,16 @@ def simulation_of(
         vias=4,
     )
     traffic = SumoEngine(world, maps)
-    vehicles = Bicycles(worlds, agents)
+    vehicles = Bicycles(world, agents)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
     routes = AgentRoutes(atlas, worlds, agents)
     stages = Stages(
         ownership=ownership,
-        entries=Entries(ownership, routes),
+        entries=Entries(world, ownership, routes),
         controllers=PassOn(worlds, agents),
         vehicles=vehicles,
         traffic=traffic,
-        matcher=MapMatcher(atlas, routes),
+        matcher=MapMatcher(Scene(world, atlas, routes)),
         contacts=NoContacts(worlds, agents, world.vehicles.capacity),
         events=NoEvents(worlds, agents),
         transfer_rules=NoTransfers(),

@@ -25,7 +25,7 @@ class VehicleStage:
         self.commands = Commands.allocate(*self.world.agents.slot.shape)
         self.vehicles = FleetVehicles(self.world, model, **options)
         self.all = np.ones(self.world.worlds, np.bool_)
-        self.vehicles.reset(self.world, self.all)
+        self.vehicles.reset(self.all)
 
     def actuate(self, throttle=0.0, brake=0.0, steering=0.0, *, row=slice(None), agent_id=slice(None)):
         self.commands.mode[row, agent_id] = CommandMode.ACTUATORS
@@ -36,7 +36,7 @@ class VehicleStage:
         for _ in range(steps):
             self.world.advance(rows)
             self.made.ownership.apply(rows)
-            tracks = self.vehicles.step(self.world, self.commands, rows)
+            tracks = self.vehicles.step(self.commands, rows)
         return tracks
 
     @property

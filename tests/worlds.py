@@ -8,6 +8,7 @@ import numpy as np
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
+from smarts.roads.scene import Scene
 from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
 from smarts.types.episode import AgentStart
@@ -43,7 +44,7 @@ class HandMade:
     ownership: Ownership
 
     def locate(self) -> None:
-        MapMatcher(self.atlas, self.routes).locate(self.world, np.ones(self.world.worlds, np.bool_))
+        MapMatcher(Scene(self.world, self.atlas, self.routes)).match(np.ones(self.world.worlds, np.bool_))
 
     def advance(self) -> None:
         """Begin a step: what is now becomes what was."""

@@ -19,26 +19,25 @@ from algorithms.joint.spaces import MASK, Flattening, check_action_space
 logger = logging.getLogger(__name__)
 
 COMMON = "__common__"
-"""Key of `infos` for what belongs to no agent: here `state`, `graph`, `metrics`."""
+"""Key of `infos` for what belongs to no agent: `state`, `graph`, `metrics`."""
 
 
 class JointVector:
-    """B copies of a `MultiAgentEnv` stepped in turn, each reset as soon as its episode ends.
+    """B environments (`MultiAgentEnv`) stepped in turn, each reset as soon as its episode ends.
 
-    An agent is alive while it is among the observations and has neither terminated nor truncated. An agent
-    that ends may come back as a new life; one that is left out without a flag must not (that would be
-    turn-based play). Who is left out for good counts as truncated and is valued from what it saw last, for
-    want of anything later; a truncation that the environment itself reports needs an observation, as RLlib's
-    own episodes demand.
+    An agent is active while it is among the observations and has neither terminated nor truncated. An agent
+    that ended may come back in a new trajectory; an agent that is left out without a flag must not, which
+    would be turn-based play. It counts as truncated and is valued from its last observation; a truncation
+    that the environment itself reports needs an observation, as RLlib's own episodes demand.
 
     Args:
-        make: Creates copy b.
-        num_envs: Number of copies B.
-        max_failures: Failures in a row of one copy's constructor or reset before it is given up.
+        make: Creates environment b.
+        num_envs: Number of environments B.
+        max_failures: Failures in a row of one environment's constructor or reset that raise.
 
     Raises:
         SpaceError: A space cannot be handled.
-        EnvironmentFailure: A copy cannot even be created.
+        EnvironmentFailure: An environment cannot even be created.
     """
 
     def __init__(self, make: Callable[[int], Any], num_envs: int, *, max_failures: int = 10) -> None:
@@ -70,7 +69,7 @@ class JointVector:
         self._warned = False
 
     def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
-        """Start all copies; see `VectorJointEnv.reset`."""
+        """Start all environments; see `VectorJointEnv.reset`."""
         self._seed, self._stride = seed, stride
         self._worlds, self._episodes = np.array(worlds, int), np.zeros(self.num_envs, int)
         for b in range(self.num_envs):
@@ -78,7 +77,7 @@ class JointVector:
         return self._step_so_far()
 
     def step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
-        """Act in all copies. A copy that raises is thrown away and started anew."""
+        """Act in all environments. An environment that raises is replaced by a fresh one."""
         shape = (self.num_envs, len(self._agents))
         rewards = np.zeros(shape, np.float32)
         terminated, truncated = np.zeros(shape, bool), np.zeros(shape, bool)
@@ -96,7 +95,7 @@ class JointVector:
             try:
                 observations, reward, ends, cuts, infos = env.step(chosen)
             except Exception as error:
-                # Whatever a user's environment raises costs one transition, not the run.
+                # Any error of a user's environment costs one transition, not the run.
                 failed[b] = error
                 self._replace(b, error)
                 continue
@@ -112,24 +111,22 @@ class JointVector:
         return self._step_so_far(rewards, terminated, truncated, reset, final, failed, metrics)
 
     def recreate(self, failures: Mapping[int, BaseException]) -> JointStep:
-        """Throw copies away and start fresh ones."""
+        """Replace environments by fresh ones."""
         for b, cause in failures.items():
             self._replace(b, cause)
         return self._step_so_far(failed=dict(failures))
 
     def close(self) -> None:
-        """Close all copies."""
+        """Close all environments."""
         for env in self._envs:
             env.close()
 
     def get_state(self) -> dict[str, Any] | None:
-        """Return everything a continued run needs, or None where the copies cannot be pickled."""
+        """Return all that a continued run needs, or None where the environments cannot be pickled."""
         try:
             envs = [cloudpickle.dumps(env) for env in self._envs]
         except (TypeError, AttributeError, ValueError, pickle.PicklingError) as error:
-            logger.warning(
-                "environment copies cannot be pickled, a restored run begins new episodes: %s", error
-            )
+            logger.warning("environments cannot be pickled, a restored run begins new episodes: %s", error)
             return None
         return {
             "envs": envs,
@@ -140,7 +137,7 @@ class JointVector:
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on where `get_state` was called."""
+        """Continue where `get_state` was called."""
         self.close()
         self._envs = [cloudpickle.loads(env) for env in state["envs"]]
         self._worlds, self._episodes = state["worlds"].copy(), state["episodes"].copy()
@@ -148,36 +145,27 @@ class JointVector:
         self._view, self._away = cloudpickle.loads(state["view"])
 
     def _account(self, b: int, alive, reward, ends, cuts, observations, out) -> None:
+        """Write the outcomes of environment b, and which agents are active now."""
         rewards, terminated, truncated = out
         all_end, all_cut = ends.get("__all__", False), cuts.get("__all__", False)
         for agent, (column, _, _) in self._place.items():
             here = agent in observations
+            own = bool(ends.get(agent, False)), bool(cuts.get(agent, False))
+            self._view.alive[b, column] = here and not any(own)
             if not alive[column]:
-                if here and self._away[b, column]:
-                    raise SpaceError(
-                        f"agent {agent!r} was left out of a step without having ended, and is back",
-                        place="environment",
-                        remedy="all living agents must be observed and act in every step: no turns",
-                    )
-                self._view.alive[b, column] = here and not (ends.get(agent) or cuts.get(agent))
+                _check_return(agent, back=here and bool(self._away[b, column]))
                 continue
-            end, cut = bool(ends.get(agent, False)), bool(cuts.get(agent, False))
-            if not here and (cut or all_cut) and not (end or all_end):
-                raise SpaceError(
-                    f"agent {agent!r} was truncated without an observation to value what was cut off",
-                    place="environment",
-                    remedy="give every agent that is truncated its last observation in the same step",
-                )
-            left = not (here or end or cut or all_end)
-            self._warn_of(agent, left=left)
+            end, cut = _outcome(*own, all_end, all_cut)
+            if not here:
+                _check_cut(agent, blind=cut and not all_end)
+            self._away[b, column] = left = not any((here, end, cut))
+            if left:
+                self._warn_of(agent)
             rewards[b, column] = reward.get(agent, 0.0)
-            terminated[b, column] = end or (all_end and not cut)
-            truncated[b, column] = (cut or all_cut or left) and not end
-            self._view.alive[b, column] = here and not (end or cut)
-            self._away[b, column] = left
+            terminated[b, column], truncated[b, column] = end, cut or left
 
-    def _warn_of(self, agent: str, *, left: bool) -> None:
-        if left and not self._warned:
+    def _warn_of(self, agent: str) -> None:
+        if not self._warned:
             self._warned = True
             logger.warning(
                 "agent %r was left out of a step without having ended: it counts as truncated, "
@@ -192,26 +180,30 @@ class JointVector:
         infos: Mapping[str, Any] | None,
         acted: Bools | None = None,
     ) -> None:
-        view = self._view
-        for agent, (column, number, row) in self._place.items():
-            leaves, mask, seen = view.observations[number], view.masks[number], observations.get(agent)
-            if seen is None and acted is not None and acted[column]:
-                continue  # the last that it saw stands for what it would see now
-            if seen is None:
-                parts, action_mask = dict.fromkeys(leaves, 0), True
-            elif self._flattening[agent].plain:
-                parts, action_mask = {"": seen}, None
-            else:
-                parts, action_mask = self._flattening[agent].split(seen)
-            for name, part in parts.items():
-                leaves[name][b, row] = part
-            if mask is not None:
-                mask[b, row] = action_mask if action_mask is not None else (infos or {})[agent][MASK]
-        common = (infos or {}).get(COMMON, {})
+        """Write what agents see; an agent that acted and sees nothing keeps its last observation."""
+        for agent, (column, _, _) in self._place.items():
+            if agent in observations or acted is None or not acted[column]:
+                self._write_agent(b, agent, observations.get(agent), (infos or {}).get(agent, {}))
+        common, view = (infos or {}).get(COMMON, {}), self._view
         if view.state is not None:
             view.state[b] = common["state"]
         if view.graph is not None:
             view.graph[b] = common["graph"]
+
+    def _write_agent(self, b: int, agent: str, seen: Any, info: Mapping[str, Any]) -> None:
+        """Write an agent's observation and mask; zeros and every action where it is not there."""
+        _, number, row = self._place[agent]
+        leaves, mask = self._view.observations[number], self._view.masks[number]
+        if seen is None:
+            parts, action_mask = dict.fromkeys(leaves, 0), True
+        elif self._flattening[agent].plain:
+            parts, action_mask = {"": seen}, None
+        else:
+            parts, action_mask = self._flattening[agent].split(seen)
+        for name, part in parts.items():
+            leaves[name][b, row] = part
+        if mask is not None:
+            mask[b, row] = info[MASK] if action_mask is None else action_mask
 
     def _start(self, b: int) -> None:
         seed = episode_seed(self._seed, int(self._worlds[b]), int(self._episodes[b]))
@@ -240,39 +232,39 @@ class JointVector:
             try:
                 return self._make(b)
             except Exception as error:
-                logger.warning("copy %d could not be created: %r", b, error)
+                logger.warning("environment %d could not be created: %r", b, error)
                 cause = error
         raise self._given_up(b, cause) from cause
 
     def _first_infos(self) -> Mapping[str, Any]:
-        """Reset copy 0 to see what its infos hold."""
+        """Reset environment 0, whose infos show masks, state and graph."""
         cause: Exception | None = None
         for _ in range(self._max_failures):
             try:
                 return self._envs[0].reset(seed=0)[1] or {}
             except Exception as error:
-                logger.warning("copy 0 could not be reset: %r", error)
+                logger.warning("environment 0 could not be reset: %r", error)
                 cause = error
             self._discard(0)
             self._envs[0] = self._create(0)
         raise self._given_up(0, cause) from cause
 
     def _discard(self, b: int) -> None:
-        """Close a copy that is of no more use, whatever it says to that."""
+        """Close an environment that is replaced, whatever it raises."""
         try:
             self._envs[b].close()
         except Exception as error:
-            logger.warning("copy %d could not be closed: %r", b, error)
+            logger.warning("environment %d could not be closed: %r", b, error)
 
     def _given_up(self, b: int, cause: BaseException | None) -> EnvironmentFailure:
         return EnvironmentFailure(
-            f"copy {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
+            f"environment {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
             place=f"environment {type(self._envs[0]).__name__}" if self._envs else "environment",
             remedy="mend the environment: its constructor or reset raises",
         )
 
     def _replace(self, b: int, cause: BaseException, *, fresh_episode: bool = True) -> None:
-        logger.warning("copy %d is created anew after %r", b, cause)
+        logger.warning("environment %d is recreated after %r", b, cause)
         if fresh_episode and not self._stride:
             self._episodes[b] += 1
         for _ in range(self._max_failures):
@@ -307,35 +299,64 @@ class JointVector:
         )
 
 
+def _outcome(own_end: bool, own_cut: bool, all_end: bool, all_cut: bool) -> tuple[bool, bool]:
+    """Return whether an agent terminated, or else was truncated; its own flag goes before all agents'."""
+    end = own_end or (all_end and not own_cut)
+    return end, (own_cut or all_cut) and not end
+
+
+def _check_return(agent: str, *, back: bool) -> None:
+    """Raise if an agent that was left out of a step acts again: environments in which agents take turns."""
+    if back:
+        raise SpaceError(
+            f"agent {agent!r} was left out of a step without having ended, and is back",
+            place="environment",
+            remedy="observe all active agents in every step: no turns",
+        )
+
+
+def _check_cut(agent: str, *, blind: bool) -> None:
+    """Raise if an agent was truncated without a last observation."""
+    if blind:
+        raise SpaceError(
+            f"agent {agent!r} was truncated without an observation to value what was cut off",
+            place="environment",
+            remedy="give every agent that is truncated its last observation in the same step",
+        )
+
+
 def _spaces(
     names: list[str],
     flattening: Mapping[str, Flattening],
     actions: Mapping[str, Any],
     infos: Mapping[str, Any],
 ) -> JointSpaces:
-    blocks: list[Block] = []
-    members: list[list[str]] = []
+    """Return the agents in blocks of equal spaces."""
     with_mask = [agent for agent in names if MASK in infos.get(agent, {})]
+    found: list[tuple[str, Block]] = []
+    # The mask comes with the observation or with the infos; agents that enter later are like the others.
+    kinds = [(flattening[agent].leaves, actions[agent]) for agent in with_mask]
     for agent in names:
         leaves, action = flattening[agent].leaves, actions[agent]
-        # The mask comes with the observation or with the infos; agents that enter later are like the others.
-        masked = flattening[agent].masked or agent in with_mask
-        masked |= agent not in infos and any(
-            (flattening[a].leaves, actions[a]) == (leaves, action) for a in with_mask
-        )
+        late = agent not in infos and (leaves, action) in kinds
+        masked = flattening[agent].masked or agent in with_mask or late
         # Only Discrete actions can be masked.
         block = Block((), leaves, action, masked and isinstance(action, Discrete))
-        if block in blocks:
-            members[blocks.index(block)].append(agent)
-        else:
-            blocks.append(block)
-            members.append([agent])
+        found.append((agent, block))
     common = infos.get(COMMON, {})
-    return JointSpaces(
-        tuple(block._replace(agents=tuple(a)) for block, a in zip(blocks, members, strict=True)),
-        state=int(np.size(common["state"])) if "state" in common else 0,
-        has_graph="graph" in common,
-    )
+    return JointSpaces(_in_blocks(found), int(np.size(common.get("state", ()))), "graph" in common)
+
+
+def _in_blocks(found: list[tuple[str, Block]]) -> tuple[Block, ...]:
+    """Return the different blocks, each with its agents."""
+    blocks: list[Block] = []
+    members: list[list[str]] = []
+    for agent, block in found:
+        if block not in blocks:
+            blocks.append(block)
+            members.append([])
+        members[blocks.index(block)].append(agent)
+    return tuple(block._replace(agents=tuple(a)) for block, a in zip(blocks, members, strict=True))
 
 
 def _final(finals: list[tuple[int, View]]) -> Final:

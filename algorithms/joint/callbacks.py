@@ -1,4 +1,4 @@
-"""RLlib's callbacks per episode, called by the joint runner for the copies of its training environment."""
+"""RLlib's callbacks per episode, called by the joint runner for its training environments."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ START, STEP, END = "on_episode_start", "on_episode_step", "on_episode_end"
 
 @dataclass
 class LiveEpisode:
-    """What callbacks are given as `episode`: RLlib's own episodes would cost more than the whole step.
+    """The `episode` of callbacks; RLlib's own episodes would cost more than the whole step.
 
     Attributes:
         id_: Unique within a runner.
-        env_index: The copy that plays it.
-        rewards: Of those who acted in the last step, by agent.
+        env_index: The environment that plays it.
+        rewards: Of the agents that acted in the last step, by agent.
         returns: Sum of rewards so far, by agent.
         length: Steps so far.
         acted: Actions so far, over all agents.
         is_done: Whether the last step ended it.
-        metrics: Numbers that the environment reported at its end.
+        metrics: Numbers that the environment reports at the end.
         custom_data: Anything that a callback wants to keep until the episode ends.
     """
 
@@ -60,8 +60,9 @@ class LiveEpisode:
 class EpisodeCallbacks:
     """Calls `on_episode_start`, `on_episode_step` and `on_episode_end` of the config's callbacks.
 
-    Each gets `episode` (LiveEpisode), `env_runner`, `metrics_logger`, `env` (all copies), `env_index` and
-    `rl_module`. An episode whose copy failed ends without `on_episode_end`. Evaluation episodes call nothing.
+    Each gets `episode` (LiveEpisode), `env_runner`, `metrics_logger`, `env` (all environments), `env_index`
+    and `rl_module`. An episode whose environment fails ends without `on_episode_end`. Evaluation calls
+    nothing.
     """
 
     def __init__(self, runner: Any) -> None:
@@ -74,24 +75,24 @@ class EpisodeCallbacks:
         self._started = 0
 
     def __bool__(self) -> bool:
-        """Return whether anybody wants to be called."""
+        """Return whether any callback is overridden."""
         return bool(self._called)
 
     def started(self, rows: Ints) -> None:
-        """Begin the episodes of these copies."""
+        """Begin the episodes of these environments."""
         for b in rows.tolist():
             zeros = dict.fromkeys(self._runner.spec.agents, 0.0)
-            identity = f"{self._runner.worker_index}_{self._started}"
-            self._episodes[b] = LiveEpisode(identity, b, {}, zeros)
+            episode_id = f"{self._runner.worker_index}_{self._started}"
+            self._episodes[b] = LiveEpisode(episode_id, b, {}, zeros)
             self._started += 1
             self._call(START, b)
 
     def stepped(self, step: JointStep, acted: Bools) -> None:
-        """Account for a step of all copies.
+        """Account for a step of all environments.
 
         Args:
             step: What happened.
-            acted: Who acted in it, (B, N).
+            acted: Agents that acted in it, (B, N).
         """
         agents = self._runner.spec.agents
         for b in range(len(acted)):

@@ -13,7 +13,7 @@ from algorithms.joint.env import Block, Bools, Ints, JointStep, VectorJointEnv
 
 
 def check_vector_env(env: VectorJointEnv, *, steps: int = 200, seed: int = 0) -> None:
-    """Play random legal actions and verify every step, then that episodes depend on (seed, world) alone.
+    """Play random allowed actions and verify every step, then that episodes depend on (seed, world) alone.
 
     Raises:
         SpaceError: The contract is broken; the message says where.
@@ -40,7 +40,7 @@ def _play(env: VectorJointEnv, worlds: Ints, steps: int, seed: int) -> list[Join
     for t in range(1, steps + 1):
         step = copy.deepcopy(env.step(_actions(env, now, rng)))
         _check_shapes(env, step, t)
-        _check_lives(now.alive, step, t)
+        _check_ends(now.alive, step, t)
         _check_final(step, t)
         history.append(step)
         now = step
@@ -61,21 +61,21 @@ def _check_shapes(env: VectorJointEnv, step: JointStep, t: int) -> None:
         _require(shape == (env.num_envs, env.spaces.state), t, f"`state` has shape {shape}")
 
 
-def _check_leaves(block: Block, leaves: Mapping[str, np.ndarray], copies: int, t: int) -> None:
+def _check_leaves(block: Block, leaves: Mapping[str, np.ndarray], num_envs: int, t: int) -> None:
     for name, space in block.observation.items():
         leaf = leaves[name]
-        shape = (copies, len(block.agents), *space.shape)
+        shape = (num_envs, len(block.agents), *space.shape)
         _require(leaf.shape == shape, t, f"observation leaf {name!r} has shape {leaf.shape}, not {shape}")
         _require(
             leaf.dtype == space.dtype, t, f"observation leaf {name!r} is {leaf.dtype}, not {space.dtype}"
         )
 
 
-def _check_lives(acted: Bools, step: JointStep, t: int) -> None:
+def _check_ends(acted: Bools, step: JointStep, t: int) -> None:
     valid = np.ones(len(acted), bool)
     valid[list(step.failed)] = False
     ended = (step.terminated | step.truncated) & valid[:, None]
-    _require(not (ended & ~acted).any(), t, "an agent ended that did not act")
+    _require(not (ended & ~acted).any(), t, "an inactive agent ended")
     _require(
         not ((step.rewards != 0) & ~acted & valid[:, None]).any(), t, "an agent was rewarded that did not act"
     )
@@ -87,13 +87,15 @@ def _check_lives(acted: Bools, step: JointStep, t: int) -> None:
     _require(not back.any(), t, "an agent that ended is alive, yet its last observation is not in `final`")
     left = acted & ~step.alive & ~ended & valid[:, None] & ~step.reset[:, None]
     _require(not left.any(), t, "an agent that acted is gone without having terminated or been truncated")
-    _require(bool(step.alive.any(1).all()), t, "nobody is alive in a copy that was not reset")
+    _require(bool(step.alive.any(1).all()), t, "no agent is active in an environment that was not reset")
 
 
 def _check_final(step: JointStep, t: int) -> None:
     needed = set(np.flatnonzero(step.reset).tolist()) - set(step.failed)
     given = set() if step.final is None else set(step.final.rows.tolist())
-    _require(needed <= given, t, f"copies {sorted(needed - given)} were reset without final observations")
+    _require(
+        needed <= given, t, f"environments {sorted(needed - given)} were reset without final observations"
+    )
 
 
 def _actions(env: VectorJointEnv, now: JointStep, rng: np.random.Generator) -> tuple[np.ndarray, ...]:

@@ -1,7 +1,7 @@
-"""The interface of vector environments: B copies, N agents, arrays in, arrays out.
+"""The interface of vector environments: B environments, N agents, arrays in, arrays out.
 
-Axis letters throughout `algorithms`: T steps of a fragment, B copies, N agents (columns), n agents of one
-block or group, A discrete actions, S global state, M rows of a minibatch, K sparse rows.
+Axis letters throughout `algorithms`: T steps of a fragment, B environments, N agents (columns), n agents of
+one block or group, A discrete actions, S global state, M rows of a minibatch, K sparse rows.
 
 The interface is duck-typed: an environment need not import this module. `JointVector` gives it to any RLlib
 `MultiAgentEnv`; `check_vector_env` tells whether an environment keeps the contract.
@@ -24,8 +24,10 @@ Leaves = Mapping[str, np.ndarray]
 
 CARRIED = "@"
 """Names of leaves that the sampler adds to what environments deliver begin with this."""
+LATENT = "@latent"
+"""Leaf with what a policy drew for an agent at the episode's start, (..., n, *shape)."""
 MEMORY = "@memory"
-"""Leaf with the memory (..., n, H) that a recurrent policy had before it saw the rest."""
+"""Leaf with the memory (..., n, H) of a recurrent policy before this observation."""
 
 Action = Box | Discrete
 
@@ -37,7 +39,7 @@ class Block(NamedTuple):
         agents: Names, in column order.
         observation: Space of each leaf; arrays keep the dtype of the space.
         action: Their action space.
-        masked: Whether the environment says which discrete actions are legal.
+        masked: Whether the environment gives masks of discrete actions.
     """
 
     agents: tuple[str, ...]
@@ -47,7 +49,7 @@ class Block(NamedTuple):
 
 
 class JointSpaces(NamedTuple):
-    """What a vector environment gives and takes.
+    """Spaces of a vector environment.
 
     Attributes:
         blocks: Agents by equal spaces; block order is column order.
@@ -61,12 +63,12 @@ class JointSpaces(NamedTuple):
 
 
 class Final(NamedTuple):
-    """True last observations of the copies whose observations were overwritten in a step.
+    """True last observations of the environments whose observations were overwritten in a step.
 
     Attributes:
-        rows: Copy numbers, shape (K,).
+        rows: Environment numbers, shape (K,).
         observations: Per block, leaves of shape (K, n, ...).
-        masks: Per block, legal actions (K, n, A), or None.
+        masks: Per block, action masks (K, n, A), or None.
         state: Global state (K, S), or None.
         graph: Communication graph (K, N, N), or None.
     """
@@ -79,24 +81,26 @@ class Final(NamedTuple):
 
 
 class JointStep(NamedTuple):
-    """What happened in one step of all copies, and where they stand; valid until the next step.
+    """One step of all environments: outcomes, and what agents see next; valid until the next step.
 
     Attributes:
-        observations: Per block, leaves of shape (B, n, ...), after auto-reset. An agent that ended in this
-            step while its copy goes on keeps its last observation here, with `alive` False; zeros afterwards.
+        observations: Per block, leaves of shape (B, n, ...), after auto-reset. An agent whose trajectory ends
+            in this step while its environment continues keeps its last observation here, with `alive` False;
+            zeros afterwards.
         rewards: Shape (B, N); zero for agents that did not act.
         terminated: Ended for good, value zero; shape (B, N).
         truncated: Cut short, value to be bootstrapped; shape (B, N).
-        alive: Who acts in the *next* step, shape (B, N). Who acted and does so no more has terminated or was
-            truncated, unless its copy was reset or failed.
-        reset: Copies that were reset in this step, shape (B,).
-        final: Last observations of copies that were reset, or in which a column was taken over in this very
-            step.
-        masks: Per block, legal actions (B, n, A), or None.
+        alive: Agents that act in the *next* step, shape (B, N). An agent that acted and no longer does has
+            terminated or was truncated, unless its environment was reset or failed.
+        reset: Environments that were reset in this step, shape (B,).
+        final: Last observations of environments that were reset, or in which another agent took over a column
+            in this step.
+        masks: Per block, action masks (B, n, A), or None.
         state: Global state (B, S), or None: then the learner concatenates the observations.
-        graph: Who hears whom, (B, N, N), `graph[b, i, j]`: i hears j, or None.
-        failed: Copies whose step failed and which were recreated, with the cause; their transition is void.
-        metrics: Numbers of episodes that ended, by copy.
+        graph: Communication graph (B, N, N), `graph[b, i, j]`: i hears j; or None.
+        failed: Environments whose step failed and which were recreated, with the cause; their transition is
+            invalid.
+        metrics: Numbers of episodes that ended, by environment.
     """
 
     observations: tuple[Leaves, ...]
@@ -115,27 +119,27 @@ class JointStep(NamedTuple):
 
 @runtime_checkable
 class VectorJointEnv(Protocol):
-    """B copies of a parallel multi-agent environment, stepped together, with same-step auto-reset.
+    """B parallel multi-agent environments, stepped together, with same-step auto-reset.
 
     Optional methods: `get_state() -> Any` (picklable) and `set_state(state)`, which make continued training
-    after a restore exact; `annotate(name, values)`, by which evaluations tell an environment that keeps
-    records what the next step's actions were sampled from: per block, "probabilities" (B, n, A) or "mean_std"
-    (B, n, 2, k), None for the blocks that have the other. An environment that goes on with another world
-    where one fails has an attribute `worlds`, the present one of each copy, shape (B,).
+    after a restore exact; `annotate(name, values)`, by which evaluations pass to an environment that records
+    its episodes what the next step's actions were sampled from: per block, "probabilities" (B, n, A) or
+    "mean_std" (B, n, 2, k), None for the blocks that have the other. A vector environment that continues with
+    another world where an episode fails has an attribute `worlds`, the present ones, shape (B,).
     """
 
     num_envs: int
     spaces: JointSpaces
 
     def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
-        """Start all copies.
+        """Start all environments.
 
         Args:
-            seed: Root seed, 0 to 2**63 - 1. An episode is a function of it, the world and how many the copy
-                has played since this call.
-            worlds: World of each copy, shape (B,).
-            stride: 0: the next episode of a copy is the next one of its world. Else it is the same episode of
-                the world that lies `stride` further: a fixed list of worlds is dealt to the copies.
+            seed: Root seed, 0 to 2**63 - 1. An episode is a function of it, the world and the number of
+                episodes that the environment has played since this call.
+            worlds: World of each environment, shape (B,).
+            stride: 0: the next episode of an environment is the next one of its world. Else it is the same
+                episode of the world `stride` further: a fixed list of worlds is dealt to the environments.
         """
         ...
 
@@ -144,7 +148,7 @@ class VectorJointEnv(Protocol):
         ...
 
     def recreate(self, failures: Mapping[int, BaseException]) -> JointStep:
-        """Throw the given copies away and start fresh ones; return where all copies stand now."""
+        """Replace the given environments by fresh ones; return where all environments stand."""
         ...
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Evaluation for callers who want every step: exact episodes, greedy or sampled, without RLlib's metrics."""
+"""Evaluation with access to every step: exact episodes, greedy or sampled, without RLlib's metrics."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from algorithms.joint.env import VectorJointEnv
+from algorithms.joint.progress import Episode
 from algorithms.joint.runner import JointEnvRunner
-from algorithms.joint.sampler import Episode, EvaluatedStep
+from algorithms.joint.sampler import EvaluatedStep
 from algorithms.joint.worlds import REPORTED_WORLDS
 
 if TYPE_CHECKING:
@@ -30,9 +31,10 @@ def evaluate(
 
     Args:
         algo: A built algorithm; its training is left alone.
-        episodes: How many; episode k plays world `first_world + k`, whatever the number of copies or runners.
-        explore: Sample actions as in training, from one stream for all copies, or act greedily.
-        on_step: Called with every step of all copies, sampling distributions included.
+        episodes: Their number; episode k plays world `first_world + k`, whatever the number of environments
+            or runners.
+        explore: Sample actions as in training, from one stream for all environments, or act greedily.
+        on_step: Called with every step of all environments, sampling distributions included.
         first_world: World of the first episode.
         env: Where to play, by default in an environment like those of training; left open.
         seed: Root seed of the episodes and of sampled actions, by default the algorithm's own. One seed for
@@ -42,8 +44,8 @@ def evaluate(
         SpaceError: `env` has other agents or spaces than the algorithm.
 
     Returns:
-        The episodes in the order of their worlds; one that fails in an environment which then goes on with
-        another world, as the benchmark's does, is missing.
+        The episodes in the order of their worlds; an episode that failed in an environment which then
+        continues with another world, as the benchmark's does, is missing.
     """
     runner: JointEnvRunner = algo.env_runner_group.local_env_runner
     runner.set_state(algo.runner_state())

@@ -1,4 +1,4 @@
-"""What an environment does not tell but policies act on: the mean action of the neighbours one step ago."""
+"""Observations that policies need beside the environment's: the neighbours' mean action one step ago."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def common_actions(spaces: JointSpaces) -> int:
 
 
 class WithMeanActions:
-    """A vector environment whose agents also see the mean of what their neighbours did one step ago.
+    """A vector environment whose agents also see the mean action of their neighbours one step ago.
 
-    The leaf `MEAN_ACTION` (A,) is the mean of the one-hot actions of those who were alive and neighbours when
-    they acted. It is zero for an agent without neighbours and wherever a life begins: an episode, a late
-    arrival, a column that is taken over.
+    The leaf `MEAN_ACTION` (A,) is the mean of the one-hot actions of the agents that were active neighbours
+    in that step. It is zero for an agent without neighbours and where a trajectory begins: an episode, a late
+    arrival, a column that another agent takes over.
 
     Args:
         env: An environment in which all agents have A discrete actions.
-        graph: What makes neighbours.
+        graph: Which agents are neighbours.
     """
 
     def __init__(self, env: VectorJointEnv, graph: Graph) -> None:
@@ -54,13 +54,13 @@ class WithMeanActions:
         self._neighbours = torch.zeros(*self._alive.shape, self._alive.shape[1], dtype=torch.bool)
 
     def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
-        """Start all copies, nobody having done anything; see `VectorJointEnv.reset`."""
+        """Start all environments; nothing has been done yet. See `VectorJointEnv.reset`."""
         step = self._env.reset(seed, worlds, stride=stride)
         self._means = np.zeros_like(self._means)
         return self._shown(step)
 
     def step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
-        """Act in all copies."""
+        """Act in all environments."""
         acted = self._alive[..., None]
         done = np.concatenate([self._one_hot(k, part) for k, part in enumerate(actions)], 1)
         means = mean_over(self._neighbours, torch.from_numpy(done * acted)).numpy() * acted
@@ -68,26 +68,26 @@ class WithMeanActions:
         final = step.final
         if final is not None:
             final = self._with_final(final, means[final.rows])
-        # A copy that was reset, and a column in which an end was followed at once by a birth, begin anew.
+        # Trajectories begin in an environment that was reset, and in a column that ended and is taken over.
         born = step.reset[:, None] | (step.alive & (step.terminated | step.truncated))
         born[list(step.failed)] = True
         self._means = np.where(born[..., None], 0, means).astype(np.float32)
         return self._shown(step._replace(final=final))
 
     def recreate(self, failures: Mapping[int, BaseException]) -> JointStep:
-        """Throw copies away and start fresh ones."""
+        """Replace environments by fresh ones."""
         step = self._env.recreate(failures)
         self._means[list(failures)] = 0
         return self._shown(step)
 
     @property
     def annotate(self) -> Callable[..., None] | None:
-        """How the environment takes down what policies gave, or None where it does not."""
+        """The method by which the environment records action distributions, or None."""
         return getattr(self._env, "annotate", None)
 
     @property
     def worlds(self) -> Ints | None:
-        """Which world each copy plays, shape (B,), or None where the environment does not tell."""
+        """World that each environment plays, shape (B,), or None where they do not say."""
         return getattr(self._env, "worlds", None)
 
     def close(self) -> None:
@@ -95,7 +95,7 @@ class WithMeanActions:
         self._env.close()
 
     def get_state(self) -> dict[str, Any] | None:
-        """Return where the environment stands and what was done last, or None where it cannot tell."""
+        """Return the state of the environment and the last actions, or None where it has none."""
         state = getattr(self._env, "get_state", lambda: None)()
         if state is None:
             return None
@@ -107,7 +107,7 @@ class WithMeanActions:
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on where `get_state` was called."""
+        """Continue where `get_state` was called."""
         self._env.set_state(state["env"])  # type: ignore[attr-defined]
         self._means, self._alive = state["means"].copy(), state["alive"].copy()
         self._neighbours = torch.from_numpy(state["neighbours"].copy())

@@ -1,4 +1,4 @@
-"""Which copies of an environment answered with NaN or infinity."""
+"""Environments that answered with NaN or infinity."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from algorithms.joint.env import Bools, Ints, JointStep
 
 
 def non_finite(step: JointStep) -> dict[int, BaseException]:
-    """Return an error for each copy with a number that is not finite.
+    """Return an error for each environment with a number that is not finite.
 
-    Looked at are rewards, observations and global states, those of final moments included.
+    Rewards, observations and global states are checked, those of final moments included.
     """
     parts = list(_numbers(step))
     # One sum is ten times cheaper than a look at every number, and is finite nearly always.
@@ -27,7 +27,7 @@ def non_finite(step: JointStep) -> dict[int, BaseException]:
 
 
 def _numbers(step: JointStep) -> Iterator[tuple[Ints, np.ndarray]]:
-    """Yield (copies, what belongs to them) for every array of floating-point numbers."""
+    """Yield (environments, array) for every array of floating-point numbers."""
     everyone = np.arange(len(step.rewards))
     yield everyone, step.rewards
     moments = [(everyone, step)] if step.final is None else [(everyone, step), (step.final.rows, step.final)]

@@ -296,7 +296,7 @@ class OnPolicyLearner(JointTorchLearner):
 
 
 def cut_sequences(batch: OnPolicyBatch, steps: int, length: int) -> OnPolicyBatch:
-    """Return the rows of T steps of B copies, in order of time, as sequences of `length` steps.
+    """Return the rows of T steps of B environments, in order of time, as sequences of `length` steps.
 
     Raises:
         ValueError: T is not a multiple of the length.

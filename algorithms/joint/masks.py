@@ -1,4 +1,4 @@
-"""The mask algebra: from what the environment reports to what learners may use.
+"""The mask algebra: from the environment's reports to the masks of learners.
 
 Four masks follow from `alive`, `terminated`, `truncated`, `reset` and `failed`, in this file only:
 
@@ -7,12 +7,12 @@ Four masks follow from `alive`, `terminated`, `truncated`, `reset` and `failed`,
     fresh[t+1]   = alive[t+1] and not chain[t]
     last[t]      = bootstrap[t] and not chain[t]
 
-`bootstrap`: the value of what followed counts. `chain`: row t+1 is the next action of the same life, so
-returns accumulate over it. `fresh`: a new life begins in this column (late arrival, reuse, reset), so memory
-is cleared.
-`last`: the life goes on beyond the data, or was cut; its next observation is a *final row* of its own, since
-row t+1 may belong to somebody else. A failed step is void: it has `alive[t]` False, so the life before it
-ends in a final row.
+`bootstrap`: the value of the next moment counts. `chain`: row t+1 is the next action of the same trajectory,
+so returns accumulate over it. `fresh`: a trajectory begins in this column (late arrival, reuse, reset), so
+memory is cleared.
+`last`: the trajectory continues beyond the data, or was cut; its next observation is a *final row* of its
+own, since row t+1 may belong to another agent. A failed step is invalid: it has `alive[t]` False, so the
+trajectory before it ends in a final row.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ class Masks(NamedTuple):
     last: Bools
 
 
-def goes_on(alive: Bools, terminated: Bools, truncated: Bools, over: Bools) -> Bools:
-    """Return which of those who acted are still in the same life, (..., N).
+def same_trajectory(alive: Bools, terminated: Bools, truncated: Bools, over: Bools) -> Bools:
+    """Return which of the agents that acted are still in the same trajectory, (..., N).
 
     Args:
-        alive: Who is there now, (..., N).
+        alive: Active agents, (..., N).
         terminated: Shape (..., N).
         truncated: Shape (..., N).
-        over: Copies that were reset or failed, (...).
+        over: Environments that were reset or failed, (...).
     """
     return alive & ~terminated & ~truncated & ~over[..., None]
 
@@ -56,13 +56,13 @@ def derive_masks(alive: Bools, terminated: Bools, truncated: Bools, reset: Bools
     """Return the masks of a fragment.
 
     Args:
-        alive: Who acts, shape (T + 1, B, N); False in failed rows.
+        alive: Agents that act, shape (T + 1, B, N); False in failed rows.
         terminated: Shape (T, B, N).
         truncated: Shape (T, B, N).
-        reset: Copies that were reset after step t, shape (T, B).
-        failed: Copies whose step t is void, shape (T, B).
+        reset: Environments that were reset after step t, shape (T, B).
+        failed: Environments whose step t is invalid, shape (T, B).
     """
     bootstrap = alive[:-1] & ~terminated
-    chain = bootstrap & goes_on(alive[1:], terminated, truncated, reset | failed)
+    chain = bootstrap & same_trajectory(alive[1:], terminated, truncated, reset | failed)
     fresh = np.concatenate([np.zeros_like(alive[:1]), alive[1:] & ~chain])
     return Masks(bootstrap, chain, fresh, bootstrap & ~chain)

@@ -10,12 +10,12 @@ import torch
 from ray.rllib.core.columns import Columns
 from ray.rllib.core.rl_module.apis import InferenceOnlyAPI
 from ray.rllib.core.rl_module.torch import TorchRLModule
-from torch import Tensor, nn
+from torch import Generator, Tensor, nn
 
 from algorithms.joint.batch import GroupView
 from algorithms.joint.env import MEMORY
 from algorithms.joint.spec import Group, JointSpec
-from algorithms.parts.distributions import Exploration, Head, stochastic_head
+from algorithms.parts.distributions import Exploration, Head, SampledActions, stochastic_head
 from algorithms.parts.memory import GRUMemory
 from algorithms.parts.networks import Encoder, orthogonal, perceptron
 
@@ -35,11 +35,13 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         targets: Names of attributes that are target networks: learner only, no gradient.
         head: How outputs become actions.
         communicates: Whether agents hear those of other groups, so that `policies` needs all groups at once.
+        acts_jointly: Whether actions depend on other agents' actions of the same step: see `act_jointly`.
         memory_size: Width H of a recurrent policy's memory, 0 for a policy without.
     """
 
     targets: tuple[str, ...] = ()
     communicates: bool = False
+    acts_jointly: bool = False
     head: Head
 
     def setup(self) -> None:
@@ -95,6 +97,33 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         """Return each group's outputs (M, n, P); the slot of agents that communicate."""
         return [module.policy(view) for module, view in zip(modules, views, strict=True)]
 
+    @classmethod
+    def begin_episode(
+        cls, modules: Sequence[Self], views: Sequence[GroupView], generator: Generator
+    ) -> list[Tensor]:
+        """Return each group's latents (K, n, *shape) for K episodes that begin with these views.
+
+        Called where the config's `carried` declares the leaf `LATENT`, which shows an agent its latent in
+        every step of the episode, and which rollouts, replay and learners hold as they hold observations. All
+        random numbers come from the generator, which is the episode's own.
+        """
+        raise NotImplementedError(f"{cls.__name__} draws no latents, which its config declares")
+
+    @classmethod
+    def act_jointly(
+        cls,
+        modules: Sequence[Self],
+        views: Sequence[GroupView],
+        exploration: Exploration,
+        generator: Generator,
+    ) -> list[SampledActions]:
+        """Return each group's actions, drawn together: of agents that `acts_jointly`.
+
+        An agent's actions may depend on those that other agents take in this step. `log_prob` (B, n) is each
+        agent's share of the joint log-probability: its sum over agents is that of the joint action.
+        """
+        raise NotImplementedError(f"{cls.__name__} samples agents one by one")
+
     def feedforward_parts(self) -> tuple[Encoder, nn.Module] | None:
         """Return (encoder, body) if the policy is just `body(encoder(...))`, so that runners may stack it."""
         return None if self.memory_size else (self.encoder, self.body)
@@ -112,7 +141,7 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         seen = batch[Columns.OBS]
         leaves = {"": seen[:, None]} if isinstance(seen, Tensor) else {k: v[:, None] for k, v in seen.items()}
         view = GroupView(leaves, torch.ones(len(next(iter(leaves.values()))), 1, dtype=torch.bool), None)
-        acting = self.head.act(self.policy(view), None, Exploration(explore=False), torch.Generator())
+        acting = self.head.act(self.policy(view), None, Exploration(explore=False), Generator())
         return {Columns.ACTIONS: acting.actions[:, 0]}
 
 

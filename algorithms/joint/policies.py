@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,7 +14,7 @@ from algorithms.joint.module import JointModule
 from algorithms.joint.rollout import View
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import Exploration, SampledActions
-from algorithms.parts.networks import PlacedPerceptron, StackedPerceptrons
+from algorithms.parts.networks import Encoder, PlacedPerceptron, StackedPerceptrons
 
 
 class Policies:
@@ -27,6 +28,7 @@ class Policies:
         self._spec = spec
         self._modules = modules
         self._by_block = [[g for g in spec.groups if g.block == k] for k in range(len(spec.spaces.blocks))]
+        self._acts_jointly = any(module.acts_jointly for module in modules.values())
         self._stacked: list[Callable[[Mapping[str, Tensor]], Tensor] | None] = []
         self.refresh()
 
@@ -40,10 +42,40 @@ class Policies:
         with torch.no_grad():
             self._stacked = [self._stack([self._modules[g.id] for g in groups]) for groups in self._by_block]
 
+    def begin_episode(self, view: View, generator: Generator) -> list[Tensor]:
+        """Return the latents (K, n, ...) of each block for K episodes that begin with this view."""
+        with torch.inference_mode():
+            modules, views = self._all(view)
+            return self._by_blocks(type(modules[0]).begin_episode(modules, views, generator))
+
     def act(self, view: View, exploration: Exploration, generator: Generator) -> list[SampledActions]:
         """Return one `SampledActions` per block for a view with leading axis (B,)."""
         with torch.inference_mode():
+            if self._acts_jointly:
+                return self._act_jointly(view, exploration, generator)
             return [self._act(k, view, exploration, generator) for k in range(len(self._by_block))]
+
+    def _act_jointly(
+        self, view: View, exploration: Exploration, generator: Generator
+    ) -> list[SampledActions]:
+        modules, views = self._all(view)
+        drawn = type(modules[0]).act_jointly(modules, views, exploration, generator)
+        fields = [self._by_blocks(list(parts)) for parts in zip(*drawn, strict=True)]
+        return [SampledActions(*parts) for parts in zip(*fields, strict=True)]
+
+    def _all(self, view: View) -> tuple[list[JointModule], list[GroupView]]:
+        """Return the networks of all groups, and what their agents see."""
+        groups = self._spec.groups
+        return [self._modules[g.id] for g in groups], [_seen_by(g, view) for g in groups]
+
+    def _by_blocks(self, parts: Sequence[Any]) -> list[Any]:
+        """Return the parts (B, n, ...) of all groups as one of each block; None where groups have none."""
+        if any(part is None for part in parts):
+            return [None for _ in self._by_block]
+        return [
+            self._in_columns(k, [p for g, p in zip(self._spec.groups, parts, strict=True) if g.block == k])
+            for k in range(len(self._by_block))
+        ]
 
     def _act(self, block: int, view: View, exploration: Exploration, generator: Generator) -> SampledActions:
         leaves = {name: torch.from_numpy(leaf) for name, leaf in view.observations[block].items()}
@@ -68,9 +100,8 @@ class Policies:
         kind = type(self._modules[own[0].id])
         groups = self._spec.groups if kind.communicates else own
         outputs = kind.policies([self._modules[g.id] for g in groups], [_seen_by(g, view) for g in groups])
-        return self._in_columns(
-            block, [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
-        )
+        parts = [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
+        return self._in_columns(block, parts)
 
     def _in_columns(self, block: int, parts: Sequence[Tensor]) -> Tensor:
         """Return the parts (B, n, ...) of a block's groups in the order of its agents."""
@@ -82,18 +113,25 @@ class Policies:
 
     @staticmethod
     def _stack(modules: list[JointModule]) -> Callable[[Mapping[str, Tensor]], Tensor] | None:
-        """Return what maps the leaves of a block to outputs (B, n, P) in few steps, if that can be."""
-        plain = [parts for module in modules if (parts := module.feedforward_parts())]
-        bodies = [body for _, body in plain if isinstance(body, nn.Sequential)]
-        if not bodies or len(bodies) < len(modules) or not StackedPerceptrons.fits(bodies):
+        """Return a function from the leaves of a block to outputs (B, n, P) in few steps, if there is one."""
+        parts = [found for module in modules if (found := module.feedforward_parts())]
+        perceptrons = [body for _, body in parts if isinstance(body, nn.Sequential)]
+        if len(perceptrons) < len(modules) or not StackedPerceptrons.fits(perceptrons):
             return None
-        encoder = plain[0][0]
-        if len(modules) == 1:
-            return PlacedPerceptron(encoder, bodies[0]) if encoder.places else None
-        if any(module.group.size > 1 for module in modules) or not all(e.is_plain for e, _ in plain):
-            return None
-        perceptrons = StackedPerceptrons(bodies)
-        return lambda leaves: perceptrons(encoder(leaves))
+        if len(modules) > 1:
+            return _side_by_side([encoder for encoder, _ in parts], perceptrons, modules)
+        encoder = parts[0][0]
+        return PlacedPerceptron(encoder, perceptrons[0]) if encoder.places else None
+
+
+def _side_by_side(
+    encoders: Sequence[Encoder], perceptrons: list[nn.Sequential], modules: Sequence[JointModule]
+) -> Callable[[Mapping[str, Tensor]], Tensor] | None:
+    """Return the networks of single agents as one, where each flattens its observation and no more."""
+    if any(module.group.size > 1 for module in modules) or not all(each.is_plain for each in encoders):
+        return None
+    stacked = StackedPerceptrons(perceptrons)
+    return lambda leaves: stacked(encoders[0](leaves))
 
 
 def _seen_by(group: Group, view: View) -> GroupView:

@@ -1,4 +1,4 @@
-"""Prioritised replay: transitions that surprised more are drawn more often, and weigh less in exchange."""
+"""Prioritised replay: transitions of larger error are drawn more often, and weigh less in exchange."""
 
 from __future__ import annotations
 

@@ -17,13 +17,13 @@ from algorithms.joint.spec import JointSpec
 
 
 class JointReplay:
-    """The last `capacity` joint transitions in which anybody acted.
+    """The last `capacity` joint transitions in which any agent acted.
 
     Next observations are stored explicitly, so resets, deaths and truncations are resolved once, when a
     rollout is added, at the price of twice the memory. `nbytes` tells how much: 4 agents at the intersection,
     203 numbers each, take 629 MiB for 100,000 transitions, 312 of them for next observations. To store them
-    once, rows would have to point to each other, across fragments of copies that may be restarted and with
-    rows of their own for cuts, in a ring whose overwriting, restoring and priorities go by single rows.
+    once, rows would have to point to each other, across fragments of environments that may be restarted and
+    with extra rows for cuts, in a ring whose overwriting, restoring and priorities work on single rows.
 
     Args:
         spec: Agents and spaces.
@@ -56,13 +56,14 @@ class JointReplay:
         """Store the transitions of a rollout, oldest first; the oldest stored ones are overwritten.
 
         Returns:
-            Where they are stored.
+            Their places.
         """
         t, b = self._cut(rollout)
         t, b = t[-self.capacity :], b[-self.capacity :]
         masks = rollout.masks()
         following = rollout.views[t + 1, b]
-        # Row t + 1 of a copy that was reset is another episode: after a terminal step nobody is there.
+        # Row t + 1 of an environment that was reset is another episode: no agent is active after a
+        # terminal step.
         for array in _view_arrays("", following).values():
             array[rollout.reset[t, b]] = 0
         _overwrite(following, rollout, t, b)
@@ -82,15 +83,15 @@ class JointReplay:
         return rows
 
     def _cut(self, rollout: JointRollout) -> tuple[Ints, Ints]:
-        """Return the (steps, copies) to store: those in which anybody acted, or sequence after sequence."""
+        """Return the (steps, environments) to store: those in which any agent acted, or whole sequences."""
         if self.length == 1:
             t, b = np.nonzero(rollout.views.alive[:-1].any(-1))
             return t, b
-        steps, copies = rollout.reset.shape
+        steps, num_envs = rollout.reset.shape
         if steps % self.length:
             raise ValueError(f"a fragment of {steps} steps cannot be cut into sequences of {self.length}")
-        order = np.arange(steps * copies).reshape(steps // self.length, self.length, copies)
-        return np.divmod(order.transpose(0, 2, 1).ravel(), copies)
+        order = np.arange(steps * num_envs).reshape(steps // self.length, self.length, num_envs)
+        return np.divmod(order.transpose(0, 2, 1).ravel(), num_envs)
 
     def sample(self, rng: np.random.Generator, count: int, device: torch.device | str = "cpu") -> ReplayBatch:
         """Return `count` transitions, in whole sequences, drawn uniformly with replacement."""
@@ -126,7 +127,7 @@ class JointReplay:
         return {"arrays": arrays, **where}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Restore what `get_state` gave; of another capacity, as much of the newest as there is room for.
+        """Restore what `get_state` gave; with another capacity, the newest transitions that fit.
 
         Raises:
             CheckpointError: The buffer held sequences of another length.
@@ -144,7 +145,7 @@ class JointReplay:
             raise CheckpointError(
                 f"the replay buffer holds sequences of {state['length']} steps, not of {self.length}",
                 place="replay buffer of the checkpoint",
-                remedy="restore with the `gru` and `sequence_length` of the training, or start it anew",
+                remedy="restore with the `gru` and `sequence_length` of the training, or start a new one",
             )
         rows = np.arange(state["size"])
         if state["capacity"] == self.capacity:
@@ -156,7 +157,7 @@ class JointReplay:
 
 
 def _overwrite(following: View, rollout: JointRollout, t: np.ndarray, b: np.ndarray) -> None:
-    """Put final rows in the place of next rows that belong to somebody else."""
+    """Put final rows in the place of next rows that belong to other trajectories."""
     place = {at: k for k, at in enumerate(map(tuple, rollout.final_at.tolist()))}
     pairs = [
         (row, place[at]) for row, at in enumerate(zip(t.tolist(), b.tolist(), strict=True)) if at in place

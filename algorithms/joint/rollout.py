@@ -1,13 +1,26 @@
-"""Dense experience: what B copies did in T steps, as arrays `[T, B, ...]`, time first."""
+"""Dense experience: T steps of B environments as arrays `[T, B, ...]`, time first."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from algorithms.joint.env import CARRIED, MEMORY, Bools, Final, Floats, Ints, JointSpaces, JointStep, Leaves
+from algorithms.joint.env import (
+    CARRIED,
+    LATENT,
+    MEMORY,
+    Bools,
+    Final,
+    Floats,
+    Ints,
+    JointSpaces,
+    JointStep,
+    Leaves,
+)
 from algorithms.joint.masks import Masks, derive_masks
 from algorithms.joint.spaces import stored_actions
 
@@ -16,14 +29,14 @@ Blocks = tuple[dict[str, np.ndarray], ...]
 
 @dataclass
 class View:
-    """What can be seen at a number of moments; the leading axes are (T + 1, B) or (K,).
+    """What agents see at a number of moments; the leading axes are (T + 1, B) or (K,).
 
     Attributes:
         observations: Per block, leaves (..., n, ...).
-        alive: Who is there, (..., N).
-        masks: Per block, legal actions (..., n, A), or None.
+        alive: Active agents, (..., N).
+        masks: Per block, action masks (..., n, A), or None.
         state: Global state (..., S), or None.
-        graph: Who hears whom, (..., N, N), or None.
+        graph: Communication graph (..., N, N), or None.
     """
 
     observations: Blocks
@@ -65,7 +78,7 @@ class View:
         )
 
     def write(self, index, seen: JointStep | Final | View) -> None:
-        """Copy what was seen, `alive` excepted, into the rows at `index`.
+        """Write what agents saw, `alive` excepted, into the rows at `index`.
 
         Leaves that the sampler adds stay as they are where they are not given.
         """
@@ -87,45 +100,42 @@ class View:
         if len(views) == 1:
             return views[0]
         first = views[0]
-
-        def joined(parts: Sequence[np.ndarray | None]) -> np.ndarray:
-            return np.concatenate([part for part in parts if part is not None], axis)
-
-        return View(
-            tuple(
-                {name: joined([v.observations[k][name] for v in views]) for name in leaves}
-                for k, leaves in enumerate(first.observations)
-            ),
-            joined([v.alive for v in views]),
-            tuple(
-                None if mask is None else joined([v.masks[k] for v in views])
-                for k, mask in enumerate(first.masks)
-            ),
-            None if first.state is None else joined([v.state for v in views]),
-            None if first.graph is None else joined([v.graph for v in views]),
+        observations = tuple(
+            {name: np.concatenate([view.observations[k][name] for view in views], axis) for name in leaves}
+            for k, leaves in enumerate(first.observations)
         )
+        masks = tuple(_joined([view.masks[k] for view in views], axis) for k in range(len(first.masks)))
+        alive = np.concatenate([view.alive for view in views], axis)
+        state = _joined([view.state for view in views], axis)
+        return View(observations, alive, masks, state, _joined([view.graph for view in views], axis))
+
+
+def _joined(parts: Sequence[np.ndarray | None], axis: int) -> Any:
+    """Return the parts as one array, None where there are none."""
+    arrays = [part for part in parts if part is not None]
+    return np.concatenate(arrays, axis) if arrays else None
 
 
 @dataclass
 class JointRollout:
-    """A fragment of T steps of B copies.
+    """A fragment of T steps of B environments.
 
     Attributes:
-        views: What was seen, leading axes (T + 1, B).
+        views: What agents saw, leading axes (T + 1, B).
         actions: Per block, module actions (T, B, n) int64 or (T, B, n, k) float32; 0 where not alive.
         rewards: Shape (T, B, N); 0 where not alive.
         terminated: Shape (T, B, N).
         truncated: Shape (T, B, N).
-        reset: Copies that were reset after the step, (T, B).
-        failed: Copies whose step is void, (T, B).
+        reset: Environments that were reset after the step, (T, B).
+        failed: Environments whose step is invalid, (T, B).
         log_prob: Log-probability of the actions, (T, B, N), where the policy has one.
-        final: True next observations of lives that end in mid-fragment, leading axis (K,); `final.alive`
-            tells who is still seen in them.
+        final: True next observations of trajectories that end in mid-fragment, leading axis (K,);
+            `final.alive` marks the agents that are still seen in them.
         final_at: Places (t, b) of the final rows, shape (K, 2).
-        source: (worker, restart_id, copy) of each copy, shape (B, 3).
-        start: Number of steps each copy had made before this fragment, (B,).
+        source: (worker, restart_id, env_id) of each environment, shape (B, 3).
+        start: Number of steps each environment had made before this fragment, (B,).
 
-    A plain object on purpose: RLlib would take a dict or a tuple apart.
+    An object and no tuple, since RLlib would flatten a dict or a tuple.
     """
 
     views: View
@@ -143,13 +153,13 @@ class JointRollout:
     _finals: dict[tuple[int, int], tuple[Final, int]] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def empty(cls, spaces: JointSpaces, steps: int, copies: int, *, log_prob: bool) -> JointRollout:
+    def empty(cls, spaces: JointSpaces, steps: int, num_envs: int, *, log_prob: bool) -> JointRollout:
         """Return an unfilled fragment."""
         agents = sum(len(block.agents) for block in spaces.blocks)
-        shape = (steps, copies, agents)
+        shape = (steps, num_envs, agents)
         return cls(
-            views=View.empty(spaces, steps + 1, copies),
-            actions=tuple(stored_actions(b.action, (steps, copies, len(b.agents))) for b in spaces.blocks),
+            views=View.empty(spaces, steps + 1, num_envs),
+            actions=tuple(stored_actions(b.action, (steps, num_envs, len(b.agents))) for b in spaces.blocks),
             rewards=np.zeros(shape, np.float32),
             terminated=np.zeros(shape, bool),
             truncated=np.zeros(shape, bool),
@@ -158,12 +168,12 @@ class JointRollout:
             log_prob=np.zeros(shape, np.float32) if log_prob else None,
             final=View.empty(spaces, 0),
             final_at=np.zeros((0, 2), int),
-            source=np.zeros((copies, 3), int),
-            start=np.zeros(copies, int),
+            source=np.zeros((num_envs, 3), int),
+            start=np.zeros(num_envs, int),
         )
 
     def write(self, t: int, step: JointStep) -> None:
-        """Record what step t brought and where it led: rows t of outcomes and t + 1 of views."""
+        """Record step t: rows t of outcomes and t + 1 of views."""
         self.views.write(t + 1, step)
         self.views.alive[t + 1] = step.alive
         acted = self.views.alive[t]
@@ -185,26 +195,28 @@ class JointRollout:
     def close(self) -> JointRollout:
         """Cut the final rows, once all steps are written, and return the fragment.
 
-        A row is cut wherever a life has no next row of its own: at time limits, when an agent is truncated or
-        leaves alone, and before a failure. The environment delivers only those that it overwrote; elsewhere
-        the next row as it stands is the true one. Final rows carry the memory of the life that was cut; rows
-        of the fragment are empty of it where another life begins.
+        A row is cut wherever a trajectory has no next row of its own: at time limits, when an agent is
+        truncated or leaves alone, and before a failure. The environment delivers only the rows that it
+        overwrote; elsewhere the next row is the true one. Final rows carry memory and latent of the
+        trajectory that was cut; rows of the fragment have an empty memory where another trajectory begins.
         """
         masks = self.masks()
         at = np.argwhere(masks.last.any(-1))
         t, b = at[:, 0], at[:, 1]
         final = self.views[t + 1, b]
-        for k, (step, copy) in enumerate(at.tolist()):
-            if (step, copy) in self._finals:
-                source, row = self._finals[step, copy]
+        for k, (step, env_id) in enumerate(at.tolist()):
+            if (step, env_id) in self._finals:
+                source, row = self._finals[step, env_id]
                 final.write(k, final_row(source, row))
+        for leaves, before in zip(final.observations, self.views[t, b].observations, strict=True):
+            leaves |= {LATENT: before[LATENT]} if LATENT in before else {}  # of the episode that was cut
         _empty_memories(final.observations, ~masks.bootstrap[t, b])
         final.alive = masks.bootstrap[t, b] | (~self.reset[t, b, None] & self.views.alive[t + 1, b])
         self._forget(~masks.chain)
         return replace(self, final=final, final_at=at, _finals={})
 
     def _forget(self, ended: Bools) -> None:
-        """Empty the memories that follow the steps (T, B, N) after which a life does not go on."""
+        """Empty the memories that follow the steps (T, B, N) at which a trajectory ends."""
         following = self.views[1:]
         _empty_memories(following.observations, ended)
 
@@ -213,41 +225,34 @@ class JointRollout:
         return derive_masks(self.views.alive, self.terminated, self.truncated, self.reset, self.failed)
 
     def env_steps(self) -> int:
-        """Return the number of valid steps, over all copies (RLlib asks for it)."""
+        """Return the number of valid steps, over all environments (RLlib asks for it)."""
         return int((~self.failed).sum())
 
     def agent_steps(self) -> int:
-        """Return the number of actions taken by living agents (RLlib asks for it)."""
+        """Return the number of actions taken by active agents (RLlib asks for it)."""
         return int(self.views.alive[:-1].sum())
 
     @staticmethod
     def concat(rollouts: Sequence[JointRollout]) -> JointRollout:
-        """Join fragments of equal length along the copies."""
+        """Join fragments of equal length along the environments."""
         if len(rollouts) == 1:
             return rollouts[0]
-        first = rollouts[0]
-        offsets = np.cumsum([0, *(r.rewards.shape[1] for r in rollouts[:-1])])
 
-        def copies(name: str) -> np.ndarray:
-            return np.concatenate([getattr(r, name) for r in rollouts], 1)
+        def parts(name: str) -> list[Any]:
+            return [getattr(rollout, name) for rollout in rollouts]
 
-        return JointRollout(
-            views=View.concat([r.views for r in rollouts], 1),
-            actions=tuple(
-                np.concatenate([r.actions[k] for r in rollouts], 1) for k in range(len(first.actions))
-            ),
-            rewards=copies("rewards"),
-            terminated=copies("terminated"),
-            truncated=copies("truncated"),
-            reset=copies("reset"),
-            failed=copies("failed"),
-            log_prob=None if first.log_prob is None else copies("log_prob"),
-            final=View.concat([r.final for r in rollouts], 0),
-            final_at=np.concatenate(
-                [r.final_at + np.array([0, o]) for r, o in zip(rollouts, offsets, strict=True)]
-            ),
-            source=np.concatenate([r.source for r in rollouts]),
-            start=np.concatenate([r.start for r in rollouts]),
+        counts = [len(source) for source in parts("source")]
+        offsets = np.repeat(np.cumsum([0, *counts[:-1]]), [len(at) for at in parts("final_at")])
+        by_step = ("rewards", "terminated", "truncated", "reset", "failed", "log_prob")
+        return replace(
+            rollouts[0],
+            views=View.concat(parts("views"), 1),
+            actions=tuple(map(partial(np.concatenate, axis=1), zip(*parts("actions"), strict=True))),
+            **{name: _joined(parts(name), 1) for name in by_step},
+            final=View.concat(parts("final"), 0),
+            final_at=np.concatenate(parts("final_at")) + np.stack([0 * offsets, offsets], 1),
+            source=np.concatenate(parts("source")),
+            start=np.concatenate(parts("start")),
         )
 
 

@@ -37,8 +37,9 @@ from algorithms.joint.config import JointConfig
 from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
 from algorithms.joint.metrics import EPISODE_MEAN
 from algorithms.joint.policies import Policies
+from algorithms.joint.progress import Episode
 from algorithms.joint.rollout import JointRollout
-from algorithms.joint.sampler import Episode, EvaluatedStep, Listener, Sampler
+from algorithms.joint.sampler import EpisodeListener, EvaluatedStep, Sampler
 from algorithms.joint.spec import SPEC, JointSpec, agent_spaces
 from algorithms.joint.threads import torch_threads
 from algorithms.joint.worlds import EVALUATION_WORLDS
@@ -46,17 +47,17 @@ from algorithms.joint.worlds import EVALUATION_WORLDS
 logger = logging.getLogger(__name__)
 
 SAMPLERS = "samplers"
-"""Key of states that belong to one process each; all others ignore them."""
-FAILED_COPIES = "num_failed_env_copies_lifetime"
+"""Key of the samplers' states; each belongs to one process, and others ignore it."""
+FAILED_ENVS = "num_failed_envs_lifetime"
 LARGEST_RESTART_ID = 2**63 - 1
 """Rollouts keep the number in an array of int64; steps never get there."""
 
 
 class SampleResult(NamedTuple):
-    """What a runner answers to a request for data.
+    """A runner's answer to a request for data.
 
     Attributes:
-        worker: Index of the runner, so that replies can be put in order.
+        worker: Index of the runner, so that results can be put in order.
         rollout: The data, or the error that stops the run.
         metrics: RLlib metrics of the fragment.
     """
@@ -67,7 +68,7 @@ class SampleResult(NamedTuple):
 
 
 class JointEnvRunner(EnvRunner, Checkpointable):
-    """Steps B copies of an environment with one batched forward pass per step."""
+    """Steps B environments with one batched forward pass per step."""
 
     config: JointConfig  # type: ignore[assignment]
 
@@ -86,7 +87,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         self.make_env()
 
     def make_env(self) -> None:
-        """Create the copies, unless this is the local runner beside remote ones."""
+        """Create the environments, unless this is the local runner beside remote ones."""
         if self._has_env():
             self.env: VectorJointEnv | None = self._new_env()
             self.spec = self._spec_of(self.env)
@@ -105,12 +106,12 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             self._policies = Policies(self.spec, {g.id: self.module[g.id] for g in self.spec.groups})
 
     def request(self, state: dict[str, Any] | ray.ObjectRef, steps: int) -> SampleResult:
-        """Take over weights and counters, return a fragment: in one round trip, so never stale."""
+        """Set weights and counters and return a fragment, in one round trip: weights are never stale."""
         self.set_state(ray.get(state) if isinstance(state, ray.ObjectRef) else state)
         try:
             rollout = self._sample_fragment(steps)
         except AlgorithmError as failure:
-            # Raised here, it would count as the actor's death, and the actor would be restarted for ever.
+            # Raised here, it would count as the actor's death, and the actor would be restarted forever.
             return SampleResult(self.worker_index, failure, self.get_metrics())
         return SampleResult(self.worker_index, rollout, self.get_metrics())
 
@@ -145,7 +146,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         Args:
             worlds: Their numbers.
             explore: Sample actions as in training, or act greedily.
-            on_step: Called with every step of all copies.
+            on_step: Called with every step of all environments.
             env: Where to play instead; it must have the agents and spaces of the training, and stays open.
             seed: Root seed of what the worlds are like and of sampled actions, by default the config's.
 
@@ -166,7 +167,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return {SPEC: (self.spec, None), **{g.id: agent_spaces(g) for g in self.spec.groups}}
 
     def assert_healthy(self) -> None:
-        """Answer that the runner lives (RLlib): without spaces it would not exist."""
+        """Return: a runner that exists is healthy (RLlib)."""
 
     def stop(self) -> None:
         """Close the environments."""
@@ -176,7 +177,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
                 env.close()
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
-        """Return weights and, unless only components are asked for, where the sampler stands."""
+        """Return weights and, unless only components are asked for, the sampler's state."""
         state: dict[str, Any] = {NUM_ENV_STEPS_SAMPLED_LIFETIME: self.num_env_steps_sampled_lifetime}
         if self._check_component(COMPONENT_RL_MODULE, components, not_components):
             self.make_module()
@@ -191,7 +192,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return state
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Take over weights, counters and this process's own sampler state.
+        """Restore weights, counters and the state of this process's own sampler.
 
         RLlib hands a restarted runner the local runner's state, and an evaluation runner a training runner's;
         hence what belongs to one process is keyed by that process.
@@ -230,11 +231,11 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return self.config.adapt(self._plain_env())
 
     def _plain_env(self) -> VectorJointEnv:
-        copies = int(self.config.num_envs_per_env_runner or 1)
+        num_envs = int(self.config.num_envs_per_env_runner or 1)
 
         def context(b: int) -> EnvContext:
             return EnvContext(
-                {**self.config.env_config, "num_envs": copies},
+                {**self.config.env_config, "num_envs": num_envs},
                 worker_index=self.worker_index,
                 num_workers=self.num_workers,
                 vector_index=b,
@@ -250,7 +251,9 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             return first
         spare = [first]  # made only to see which interface it has
         limit = self.config.max_env_failures
-        return JointVector(lambda b: spare.pop() if spare else create(context(b)), copies, max_failures=limit)
+        return JointVector(
+            lambda b: spare.pop() if spare else create(context(b)), num_envs, max_failures=limit
+        )
 
     def _training_sampler(self) -> Sampler:
         if self._sampler is None:
@@ -269,7 +272,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         restart_id: int,
         *,
         seed: int | None = None,
-        listener: Listener | None = None,
+        listener: EpisodeListener | None = None,
     ) -> Sampler:
         self.make_module()
         worker = max(self.worker_index - 1, 0)
@@ -345,7 +348,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         metrics.log_value(NUM_ENV_STEPS_SAMPLED_LIFETIME, steps, reduce="lifetime_sum", with_throughput=True)
         metrics.log_dict(by_agent, key=NUM_AGENT_STEPS_SAMPLED, reduce="sum")
         metrics.log_dict(by_agent, key=NUM_AGENT_STEPS_SAMPLED_LIFETIME, reduce="lifetime_sum")
-        metrics.log_value(FAILED_COPIES, failures, reduce="lifetime_sum")
+        metrics.log_value(FAILED_ENVS, failures, reduce="lifetime_sum")
 
     def _log_episodes(self, episodes: Sequence[Episode], recent: Sequence[Episode]) -> None:
         """Count the episodes that ended, and report means over the recent ones.

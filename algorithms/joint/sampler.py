@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -13,47 +12,25 @@ from gymnasium.spaces import Discrete
 from torch import Generator
 
 from algorithms.errors import EnvironmentFailure
-from algorithms.joint.env import MEMORY, Bools, Floats, Ints, JointStep, VectorJointEnv
+from algorithms.joint.env import LATENT, MEMORY, Bools, Ints, JointStep, VectorJointEnv
 from algorithms.joint.finite import non_finite
-from algorithms.joint.masks import goes_on
+from algorithms.joint.masks import same_trajectory
 from algorithms.joint.policies import Policies
+from algorithms.joint.progress import Episode, EpisodeProgress
 from algorithms.joint.rollout import JointRollout, View
 from algorithms.joint.spaces import to_env
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration, SampledActions
 
-
-class Episode(NamedTuple):
-    """An episode that ended.
-
-    Attributes:
-        copy: Copy that played it.
-        length: Steps.
-        returns: Undiscounted sum of rewards of each agent, (N,).
-        metrics: Numbers that the environment reported.
-        world: World of the episode, where it was asked for by world.
-    """
-
-    copy: int
-    length: int
-    returns: Floats
-    metrics: Mapping[str, float]
-    world: int = -1
-
-    def env_steps(self) -> int:
-        """Return the number of steps (RLlib asks for it)."""
-        return self.length
-
-    def agent_steps(self) -> int:
-        """Return the number of agent-steps (RLlib asks for it), as if all agents had lived throughout."""
-        return self.length * len(self.returns)
+LATENTS = 1
+"""Key of the random numbers that latents are drawn from."""
 
 
 class EvaluatedStep(NamedTuple):
-    """One step of all copies in an evaluation, handed over before the next step reuses the arrays.
+    """One step of all environments in an evaluation, handed over before the next step reuses the arrays.
 
     Attributes:
-        playing: World of the episode each copy plays, -1 if it idles, (B,).
+        playing: World of the episode each environment plays, -1 if it idles, (B,).
         view: What the agents saw, leading axis (B,).
         distributions: Per block, what the actions were sampled from; see `SampledActions.distribution`.
         actions: Per block, in the environment's units.
@@ -67,51 +44,30 @@ class EvaluatedStep(NamedTuple):
     step: JointStep
 
 
-class Listener(Protocol):
-    """Is told about the episodes of a sampler."""
+class EpisodeListener(Protocol):
+    """Receives the episodes of a sampler."""
 
     def started(self, rows: Ints) -> None:
-        """Hear that these copies began new episodes."""
+        """Take note that these environments began new episodes."""
         ...
 
     def stepped(self, step: JointStep, acted: Bools) -> None:
-        """Hear of a step, and who acted in it, (B, N), before anybody acts again."""
+        """Take note of a step, and of the agents that acted in it, (B, N), before the next actions."""
         ...
 
 
-@dataclass
-class Progress:
-    """Where each copy stands in its present episode.
-
-    Attributes:
-        returns: Sum of rewards so far, (B, N).
-        lengths: Steps so far, (B,).
-        steps: Steps since the sampler began, (B,).
-        failures: Failures since the last completed episode, (B,).
-        failed_total: All failures so far.
-        ended: Episodes completed since they were last taken.
-    """
-
-    returns: Floats
-    lengths: Ints
-    steps: Ints
-    failures: Ints
-    failed_total: int = 0
-    ended: list[Episode] = field(default_factory=list)
-
-
 class Sampler:
-    """Steps an environment with policies and keeps the books of its episodes.
+    """Steps B environments with policies and accounts for their episodes.
 
     Args:
-        env: B copies.
+        env: The environments.
         policies: What acts.
         spec: Agents and groups.
         seed: Root seed of the episodes.
         source: (worker, restart_id), marks the rollouts. A sampler with another `restart_id` plays other
             episodes with other random actions; 0 plays those of `seed` itself.
-        max_failures: Failures of one copy without a completed episode in between before the run is stopped.
-        listener: Who is told about the episodes.
+        max_failures: Failures of one environment without a completed episode in between that stop the run.
+        listener: Receives the episodes.
     """
 
     def __init__(
@@ -123,40 +79,41 @@ class Sampler:
         seed: int,
         source: tuple[int, int] = (0, 0),
         max_failures: int = 10,
-        listener: Listener | None = None,
+        listener: EpisodeListener | None = None,
     ) -> None:
         self._listener = listener
-        self.env, self.policies, self._spec = env, policies, spec
+        self.env, self.policies, self.spec = env, policies, spec
         self._seed, self._source, self._max_failures = seed, source, max_failures
         self._generator = Generator().manual_seed(_mixed(seed, *source))
         self._now: View | None = None
         self._memories: list[np.ndarray | None] = []
-        agents = len(spec.agents)
-        self.progress = _fresh_progress(env.num_envs, agents)
+        self.progress = EpisodeProgress.begin(np.zeros(env.num_envs, int), len(spec.agents))
 
     def begin(self, worlds: Ints, *, stride: int = 0) -> None:
-        """Start all copies in new episodes; see `VectorJointEnv.reset`."""
+        """Start a new episode in every environment; see `VectorJointEnv.reset`."""
         step = self.env.reset(_restarted(self._seed, self._source[1]), worlds, stride=stride)
         step = self._finite_start(step)
-        self._see(self._remember(step, self._empty_memories()))
-        fresh = _fresh_progress(self.env.num_envs, len(self._spec.agents))
-        fresh.failed_total = self.progress.failed_total
-        self.progress = fresh
+        self.progress = EpisodeProgress.begin(
+            self._worlds(worlds), len(self.spec.agents), stride, self.progress.failed_total
+        )
+        self._see(self._with_leaves(step, MEMORY, self._zeros(MEMORY)))
+        every = np.arange(self.env.num_envs)
+        self._draw_latents(every, self._zeros(LATENT))
         if self._listener is not None:
-            self._listener.started(np.arange(self.env.num_envs))
+            self._listener.started(every)
 
     def fragment(self, steps: int, exploration: Exploration) -> JointRollout:
-        """Return the next `steps` steps of all copies, episodes running on between fragments.
+        """Return the next `steps` steps of all environments; episodes continue from fragment to fragment.
 
         Raises:
-            EnvironmentFailure: A copy failed too often in a row.
+            EnvironmentFailure: An environment failed too often in a row.
         """
-        copies = self.env.num_envs
+        count = self.env.num_envs
         if self._now is None:
-            self.begin(self._source[0] * copies + np.arange(copies))
-        spaces, now = self._spec.spaces, self._view()
-        rollout = JointRollout.empty(spaces, steps, copies, log_prob=self.policies.has_log_prob)
-        rollout.source[:] = [(*self._source, b) for b in range(copies)]
+            self.begin(self._source[0] * count + np.arange(count))
+        spaces, now = self.spec.spaces, self._view()
+        rollout = JointRollout.empty(spaces, steps, count, log_prob=self.policies.has_log_prob)
+        rollout.source[:] = [(*self._source, b) for b in range(count)]
         rollout.start[:] = self.progress.steps
         rollout.views.write(0, now)
         rollout.views.alive[0] = now.alive
@@ -169,7 +126,7 @@ class Sampler:
                 rollout.log_prob[t] = parts[0] if len(parts) == 1 else torch.cat(parts, 1)
             step = self._step(self._in_env_units([actions[t] for actions in rollout.actions]))
             rollout.write(t, step)
-        self._silence_the_dead(rollout)
+        self._clear_inactive(rollout)
         return rollout.close()
 
     def episodes(
@@ -178,54 +135,52 @@ class Sampler:
         exploration: Exploration,
         on_step: Callable[[EvaluatedStep], None] | None = None,
     ) -> list[Episode]:
-        """Play one episode in each of the given worlds, dealt in turn to the copies.
+        """Play one episode in each of the given worlds, dealt in turn to the environments.
 
         Args:
             worlds: Equally spaced numbers, shape (c,).
             exploration: How to act.
-            on_step: Called with every step of all copies.
+            on_step: Called with every step of all environments.
 
         Returns:
-            The episodes in the order of `worlds`, without those that failed in an environment that then
-            goes on with another world.
+            The episodes in the order of `worlds`; an episode that failed in an environment which then
+            continues with another world is missing.
         """
-        copies = self.env.num_envs
+        count, last = self.env.num_envs, int(worlds[-1])
         spacing = int(worlds[1] - worlds[0]) if len(worlds) > 1 else 1
         self._generator.manual_seed(_mixed(self._seed, int(worlds[0])))
-        self.begin(worlds[0] + spacing * np.arange(copies), stride=spacing * copies)
-        playing = self._worlds(worlds[0] + spacing * np.arange(copies))
+        self.begin(worlds[0] + spacing * np.arange(count), stride=spacing * count)
         finished: dict[int, Episode] = {}
-        while (playing <= worlds[-1]).any():
-            seen = self._view() if on_step is None else _copied(self._view())
-            acting = self._act(seen, exploration)
-            actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
-            self._annotate(acting)
-            step = self._step(actions)
-            if on_step is not None:
-                active = np.where(playing <= worlds[-1], playing, -1)
-                given = tuple(chosen.distribution.numpy() for chosen in acting)
-                on_step(EvaluatedStep(active, seen, given, actions, step))
-            for episode in self.take_episodes():
-                world = int(playing[episode.copy])
-                if world <= worlds[-1]:
-                    finished[world] = episode._replace(world=world)
-                playing[episode.copy] += spacing * copies
-            playing = self._worlds(playing)
+        while (self.progress.world <= last).any():
+            self._evaluate_step(last, exploration, on_step)
+            finished |= {episode.world: episode for episode in self.take_episodes()}
         return [finished[world] for world in worlds.tolist() if world in finished]
 
+    def _evaluate_step(
+        self, last: int, exploration: Exploration, on_step: Callable[[EvaluatedStep], None] | None
+    ) -> None:
+        playing = np.where(self.progress.world <= last, self.progress.world, -1)
+        seen = self._view() if on_step is None else _copied(self._view())
+        acting = self._act(seen, exploration)
+        actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
+        self._annotate(acting)
+        step = self._step(actions)
+        if on_step is not None:
+            given = tuple(chosen.distribution.numpy() for chosen in acting)
+            on_step(EvaluatedStep(playing, seen, given, actions, step))
+
     def choose(self, exploration: Exploration) -> tuple[np.ndarray, ...]:
-        """Return actions for where the copies stand, per block, in the environment's units."""
+        """Return actions for where the environments stand, per block, in the environment's units."""
         return self._in_env_units([chosen.actions.numpy() for chosen in self._act(self._view(), exploration)])
 
     def carry_out(self, actions: tuple[np.ndarray, ...]) -> None:
-        """Step the environment by what `choose` returned."""
+        """Step the environments by what `choose` returned."""
         self._step(actions)
         self.take_episodes()
 
     def take_episodes(self) -> list[Episode]:
         """Return the episodes that ended since the last call."""
-        ended, self.progress.ended = self.progress.ended, []
-        return ended
+        return self.progress.take()
 
     def get_state(self) -> dict[str, Any]:
         """Return all that an exactly continued run needs."""
@@ -239,7 +194,7 @@ class Sampler:
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on where `get_state` was called; with new episodes if the environments have no state."""
+        """Continue where `get_state` was called; with new episodes if the environments have no state."""
         self._generator.set_state(torch.tensor(state["generator"]))
         if state["env"] is None or state["now"] is None:
             return
@@ -250,18 +205,9 @@ class Sampler:
             self._listener.started(np.arange(self.env.num_envs))
 
     def _worlds(self, expected: Ints) -> Ints:
-        """Return a copy of the worlds that are played, as expected unless the environment tells."""
+        """Return the worlds that are played, as expected unless the environment says otherwise; a copy."""
         told = getattr(self.env, "worlds", None)
         return np.array(expected if told is None else told, int)
-
-    def _empty_memories(self) -> list[np.ndarray | None]:
-        """Return zeros (B, n, H) for each recurrent block."""
-        return [
-            np.zeros((self.env.num_envs, len(block.agents), *block.observation[MEMORY].shape), np.float32)
-            if MEMORY in block.observation
-            else None
-            for block in self._spec.spaces.blocks
-        ]
 
     def _view(self) -> View:
         if self._now is None:
@@ -269,7 +215,7 @@ class Sampler:
         return self._now
 
     def _in_env_units(self, actions: list[np.ndarray]) -> tuple[np.ndarray, ...]:
-        return tuple(to_env(b.action, a) for b, a in zip(self._spec.spaces.blocks, actions, strict=True))
+        return tuple(to_env(b.action, a) for b, a in zip(self.spec.spaces.blocks, actions, strict=True))
 
     def _act(self, view: View, exploration: Exploration) -> list[SampledActions]:
         acting = self.policies.act(view, exploration, self._generator)
@@ -281,73 +227,90 @@ class Sampler:
         if annotate is None:
             return
         given = [chosen.distribution.numpy() for chosen in acting]
-        discrete = [isinstance(block.action, Discrete) for block in self._spec.spaces.blocks]
+        discrete = [isinstance(block.action, Discrete) for block in self.spec.spaces.blocks]
         for name, wanted in (("probabilities", True), ("mean_std", False)):
             if wanted in discrete:
                 annotate(name, [g if d == wanted else None for g, d in zip(given, discrete, strict=True)])
 
     def _step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
-        progress = self.progress
-        acted = self._view().alive.copy()
-        step = self._remember(self._void_non_finite(self.env.step(actions)), self._memories)
-        progress.returns += step.rewards * acted
-        progress.lengths += 1
-        progress.steps += 1
-        if step.reset.any() or step.failed:
-            self._end_episodes(step)
+        before = self._view()
+        acted = before.alive.copy()
+        step = self._with_leaves(self._void_non_finite(self.env.step(actions)), MEMORY, self._memories)
+        over = self.progress.account(step, acted)
+        self._stop_at_failures(step)
+        self.progress.world = self._worlds(self.progress.world)
         self._see(step)
-        self._forget(acted, step)
+        self._forget(acted & same_trajectory(step.alive, step.terminated, step.truncated, over))
+        self._draw_latents(np.flatnonzero(over), [leaves.get(LATENT) for leaves in before.observations])
         if self._listener is not None:
             self._listener.stepped(step, acted)
-        return step
+        return self._with_leaves(step, LATENT, [leaves.get(LATENT) for leaves in self._view().observations])
 
-    def _remember(self, step: JointStep, memories: Sequence[np.ndarray | None]) -> JointStep:
-        """Return the step with the memory (B, n, H) that each recurrent block takes along."""
-        if not any(memory is not None for memory in memories):
+    def _stop_at_failures(self, step: JointStep) -> None:
+        """Raise if an environment fails time and again.
+
+        Raises:
+            EnvironmentFailure: It does.
+        """
+        for b, cause in step.failed.items():
+            if self.progress.failures[b] > self._max_failures:
+                raise EnvironmentFailure(
+                    f"{self.progress.failures[b]} failures without a completed episode: {cause!r}",
+                    place=f"environment {b}, a {type(self.env).__name__}",
+                    remedy="mend the environment, or raise `max_env_failures`",
+                ) from cause
+
+    def _zeros(self, name: str) -> list[np.ndarray | None]:
+        """Return zeros (B, n, ...) for each block whose agents have a leaf of this name, None for others."""
+        return [
+            np.zeros((self.env.num_envs, len(block.agents), *block.observation[name].shape), np.float32)
+            if name in block.observation
+            else None
+            for block in self.spec.spaces.blocks
+        ]
+
+    @staticmethod
+    def _with_leaves(step: JointStep, name: str, parts: Sequence[np.ndarray | None]) -> JointStep:
+        """Return the step with a leaf (B, n, ...) added to the observations of each block that has one."""
+        if not any(part is not None for part in parts):
             return step
         seen = tuple(
-            leaves if memory is None else {**leaves, MEMORY: memory}
-            for leaves, memory in zip(step.observations, memories, strict=True)
+            leaves if part is None else {**leaves, name: part}
+            for leaves, part in zip(step.observations, parts, strict=True)
         )
         return step._replace(observations=seen)
 
-    def _forget(self, acted: Bools, step: JointStep) -> None:
-        """Empty the memory of all whose life did not go on; what was handed out keeps it."""
-        over = step.reset.copy()
-        over[list(step.failed)] = True
-        ended = ~(acted & goes_on(step.alive, step.terminated, step.truncated, over))
+    def _draw_latents(self, rows: Ints, latents: Sequence[np.ndarray | None]) -> None:
+        """Show the latents (B, n, ...), drawn anew for the episodes that begin in some environments.
+
+        Each episode has a generator of its own: its latents do not depend on the number of environments.
+        """
+        if not any(part is not None for part in latents):
+            return
+        view, root = self._view(), _restarted(self._seed, self._source[1])
+        for leaves, part in zip(view.observations, latents, strict=True):
+            if part is not None:
+                leaves[LATENT] = part.copy()
+                leaves[LATENT][rows] = 0
+        for b in rows.tolist():
+            episode = int(self.progress.world[b]), int(self.progress.number[b])
+            generator = Generator().manual_seed(_mixed(root, *episode, LATENTS))
+            drawn = self.policies.begin_episode(view[b : b + 1], generator)
+            for leaves, latent in zip(view.observations, drawn, strict=True):
+                if LATENT in leaves:
+                    leaves[LATENT][b] = latent[0].numpy()
+
+    def _forget(self, continues: Bools) -> None:
+        """Empty the memory of agents whose trajectory ended, (B, N); rows handed out before keep it."""
         column = 0
-        for leaves, block in zip(self._view().observations, self._spec.spaces.blocks, strict=True):
+        for leaves, block in zip(self._view().observations, self.spec.spaces.blocks, strict=True):
             if MEMORY in leaves:
-                own = ended[:, column : column + len(block.agents)]
-                leaves[MEMORY] = np.where(own[..., None], 0, leaves[MEMORY])
+                own = continues[:, column : column + len(block.agents)]
+                leaves[MEMORY] = np.where(own[..., None], leaves[MEMORY], 0)
             column += len(block.agents)
 
-    def _end_episodes(self, step: JointStep) -> None:
-        progress = self.progress
-        for b in np.flatnonzero(step.reset).tolist():
-            if b not in step.failed:
-                metrics = step.metrics.get(b, {})
-                progress.ended.append(
-                    Episode(b, int(progress.lengths[b]), progress.returns[b].copy(), metrics)
-                )
-                progress.failures[b] = 0
-        for b, cause in step.failed.items():
-            progress.failures[b] += 1
-            progress.failed_total += 1
-            if progress.failures[b] > self._max_failures:
-                raise EnvironmentFailure(
-                    f"copy {b} failed {progress.failures[b]} times without completing an episode: {cause!r}",
-                    place=f"environment {type(self.env).__name__}",
-                    remedy="mend the environment, or raise `max_env_failures`",
-                ) from cause
-        over = step.reset.copy()
-        over[list(step.failed)] = True
-        progress.returns[over] = 0
-        progress.lengths[over] = 0
-
     def _void_non_finite(self, step: JointStep) -> JointStep:
-        """Treat copies with NaN or infinite observations, states or rewards like copies that raised."""
+        """Treat environments with NaN or infinite observations, states or rewards as failed."""
         broken = non_finite(step)
         if not broken:
             return step
@@ -364,12 +327,12 @@ class Sampler:
         )
 
     def _finite_start(self, step: JointStep) -> JointStep:
-        """Return first moments without NaN or infinity: copies that begin with such are created anew."""
+        """Return first moments without NaN or infinity: environments that begin with them are recreated."""
         attempts, broken = 1, non_finite(step)
         while broken:
             if attempts > self._max_failures:
                 raise EnvironmentFailure(
-                    f"copies {sorted(broken)} began {attempts} times in a row with NaN or infinity",
+                    f"environments {sorted(broken)} began {attempts} times in a row with NaN or infinity",
                     place=f"environment {type(self.env).__name__}",
                     remedy="mend the environment: its reset gives non-finite observations or states",
                 )
@@ -388,21 +351,14 @@ class Sampler:
             step.graph,
         )
 
-    def _silence_the_dead(self, rollout: JointRollout) -> None:
+    def _clear_inactive(self, rollout: JointRollout) -> None:
         alive, column = rollout.views.alive[:-1], 0
-        for actions, block in zip(rollout.actions, self._spec.spaces.blocks, strict=True):
+        for actions, block in zip(rollout.actions, self.spec.spaces.blocks, strict=True):
             there = alive[..., column : column + len(block.agents)]
             actions *= there.reshape(there.shape + (1,) * (actions.ndim - 3)).astype(actions.dtype)
             column += len(block.agents)
         if rollout.log_prob is not None:
             rollout.log_prob *= alive
-
-
-def _fresh_progress(copies: int, agents: int) -> Progress:
-    def zeros() -> Ints:
-        return np.zeros(copies, int)
-
-    return Progress(np.zeros((copies, agents)), zeros(), zeros(), zeros())
 
 
 def _copied(view: View) -> View:

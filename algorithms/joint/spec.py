@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -130,13 +130,13 @@ def action_size(action: Action) -> int:
 
 
 def _group_names(spaces: JointSpaces, agents: tuple[str, ...], sharing: Sharing) -> dict[str, str]:
+    """Return each agent's group."""
     if sharing == "none":
         return {agent: agent for agent in agents}
     if sharing == "all":
         single = len(spaces.blocks) == 1
-        return {
-            a: "shared" if single else f"shared_{k}" for k, b in enumerate(spaces.blocks) for a in b.agents
-        }
+        named = {"shared" if single else f"shared_{k}": b.agents for k, b in enumerate(spaces.blocks)}
+        return _named_groups(named, agents)
     if isinstance(sharing, str):
         raise SpaceError(
             f"sharing {sharing!r} is unknown",
@@ -145,14 +145,17 @@ def _group_names(spaces: JointSpaces, agents: tuple[str, ...], sharing: Sharing)
         )
     if callable(sharing):
         return {agent: sharing(agent) for agent in agents}
+    return _named_groups(sharing, agents)
+
+
+def _named_groups(sharing: Mapping[str, Sequence[str]], agents: tuple[str, ...]) -> dict[str, str]:
     named = {agent: group for group, members in sharing.items() for agent in members}
-    for agent in named:
-        if agent not in agents:
-            raise SpaceError(
-                f"group {named[agent]!r} names the agent {agent!r}, which the environment does not have",
-                place="training(sharing=...)",
-                remedy=nearest_names(agent, agents),
-            )
+    for agent in named.keys() - agents:
+        raise SpaceError(
+            f"group {named[agent]!r} names the agent {agent!r}, which the environment does not have",
+            place="training(sharing=...)",
+            remedy=nearest_names(agent, agents),
+        )
     missing = [agent for agent in agents if agent not in named]
     if missing:
         raise SpaceError(

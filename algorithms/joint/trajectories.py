@@ -1,4 +1,4 @@
-"""Whole lives from fragments: what has not ended yet is held until it does."""
+"""Whole trajectories from fragments: a trajectory is held until it ends."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from algorithms.joint.rollout import JointRollout, View
 
 
 class OpenTrajectories:
-    """The steps of lives that go on beyond the last fragment.
+    """The steps of trajectories that continue beyond the last fragment.
 
-    A life ends when its agent terminates, is cut by a time limit or leaves. A life that a failure of the
-    environment breaks off has no end: it is dropped. A copy that does not go on where it stood (its runner
-    was restarted) loses its open lives.
+    A trajectory ends when its agent terminates, is cut by a time limit or leaves. A trajectory that a failure
+    of the environment breaks off is dropped. An environment that does not continue where it was (its runner
+    was restarted) loses its open trajectories.
 
     Args:
-        longest: Steps that a life may take.
+        longest: Most steps of a trajectory.
     """
 
     def __init__(self, longest: int) -> None:
@@ -29,18 +29,19 @@ class OpenTrajectories:
         self._spent = np.zeros(0, bool)
 
     def add(self, rollout: JointRollout) -> tuple[JointRollout, Bools]:
-        """Return what was held with a new fragment behind it, and which actions (T, B, N) to learn from.
+        """Return the held steps with a new fragment behind them, and which actions (T, B, N) to learn from.
 
-        Every action of every life that ends is handed out once, with the fragment in which the life ends.
+        Every action of every trajectory that ends is returned once, with the fragment in which it ends.
 
         Raises:
-            EnvironmentFailure: A life is longer than `longest`.
+            EnvironmentFailure: A trajectory is longer than `longest`.
         """
         spent = np.zeros(rollout.rewards.shape, bool)
         if self._held is not None:
             earlier, known = _aligned(self._held, rollout)
             before = self._spent[:, known] | (known < 0)[None, :, None]
-            # Where a copy begins anew, the void step keeps its columns from linking to somebody else's life.
+            # Where an environment restarts, the invalid step keeps its columns from linking to
+            # another trajectory.
             earlier.failed[-1, known < 0] = True
             rollout, spent = _behind(earlier, rollout), np.concatenate([before, spent])
         going, broken = _fates(rollout)
@@ -49,11 +50,11 @@ class OpenTrajectories:
         return rollout, ready
 
     def get_state(self) -> dict[str, Any]:
-        """Return what is held."""
+        """Return the held steps."""
         return {"held": self._held, "spent": self._spent}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Hold what `get_state` gave."""
+        """Restore what `get_state` gave."""
         self._held, self._spent = state["held"], state["spent"]
 
     def _hold(self, rollout: JointRollout, going: Bools) -> None:
@@ -64,8 +65,8 @@ class OpenTrajectories:
         first = int(steps[0])
         if len(going) - first > self._longest:
             raise EnvironmentFailure(
-                f"a life has lasted {len(going) - first} steps and goes on",
-                place="algorithm that learns from whole lives",
+                f"a trajectory has lasted {len(going) - first} steps without an end",
+                place="algorithm that learns from whole trajectories",
                 remedy="give episodes a time limit, raise `longest_trajectory`, or use 'a2c'",
             )
         self._held = _part(rollout, first, np.arange(going.shape[1]))
@@ -73,7 +74,7 @@ class OpenTrajectories:
 
 
 def _fates(rollout: JointRollout) -> tuple[Bools, Bools]:
-    """Return the steps (T, B, N) of lives that go on beyond the data, and of lives broken off."""
+    """Return the steps (T, B, N) of trajectories that continue beyond the data, and of those broken off."""
     chain, alive = rollout.masks().chain, rollout.views.alive[:-1]
     void_next = np.concatenate([rollout.failed[1:], np.zeros_like(rollout.failed[:1])])
     going, broken = np.zeros_like(chain), np.zeros_like(chain)
@@ -86,12 +87,12 @@ def _fates(rollout: JointRollout) -> tuple[Bools, Bools]:
 
 
 def _over(rollout: JointRollout, t: int) -> Bools:
-    """Return who (B, N) had an end of their own in step t."""
+    """Return which agents (B, N) ended by themselves in step t."""
     return rollout.terminated[t] | rollout.truncated[t] | rollout.reset[t][:, None]
 
 
 def _aligned(held: JointRollout, rollout: JointRollout) -> tuple[JointRollout, Ints]:
-    """Return what is held in the order of the new fragment's copies, and the places it had, -1 if unknown."""
+    """Return the held steps in the order of the new fragment, and their places, -1 if unknown."""
     reached = held.start + len(held.rewards)
     place = {(*s, n): b for b, (s, n) in enumerate(zip(held.source.tolist(), reached.tolist(), strict=True))}
     asked = zip(rollout.source.tolist(), rollout.start.tolist(), strict=True)
@@ -99,27 +100,27 @@ def _aligned(held: JointRollout, rollout: JointRollout) -> tuple[JointRollout, I
     return _part(held, 0, known), known
 
 
-def _part(rollout: JointRollout, first: int, copies: Ints) -> JointRollout:
-    """Return copies of some columns of a rollout from a step on, without final rows."""
+def _part(rollout: JointRollout, first: int, env_ids: Ints) -> JointRollout:
+    """Return a copy of some environments of a rollout from a step on, without final rows."""
     return replace(
         rollout,
-        views=rollout.views[first:][:, copies],
-        actions=tuple(actions[first:, copies] for actions in rollout.actions),
-        rewards=rollout.rewards[first:, copies],
-        terminated=rollout.terminated[first:, copies],
-        truncated=rollout.truncated[first:, copies],
-        reset=rollout.reset[first:, copies],
-        failed=rollout.failed[first:, copies],
-        log_prob=None if rollout.log_prob is None else rollout.log_prob[first:, copies],
+        views=rollout.views[first:][:, env_ids],
+        actions=tuple(actions[first:, env_ids] for actions in rollout.actions),
+        rewards=rollout.rewards[first:, env_ids],
+        terminated=rollout.terminated[first:, env_ids],
+        truncated=rollout.truncated[first:, env_ids],
+        reset=rollout.reset[first:, env_ids],
+        failed=rollout.failed[first:, env_ids],
+        log_prob=None if rollout.log_prob is None else rollout.log_prob[first:, env_ids],
         final=rollout.final[:0],
         final_at=rollout.final_at[:0],
-        source=rollout.source[copies],
-        start=rollout.start[copies] + first,
+        source=rollout.source[env_ids],
+        start=rollout.start[env_ids] + first,
     )
 
 
 def _behind(earlier: JointRollout, later: JointRollout) -> JointRollout:
-    """Return two fragments of the same copies, one after the other, without final rows."""
+    """Return two fragments of the same environments joined in time, without final rows."""
 
     def joined(name: str) -> np.ndarray:
         return np.concatenate([getattr(earlier, name), getattr(later, name)])

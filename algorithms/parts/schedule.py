@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from bisect import bisect_right
 from collections.abc import Sequence
 
@@ -20,16 +19,3 @@ def value_at(schedule: Schedule, step: int) -> float:
         return float(schedule[-1][1])
     (begin, first), (end, last) = schedule[after - 1], schedule[after]
     return float(first + (last - first) * (step - begin) / (end - begin))
-
-
-def is_schedule(value: object) -> bool:
-    """Return whether a value is a list of points whose steps begin at 0 and rise."""
-    if not isinstance(value, list | tuple) or not value:
-        return False
-    if not all(isinstance(point, list | tuple) and len(point) == 2 for point in value):
-        return False
-    steps = [point[0] for point in value]
-    numbers = [number for point in value for number in point]
-    if not all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers):
-        return False
-    return steps[0] == 0 and all(a < b for a, b in itertools.pairwise(steps))

@@ -57,25 +57,18 @@ def scripted(
     """
     from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER
     from benchmark.scripted.play import play
-    from smarts.registry import file_name, import_own, is_own_name
+    from smarts.registry import file_name, import_own
     from smarts.sstudio.locating import locate
 
     import_own(import_ or ())
-    known = (*SCRIPTED_POLICIES, SUMO_DRIVER)
-    chosen = policies or known
-    for policy in chosen:
-        if is_own_name(policy):
-            SCRIPTED_POLICIES[policy]
-        elif policy not in known:
-            raise UnknownNameError(
-                f"there is no scripted policy {policy!r}", remedy=nearest_names(policy, known)
-            )
-    for name in scenario or SCENARIOS:
+    chosen, scenarios = policies or (*SCRIPTED_POLICIES, SUMO_DRIVER), scenario or SCENARIOS
+    _check_policies(chosen)
+    for name in scenarios:
         locate(name)
     _check_table(out)
     typer.echo(_line(COLUMNS[:3], COLUMNS[3], "s", SHOWN))
     table = None if out is None else CsvTable(out)
-    for policy, name in itertools.product(chosen, scenario or SCENARIOS):
+    for policy, name in itertools.product(chosen, scenarios):
         folder = None if record is None else record / file_name(policy) / Path(name).name
         for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
             typer.echo(_shown(tally))
@@ -84,6 +77,20 @@ def scripted(
     if table is not None:
         table.finish()
         typer.echo(f"wrote {out}")
+
+
+def _check_policies(policies: Sequence[str]) -> None:
+    """Raise if a policy is unknown, or a user's own cannot be imported."""
+    from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER
+    from smarts.registry import is_own_name
+
+    known = (*SCRIPTED_POLICIES, SUMO_DRIVER)
+    for policy in policies:
+        if is_own_name(policy):
+            SCRIPTED_POLICIES[policy]
+        elif policy not in known:
+            remedy = nearest_names(policy, known)
+            raise UnknownNameError(f"there is no scripted policy {policy!r}", remedy=remedy)
 
 
 class CsvTable:

@@ -80,17 +80,22 @@ def settings_table(algorithm: str) -> list[tuple[str, str, str, str]]:
     return [("setting", "default", "allowed", "meaning"), *rows]
 
 
+LIMITS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<="}
+
+
 def allowed(schema: Mapping[str, Any]) -> str:
     """Return which values a JSON schema allows, in words: "number > 0", "list of integer >= 1"."""
-    if kinds := schema.get("anyOf") or schema.get("oneOf"):
-        return " or ".join(map(allowed, kinds))
-    if "const" in schema or "enum" in schema:
-        return " or ".join(json.dumps(value) for value in schema.get("enum", [schema.get("const")]))
-    kind = schema.get("type", "any")
+    choices = schema.get("enum") or ([schema["const"]] if "const" in schema else [])
+    kinds = schema.get("anyOf") or schema.get("oneOf") or []
+    if choices or kinds:
+        return " or ".join([*map(json.dumps, choices), *map(allowed, kinds)])
+    return _allowed_of_type(schema["type"], schema)
+
+
+def _allowed_of_type(kind: str, schema: Mapping[str, Any]) -> str:
+    if kind == "object":
+        return f"name: {allowed(schema['additionalProperties'])}"
     if kind == "array":
         parts = schema.get("prefixItems")
         return f"[{', '.join(map(allowed, parts))}]" if parts else f"list of {allowed(schema['items'])}"
-    if kind == "object":
-        return f"name: {allowed(schema['additionalProperties'])}"
-    limits = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<="}
-    return " ".join([kind, *(f"{sign} {schema[key]:g}" for key, sign in limits.items() if key in schema)])
+    return " ".join([kind, *(f"{sign} {schema[key]:g}" for key, sign in LIMITS.items() if key in schema)])

@@ -5,9 +5,11 @@ The checks look at values as files give them. What does not fit the models is le
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from inspect import Parameter, signature
-from math import isfinite
+from itertools import chain
+from math import inf
 from typing import Any
 
 from algorithms.registry import ALGORITHMS, Actions
@@ -135,13 +137,7 @@ def _actions(values: Values) -> Iterator[Fault]:
     environment = _section(values, "environment")
     action, adapter = environment.get("action", "Lane"), environment.get("adapter", "benchmark")
     if adapter in ADAPTER_NAMES:  # actions of an own adapter are known when it is made
-        kind = Actions.DISCRETE if action == "Lane" else Actions.CONTINUOUS
-        for number, name in enumerate(_known_algorithms(values)):
-            entry = entry_of(name)
-            if not entry.acts_in(kind):
-                fitting = ", ".join(each for each, other in ALGORITHMS.items() if other.acts_in(kind))
-                text = f"{name!r} needs {entry.actions} actions, and environment.action is {action!r}"
-                yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
+        yield from _unfit_algorithms(_known_algorithms(values), action)
     for number, name in enumerate(_texts(values.get("scripted"))):
         if name in SCRIPTED_POLICIES and not is_own_name(name) and action != "Lane":
             text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
@@ -149,6 +145,16 @@ def _actions(values: Values) -> Iterator[Fault]:
         if name == "gap_acceptance" and adapter == "raw":
             text = f"{name!r} looks at the observation of adapter 'benchmark', not of {adapter!r}"
             yield Fault(("scripted", number), text, "remove it")
+
+
+def _unfit_algorithms(algorithms: Sequence[str], action: Any) -> Iterator[Fault]:
+    kind = Actions.DISCRETE if action == "Lane" else Actions.CONTINUOUS
+    fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
+    for number, name in enumerate(algorithms):
+        entry = entry_of(name)
+        if not entry.acts_in(kind):
+            text = f"{name!r} needs {entry.actions} actions, and environment.action is {action!r}"
+            yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
 
 
 def _tyres(environment: Values) -> Iterator[Fault]:
@@ -163,12 +169,11 @@ def _sharing_fault(sharing: Any, agents: Any) -> str:
     """Return which agents are not in exactly one group; nothing where there are no groups."""
     if not isinstance(sharing, dict) or not isinstance(agents, int):
         return ""
-    named = [agent for members in sharing.values() if isinstance(members, list) for agent in members]
-    known = agent_names(agents)
-    for agent in known:
-        if named.count(agent) != 1:
-            return f"{agent} is in {named.count(agent) or 'no'} groups, instead of in one"
-    strange = [agent for agent in named if agent not in known]
+    groups = [members for members in sharing.values() if isinstance(members, list)]
+    named, known = Counter(map(str, chain(*groups))), agent_names(agents)
+    if wrong := [agent for agent in known if named[agent] != 1]:
+        return f"{wrong[0]} is in {named[wrong[0]] or 'no'} groups, instead of in one"
+    strange = sorted(named.keys() - {*known})
     return f"there is no agent {strange[0]!r}, but {known[0]} to {known[-1]}" if strange else ""
 
 
@@ -205,14 +210,15 @@ def _draw_fault(given: Any) -> Fault | None:
 
 
 def _bounds_fault(kind: str, bounds: list[Any]) -> Fault | None:
-    wanted = int if kind == "randint" else int | float
-    if not all(isinstance(bound, wanted) and not isinstance(bound, bool) for bound in bounds):
-        return Fault((kind,), f"{bounds!r} are no {'whole ' if wanted is int else ''}numbers")
+    """Return what is wrong with the bounds of a draw."""
+    kinds, numbers = ((int,), "whole numbers") if kind == "randint" else ((int, float), "numbers")
+    if any(type(bound) not in kinds for bound in bounds):
+        return Fault((kind,), f"{bounds!r} are no {numbers}")
     low, high = bounds
-    if low < high and isfinite(low) and isfinite(high) and (kind != "loguniform" or low > 0):
+    least, order = (0, "0 < low < high") if kind == "loguniform" else (-inf, "low < high")
+    if least < low < high < inf:
         return None
-    least = "0 < low < high" if kind == "loguniform" else "low < high"
-    return Fault((kind,), f"{bounds!r} are no bounds", f"give [low, high] with {least}, both finite")
+    return Fault((kind,), f"{bounds!r} are no bounds", f"give [low, high] with {order}, both finite")
 
 
 def _ends(given: Any) -> list[tuple[tuple[str | int, ...], Any]]:

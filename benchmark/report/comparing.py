@@ -13,6 +13,7 @@ from benchmark.metrics import METRICS, compare
 from benchmark.metrics.results import Frame
 from benchmark.report.protocol import described, differing_scenarios, protocol_of
 from benchmark.report.ranking import CELL
+from benchmark.results.commands import EXPERIMENT
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import Results, RunResult, read_results
 
@@ -59,32 +60,20 @@ def read_side(path: Path) -> Side:
     Raises:
         ResultsError: There are none.
     """
-    if not path.is_dir():
-        raise ResultsError("there is no such folder", place=str(path), remedy="give results/NAME[/ALGORITHM]")
-    root, algorithm = path, ""
-    if not (path / "experiment.json").exists():
-        whole = path.resolve()
-        if whole == whole.parent:
-            raise ResultsError(
-                "no results of an experiment", place=str(path), remedy="give results/NAME[/ALGORITHM]"
-            )
-        root, algorithm = whole.parent, whole.name
-        if root.name == SCRIPTED:
-            root = root.parent
+    root, algorithm = _root_of(path)
     results = read_results(root)
 
     def is_meant(run: RunResult) -> bool:
         return run.algorithm == algorithm or (not algorithm and not run.is_scripted)
 
-    runs = tuple(run for run in results.finished if is_meant(run))
-    places = {run.place for run in results.runs if is_meant(run)}
-    own = {
-        name: reason
+    meant = [run for run in results.runs if is_meant(run)]
+    left_out = [f"{run} is not finished: {run.status}" for run in meant if run.table is None]
+    left_out += [
+        f"{name}: {reason}"
         for name, reason in results.problems.items()
-        if not algorithm or any(f"{name}/".startswith(f"{place}/") for place in places)
-    }
-    left_out = [f"{run} is not finished: {run.status}" for run in results.unfinished if is_meant(run)]
-    left_out += [f"{name}: {reason}" for name, reason in own.items()]
+        if not algorithm or any(f"{name}/".startswith(f"{run.place}/") for run in meant)
+    ]
+    runs = tuple(run for run in meant if run.table is not None)
     if not runs:
         raise ResultsError(
             "; ".join(["there is no finished run", *left_out]),
@@ -92,6 +81,20 @@ def read_side(path: Path) -> Side:
             remedy="give results/NAME[/ALGORITHM] of a finished one",
         )
     return Side(path, results, runs, tuple(left_out), results.name)
+
+
+def _root_of(path: Path) -> tuple[Path, str]:
+    """Return an experiment's folder, and the algorithm whose folder is given, "" for the experiment's."""
+    remedy = "give results/NAME[/ALGORITHM]"
+    if not path.is_dir():
+        raise ResultsError("there is no such folder", place=str(path), remedy=remedy)
+    if (path / EXPERIMENT).exists():
+        return path, ""
+    whole = path.resolve()
+    if whole == whole.parent:
+        raise ResultsError("no results of an experiment", place=str(path), remedy=remedy)
+    root = whole.parent
+    return (root.parent if root.name == SCRIPTED else root), whole.name
 
 
 def told_apart(first: Side, second: Side) -> tuple[Side, Side]:
@@ -130,17 +133,20 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
         ResultsError: There is nothing in common.
         UnknownNameError: A metric is unknown.
     """
-    # Each once, since p-values are corrected for how many there are.
+    # Each once, since p-values are corrected for their number.
     metrics = [*dict.fromkeys(metrics)]
     for name in metrics:
         METRICS[name]
-    parts = []
     pairs = _pairs(first, second)
-    for number, (one, other) in enumerate(pairs):
-        for side, name, letter in ((first, one, "A"), (second, other, "B")):
-            tables = [run.table for run in side.runs if run.algorithm == name and run.table is not None]
-            parts.append(pd.concat(tables, ignore_index=True).assign(pair=number, side=letter))
-    table: Frame = pd.concat(parts, ignore_index=True)
+    table: Frame = pd.concat(
+        [
+            pd.concat(tables, ignore_index=True).assign(pair=number, side=letter)
+            for number, pair in enumerate(pairs)
+            for letter, side, name in zip("AB", (first, second), pair, strict=True)
+            if (tables := [run.table for run in side.runs if run.algorithm == name])
+        ],
+        ignore_index=True,
+    )
     table = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
     found = compare(table, metrics, ["pair", *CELL], "side", family=())
     if not len(found):
@@ -149,9 +155,11 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
             place=f"{first.path}, {second.path}",
             remedy="compare experiments on the same tasks and traffic",
         )
-    sides = [pairs[number] for number in found["pair"]]
-    names = {"A": [f"{first.name}: {one}" for one, _ in sides]}
-    names["B"] = [f"{second.name}: {other}" for _, other in sides]
+    chosen = [pairs[number] for number in found["pair"]]
+    names = {
+        letter: [f"{side.name}: {pair[number]}" for pair in chosen]
+        for number, (letter, side) in enumerate(zip("AB", (first, second), strict=True))
+    }
     better = [names[wins][row] if wins else "" for row, wins in enumerate(found["wins"])]
     seeds = _training_seeds(table)
     cells = [*zip(found["pair"], *(found[name] for name in CELL), strict=True)]
@@ -170,7 +178,7 @@ def _training_seeds(table: Frame) -> dict[Hashable, int]:
 
 
 def differing_protocols(first: Side, second: Side) -> list[str]:
-    """Return wherein the two sides' protocols differ, a line for each protocol; none if there is one."""
+    """Return a line for each protocol with its differing values; none if there is one protocol."""
     found = dict.fromkeys(protocol_of(run, side.results) for side in (first, second) for run in side.runs)
     return described([*found]) if len(found) > 1 else []
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from benchmark.metrics import METRICS
@@ -35,11 +35,8 @@ def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
 def leaderboard_page(board: Leaderboard) -> str:
     """Return a leaderboard as an HTML page."""
     several = [PROTOCOL] if len(board.protocols) > 1 else []
-    rates: list[Column] = [(METRICS[name].label, METRICS[name].meaning, False) for name in RANKED_BY]
-    means: list[Column] = [
-        (METRICS[name].label, f"Interquartile mean of: {METRICS[name].meaning}", False) for name in RANKED_BY
-    ]
-    own: list[Column] = [(METRICS[name].label, METRICS[name].meaning, False) for name in board.own_metrics]
+    rates, own = _columns(RANKED_BY), _columns(board.own_metrics)
+    means = _columns(RANKED_BY, "Interquartile mean of: ")
     columns: list[Column] = [
         ("cell", "Task and traffic", True),
         *several,
@@ -72,3 +69,8 @@ def leaderboard_page(board: Leaderboard) -> str:
         paradigms=[(name, name) for name in sorted({each.paradigm for each in places})],
         metrics=[METRICS[name] for name in (*RANKED_BY, *board.own_metrics)],
     )
+
+
+def _columns(metrics: Iterable[str], before: str = "") -> list[Column]:
+    """Return the columns of metrics; `before` begins their meaning."""
+    return [(METRICS[name].label, before + METRICS[name].meaning, False) for name in metrics]

@@ -1,4 +1,4 @@
-"""How agent-episodes ended, as stacked bars."""
+"""Outcomes of agent-episodes as stacked bars."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def outcome_label(name: str) -> str:
 
 
 def shown_outcomes(report: Report) -> list[str]:
-    """Return the outcomes that there are."""
+    """Return the outcomes with a share above 0, and the two rates."""
     rows = report.values
     seen = set(rows.loc[rows["value"] > 0, "metric"])
     return [name for name in OUTCOMES if name in seen or name in SHORT]
@@ -42,7 +42,7 @@ def draw_outcomes(axes: Any, report: Report, task: str, traffic: str) -> None:
     left = np.zeros(len(names))
     for outcome in shown_outcomes(report):
         found = [report.value(name, task, traffic, report.modes[0], outcome) for name in names]
-        shares = np.array([value.value if value and value.is_known else 0.0 for value in found])
+        shares = np.nan_to_num([value.value if value else 0.0 for value in found])
         bars = axes.barh(names, shares, left=left, color=OUTCOME_COLOURS[outcome], height=0.72)
         texts = [f"{share:.2f}" if share >= LEAST_NAMED else "" for share in shares]
         axes.bar_label(bars, texts, label_type="center", fontsize=7, color="white")

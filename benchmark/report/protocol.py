@@ -24,12 +24,12 @@ def protocol_of(run: RunResult, results: Results) -> str:
     """
     config = run.config
     if run.is_scripted:
-        beside = (each for each in results.runs if _cell(each) == _cell(run) and not each.is_scripted)
-        config = next((each.config for each in beside if each.config), config)
-    # Whatever version wrote it: keys that it did not have are their defaults.
+        beside = (each.config for each in results.runs if _cell(each) == _cell(run) and not each.is_scripted)
+        config = next(filter(None, beside), config)
+    # Keys that an earlier version did not have are their defaults.
     config = completed({name: config[name] for name in (*COMPARED, "settings") if name in config})
-    sharing = (config.get("settings") or {}).get("sharing", OWN_SHARING)
-    content = {**{name: config.get(name) for name in COMPARED}, "sharing": sharing}
+    settings = config.pop("settings", None) or {}
+    content = dict.fromkeys(COMPARED) | config | {"sharing": settings.get("sharing", OWN_SHARING)}
     return json.dumps(content, sort_keys=True)
 
 

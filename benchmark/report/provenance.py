@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,29 +84,30 @@ def duration(seconds: float) -> str:
 
 
 def circumstances(results: Results) -> list[tuple[str, list[str]]]:
-    """Return name and distinct values of what runs were made with; more than one value is worth a look."""
+    """Return name and distinct values of commit, versions, machine and config of the runs."""
     begun = [run.facts for run in results.runs if run.facts]
     facts = [each for run in begun for each in (run, *run.get(CONTINUED, ()))]
-    versions = [_text(each.get("versions")) for each in facts]
-    machines = [
-        ", ".join(filter(None, (_text(each.get(name)) for name in ("processor", "cores", "system"))))
-        for each in facts
-    ]
-    commits = _distinct(_text(each.get("commit")) for each in facts)
+    configs = [(run, run.config) for run in results.runs]
+    commits = _distinct(each.get("commit") for each in facts)
+    settings = (
+        f"{run.algorithm}: {_text(config.get('settings'))}"
+        for run, config in configs
+        if config and not run.is_scripted
+    )
     found = {
         "Commit" + CHANGED * any(each.endswith("+") for each in commits): commits,
-        "Python": _distinct(_text(each.get("python")) for each in facts),
-        "Versions": _distinct(versions),
-        "Machine (processor, cores, system)": _distinct(machines),
-        "Environment": _distinct(_text(run.config.get("environment")) for run in results.runs),
-        "Budget": _distinct(_text(run.config.get("budget")) for run in results.runs),
-        "Settings": _distinct(
-            f"{run.algorithm}: {_text(run.config.get('settings'))}"
-            for run in results.runs
-            if run.config and not run.is_scripted
-        ),
+        "Python": _distinct(each.get("python") for each in facts),
+        "Versions": _distinct(each.get("versions") for each in facts),
+        "Machine (processor, cores, system)": _distinct(map(_machine, facts)),
+        "Environment": _distinct(config.get("environment") for _, config in configs),
+        "Budget": _distinct(config.get("budget") for _, config in configs),
+        "Settings": _distinct(settings),
     }
     return [(name, values) for name, values in found.items() if values]
+
+
+def _machine(facts: Mapping[str, Any]) -> str:
+    return ", ".join(filter(None, (_text(facts.get(name)) for name in ("processor", "cores", "system"))))
 
 
 def commands(results: Results) -> list[str]:
@@ -151,5 +152,5 @@ def _text(value: Any) -> str:
     return "" if value is None else str(value)
 
 
-def _distinct(values: Iterable[str]) -> list[str]:
-    return [value for value in dict.fromkeys(values) if value]
+def _distinct(values: Iterable[Any]) -> list[str]:
+    return [value for value in dict.fromkeys(map(_text, values)) if value]

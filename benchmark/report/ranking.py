@@ -67,17 +67,17 @@ def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Stand
         differing: Of `differences`, of one cell.
         entries: Who is ranked.
     """
-    records = differing.to_dict("records")
-    wins = {(row["metric"], row["first"], row["second"]): row["wins"] for row in records}
+    decided: dict[tuple[Hashable, Hashable], dict[str, Any]] = {}
+    for row in differing.to_dict("records"):
+        pair = row["first"], row["second"]
+        if {*pair} <= {*entries} and not math.isnan(row["corrected"]):
+            decided.setdefault(pair, {})[row["metric"]] = row["wins"]
     met: dict[Hashable, set[Hashable]] = {entry: set() for entry in entries}
     better = dict.fromkeys(entries, 0)
-    for row in records:
-        first, second = row["first"], row["second"]
-        if first not in met or second not in met or second in met[first] or math.isnan(row["corrected"]):
-            continue
+    for (first, second), wins in decided.items():
         met[first].add(second)
         met[second].add(first)
-        winner = next((name for each in RANKED_BY if (name := wins.get((each, first, second)))), None)
+        winner = next(filter(None, map(wins.get, RANKED_BY)), None)
         if winner is not None:
             better[second if winner == first else first] += 1
     ranked = [entry for entry in entries if met[entry] or len(entries) == 1]

@@ -107,18 +107,15 @@ def rank_text(cell: TableCell) -> str:
 
 
 def standing(report: Report) -> list[str]:
-    """Return sentences on how the results compare to the paper's, and which must not be compared."""
+    """Return sentences on comparisons with the paper, and on runs that must not be compared."""
     sentences = differing_scenarios((run, str(run)) for run in report.results.runs)
     for mode in report.modes:
-        cells = [
-            cell for row in report.main_table(mode) for cell in row.cells if cell.is_non_inferior is not None
-        ]
-        if cells:
-            good = sum(bool(cell.is_non_inferior) for cell in cells)
-            where = f"in {good} of {len(cells)} cells that the paper has"
+        every = [cell for row in report.main_table(mode) for cell in row.cells]
+        marked = [cell.is_non_inferior for cell in every if cell.is_non_inferior is not None]
+        if marked:
+            where = f"in {sum(marked)} of {len(marked)} cells that the paper has"
             bounds = "by the 95% bounds of its cells, which are of 40 agent-episodes each"
             sentences.append(f"{MODE_TITLES[mode]}: non-inferior to the paper {where}, {bounds}.")
-        every = (cell for row in report.main_table(mode) for cell in row.cells)
         short = sum(bool(cell.printed) and cell.is_short for cell in every)
         if short:
             asked = f"fewer test episodes than the {paper()['test_episodes']} a seed that this asks for"

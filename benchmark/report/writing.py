@@ -93,12 +93,11 @@ def _check_free(folder: Path) -> None:
     if folder.is_file():
         raise ResultsError("is a file, not a folder", place=str(folder), remedy="choose another --out")
     if folder.is_dir() and any(folder.iterdir()):
-        known = {PAGE, TEXT, VALUES, DIFFERENCES, *(f"{kind.name}.png" for kind in KINDS)}
-        others = sorted(file.name for file in folder.iterdir() if file.name not in known)
-        others = [name for name in others if not (name.startswith("main_table_") and name.endswith(".tex"))]
+        known = [PAGE, TEXT, VALUES, DIFFERENCES, "main_table_*.tex", *(f"{kind.name}.png" for kind in KINDS)]
+        others = {*folder.iterdir()}.difference(*map(folder.glob, known))
         if others:
             raise ResultsError(
-                f"holds '{others[0]}', which is not of a report and would be lost",
+                f"holds '{min(others).name}', which is not of a report and would be lost",
                 place=str(folder),
                 remedy="move it away, then give `smarts-bench report RESULTS`, or with another --out",
             )

@@ -47,9 +47,13 @@ def read_progress(file: Path) -> tuple[list[dict[str, str]], dict[int, str]]:
         raise ResultsError(f"cannot be read: {first_line(error)}", place=str(file), remedy=REMEDY) from error
     if set(COLUMNS) - titles:
         raise ResultsError("not a table of progress", place=str(file), remedy=REMEDY)
-    found = {number: _problem(line) for number, line in enumerate(lines, start=2)}
-    valid = [line for line, problem in zip(lines, found.values(), strict=True) if not problem]
-    return valid, {number: problem for number, problem in found.items() if problem}
+    valid, problems = [], {}
+    for number, line in enumerate(lines, start=2):
+        if problem := _problem(line):
+            problems[number] = problem
+        else:
+            valid.append(line)
+    return valid, problems
 
 
 def begin_progress(file: Path, iteration: int) -> list[dict[str, str]]:

@@ -86,7 +86,8 @@ class RunFolder:
         if self.status != FINISHED:
             return False
         before = self.facts().get("tested")
-        problem = "it was tested in another way" if before != dict(tested) else self._table_problem(tested)
+        is_same = _in_order(before) == _in_order(tested)
+        problem = self._table_problem(tested) if is_same else "it was tested in another way"
         if problem and self.progress.exists() and not self.checkpoint.exists():
             raise ResultsError(
                 f"{problem}; there is no checkpoint either that could be tested again",
@@ -149,14 +150,14 @@ class RunFolder:
         Args:
             digests: Name -> present digest.
         """
-        known = self.facts().get(SCENARIOS, {})
+        known = self.facts().get(SCENARIOS, {}) if self._content() is not None else {}
         return [name for name, digest in digests.items() if known.get(name, digest) != digest]
 
     def _content(self) -> dict[str, Any] | None:
         """Return the completed config of the run in the folder; None without one."""
-        # A checkpoint without a run.json: a user has removed a damaged one.
-        is_begun = bool(self.facts()) if self.run.exists() else self._is_there(self.checkpoint)
-        return completed(self.read_config()) if is_begun else None
+        # Without a checkpoint nothing of an unfinished training can be used; scripted policies have none.
+        is_used = self.status == FINISHED or (self.status == TESTING and self.progress.exists())
+        return completed(self.read_config()) if is_used or self._is_there(self.checkpoint) else None
 
     @staticmethod
     def _is_there(folder: Path) -> bool:
@@ -185,9 +186,10 @@ class RunFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         if is_extended := self.is_extended(content):
             self.note(status=TRAINING)  # first, so that a kill in between does not leave the run finished
-        # A config without a run.json is of a run that was killed before it began, perhaps another one.
-        is_known = self.run.exists() and self.read_config().get(IMPORTS) == content.get(IMPORTS)
-        if is_extended or not is_known:
+        before = self._content()
+        if before is None:  # perhaps of another config, which was corrected
+            self.run.unlink(missing_ok=True)
+        if is_extended or before is None or before.get(IMPORTS) != content.get(IMPORTS):
             text = yaml.safe_dump(dict(content), sort_keys=False)
             write_whole(self.config, lambda file: file.write_text(text, encoding="utf-8"))
         recover_folder(self.checkpoint)
@@ -223,6 +225,13 @@ class RunFolder:
             self.checkpoint / "training.json",
             remedy=f"remove the folder {self.checkpoint} to train from the start",
         )
+
+
+def _in_order(tested: Any) -> Any:
+    """Return the content of a test with its metrics in one order, which has no meaning."""
+    if not isinstance(tested, Mapping) or not isinstance(tested.get("metrics"), list):
+        return tested
+    return {**tested, "metrics": sorted(tested["metrics"])}
 
 
 def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:

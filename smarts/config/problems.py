@@ -1,8 +1,8 @@
-"""Mistakes in configs, in words."""
+"""Mistakes in configs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
 
@@ -14,7 +14,7 @@ MOST_PROBLEMS = 25
 """How many mistakes of a file are shown."""
 LONGEST_VALUE = 80
 SHOULD = "input should be "
-"""How pydantic begins what it says of a value."""
+"""First words of pydantic's messages about a value."""
 
 Key = tuple[str | int, ...]
 
@@ -78,13 +78,13 @@ def in_order(problems: Sequence[Problem]) -> list[Problem]:
 def explained(
     error: ValidationError, model: type[BaseModel], values: Any, place: Callable[[Key], str]
 ) -> list[Problem]:
-    """Return what a model finds wrong, in words.
+    """Return the mistakes that a model finds.
 
     Args:
-        error: What it says.
+        error: Of the model.
         model: The model.
-        values: What it was given.
-        place: Where the value of a key is, or what is around it.
+        values: Its input.
+        place: Returns the place of a key, or of the section around it.
     """
     return _joined([_problem(dict(each), model, values, place) for each in _primary(error)])
 
@@ -93,9 +93,8 @@ def _problem(
     error: dict[str, Any], model: type[BaseModel], values: Any, place_of: Callable[[Key], str]
 ) -> Problem:
     """Return a validation error in words."""
-    key = tuple(part for part in error["loc"])
-    key = tuple(_without_kinds(key, values))
-    place, kind, message = place_of(key), error["type"], str(error["msg"])
+    key = tuple(_without_kinds(tuple(error["loc"]), values))
+    place, kind = place_of(key), error["type"]
     if kind == "extra_forbidden":
         section = _section(model, key[:-1])
         known = list(section.model_fields) if section else []
@@ -104,24 +103,31 @@ def _problem(
         return Problem(place, f"{shown(key)} is missing", _meaning(model, key))
     if kind in ("value_error", "assertion_error"):
         cause = error.get("ctx", {}).get("error")
-        if isinstance(cause, UnfitError):
-            return Problem(place, f"{shown(key)}: {cause.problem}" if key else cause.problem, cause.remedy)
-        message = message.removeprefix("Value error, ")
-        return Problem(place, f"{shown(key)}: {message}" if key else message)
-    value = error.get("input")
-    given = shortened(repr(value), LONGEST_VALUE)
+        is_ours = isinstance(cause, UnfitError)
+        problem = cause.problem if is_ours else str(error["msg"]).removeprefix("Value error, ")
+        text = f"{shown(key)}: {problem}" if key else problem
+        return Problem(place, text, cause.remedy if is_ours else "")
+    return Problem(
+        place, f"{shown(key)} is {shortened(repr(error.get('input')), LONGEST_VALUE)}", _should(error)
+    )
+
+
+def _should(error: Mapping[str, Any]) -> str:
+    """Return what a value of a wrong type or range should be."""
+    kind, value = error["type"], error.get("input")
     if kind in ("tuple_type", "list_type"):
         is_single = isinstance(value, str | int | float)
-        message = f"{SHOULD}a list" + (f": [{shortened(str(value), LONGEST_VALUE)}]" if is_single else "")
-    elif kind in ("model_type", "dict_type"):
-        message = f"{SHOULD}keys with values: {{key: value}}"
-    elif kind == "too_short":
-        message = f"{SHOULD}at least {error['ctx']['min_length']}"
-    return Problem(place, f"{shown(key)} is {given}", message[:1].lower() + message[1:])
+        return f"{SHOULD}a list" + (f": [{shortened(str(value), LONGEST_VALUE)}]" if is_single else "")
+    if kind in ("model_type", "dict_type"):
+        return f"{SHOULD}keys with values: {{key: value}}"
+    if kind == "too_short":
+        return f"{SHOULD}at least {error['ctx']['min_length']}"
+    message = str(error["msg"])
+    return message[:1].lower() + message[1:]
 
 
 def _primary(error: ValidationError) -> list[Any]:
-    """Leave out that a list is too short where that is only because of mistakes in its members."""
+    """Leave out "too short" of lists whose members have mistakes."""
     found = error.errors(include_url=False)
     places = [each["loc"] for each in found]
 
@@ -132,7 +138,7 @@ def _primary(error: ValidationError) -> list[Any]:
 
 
 def _joined(problems: Sequence[Problem]) -> list[Problem]:
-    """Join what is said of one value: one that fits none of several kinds is reported once for each."""
+    """Join the problems of each value: pydantic reports one for each type that it does not fit."""
     remedies: dict[tuple[str, str], list[str]] = {}
     for problem in problems:
         remedies.setdefault((problem.place, problem.text), []).append(problem.remedy)
@@ -143,7 +149,7 @@ def _joined(problems: Sequence[Problem]) -> list[Problem]:
 
 
 def _without_kinds(key: Key, content: Any) -> Iterator[str | int]:
-    """Leave out of a key what names a kind of value rather than a place in the file."""
+    """Leave out parts of a key that name a type, not a place in the file."""
     for part in key:
         if isinstance(content, list) and isinstance(part, int) and part < len(content):
             content = content[part]
@@ -180,7 +186,7 @@ def _meaning(model: type[BaseModel], key: Key) -> str:
 
 
 def shown(key: Key) -> str:
-    """Return a key as one writes it: tasks[0].name."""
+    """Return a key as written in code: tasks[0].name."""
     text = ""
     for part in key:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)

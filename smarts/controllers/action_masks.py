@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable
 
+from smarts.arrays import Bools
 from smarts.controllers.lane_changes import write_legal
-from smarts.controllers.lane_state import LaneState
 from smarts.geometry.binding import bind
 from smarts.roads.scene import Scene
-from smarts.types.world import World
-
-Bools = NDArray[np.bool_]
 
 
 class ActionMasker:
-    """Writes `agents.legal`; a part of the locator stage, which has just said where everybody is.
+    """Writes `agents.action_mask`; part of the map-matching stage, after vehicles are matched.
 
     To keep the lane and to slow down are always legal. A lane change is if there is a lane on that side in
     the same direction that is open to the vehicle, outside junctions, and if that lane is on the route and
@@ -24,11 +20,7 @@ class ActionMasker:
     """
 
     def __init__(self, scene: Scene) -> None:
-        world = scene.world
-        arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene)
-        agents = world.agents
-        self._write = bind(write_legal, *arrays, agents.state, world.guidance.phase, agents.action_mask)
-
-    def write(self, world: World, env_mask: Bools) -> None:
-        """Say what is legal in all occupied agents of some simulations."""
-        self._write(env_mask)
+        self.write: Callable[[Bools], None] = bind(
+            write_legal, scene.world.state, scene.atlas.roads, scene.routes.current
+        )
+        """Write the masks of all agents in the simulations of a mask, shape (B,)."""

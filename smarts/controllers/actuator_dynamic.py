@@ -24,7 +24,7 @@ class ActuatorDynamic:
     def __init__(self, scene: Scene) -> None:
         pass
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the actuators of the chosen agents; see `Controller`."""
         out.mode[chosen] = CommandMode.ACTUATORS_RATE
         out.actuators[chosen] = np.clip(actions.values[chosen, :3], LEAST, MOST)

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.controllers.action_formats import ActionFormat, NumbersFormat, Rejected, numbers_of
+from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped_half_open
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -61,50 +63,34 @@ class Direct:
     follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        pass
+        self._move = LateBound(move_directly, scene.world.state)
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the poses of the chosen agents; see `Controller`."""
-        world = scene.world
-        vehicles = world.vehicles
-        move_directly(
-            chosen,
-            actions.values,
-            world.agents.slot,
-            world.dt,
-            vehicles.position,
-            vehicles.heading,
-            vehicles.speed,
-            out.mode,
-            out.poses,
-        )
+        self._move.to(actions, out)(chosen)
 
 
 @kernel
-def move_directly(
-    chosen: Bools,
-    values: Floats,
-    slot: Ints,
-    dt: float,
-    position: Floats,
-    heading: Floats,
-    speed: Floats,
-    mode: NDArray[np.int8],
-    poses: Floats,
-) -> None:
+def move_directly(state: State, actions: Actions, commands: Commands, chosen: Bools) -> None:
     """Write the poses of unicycles from where the vehicles are; shapes as in `Commands`."""
+    vehicles = state.vehicles
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
             if not chosen[b, a]:
                 continue
-            mode[b, a] = _PLACE
-            v = slot[b, a]
-            x, y, angle, pace = position[b, v, 0], position[b, v, 1], heading[b, v], speed[b, v]
-            gain, turn = values[b, a, 0], values[b, a, 1]
-            if values[b, a, 2] > 0.5:
-                pace, gain, turn = values[b, a, 0], 0.0, 0.0
-            h = dt / poses.shape[2]
-            for k in range(poses.shape[2]):
+            commands.mode[b, a] = _PLACE
+            v = state.agents.slot[b, a]
+            x, y, angle, pace = (
+                vehicles.position[b, v, 0],
+                vehicles.position[b, v, 1],
+                vehicles.heading[b, v],
+                vehicles.speed[b, v],
+            )
+            gain, turn = actions.values[b, a, 0], actions.values[b, a, 1]
+            if actions.values[b, a, 2] > 0.5:
+                pace, gain, turn = actions.values[b, a, 0], 0.0, 0.0
+            h = state.dt / commands.poses.shape[2]
+            for k in range(commands.poses.shape[2]):
                 after = pace + gain * h
                 if gain < 0.0 and pace >= 0.0:
                     after = max(after, 0.0)
@@ -113,6 +99,6 @@ def move_directly(
                 x, y = x + way * math.cos(middle), y + way * math.sin(middle)
                 angle += turn * h
                 pace = after
-                poses[b, a, k, 0], poses[b, a, k, 1] = x, y
-                poses[b, a, k, 2] = wrapped_half_open(angle)
-                poses[b, a, k, 3] = pace
+                commands.poses[b, a, k, 0], commands.poses[b, a, k, 1] = x, y
+                commands.poses[b, a, k, 2] = wrapped_half_open(angle)
+                commands.poses[b, a, k, 3] = pace

@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.controllers.lane_state import Abilities
+from smarts.controllers.abilities import Abilities
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, wrapped
 from smarts.roads.arrays import Roads

@@ -23,6 +23,6 @@ class Empty:
     def __init__(self, scene: Scene) -> None:
         pass
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Command nothing; see `Controller`."""
         out.mode[chosen] = CommandMode.NONE

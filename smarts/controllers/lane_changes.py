@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools
 from smarts.controllers.lane_path import next_row, place_on_lane, row_of
-from smarts.controllers.lane_state import LaneState
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at, wrapped
 from smarts.roads.arrays import Roads, RouteTable
@@ -18,6 +18,7 @@ from smarts.types.actions import LaneAction
 from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.guidance import GuidePhase
 from smarts.types.vehicles import VehicleKind
+from smarts.types.world import State
 
 LOST = 0.75
 """A vehicle this far from the lane that it keeps, in lane widths, has been brought to another."""
@@ -48,59 +49,59 @@ def is_changing(phase: int) -> bool:
 
 
 @kernel
-def steered_lane(
-    roads: Roads, table: RouteTable, state: LaneState, b: int, a: int
-) -> tuple[int, float, float]:
+def steered_lane(state: State, roads: Roads, routes: RouteTable, b: int, a: int) -> tuple[int, float, float]:
     """Return the row of the lane that an agent steers for, and where its vehicle is on it: s, t [m].
 
     The lane is followed across the ends of lanes; the row is -1 for a vehicle that is nowhere.
     """
-    slot, world = state.slot[b, a], state.map[b]
+    vehicles, agents = state.vehicles, state.agents
+    slot, world = agents.slot[b, a], state.map[b]
     first_lane = roads.lane_base[world]
-    x, y = state.position[b, slot, 0], state.position[b, slot, 1]
-    lane = int(state.target_lane[b, a])
-    here = int(state.lane[b, slot])
+    x, y = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1]
+    lane = int(agents.target_lane[b, a])
+    here = int(vehicles.lane[b, slot])
     if lane < 0:
         lane = here
     if lane < 0:
         return -1, 0.0, 0.0
-    route, hint = state.route[b, a], state.route_progress[b, a]
-    row = row_of(table, world, route, first_lane + lane, first_lane, hint)
-    if lane == here and 0.0 < state.lane_position[b, slot] < lane_length(roads, table.lane[row]):
-        # Known from the locator.
-        return row, state.lane_position[b, slot], state.lane_offset[b, slot]
-    s, t = place_on_lane(roads, table.lane[row], x, y)
-    row, s, t = _onward(roads, table, world, row, s, t, x, y)
-    farthest = (LOST_CHANGING if is_changing(state.change_phase[b, a]) else LOST) * roads.lane_width[
-        table.lane[row]
+    route, hint = routes.number[b, a], agents.route_progress[b, a]
+    row = row_of(routes, world, route, first_lane + lane, first_lane, hint)
+    if lane == here and 0.0 < vehicles.lane_position[b, slot] < lane_length(roads, routes.lane[row]):
+        # Known from map matching.
+        return row, vehicles.lane_position[b, slot], vehicles.lane_offset[b, slot]
+    s, t = place_on_lane(roads, routes.lane[row], x, y)
+    row, s, t = _onward(roads, routes, world, row, s, t, x, y)
+    farthest = (LOST_CHANGING if is_changing(agents.change_phase[b, a]) else LOST) * roads.lane_width[
+        routes.lane[row]
     ]
-    if abs(t) > farthest and here >= 0 and _is_along(roads, state, b, slot, first_lane + here):
-        row = row_of(table, world, route, first_lane + here, first_lane, hint)
-        s, t = place_on_lane(roads, table.lane[row], x, y)
+    if abs(t) > farthest and here >= 0 and _is_along(state, roads, b, slot, first_lane + here):
+        row = row_of(routes, world, route, first_lane + here, first_lane, hint)
+        s, t = place_on_lane(roads, routes.lane[row], x, y)
     return row, s, t
 
 
 @kernel
-def _is_along(roads: Roads, state: LaneState, b: int, slot: int, lane: int) -> bool:
+def _is_along(state: State, roads: Roads, b: int, slot: int, lane: int) -> bool:
     """Tell whether a vehicle points along its lane, which it does not where it swings wide across another."""
-    s = state.lane_position[b, slot]
+    vehicles = state.vehicles
+    s = vehicles.lane_position[b, slot]
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-    return math.cos(state.heading[b, slot] - centre_at(roads, point, s)[2]) > 0.0
+    return math.cos(vehicles.heading[b, slot] - centre_at(roads, point, s)[2]) > 0.0
 
 
 @kernel
 def _onward(
-    roads: Roads, table: RouteTable, world: int, row: int, s: float, t: float, x: float, y: float
+    roads: Roads, routes: RouteTable, world: int, row: int, s: float, t: float, x: float, y: float
 ) -> tuple[int, float, float]:
     """Return row, s and t of a point that may lie beyond the end of a row's lane."""
     for _ in range(8):
-        if s <= lane_length(roads, table.lane[row]):
+        if s <= lane_length(roads, routes.lane[row]):
             break
-        following = next_row(roads, table, world, row, roads.lane_base[world])
+        following = next_row(roads, routes, world, row, roads.lane_base[world])
         if following < 0:
             break
         row = following
-        s, t = place_on_lane(roads, table.lane[row], x, y)
+        s, t = place_on_lane(roads, routes.lane[row], x, y)
     return row, s, t
 
 
@@ -113,16 +114,16 @@ def is_drivable(roads: Roads, lane: int, kind: int) -> bool:
 
 
 @kernel
-def beside(state: LaneState, lane: int, change: int) -> int:
+def beside(roads: Roads, lane: int, change: int) -> int:
     """Return the lane to the left (1) or right (-1) of a lane, numbered across all maps, -1 for none."""
-    return int(state.left[lane] if change > 0 else state.right[lane])
+    return int(roads.lane_left[lane] if change > 0 else roads.lane_right[lane])
 
 
 @kernel
 def latch(
+    state: State,
     roads: Roads,
-    table: RouteTable,
-    state: LaneState,
+    routes: RouteTable,
     b: int,
     a: int,
     change: int,
@@ -135,42 +136,43 @@ def latch(
     for the other lane until it is there, or until the opposite command comes before it is half-way. To keep
     the lane meanwhile changes nothing.
     """
-    if state.change_phase[b, a] == _SETTLED:
-        state.change_phase[b, a] = _NONE
-    row, s, t = steered_lane(roads, table, state, b, a)
+    vehicles, agents = state.vehicles, state.agents
+    if agents.change_phase[b, a] == _SETTLED:
+        agents.change_phase[b, a] = _NONE
+    row, s, t = steered_lane(state, roads, routes, b, a)
     if row < 0:
         return row, s, t
-    slot, world = state.slot[b, a], state.map[b]
-    if state.change_phase[b, a] == _ABORTED:
-        state.change_phase[b, a] = _NONE
-    lane = int(table.lane[row])
+    slot, world = agents.slot[b, a], state.map[b]
+    if agents.change_phase[b, a] == _ABORTED:
+        agents.change_phase[b, a] = _NONE
+    lane = int(routes.lane[row])
     width = roads.lane_width[lane]
-    phase = int(state.change_phase[b, a])
+    phase = int(agents.change_phase[b, a])
     if fresh:
-        state.effective[b, a] = False
-        wanted = _command(state, lane, t, width, phase, change, action_mask)
-        if wanted >= 0 and is_drivable(roads, wanted, state.kind[b, slot]):
-            state.effective[b, a] = True
+        agents.effective[b, a] = False
+        wanted = _command(roads, lane, t, width, phase, change, action_mask)
+        if wanted >= 0 and is_drivable(roads, wanted, vehicles.kind[b, slot]):
+            agents.effective[b, a] = True
             phase = _REQUESTED if phase == _NONE else _ABORTED
-            first_lane, route = roads.lane_base[world], state.route[b, a]
-            row = row_of(table, world, route, wanted, first_lane, state.route_progress[b, a])
+            first_lane, route = roads.lane_base[world], routes.number[b, a]
+            row = row_of(routes, world, route, wanted, first_lane, agents.route_progress[b, a])
             lane = wanted
-            s, t = place_on_lane(roads, lane, state.position[b, slot, 0], state.position[b, slot, 1])
-    if phase == _REQUESTED and abs(t) < 0.5 * (width + state.width[b, slot]):
+            s, t = place_on_lane(roads, lane, vehicles.position[b, slot, 0], vehicles.position[b, slot, 1])
+    if phase == _REQUESTED and abs(t) < 0.5 * (width + vehicles.width[b, slot]):
         phase = _MOVING
     if is_changing(phase) and abs(t) < SETTLED_OFFSET:
         point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
         heading = centre_at(roads, point, s)[2]
-        if abs(wrapped(state.heading[b, slot] - heading)) < SETTLED_TURN:
+        if abs(wrapped(vehicles.heading[b, slot] - heading)) < SETTLED_TURN:
             phase = _SETTLED
-    state.change_phase[b, a] = phase
-    state.target_lane[b, a] = lane - roads.lane_base[world]
+    agents.change_phase[b, a] = phase
+    agents.target_lane[b, a] = lane - roads.lane_base[world]
     return row, s, t
 
 
 @kernel
 def _command(
-    state: LaneState,
+    roads: Roads,
     lane: int,
     t: float,
     width: float,
@@ -183,7 +185,7 @@ def _command(
         return -1
     if phase != _NONE and not _can_abort(phase, t, width, change):
         return -1
-    return beside(state, lane, change)
+    return beside(roads, lane, change)
 
 
 @kernel
@@ -193,38 +195,28 @@ def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
 
 
 @kernel
-def write_legal(
-    roads: Roads,
-    table: RouteTable,
-    state: LaneState,
-    occupied: NDArray[np.int8],
-    guidance: NDArray[np.int8],
-    action_mask: NDArray[np.bool_],
-    env_mask: NDArray[np.bool_],
-) -> None:
-    """Write which of the four lane actions the agents of some simulations may take next, shape (B, A, 4).
-
-    `occupied` is the `AgentStatus` and `guidance` the `GuidePhase` of all agents, shape (B, A).
-    """
+def write_legal(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
+    """Write `action_mask` of all agents in some simulations; see `ActionMasker`."""
+    agents = state.agents
     for b in range(len(env_mask)):
         if not env_mask[b]:
             continue
-        for a in range(occupied.shape[1]):
-            if occupied[b, a] not in (_ACTIVE, _SHADOWING) or state.slot[b, a] < 0:
+        for a in range(agents.slot.shape[1]):
+            if agents.state[b, a] not in (_ACTIVE, _SHADOWING) or agents.slot[b, a] < 0:
                 continue
-            mask = action_mask[b, a]
+            mask = agents.action_mask[b, a]
             mask[_KEEP], mask[_SLOW], mask[_LEFT], mask[_RIGHT] = True, True, False, False
-            row, s, t = steered_lane(roads, table, state, b, a)
-            if row >= 0 and guidance[b, a] != _MANOEUVRE:
-                mask[_LEFT] = _is_legal(roads, table, state, b, a, row, s, t, 1)
-                mask[_RIGHT] = _is_legal(roads, table, state, b, a, row, s, t, -1)
+            row, s, t = steered_lane(state, roads, routes, b, a)
+            if row >= 0 and state.guidance.phase[b, a] != _MANOEUVRE:
+                mask[_LEFT] = _is_legal(state, roads, routes, b, a, row, s, t, 1)
+                mask[_RIGHT] = _is_legal(state, roads, routes, b, a, row, s, t, -1)
 
 
 @kernel
 def _is_legal(
+    state: State,
     roads: Roads,
-    table: RouteTable,
-    state: LaneState,
+    routes: RouteTable,
     b: int,
     a: int,
     row: int,
@@ -233,35 +225,37 @@ def _is_legal(
     change: int,
 ) -> bool:
     """Tell whether a vehicle may be told to change lanes, or to take a lane change back."""
-    lane, slot, world = int(table.lane[row]), state.slot[b, a], state.map[b]
-    phase = int(state.change_phase[b, a])
-    other = beside(state, lane, change)
-    if other < 0 or not is_drivable(roads, other, state.kind[b, slot]):
+    agents = state.agents
+    lane, slot, world = int(routes.lane[row]), agents.slot[b, a], state.map[b]
+    phase = int(agents.change_phase[b, a])
+    other = beside(roads, lane, change)
+    if other < 0 or not is_drivable(roads, other, state.vehicles.kind[b, slot]):
         return False
     if is_changing(phase):
         return _can_abort(phase, t, roads.lane_width[lane], change)
     if roads.lane_inside[lane] or roads.lane_inside[other]:
         return False
-    return _leads_on(roads, table, state, b, a, other, s, world)
+    return _leads_on(state, roads, routes, b, a, other, s, world)
 
 
 @kernel
 def _leads_on(
-    roads: Roads, table: RouteTable, state: LaneState, b: int, a: int, lane: int, s: float, world: int
+    state: State, roads: Roads, routes: RouteTable, b: int, a: int, lane: int, s: float, world: int
 ) -> bool:
     """Tell whether a lane is on the route, and goes on along it or ends beyond the look-ahead."""
-    route = state.route[b, a]
+    agents = state.agents
+    route = routes.number[b, a]
     if route < 0:
         return True
     first_lane = roads.lane_base[world]
-    row = row_of(table, world, route, lane, first_lane, state.route_progress[b, a])
-    if row < table.start[table.free]:
+    row = row_of(routes, world, route, lane, first_lane, agents.route_progress[b, a])
+    if row < routes.start[routes.free]:
         return False
-    if table.onward_start[row + 1] > table.onward_start[row]:
+    if routes.onward_start[row + 1] > routes.onward_start[row]:
         return True
     # The lanes of the last road lead nowhere and need not.
-    corridor = table.free + route
-    if table.group[row] == table.group[table.start[corridor + 1] - 1]:
+    corridor = routes.free + route
+    if routes.group[row] == routes.group[routes.start[corridor + 1] - 1]:
         return True
-    speed = state.speed[b, state.slot[b, a]]
+    speed = state.vehicles.speed[b, agents.slot[b, a]]
     return lane_length(roads, lane) - s > LOOK_AHEAD + LOOK_AHEAD_TIME * speed

@@ -8,22 +8,22 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.controllers.abilities import Abilities
 from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_path
 from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
-from smarts.controllers.lane_state import LaneState
 from smarts.controllers.leaders import heed_leaders
 from smarts.controllers.led_path import write_led_reference
 from smarts.controllers.tracking import SPEED_GAIN
-from smarts.geometry.binding import bind
+from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.guide import Guide, guide_of
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands, LaneAction
 from smarts.types.agent_states import ChangePhase
 from smarts.types.guidance import GuidePhase
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -45,74 +45,76 @@ _LEFT, _RIGHT = int(LaneAction.change_lane_left), int(LaneAction.change_lane_rig
 
 @kernel
 def follow_lanes(
+    state: State,
     roads: Roads,
-    table: RouteTable,
-    state: LaneState,
-    guide: Guide,
+    routes: RouteTable,
+    abilities: Abilities,
     manner: int,
-    speeds: NDArray[np.float64],
-    chosen: NDArray[np.bool_],
-    fresh: NDArray[np.bool_],
-    values: NDArray[np.float64],
-    action_mask: NDArray[np.bool_],
-    mode: NDArray[np.int8],
-    reference: NDArray[np.float64],
-    length: NDArray[np.int32],
-    window: NDArray[np.float64],
+    speeds: Floats,
+    actions: Actions,
+    commands: Commands,
+    chosen: Bools,
 ) -> None:
     """Write the references of chosen agents.
 
     Args:
-        roads: The maps' lanes.
-        table: The routes.
         state: Of the world; latch, effective and desired speed are written.
-        guide: Where the missions' tasks lead, of all agents.
+        roads: The maps' lanes.
+        routes: The agents' routes.
+        abilities: Of the kinds of vehicles.
         manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
         speeds: The largest speed of discrete actions on each map [m/s], shape (M,).
-        chosen: Shape (B, A).
-        fresh: See `Actions`, shape (B, A).
-        values: See `Actions`, shape (B, A, 8).
-        action_mask: See `Actions`, shape (B, A, 4).
-        mode: Written, see `Commands`, shape (B, A).
-        reference: Written, shape (B, A, R, 4).
-        length: Written, shape (B, A).
-        window: Written, see `Commands`, shape (B, A).
+        actions: Of all agents.
+        commands: Written: mode, reference, its length and its window.
+        chosen: Which agents, shape (B, A).
     """
+    vehicles, agents, guidance = state.vehicles, state.agents, state.guidance
+    mode, reference, length = commands.mode, commands.reference, commands.reference_length
+    values = actions.values
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
             if not chosen[b, a]:
                 continue
-            slot = state.slot[b, a]
-            if state.entry_step[b, a] == state.step[b]:
-                state.target_lane[b, a] = -1
-                state.change_phase[b, a] = 0
-            is_led = guide.phase[b, a] == _MANOEUVRE
+            slot = agents.slot[b, a]
+            if agents.entry_step[b, a] == state.step[b]:
+                agents.target_lane[b, a] = -1
+                agents.change_phase[b, a] = 0
+            is_led = guidance.phase[b, a] == _MANOEUVRE
             change = _change_of(manner, values[b, a])
             row, s, t = latch(
-                roads, table, state, b, a, 0 if is_led else change, fresh[b, a], action_mask[b, a]
+                state,
+                roads,
+                routes,
+                b,
+                a,
+                0 if is_led else change,
+                actions.fresh[b, a],
+                actions.action_mask[b, a],
             )
             mode[b, a], length[b, a] = _TRACK, 0
             if row < 0:
                 continue
             cap, desired = _speeds(
-                roads.lane_speed[table.lane[row]],
+                roads.lane_speed[routes.lane[row]],
                 speeds[state.map[b]],
-                guide.speed[b, a],
+                guidance.speed[b, a],
                 manner,
                 values[b, a, 0],
-                is_changing(state.change_phase[b, a]),
+                is_changing(agents.change_phase[b, a]),
             )
-            state.desired_speed[b, slot] = desired
+            vehicles.desired_speed[b, slot] = desired
             points = reference[b, a]
-            speed = state.speed[b, slot]
+            speed = vehicles.speed[b, slot]
             obeys = manner != BY_SPEED
             if is_led:
                 # The lane that it steers for will be the one that it is in when the curve is behind it.
-                state.target_lane[b, a], state.change_phase[b, a] = -1, _NO_CHANGE
-                write_led_reference(roads, table, state, guide, b, a, cap, obeys, points)
+                agents.target_lane[b, a], agents.change_phase[b, a] = -1, _NO_CHANGE
+                write_led_reference(state, roads, routes, b, a, abilities, cap, obeys, points)
             else:
-                if _write_lane_reference(roads, table, state, b, a, row, s, t, cap, obeys, points):
-                    window[b, a] = PLANNED
+                if _write_lane_reference(
+                    state, roads, routes, b, a, abilities, row, s, t, cap, obeys, points
+                ):
+                    commands.window[b, a] = PLANNED
             if manner == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
             elif manner == NEUTRAL:
@@ -122,11 +124,12 @@ def follow_lanes(
 
 @kernel
 def _write_lane_reference(
+    state: State,
     roads: Roads,
-    table: RouteTable,
-    state: LaneState,
+    routes: RouteTable,
     b: int,
     a: int,
+    abilities: Abilities,
     row: int,
     s: float,
     t: float,
@@ -135,17 +138,18 @@ def _write_lane_reference(
     points: NDArray[np.float64],
 ) -> bool:
     """Write the points along a lane, or near it where it is too tight; tell whether they were planned so."""
-    slot, world, abilities = state.slot[b, a], state.map[b], state.abilities
-    kind, speed = state.kind[b, slot], state.speed[b, slot]
+    vehicles, agents = state.vehicles, state.agents
+    slot, world = agents.slot[b, a], state.map[b]
+    kind, speed = vehicles.kind[b, slot], vehicles.speed[b, slot]
     agility, sharpest = abilities.agility[kind], abilities.sharpest[kind]
-    write_reference(roads, table, world, row, s, t, speed, cap, obeys, agility, points)
-    curvature = math.tan(state.steering[b, a]) / abilities.wheelbase[kind]
+    write_reference(roads, routes, world, row, s, t, speed, cap, obeys, agility, points)
+    curvature = math.tan(agents.steering[b, a]) / abilities.wheelbase[kind]
     if not is_tight(points, curvature, sharpest):
         return False
-    if abs(t) > TRACKED_OFFSET and not is_changing(state.change_phase[b, a]):
+    if abs(t) > TRACKED_OFFSET and not is_changing(agents.change_phase[b, a]):
         # The plan itself leads back to the lane.
-        write_reference(roads, table, world, row, s, 0.0, speed, cap, obeys, agility, points)
-    pose = state.position[b, slot, 0], state.position[b, slot, 1], state.heading[b, slot]
+        write_reference(roads, routes, world, row, s, 0.0, speed, cap, obeys, agility, points)
+    pose = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1], vehicles.heading[b, slot]
     plan_drivable_path(roads, world, points, pose, curvature, speed, kind, abilities)
     limit_speeds(points, len(points), agility)
     return True
@@ -161,6 +165,7 @@ def _speeds(
         limit: Of the lane [m/s].
         top: The largest of discrete actions on this map [m/s].
         task_speed: The mission's task's [m/s], 0 for none.
+        abilities: Of the kinds of vehicles.
         manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
         asked: The first value of the action.
         changes: Whether the vehicle changes lanes.
@@ -220,10 +225,9 @@ class LaneFollowing:
         top_speeds = np.full(len(scene.atlas.graphs), np.inf)
         if speeds is not None:
             top_speeds[:] = speeds
-        arrays = scene.atlas.roads, scene.routes.current, LaneState.of(scene), guide_of(scene.world)
-        self._follow = bind(follow_lanes, *arrays, self.manner, top_speeds)
+        given = scene.world.state, scene.atlas.roads, scene.routes.current, Abilities.of_all()
+        self._follow = LateBound(follow_lanes, *given, self.manner, top_speeds)
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the reference along each chosen agent's lane; see `Controller`."""
-        command = out.mode, out.reference, out.reference_length, out.window
-        self._follow(chosen, actions.fresh, actions.values, actions.action_mask, *command)
+        self._follow.to(actions, out)(chosen)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.controllers.lane_state import LaneState
 from smarts.geometry.compiling import kernel
+from smarts.types.world import State
 
 STANDSTILL_GAP = 2.5
 """[m]"""
@@ -21,23 +21,26 @@ BRAKING = 3.0
 
 
 @kernel
-def heed_leaders(state: LaneState, b: int, slot: int, points: NDArray[np.float64]) -> None:
+def heed_leaders(state: State, b: int, slot: int, points: NDArray[np.float64]) -> None:
     """Lower a reference's speeds so that a vehicle which follows it keeps its distance from those ahead."""
+    vehicles = state.vehicles
     last = len(points) - 1
     span = math.hypot(points[last, 0] - points[0, 0], points[last, 1] - points[0, 1])
     reach = span + 10.0
-    for other in range(state.alive.shape[1]):
-        if other == slot or not state.alive[b, other]:
+    for other in range(vehicles.alive.shape[1]):
+        if other == slot or not vehicles.alive[b, other]:
             continue
-        x, y = state.position[b, other, 0], state.position[b, other, 1]
+        x, y = vehicles.position[b, other, 0], vehicles.position[b, other, 1]
         if abs(x - points[0, 0]) > reach or abs(y - points[0, 1]) > reach:
             continue
-        station, distance, turn = _along(points, x, y, state.heading[b, other])
-        aside = abs(math.sin(turn)) * state.length[b, other] + abs(math.cos(turn)) * state.width[b, other]
-        if station <= 0.0 or distance > 0.5 * (aside + state.width[b, slot]) + SIDE_GAP:
+        station, distance, turn = _along(points, x, y, vehicles.heading[b, other])
+        aside = (
+            abs(math.sin(turn)) * vehicles.length[b, other] + abs(math.cos(turn)) * vehicles.width[b, other]
+        )
+        if station <= 0.0 or distance > 0.5 * (aside + vehicles.width[b, slot]) + SIDE_GAP:
             continue
-        gap = station - 0.5 * (state.length[b, other] + state.length[b, slot])
-        speed = max(state.speed[b, other] * math.cos(turn), 0.0)
+        gap = station - 0.5 * (vehicles.length[b, other] + vehicles.length[b, slot])
+        speed = max(vehicles.speed[b, other] * math.cos(turn), 0.0)
         _follow(points, gap - STANDSTILL_GAP - HEADWAY * speed, speed)
 
 

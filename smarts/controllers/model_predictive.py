@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.controllers.trajectory_tracking import write_paths
 from smarts.dynamics import layout, vehicle, vehicle_names
+from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
 from smarts.types.vehicles import VehicleKind
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -66,76 +68,48 @@ class ModelPredictive:
     follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        self._sharpest = sharpest_curvatures()
+        state = scene.world.state
+        self._write = LateBound(write_paths, state)
+        self._plan = LateBound(plan_references, state, sharpest_curvatures())
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write a plan along each chosen agent's path; see `Controller`."""
-        world = scene.world
-        vehicles, agents = world.vehicles, world.agents
-        write_paths(
-            chosen,
-            agents.slot,
-            vehicles.position,
-            actions.path,
-            actions.path_length,
-            out.mode,
-            out.reference,
-            out.reference_length,
-        )
-        plan_references(
-            chosen,
-            agents.slot,
-            vehicles.kind,
-            vehicles.position,
-            vehicles.heading,
-            vehicles.speed,
-            vehicles.lateral_speed,
-            vehicles.yaw_rate,
-            self._sharpest,
-            out.reference,
-            out.reference_length,
-        )
+        self._write.to(actions, out)(chosen)
+        self._plan.to(out)(chosen)
 
 
 @kernel
-def plan_references(
-    chosen: Bools,
-    slot: Ints,
-    kind: NDArray[np.int8],
-    position: Floats,
-    heading: Floats,
-    speed: Floats,
-    lateral_speed: Floats,
-    yaw_rate: Floats,
-    sharpest: Floats,
-    reference: Floats,
-    length: Ints,
-) -> None:
+def plan_references(state: State, sharpest: Floats, commands: Commands, chosen: Bools) -> None:
     """Replace references by plans that lead from where the vehicles are; shapes as in `Commands`."""
-    most = reference.shape[2]
+    vehicles = state.vehicles
+    most = commands.reference.shape[2]
     work = np.zeros((9, most))
     plan = np.zeros((3, most))
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
-            if not chosen[b, a] or length[b, a] < 3:
+            if not chosen[b, a] or commands.reference_length[b, a] < 3:
                 continue
-            v = slot[b, a]
-            points = reference[b, a]
+            v = state.agents.slot[b, a]
+            points = commands.reference[b, a]
             cos, sin = math.cos(points[0, 2]), math.sin(points[0, 2])
-            dx, dy = position[b, v, 0] - points[0, 0], position[b, v, 1] - points[0, 1]
+            dx, dy = vehicles.position[b, v, 0] - points[0, 0], vehicles.position[b, v, 1] - points[0, 1]
             # In a bend the middle of a vehicle goes aside of where it points. From there it is carried back
             # along its arc to the first point, which may lie a point's spacing behind.
-            fast = max(abs(speed[b, v]), 1.0)
-            curvature = yaw_rate[b, v] / fast
-            course = wrapped(heading[b, v] + math.atan(lateral_speed[b, v] / fast) - points[0, 2])
+            fast = max(abs(vehicles.speed[b, v]), 1.0)
+            curvature = vehicles.yaw_rate[b, v] / fast
+            course = wrapped(
+                vehicles.heading[b, v] + math.atan(vehicles.lateral_speed[b, v] / fast) - points[0, 2]
+            )
             along = dx * cos + dy * sin
             turn = course - min(max(curvature * along, -1.0), 1.0)
             chord = min(max(0.5 * (course + turn), -1.0), 1.0)
             offset = dy * cos - dx * sin - math.tan(chord) * along
-            bound = min(sharpest[kind[b, v]], LATERAL_ACCELERATION / (fast * fast))
+            bound = min(sharpest[vehicles.kind[b, v]], LATERAL_ACCELERATION / (fast * fast))
             weight = RATE_WEIGHT + SPEED_WEIGHT * fast * fast
-            _solve(points, length[b, a], offset, turn, curvature, bound, weight, work, plan)
-            _shift(points, length[b, a], plan)
+            _solve(
+                points, commands.reference_length[b, a], offset, turn, curvature, bound, weight, work, plan
+            )
+            _shift(points, commands.reference_length[b, a], plan)
 
 
 @kernel

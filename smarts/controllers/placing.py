@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped_half_open
-from smarts.types.actions import CommandMode
+from smarts.types.actions import Actions, CommandMode, Commands
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -135,56 +136,38 @@ def _component(heading: float, axis: int) -> float:
 
 @kernel
 def place_by_targets(
-    chosen: Bools,
-    fresh: Bools,
-    relative: bool,
-    values: Floats,
-    slot: Ints,
-    period: NDArray[np.int16],
-    step: Ints,
-    dt: float,
-    position: Floats,
-    heading: Floats,
-    speed: Floats,
-    plans: Floats,
-    mode: NDArray[np.int8],
-    poses: Floats,
+    state: State, relative: bool, plans: Floats, actions: Actions, commands: Commands, chosen: Bools
 ) -> None:
     """Write the poses that lead the vehicles of chosen agents to their targets.
 
     Args:
-        chosen: Shape (B, A).
-        fresh: Whether the target is new, shape (B, A).
+        state: Of the world.
         relative: Whether targets are changes of the present pose, to be made by the agent's next decision.
-        values: See `Actions`, shape (B, A, 8).
-        slot: Shape (B, A).
-        period: Steps from decision to decision, shape (B, A).
-        step: Of each episode, shape (B,).
-        dt: [s]
-        position: [m], shape (B, V, 2).
-        heading: [rad], shape (B, V).
-        speed: [m/s], shape (B, V).
         plans: Written, shape (B, A, PLAN).
-        mode: Written, see `Commands`.
-        poses: Written, shape (B, A, S, 4).
+        actions: The targets of all agents.
+        commands: Written: mode and poses.
+        chosen: Which agents, shape (B, A).
     """
+    vehicles = state.vehicles
     target = np.empty(4)
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
             if not chosen[b, a]:
                 continue
-            mode[b, a] = _PLACE
-            plan, v = plans[b, a], slot[b, a]
-            x, y = position[b, v, 0], position[b, v, 1]
-            if fresh[b, a] and relative:
-                time = dt * max(period[b, a], 1)
-                make_straight_plan(x, y, heading[b, v], values[b, a, :3], time, step[b], plan)
-            elif fresh[b, a]:
+            commands.mode[b, a] = _PLACE
+            plan, v = plans[b, a], state.agents.slot[b, a]
+            x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
+            if actions.fresh[b, a] and relative:
+                time = state.dt * max(state.agents.period[b, a], 1)
+                make_straight_plan(
+                    x, y, vehicles.heading[b, v], actions.values[b, a, :3], time, state.step[b], plan
+                )
+            elif actions.fresh[b, a]:
                 for i in range(4):
-                    target[i] = values[b, a, i]
-                target[3] = max(target[3], dt)
-                make_plan(x, y, heading[b, v], speed[b, v], target, step[b], plan)
+                    target[i] = actions.values[b, a, i]
+                target[3] = max(target[3], state.dt)
+                make_plan(x, y, vehicles.heading[b, v], vehicles.speed[b, v], target, state.step[b], plan)
             if relative:
-                follow_straight_plan(plan, step[b], dt, poses[b, a])
+                follow_straight_plan(plan, state.step[b], state.dt, commands.poses[b, a])
             else:
-                follow_plan(plan, step[b], dt, poses[b, a])
+                follow_plan(plan, state.step[b], state.dt, commands.poses[b, a])

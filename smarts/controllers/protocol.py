@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.controllers.action_formats import ActionFormat
-from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
 
 Bools = NDArray[np.bool_]
@@ -18,7 +17,7 @@ class Controller(Protocol):
     """Decides 10 times a second what vehicles are to follow; the vehicles themselves track it at 100 Hz.
 
     The memory of a controller is in `world.agents` (the latch of lane changes), so a reset of the agents
-    resets it.
+    resets it. A controller is made with the scene that it works in.
     """
 
     action_format: ClassVar[ActionFormat]
@@ -27,14 +26,13 @@ class Controller(Protocol):
     """Whether it writes the agents' target lane and the vehicles' desired speed. Such a controller is made
     with the largest speeds on each map [m/s], shape (M,), too."""
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the commands of the chosen agents, and nothing of the others.
 
         Edge actions (a lane change, a relative pose) count where `actions.fresh`; whether they can be carried
-        out is decided then, against `actions.legal`, and kept in `agents.effective` until the next.
+        out is decided then, against `actions.action_mask`, and kept in `agents.effective` until the next.
 
         Args:
-            scene: The state at the begin of the step.
             actions: Of all agents, shape (B, A).
             chosen: The active agents of stepped simulations that act by this type, shape (B, A).
             out: To write into.

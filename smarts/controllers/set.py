@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from smarts.controllers import CONTROLLERS
 from smarts.controllers.fallback import FallbackController
 from smarts.controllers.protocol import Controller
-from smarts.geometry.binding import bind
+from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.types.actions import KINKED, Actions, ActionSpaceType, CommandMode, Commands
 from smarts.types.agent_states import UNSET, AgentStatus, ChangePhase
-from smarts.types.world import World
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.int8]
@@ -48,31 +48,25 @@ class ControllerSet:
         self._neutral = FallbackController(scene, speeds)
         types = np.array(in_order, np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
-        self._part = bind(
-            group_by_action_type,
-            scene.world.agents.state,
-            types,
-            self._commands.mode,
-            self._commands.window,
-            self._chosen,
-        )
+        self._group = LateBound(group_by_action_type, scene.world.state, types, self._commands, self._chosen)
 
-    def command(self, world: World, actions: Actions, env_mask: Bools) -> Commands:
+    def command(self, actions: Actions, env_mask: Bools) -> Commands:
         """Return what the vehicles of all active agents are to do in this step."""
         out = self._commands
-        in_use = self._part(actions.kind, actions.given, env_mask)
+        in_use = self._group.to(actions)(env_mask)
         for number, controller in enumerate(self._controllers):
             if in_use >> number & 1:
                 chosen = self._chosen[number]
-                controller.command(self._scene, actions, chosen, out)
+                controller.command(actions, chosen, out)
                 if not controller.follows_lanes:
-                    self._steer_freely(world, chosen)
+                    self._steer_freely(chosen)
         if in_use >> len(self._controllers):
-            self._neutral.command(self._scene, actions, self._chosen[-1], out)
+            self._neutral.command(actions, self._chosen[-1], out)
         return out
 
-    def _steer_freely(self, world: World, chosen: Bools) -> None:
+    def _steer_freely(self, chosen: Bools) -> None:
         """Say of agents that steer by other means than lanes: bound for none, as fast as is allowed here."""
+        world = self._scene.world
         agents, vehicles = world.agents, world.vehicles
         row, agent_id = np.nonzero(chosen)
         slot = agents.slot[row, agent_id]
@@ -86,40 +80,32 @@ class ControllerSet:
 
 @kernel
 def group_by_action_type(
-    state: Bytes,
-    types: Bytes,
-    mode: Bytes,
-    window: Floats,
-    chosen: Bools,
-    kind: Bytes,
-    given: Bools,
-    env_mask: Bools,
+    state: State, types: Bytes, commands: Commands, chosen: Bools, actions: Actions, env_mask: Bools
 ) -> int:
-    """Say which active agents of some simulations each controller is to command.
+    """Group the active agents of some simulations by the controller that commands them.
 
     Args:
-        state: `AgentStatus` of all agents, shape (B, A).
+        state: Of the world.
         types: Action types of the K controllers, shape (K,).
-        mode: Of the commands, shape (B, A); written: none for all agents of these simulations.
-        window: Of the commands, shape (B, A); written: the usual one.
-        chosen: Written, shape (K + 1, B, A); the last is for those who have not acted yet.
-        kind: How the agents act, shape (B, A).
-        given: Who has acted, shape (B, A).
+        commands: Written: mode and window, none and the usual one, for all agents of these simulations.
+        chosen: Written, shape (K + 1, B, A); the last is for agents that have not acted yet.
+        actions: Of all agents.
         env_mask: Which simulations, shape (B,).
 
     Returns:
-        Bit k is set if controller k has anything to do, bit K if anybody has not acted yet.
+        Bit k is set if controller k has anything to do, bit K if an agent has not acted yet.
     """
+    status, kind = state.agents.state, actions.kind
     in_use = 0
     chosen[:] = False
     for b in range(len(env_mask)):
         if not env_mask[b]:
             continue
-        for a in range(state.shape[1]):
-            mode[b, a], window[b, a] = _NONE, KINKED
-            if state[b, a] != _ACTIVE:
+        for a in range(status.shape[1]):
+            commands.mode[b, a], commands.window[b, a] = _NONE, KINKED
+            if status[b, a] != _ACTIVE:
                 continue
-            if not given[b, a]:
+            if not actions.given[b, a]:
                 chosen[-1, b, a] = True
                 in_use |= 1 << len(types)
                 continue

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from smarts.controllers.action_formats import FAR, ActionFormat, NumbersFormat
 from smarts.controllers.placing import PLAN, place_by_targets
+from smarts.geometry.binding import LateBound
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
 
@@ -34,25 +35,9 @@ class TargetPose:
 
     def __init__(self, scene: Scene) -> None:
         # An agent's plan is made by its first action, which is fresh, so nothing is to be reset.
-        self._plans = np.zeros((*scene.world.agents.slot.shape, PLAN))
+        plans = np.zeros((*scene.world.agents.slot.shape, PLAN))
+        self._place = LateBound(place_by_targets, scene.world.state, int(self.relative), plans)
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the poses of the chosen agents; see `Controller`."""
-        world = scene.world
-        vehicles = world.vehicles
-        place_by_targets(
-            chosen,
-            actions.fresh,
-            self.relative,
-            actions.values,
-            world.agents.slot,
-            world.agents.period,
-            world.step,
-            world.dt,
-            vehicles.position,
-            vehicles.heading,
-            vehicles.speed,
-            self._plans,
-            out.mode,
-            out.poses,
-        )
+        self._place.to(actions, out)(chosen)

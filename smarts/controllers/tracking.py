@@ -15,11 +15,12 @@ import math
 
 import numpy as np
 
+from smarts.arrays import Bools
 from smarts.dynamics.layout import GRAVITY
 from smarts.dynamics.single_track import planar_motion, record_pose
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, project, wrapped
-from smarts.types.actions import CommandMode
+from smarts.types.actions import CommandMode, Commands
 
 SPEED_INTEGRAL, OFFSET_INTEGRAL, CURVATURE, MEMORY = 0, 1, 2, 3
 """Columns of what a vehicle's tracking remembers, and how many there are."""
@@ -131,14 +132,15 @@ def drive(
 
 
 @kernel
-def first_bad_command(mode, actuators, reference, length, poses, active):
+def first_bad_command(commands: Commands, active: Bools) -> int:
     """Return the first active row b * A + a whose command holds a number that is not finite, or -1."""
+    mode, actuators, poses = commands.mode, commands.actuators, commands.poses
     for b in range(active.shape[0]):
         for a in range(active.shape[1]):
             if not active[b, a] or mode[b, a] == _NONE:
                 continue
             if mode[b, a] == _TRACK:
-                total = _sum(reference[b, a], length[b, a])
+                total = _sum(commands.reference[b, a], commands.reference_length[b, a])
             elif mode[b, a] == _PLACE:
                 total = _sum(poses[b, a], poses.shape[2])
             else:

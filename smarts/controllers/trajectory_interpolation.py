@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.controllers.action_formats import ActionFormat, PathFormat
+from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped_half_open
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -35,51 +37,31 @@ class TrajectoryInterpolation:
     follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        self._begin = np.zeros(scene.world.agents.slot.shape, np.int32)
+        begin = np.zeros(scene.world.agents.slot.shape, np.int32)
+        self._follow = LateBound(follow_times, scene.world.state, begin)
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the poses of the chosen agents; see `Controller`."""
-        world = scene.world
-        follow_times(
-            chosen,
-            actions.fresh,
-            actions.path,
-            actions.path_length,
-            world.step,
-            world.dt,
-            self._begin,
-            out.mode,
-            out.poses,
-        )
+        self._follow.to(actions, out)(chosen)
 
 
 @kernel
-def follow_times(
-    chosen: Bools,
-    fresh: Bools,
-    path: Floats,
-    path_length: Ints,
-    step: Ints,
-    dt: float,
-    begin: Ints,
-    mode: NDArray[np.int8],
-    poses: Floats,
-) -> None:
+def follow_times(state: State, begin: Ints, actions: Actions, commands: Commands, chosen: Bools) -> None:
     """Write poses interpolated in time; an agent's times count from step `begin`, shape (B, A)."""
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
             if not chosen[b, a]:
                 continue
-            if fresh[b, a]:
-                begin[b, a] = step[b]
-            if path_length[b, a] == 0:
-                mode[b, a] = _NONE
+            if actions.fresh[b, a]:
+                begin[b, a] = state.step[b]
+            if actions.path_length[b, a] == 0:
+                commands.mode[b, a] = _NONE
                 continue
-            mode[b, a] = _PLACE
-            substeps = poses.shape[2]
+            commands.mode[b, a] = _PLACE
+            substeps = commands.poses.shape[2]
             for k in range(substeps):
-                now = (step[b] - begin[b, a]) * dt + (k + 1) * dt / substeps
-                _pose_at(path[b, a], path_length[b, a], now, poses[b, a, k])
+                now = (state.step[b] - begin[b, a]) * state.dt + (k + 1) * state.dt / substeps
+                _pose_at(actions.path[b, a], actions.path_length[b, a], now, commands.poses[b, a, k])
 
 
 @kernel

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.controllers.action_formats import ActionFormat, PathFormat
+from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -36,51 +38,39 @@ class TrajectoryTracking:
     follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        pass
+        self._write = LateBound(write_paths, scene.world.state)
 
-    def command(self, scene: Scene, actions: Actions, chosen: Bools, out: Commands) -> None:
+    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the piece of each chosen agent's path that is ahead; see `Controller`."""
-        write_paths(
-            chosen,
-            scene.world.agents.slot,
-            scene.world.vehicles.position,
-            actions.path,
-            actions.path_length,
-            out.mode,
-            out.reference,
-            out.reference_length,
-        )
+        self._write.to(actions, out)(chosen)
 
 
 @kernel
-def write_paths(
-    chosen: Bools,
-    slot: Ints,
-    position: Floats,
-    path: Floats,
-    path_length: Ints,
-    mode: NDArray[np.int8],
-    reference: Floats,
-    length: Ints,
-) -> None:
+def write_paths(state: State, actions: Actions, commands: Commands, chosen: Bools) -> None:
     """Write references along paths, shape (B, A, P, 5), beginning with the point before the nearest one."""
+    vehicles = state.vehicles
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
             if not chosen[b, a]:
                 continue
-            mode[b, a], length[b, a] = _TRACK, 0
-            given, points = path[b, a], reference[b, a]
-            count = path_length[b, a]
+            commands.mode[b, a], commands.reference_length[b, a] = _TRACK, 0
+            given, points = actions.path[b, a], commands.reference[b, a]
+            count = actions.path_length[b, a]
             if count == 0:
                 continue
-            first = _nearest(given, count, position[b, slot[b, a], 0], position[b, slot[b, a], 1])
+            first = _nearest(
+                given,
+                count,
+                vehicles.position[b, state.agents.slot[b, a], 0],
+                vehicles.position[b, state.agents.slot[b, a], 1],
+            )
             first = max(first - 1, 0)
             kept = min(count - first, len(points))
             for i in range(kept):
                 for column in range(4):
                     points[i, column] = given[first + i, column + 1]
             go_on(points, kept)
-            length[b, a] = len(points)
+            commands.reference_length[b, a] = len(points)
 
 
 @kernel

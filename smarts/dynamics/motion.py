@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,7 @@ class Road:
     """Distance of that plane from the origin along the normal [m], shape (E,)."""
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """How the vehicles move; row *i* of every array is vehicle *i*.
 
     The arrays are read-only and overwritten by the next step.

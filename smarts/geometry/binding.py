@@ -26,6 +26,8 @@ from numba.np.arrayobj import get_itemsize, populate_array
 
 from smarts.geometry.compiling import kernel, sources_digest
 
+_MOST_BOUND = 4
+"""How many bindings a `LateBound` keeps."""
 _WORD = 8
 """Bytes of a number, an address, an extent or a stride."""
 
@@ -93,6 +95,30 @@ def bind(function: Any, *arguments: Any) -> Callable[..., Any]:
     bound = _Bound(_taking_address(function, kinds), memory.ctypes.data)
     bound.held = memory, arguments
     return bound
+
+
+class LateBound:
+    """A kernel that is bound to further arguments at the call: those that are usually the same objects.
+
+    Args:
+        function: A kernel, made by `kernel`.
+        arguments: Its first arguments, as for `bind`.
+    """
+
+    def __init__(self, function: Any, *arguments: Any) -> None:
+        self._function, self._arguments = function, arguments
+        self._bound: dict[tuple[int, ...], Callable[..., Any]] = {}
+
+    def to(self, *arguments: Any) -> Callable[..., Any]:
+        """Return the kernel with its next arguments bound too; the same objects are bound once."""
+        key = tuple(map(id, arguments))
+        found = self._bound.get(key)
+        if found is None:
+            if len(self._bound) == _MOST_BOUND:
+                self._bound.clear()
+            # What is bound keeps its arguments alive, so that no other object has the same `id`.
+            found = self._bound[key] = bind(self._function, *self._arguments, *arguments)
+        return found
 
 
 class _Reference(types.Type):

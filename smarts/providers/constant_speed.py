@@ -60,9 +60,9 @@ class ConstantSpeed(TrafficEngine):
         self._s, self._t = np.zeros(shape), np.zeros(shape)
         """Along the path, and to the left of it [m]."""
 
-    def reset(self, world: World, starts: Mapping[int, EpisodeStart]) -> None:
+    def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`; the traffic of the warm-up is where its speed has brought it."""
-        begun = np.isin(np.arange(world.worlds), list(starts))
+        begun = np.isin(np.arange(self._world.worlds), list(starts))
         coming = [self._coming[~begun[self._coming["row"]]]]
         for row, start in starts.items():
             self._limit[row] = start.limit
@@ -83,9 +83,9 @@ class ConstantSpeed(TrafficEngine):
         is_past = begun[self._coming["row"]] & (self._coming["time"] <= 0.0)
         self._coming = self._coming[~is_past]
 
-    def step(self, world: World, env_mask: Bools) -> None:
+    def step(self, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
-        vehicles = world.vehicles
+        world, vehicles = self._world, self._world.vehicles
         driven = vehicles.alive & (vehicles.owner == self._owner) & env_mask[:, None]
         b, v = np.nonzero(driven & (self._generation != vehicles.generation))
         self._path[b, v], self._s[b, v], self._t[b, v] = self._nearest(b, v)

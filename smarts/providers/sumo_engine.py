@@ -32,23 +32,22 @@ class SumoEngine(TrafficEngine):
     def __init__(self, world: World, maps: Sequence[LaneGraph], owner: int = Owner.TRAFFIC) -> None:
         self.failures: Mapping[int, TrafficError] = {}
         self.is_full = np.zeros(world.worlds, np.bool_)
-        self._maps = tuple(maps)
-        self._owner = owner
+        self._world, self._maps, self._owner = world, tuple(maps), owner
         self._drivers = [SumoTraffic(world, row, owner) for row in range(world.worlds)]
         self._broken: set[int] = set()
 
-    def reset(self, world: World, starts: Mapping[int, EpisodeStart]) -> None:
+    def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`."""
         for row, start in starts.items():
             if row in self._broken:
                 _end(self._drivers[row])
-                self._drivers[row] = SumoTraffic(world, row, self._owner)
+                self._drivers[row] = SumoTraffic(self._world, row, self._owner)
             self._broken.add(row)
             self._drivers[row].reset(start.traffic, start.traffic_seed, self._maps[start.map], start.limit)
             self._broken.discard(row)
             self.is_full[row] = self._drivers[row].is_full
 
-    def step(self, world: World, env_mask: Bools) -> None:
+    def step(self, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
         failures: dict[int, TrafficError] = {}
         for row in np.flatnonzero(env_mask).tolist():

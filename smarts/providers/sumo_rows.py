@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped, wrapped_half_open
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.integer]
+from smarts.types.vehicles import VehicleStates
 
 
 def centre_of(front: Floats, heading: Floats, length: Floats) -> Floats:
@@ -20,49 +18,29 @@ def centre_of(front: Floats, heading: Floats, length: Floats) -> Floats:
     return front - np.stack([np.cos(heading), np.sin(heading)], -1) * (length[:, None] / 2)
 
 
-class MotionColumns(NamedTuple):
-    """Columns of the world that tell how vehicles move, shape (V,), `position` (V, 2)."""
-
-    position: Floats
-    heading: Floats
-    speed: Floats
-    lateral_speed: Floats
-    acceleration: Floats
-    lateral_acceleration: Floats
-    yaw_rate: Floats
-    yaw_acceleration: Floats
-    desired_speed: Floats
-
-
 @kernel
 def fill_rows(
-    length: Floats,
-    is_new: NDArray[np.bool_],
-    dt: float,
-    columns: MotionColumns,
-    rows: NDArray[np.intp],
-    values: Floats,
+    states: VehicleStates, is_new: Bools, dt: float, rows: NDArray[np.intp], values: Floats
 ) -> None:
     """Fill the rows of A vehicles.
 
     SUMO says nothing of turning and of moving sideways; both follow from the poses a step ago, which the rows
-    still hold, and are 0 for those who have just come in. One pass, because at this size a dozen array
+    still hold, and are 0 for arrivals. One pass, because at this size a dozen array
     operations cost more than SUMO's own step.
 
     Args:
-        length: Column of the world, read, shape (V,).
+        states: Of one simulation, shape (V,); motion and desired speed are written.
         is_new: Whether the row does not hold the vehicle's pose a step ago, shape (V,); cleared.
         dt: Step [s].
-        columns: Written.
         rows: Where to write, shape (A,).
         values: Shape (6 A,): x and y of the middle of the front bumper of every vehicle [m], then all of
             SUMO's angles [degrees], speeds [m/s], accelerations [m/s^2] and allowed speeds [m/s].
     """
-    position, before = columns.position, columns.heading
+    position, before = states.position, states.heading
     count = len(rows)
     for index in range(count):
         row = rows[index]
-        half = length[row] / 2
+        half = states.length[row] / 2
         # As `frames.heading_from_compass` has it.
         heading = wrapped_half_open((90.0 - values[2 * count + index]) * (math.pi / 180.0))
         x = values[2 * index] - math.cos(heading) * half
@@ -73,21 +51,21 @@ def fill_rows(
             mean = heading - 0.5 * turn
             dx, dy = x - position[row, 0], y - position[row, 1]
             yaw_rate, sideways = turn / dt, (dy * math.cos(mean) - dx * math.sin(mean)) / dt
-            yaw_acceleration = (yaw_rate - columns.yaw_rate[row]) / dt
+            yaw_acceleration = (yaw_rate - states.yaw_rate[row]) / dt
         is_new[row] = False
-        position[row, 0], position[row, 1], columns.heading[row] = x, y, heading
-        columns.speed[row], columns.lateral_speed[row] = speed, sideways
-        columns.acceleration[row] = values[4 * count + index]
-        columns.lateral_acceleration[row] = speed * yaw_rate
-        columns.yaw_rate[row], columns.yaw_acceleration[row] = yaw_rate, yaw_acceleration
-        columns.desired_speed[row] = values[5 * count + index]
+        position[row, 0], position[row, 1], states.heading[row] = x, y, heading
+        states.speed[row], states.lateral_speed[row] = speed, sideways
+        states.acceleration[row] = values[4 * count + index]
+        states.lateral_acceleration[row] = speed * yaw_rate
+        states.yaw_rate[row], states.yaw_acceleration[row] = yaw_rate, yaw_acceleration
+        states.desired_speed[row] = values[5 * count + index]
 
 
 @kernel
-def next_unplanned(owner: Ints, route: Ints, provider: int, begin: int) -> int:
+def next_unplanned(states: VehicleStates, provider: int, begin: int) -> int:
     """Return the first slot from `begin` on whose vehicle a provider drives without a route, or -1."""
-    for slot in range(begin, len(owner)):
-        if owner[slot] == provider and route[slot] < 0:
+    for slot in range(begin, len(states.owner)):
+        if states.owner[slot] == provider and states.route[slot] < 0:
             return slot
     return -1
 
@@ -97,17 +75,11 @@ LEADING = 7
 
 
 @kernel
-def lead(
-    position: Floats, heading: Floats, speed: Floats, length: Floats, width: Floats, rows: NDArray[np.intp]
-) -> Floats:
+def lead(states: VehicleStates, rows: NDArray[np.intp]) -> Floats:
     """Return how SUMO is told where A vehicles are that others drive, shape (A, `LEADING`).
 
     Args:
-        position: Centres of footprints [m], shape (V, 2).
-        heading: [rad], shape (V,).
-        speed: [m/s], shape (V,).
-        length: [m], shape (V,).
-        width: [m], shape (V,).
+        states: Of one simulation.
         rows: Of these vehicles, shape (A,).
 
     Returns:
@@ -117,11 +89,11 @@ def lead(
     found = np.empty((len(rows), LEADING))
     for index in range(len(rows)):
         row = rows[index]
-        turn, half = heading[row], length[row] / 2
-        found[index, 0] = position[row, 0] + half * math.cos(turn)
-        found[index, 1] = position[row, 1] + half * math.sin(turn)
+        turn, half = states.heading[row], states.length[row] / 2
+        found[index, 0] = states.position[row, 0] + half * math.cos(turn)
+        found[index, 1] = states.position[row, 1] + half * math.sin(turn)
         # As `frames.compass_from_heading` has it.
         found[index, 2] = (90.0 - turn * (180.0 / math.pi)) % 360.0
-        found[index, 3], found[index, 4] = turn, speed[row]
-        found[index, 5], found[index, 6] = length[row], width[row]
+        found[index, 3], found[index, 4] = turn, states.speed[row]
+        found[index, 5], found[index, 6] = states.length[row], states.width[row]
     return found

@@ -115,8 +115,7 @@ class SumoShadows:
     def __init__(self, library: SumoLibrary, states: VehicleStates) -> None:
         self._library = library
         self._states = states
-        footprints = states.position, states.heading, states.speed, states.length, states.width
-        self._lead = bind(lead, *footprints)
+        self._lead = bind(lead, states)
         self._shadows: dict[int, _Shadow] = {}
         self._returned: dict[int, _Shadow] = {}
         self._types: set[str] = set()

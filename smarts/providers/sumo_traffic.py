@@ -17,7 +17,7 @@ from smarts.geometry.binding import bind
 from smarts.geometry.boxes import boxes_overlap
 from smarts.geometry.frames import heading_from_compass
 from smarts.providers.sumo_library import SumoLibrary
-from smarts.providers.sumo_rows import MotionColumns, centre_of, fill_rows, next_unplanned
+from smarts.providers.sumo_rows import centre_of, fill_rows, next_unplanned
 from smarts.providers.sumo_shadows import SumoShadows
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.traffic import Signal, TrafficFiles
@@ -115,9 +115,8 @@ class SumoTraffic:
         self._limit = 0
         self._is_new = np.zeros(states.capacity, np.bool_)
         self._has_begun = False
-        columns = MotionColumns(*(getattr(states, name) for name in MotionColumns._fields))
-        self._fill = bind(fill_rows, states.length, self._is_new, world.dt, columns)
-        self._next_unplanned = bind(next_unplanned, states.owner, states.route)
+        self._fill = bind(fill_rows, states, self._is_new, world.dt)
+        self._next_unplanned = bind(next_unplanned, states)
 
     def reset(self, files: TrafficFiles, seed: int, roads: LaneGraph, limit: int | None = None) -> None:
         """Begin an episode: load, warm up, and let the traffic into the world.

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from smarts.errors import TrafficError
 from smarts.types.episode import EpisodeStart
-from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -40,7 +39,7 @@ class TrafficEngine(Protocol):
     is_full: Bools
     """Whether arrivals have had to wait for room under the limit in this episode, shape (B,)."""
 
-    def reset(self, world: World, starts: Mapping[int, EpisodeStart]) -> None:
+    def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """Begin episodes, by row, in simulations that hold their first agents.
 
         Raises:
@@ -48,11 +47,10 @@ class TrafficEngine(Protocol):
         """
         ...
 
-    def step(self, world: World, env_mask: Bools) -> None:
+    def step(self, env_mask: Bools) -> None:
         """Advance some simulations by `world.dt`; others' vehicles are where they are at its end.
 
         Args:
-            world: The state.
             env_mask: Which simulations, shape (B,).
         """
         ...

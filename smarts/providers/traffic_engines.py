@@ -57,19 +57,19 @@ class EnginesByEpisode(TrafficEngine):
         self._driven = {name: np.zeros(worlds, np.bool_) for name in engines}
         """Which simulations each engine drives, shape (B,)."""
 
-    def reset(self, world: World, starts: Mapping[int, EpisodeStart]) -> None:
+    def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`."""
         for name, engine in self._engines.items():
             own = {row: start for row, start in starts.items() if start.engine == name}
             self._driven[name][list(starts)] = False
             self._driven[name][list(own)] = True
-            engine.reset(world, own)
+            engine.reset(own)
             self.is_full[list(own)] = engine.is_full[list(own)]
 
-    def step(self, world: World, env_mask: Bools) -> None:
+    def step(self, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
         for name, engine in self._engines.items():
-            engine.step(world, env_mask & self._driven[name])
+            engine.step(env_mask & self._driven[name])
             self.is_full[self._driven[name]] = engine.is_full[self._driven[name]]
         self.failures = {
             row: error for engine in self._engines.values() for row, error in engine.failures.items()

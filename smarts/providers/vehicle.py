@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,14 @@ from numpy.typing import NDArray
 from smarts.controllers import tracking
 from smarts.dynamics import MODELS, Box, Driver, Fleet, MotionError, vehicle
 from smarts.errors import ActionError, SmartsError
-from smarts.geometry.binding import bind
+from smarts.geometry.binding import LateBound, bind
 from smarts.providers.vehicle_kernels import (
     NOWHERE,
     AgentGroups,
+    HeldVehicles,
     find_changes,
     find_touchable,
-    part_agents,
+    group_agents,
     place_vehicles,
     show_vehicles,
 )
@@ -36,15 +36,6 @@ Floats = NDArray[np.float64]
 SUBSTEPS = 10
 TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
 """The type of `smarts.dynamics` that a kind of vehicle drives like; a trailer does not drive."""
-
-
-@dataclass(frozen=True)
-class _Commanded:
-    """Kernels bound to commands."""
-
-    commands: Commands
-    drive: Driver
-    first_bad: Callable[[Bools], int]
 
 
 class FleetVehicles:
@@ -81,9 +72,10 @@ class FleetVehicles:
         self._surfaces = surfaces
         self._tyres = [tyres] * agents if isinstance(tyres, str) else list(tyres)
         self._flat_tyres = flat_tyres or {}
-        self._slot = np.full((worlds, agents), NOWHERE, np.int32)
-        self._generation = np.zeros((worlds, agents), np.int32)
-        self._wanted = np.zeros((worlds, agents), np.int32)
+        shape = (worlds, agents)
+        self._held = HeldVehicles(
+            np.full(shape, NOWHERE, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+        )
         self._slips = np.tile([model != "kinematic" for model in self._models], worlds)
         self._memory = np.zeros((worlds * agents, tracking.MEMORY))
         self._tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, SUBSTEPS)
@@ -91,25 +83,31 @@ class FleetVehicles:
         self._shown = np.zeros((worlds * agents, 3))
         self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)
         self._with_boxes: set[int] = set()
-        self._has_touched = False
+        self._has_contacts = False
         self._groups = AgentGroups(*(np.zeros((worlds, agents), np.bool_) for _ in AgentGroups._fields))
-        self._commanded: _Commanded | None = None
-        self._bind()
+        state, motion = world.state, self.fleet.motion
+        is_bullet = np.array([model == MODELS[0] for model in self._models])
+        self._group_agents = LateBound(group_agents, state, is_bullet, self._groups)
+        self._find_bad = LateBound(tracking.first_bad_command)
+        self._find_changes = bind(find_changes, state, self._groups, self._held)
+        self._show = bind(show_vehicles, state, motion, self._shown, self._tracks, self._groups)
+        self._place = LateBound(place_vehicles, state, self._tracks, self._groups)
+        self._find_touchable = bind(find_touchable, state, motion, self._groups, self._boxed)
+        self._driver: tuple[Commands, Driver] | None = None
 
-    def reset(self, world: World, env_mask: Bools) -> None:
+    def reset(self, env_mask: Bools) -> None:
         """Forget all vehicles of some simulations; those in their rows now are new."""
         for row in np.flatnonzero(env_mask).tolist():
             self.fleet.clear(row)
-            self._slot[row] = NOWHERE
+            self._held.slot[row] = NOWHERE
             self._boxed[row] = False
             self._with_boxes.discard(row)
             self._tracks.poses[row] = 0.0
 
-    def step(self, world: World, commands: Commands, env_mask: Bools) -> Tracks:
+    def step(self, commands: Commands, env_mask: Bools) -> Tracks:
         """Move the vehicles of active agents by one step; return how.
 
         Args:
-            world: The state at the beginning of the step.
             commands: From the controllers.
             env_mask: Which simulations make the step, shape (B,).
 
@@ -117,25 +115,23 @@ class FleetVehicles:
             Refilled by the next step. Those of simulations that are in `failures` after it mean nothing.
         """
         self.failures = failures = {}
-        if self._has_touched:
+        if self._has_contacts:
             self._tracks.touched[:] = 0
             self._tracks.touch_speed[:] = 0.0
-            self._has_touched = False
-        if self._commanded is None or self._commanded.commands is not commands:
-            self._commanded = self._bind_commands(commands)
-        placed, driven = self._part_agents(commands.mode, env_mask)
-        while (bad := self._commanded.first_bad(self._groups.active)) >= 0:
-            row = bad // self._slot.shape[1]
+            self._has_contacts = False
+        placed, driven = self._group_agents.to(commands)(env_mask)
+        while (bad := self._find_bad.to(commands)(self._groups.active)) >= 0:
+            row = bad // self._held.slot.shape[1]
             failures[row] = self._refusal(commands, bad)
             env_mask = env_mask.copy()
             env_mask[row] = False
-            placed, driven = self._part_agents(commands.mode, env_mask)
-        if self._find_changes(self._groups.active, self._groups.by_poses, env_mask):
+            placed, driven = self._group_agents.to(commands)(env_mask)
+        if self._find_changes(env_mask):
             self._follow_ownership()
         if placed:
-            self._place(self._groups.by_poses, commands.poses)
+            self._place.to(commands)()
         if driven:
-            self._drive(world, self._commanded.drive, env_mask)
+            self._drive(commands, env_mask)
         return self._tracks
 
     def can_accept(self, rows: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[np.int8]:
@@ -147,38 +143,12 @@ class FleetVehicles:
         """Give back Bullet's worlds."""
         self.fleet.close()
 
-    def _bind(self) -> None:
-        """Hand the kernels what stays the same."""
-        vehicles, agents, motion = self._world.vehicles, self._world.agents, self.fleet.motion
-        columns = (
-            *(vehicles.position, vehicles.heading, vehicles.speed, vehicles.lateral_speed),
-            *(vehicles.acceleration, vehicles.lateral_acceleration),
-            *(vehicles.yaw_rate, vehicles.yaw_acceleration),
-        )
-        shown = self._world.dt, self._tracks.poses, columns
-        shown = *shown, (agents.throttle, agents.brake, agents.steering, agents.distance_travelled)
-        moved = motion.substeps, motion.velocity, motion.yaw_rate, motion.acceleration, motion.steering
-        self._show = bind(show_vehicles, agents.slot, *moved, self._shown, *shown)
-        self._place = bind(place_vehicles, agents.slot, *shown)
-        is_bullet = np.array([model == MODELS[0] for model in self._models])
-        self._part_agents = bind(part_agents, agents.state, is_bullet, self._groups)
-        held = self._slot, self._generation, self._wanted
-        self._find_changes = bind(find_changes, agents.slot, agents.generation, *held)
-        moving = (
-            vehicles.position,
-            vehicles.heading,
-            vehicles.speed,
-            vehicles.lateral_speed,
-            vehicles.yaw_rate,
-        )
-        footprints = *moving, vehicles.length, vehicles.width
-        known = agents.slot, vehicles.alive, *footprints, motion.overhang
-        self._find_touchable = bind(find_touchable, *known, self._world.dt, self._boxed)
-
-    def _bind_commands(self, commands: Commands) -> _Commanded:
-        """Hand the kernels commands, which a set of controllers writes into the same arrays in every step."""
+    def _driver_of(self, commands: Commands) -> Driver:
+        """Return what writes the fleet's controls; a set of controllers keeps its commands' arrays."""
+        if self._driver is not None and self._driver[0] is commands:
+            return self._driver[1]
         count, reference = len(self._no_controls), commands.reference
-        drive = self.fleet.driver(
+        driver = self.fleet.driver(
             tracking.drive,
             commands.mode.reshape(count),
             commands.actuators.reshape(count, 3),
@@ -190,37 +160,41 @@ class FleetVehicles:
             self._shown,
             self._world.dt / SUBSTEPS,
         )
-        followed = commands.mode, commands.actuators, reference, commands.reference_length, commands.poses
-        return _Commanded(commands, drive, bind(tracking.first_bad_command, *followed))
+        self._driver = commands, driver
+        return driver
 
-    def _drive(self, world: World, driver: Driver, env_mask: Bools) -> None:
+    def _drive(self, commands: Commands, env_mask: Bools) -> None:
         """Advance the fleet, and write its motion into the world."""
         self._place_boxes(env_mask)
         if self._surfaces is not None:
-            self._surfaces.look_up(world, self._groups.driven, self.fleet)
+            self._surfaces.look_up(self._world, self._groups.driven, self.fleet)
         try:
-            self.fleet.step(self._no_controls, simulations=env_mask, driver=driver)
+            self.fleet.step(self._no_controls, simulations=env_mask, driver=self._driver_of(commands))
         except MotionError:
             for number in np.flatnonzero(self.fleet.lost).tolist():
-                row = number // self._slot.shape[1]
+                row = number // self._held.slot.shape[1]
                 self.failures.setdefault(row, self.fleet.motion_error(number))
                 self._groups.driven[row] = False
-        self._show(self._groups.driven)
+        self._show()
         if self.fleet.touches:
-            self._tell_touches()
+            self._record_contacts()
 
-    def _tell_touches(self) -> None:
-        """Write whom Bullet kept apart, for both of them."""
-        self._has_touched = True
-        capacity, agents = self._world.vehicles.capacity, self._slot.shape[1]
+    def _record_contacts(self) -> None:
+        """Record each Bullet contact for both vehicles."""
+        self._has_contacts = True
+        capacity, agents = self._world.vehicles.capacity, self._held.slot.shape[1]
         for substep, touch in self.fleet.touches:
             row, agent_id = divmod(touch.row, agents)
-            slot = touch.box % capacity if touch.other_row < 0 else self._slot[row, touch.other_row % agents]
-            self._tell_touch(row, agent_id, slot, substep, touch.speed)
+            slot = (
+                touch.box % capacity
+                if touch.other_row < 0
+                else self._held.slot[row, touch.other_row % agents]
+            )
+            self._record_contact(row, agent_id, slot, substep, touch.speed)
             for other in np.flatnonzero(self._world.agents.slot[row] == slot).tolist():
-                self._tell_touch(row, other, self._slot[row, agent_id], substep, touch.speed)
+                self._record_contact(row, other, self._held.slot[row, agent_id], substep, touch.speed)
 
-    def _tell_touch(self, row: int, agent_id: int, slot: int, substep: int, speed: float) -> None:
+    def _record_contact(self, row: int, agent_id: int, slot: int, substep: int, speed: float) -> None:
         tracks = self._tracks
         if not tracks.touched[row, agent_id, slot]:
             tracks.touched[row, agent_id, slot] = substep + 1
@@ -228,21 +202,23 @@ class FleetVehicles:
 
     def _follow_ownership(self) -> None:
         """Let vehicles into the fleet and out of it, as the agents say."""
-        agents, wanted = self._world.agents, self._wanted
-        changed = (wanted != self._slot) | (self._groups.active & (agents.generation != self._generation))
+        agents, wanted = self._world.agents, self._held.wanted
+        changed = (wanted != self._held.slot) | (
+            self._groups.active & (agents.generation != self._held.generation)
+        )
         for row, agent_id in np.argwhere(changed).tolist():
-            number = row * self._slot.shape[1] + agent_id
-            if self._slot[row, agent_id] >= 0:
+            number = row * self._held.slot.shape[1] + agent_id
+            if self._held.slot[row, agent_id] >= 0:
                 self.fleet.despawn(number)
-            self._slot[row, agent_id] = wanted[row, agent_id]
-            self._generation[row, agent_id] = agents.generation[row, agent_id]
+            self._held.slot[row, agent_id] = wanted[row, agent_id]
+            self._held.generation[row, agent_id] = agents.generation[row, agent_id]
             if wanted[row, agent_id] >= 0:
                 self._spawn(row, agent_id, number)
 
     def _spawn(self, row: int, agent_id: int, number: int) -> None:
         """Put an agent's vehicle on the road, going on as its row of the world says."""
         vehicles = self._world.vehicles
-        slot = int(self._slot[row, agent_id])
+        slot = int(self._held.slot[row, agent_id])
         name = TYPES[VehicleKind(int(vehicles.kind[row, slot]))]
         x, y = vehicles.position[row, slot].tolist()
         speed, heading = float(vehicles.speed[row, slot]), float(vehicles.heading[row, slot])
@@ -268,7 +244,7 @@ class FleetVehicles:
 
     def _place_boxes(self, env_mask: Bools) -> None:
         """Put the road users that vehicles in Bullet may touch there as boxes."""
-        if not self._find_touchable(self._groups.in_bullet, env_mask) and not self._with_boxes:
+        if not self._find_touchable(env_mask) and not self._with_boxes:
             return
         for row in np.flatnonzero(env_mask).tolist():
             slots = np.flatnonzero(self._boxed[row]).tolist()
@@ -306,7 +282,7 @@ class FleetVehicles:
 
     def _refusal(self, commands: Commands, bad: int) -> ActionError:
         """Return what is wrong with a command that is not finite; it must not come near Bullet."""
-        row, agent_id = divmod(bad, self._slot.shape[1])
+        row, agent_id = divmod(bad, self._held.slot.shape[1])
         mode = CommandMode(int(commands.mode[row, agent_id]))
         shown: Any = {
             CommandMode.TRACK: commands.reference[row, agent_id],

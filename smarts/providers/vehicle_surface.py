@@ -10,7 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from smarts.dynamics import Fleet
 from smarts.dynamics.fleet import DRY_ASPHALT as DRY
-from smarts.providers.vehicle_kernels import look_up_friction
+from smarts.geometry.binding import LateBound
+from smarts.providers.vehicle_kernels import FrictionPatches, look_up_friction
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio.sstypes.zone import RoadSurfacePatch
 from smarts.types.world import World
@@ -35,7 +36,6 @@ class RoadSurfaces:
         maps: Sequence[LaneGraph],
         friction: float = DRY,
     ) -> None:
-        self._friction = friction
         rows: list[tuple[float, float, float]] = []
         counts, ring_counts, rings = [], [], []
         for of_map, graph in zip(patches, maps, strict=True):
@@ -45,28 +45,20 @@ class RoadSurfaces:
                 outlines = _rings(patch.zone.to_geometry(graph))
                 ring_counts.append(len(outlines))
                 rings += outlines
-        self._patch_start = _starts(counts)
-        self._patch = np.array(rows, np.float64).reshape(-1, 3)
-        self._ring_start = _starts(ring_counts)
-        self._vertex_start = _starts([len(ring) for ring in rings])
-        self._vertex = np.concatenate([np.zeros((0, 2)), *rings])
+        self._patches = FrictionPatches(
+            usual=float(friction),
+            start=_starts(counts),
+            patch=np.array(rows, np.float64).reshape(-1, 3),
+            ring_start=_starts(ring_counts),
+            vertex_start=_starts([len(ring) for ring in rings]),
+            vertex=np.concatenate([np.zeros((0, 2)), *rings]),
+        )
+        self._look_up = LateBound(look_up_friction)
 
     def look_up(self, world: World, driven: NDArray[np.bool_], fleet: Fleet) -> None:
         """Write the friction under the wheels of driven vehicles, shape (B, A), into the fleet's road."""
-        look_up_friction(
-            driven,
-            world.map,
-            world.step,
-            world.dt,
-            fleet.wheels.position,
-            self._friction,
-            self._patch_start,
-            self._patch,
-            self._ring_start,
-            self._vertex_start,
-            self._vertex,
-            fleet.road.friction,
-        )
+        given = world.state, self._patches, driven, fleet.wheels.position, fleet.road.friction
+        self._look_up.to(*given)()
 
 
 def _rings(area: BaseGeometry) -> list[NDArray[np.float64]]:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Ints
 from smarts.geometry.binding import Replaceable
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.kernels import RouteTable
-
-Ints = NDArray[np.int32]
 
 
 class AgentRoutes:
@@ -26,8 +24,8 @@ class AgentRoutes:
     def __init__(self, atlas: RoadAtlas, worlds: int, agents: int) -> None:
         self.number: Ints = np.full((worlds, agents), -1, np.int32)
         """Route number in `table`, -1 without a route, shape (B, A); written in place."""
-        self.current = Replaceable(atlas.no_routes)
-        """`table` for kernels to be bound to."""
+        self.current = Replaceable(atlas.no_routes._replace(number=self.number))
+        """`table`, for kernels to be bound to."""
         self.atlas = atlas
         self._maps = [0] * worlds
         self._routes: list[list[tuple[str, ...]]] = [[()] * agents for _ in range(worlds)]
@@ -68,4 +66,4 @@ class AgentRoutes:
             for agent_id, route in enumerate(routes):
                 key = (self._maps[row], route)
                 self.number[row, agent_id] = places.setdefault(key, len(places)) if route else -1
-        self.current.replace(self.atlas.route_table(places))
+        self.current.replace(self.atlas.route_table(places)._replace(number=self.number))

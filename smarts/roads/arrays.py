@@ -7,12 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-
+from smarts.arrays import Bools, Bytes, Floats, Ints
 
 MOST_CANDIDATES = 1024
 """How many runs a cell of the grid may list. `packing.pack_roads` refuses maps with more, so that kernels
@@ -30,10 +25,30 @@ class Roads(NamedTuple):
     """[m], shape (L,)."""
     lane_speed: Floats
     """Limit [m/s], shape (L,)."""
-    lane_kind: NDArray[np.int8]
+    lane_kind: Bytes
     """A `LaneKind`, shape (L,)."""
-    lane_inside: NDArray[np.bool_]
+    lane_inside: Bools
     """Whether the lane is inside a junction, shape (L,)."""
+    lane_edge: Ints
+    """Across all maps, shape (L,)."""
+    lane_junction: Ints
+    """Junction that the lane lies in, within its own map; -1 for road lanes, shape (L,)."""
+    lane_left: Ints
+    """Lane to the left in the same direction, -1 for none, shape (L,)."""
+    lane_right: Ints
+    """Lane to the right in the same direction, -1 for none, shape (L,)."""
+    lane_twin: Ints
+    """Lane of the other direction at the left edge of the lane's road, -1 for none, shape (L,)."""
+    lane_dead_end: Bools
+    """Whether the lane leads nowhere, shape (L,)."""
+    conflict_start: Ints
+    """CSR of the conflicts of each lane, shape (L + 1,); see `LaneGraph.conflict_start`."""
+    conflict_lane: Ints
+    """The other lane, shape (C,)."""
+    conflict_extent: Floats
+    """Where the two overlap along the lane, from and to [m], shape (C, 2)."""
+    conflict_other_extent: Floats
+    """The same along the other lane [m], shape (C, 2)."""
     point_start: Ints
     """CSR of the centrelines, shape (L + 1,)."""
     point_xy: Floats
@@ -67,6 +82,8 @@ class Roads(NamedTuple):
 class RouteTable(NamedTuple):
     """The corridors of several routes in a row: first one without a route for each map, then the routes."""
 
+    number: Ints
+    """Route of each agent, -1 without one, shape (B, A); (0, 0) in a table that serves no agents."""
     free: int
     """M, the number of corridors without a route."""
     start: Ints
@@ -84,6 +101,6 @@ class RouteTable(NamedTuple):
     """Row of the lane before on the same way through a junction, -1 where the way begins."""
     by_lane: Ints
     """Within each corridor its rows in ascending order of lane."""
-    changes: NDArray[np.int8]
+    changes: Bytes
     """Lane changes from each row to the k-th lane from the end of the corridor, as `Corridor.changes`; 0
     where the last edge has fewer lanes, shape (R, K)."""

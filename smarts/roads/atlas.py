@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats, Ints
 from smarts.errors import MapError
 from smarts.geometry.binding import bind
 from smarts.roads import footprints, kernels
@@ -19,10 +20,8 @@ from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.packing import pack_roads, pack_routes
 from smarts.roads.waypoints import WaypointPaths, write_waypoints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-Bools = NDArray[np.bool_]
-
+_BESIDE = 1.0
+"""How far beyond a road's left edge to look for the road of the other direction [m]."""
 ROAD_LANES = frozenset({LaneKind.CAR, LaneKind.BUS})
 """The lanes that are road to a motor vehicle."""
 
@@ -65,6 +64,7 @@ class RoadAtlas:
         self.roads = pack_roads(self.graphs)
         self._bound: dict[tuple[Any, int], Callable[..., None]] = {}
         self.no_routes = self._latest_table = self.route_table(())
+        self._find_twins()
 
     def route_table(
         self, routes: Iterable[tuple[int, Sequence[str]]], kinds: frozenset[LaneKind] = ROAD_LANES
@@ -291,6 +291,29 @@ class RoadAtlas:
         mask, spacing = _mask(kinds), float(spacing)
         self._kernel(write_waypoints, table)(maps, position, lane, routes, hint, mask, spacing, out)
         return out
+
+    def _find_twins(self) -> None:
+        """Write `lane_twin`: look beyond each road's left edge for a lane of the other direction."""
+        roads, counts = self.roads, [len(graph.lane_ids) for graph in self.graphs]
+        maps = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        lane = np.concatenate([np.arange(count, dtype=np.int32) for count in counts])
+        length = np.concatenate([graph.length for graph in self.graphs])
+        width = np.concatenate([graph.width for graph in self.graphs])
+        position, heading = self.poses(maps, lane, length / 2, width / 2 + _BESIDE)
+        found = self.locate(maps, position, heading + np.pi)
+        s, _ = self.project(maps, found.lane, position)
+        _, other_heading = self.poses(maps, found.lane, s, np.zeros(len(lane)))
+        across = found.lane + roads.lane_base[maps]
+        is_twin = (
+            np.concatenate([(graph.left < 0) & ~graph.is_internal for graph in self.graphs])
+            & (np.cos(other_heading - heading) < 0.0)
+            & (found.distance <= width[across] / 2)
+            & ~roads.lane_inside[across]
+        )
+        # All lanes of a road have the twin of its leftmost one.
+        of_edge = np.full(roads.lane_edge.max() + 1, -1, np.int32)
+        of_edge[roads.lane_edge[is_twin]] = across[is_twin]
+        roads.lane_twin[:] = of_edge[roads.lane_edge]
 
     def _maps(self, maps: Ints) -> Ints:
         """Return map numbers that have been checked."""

@@ -1,55 +1,29 @@
-"""What kernels read and write of guidance, and the one path that it leaves."""
+"""The one path of an agent that its mission's task guides."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.curves import curve_into, pose_along, station_near, stations_of
 from smarts.roads.kernels import candidates, find_row, place_on_map
 from smarts.roads.waypoints import WaypointPaths, clear_waypoints, foot, walk_lane
-from smarts.types.guidance import GuidePhase
-from smarts.types.world import World
-
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
+from smarts.types.guidance import Guidance, GuidePhase
 
 _APPROACH, _MANOEUVRE = int(GuidePhase.APPROACH), int(GuidePhase.MANOEUVRE)
 
 
-class Guide(NamedTuple):
-    """Columns of `Guidance`, shape (B, A)."""
-
-    phase: Bytes
-    speed: Floats
-    begin: Floats
-    lane: Ints
-    s: Floats
-    target: Ints
-    target_generation: Ints
-
-
-def guide_of(world: World) -> Guide:
-    """Return the arrays of a world; they hold for good."""
-    return Guide(*(getattr(world.guidance, name) for name in Guide._fields))
-
-
 @kernel
-def is_led(guide: Guide, b: int, a: int) -> bool:
+def is_led(guidance: Guidance, b: int, a: int) -> bool:
     """Tell whether an agent has one path only: along its lane to a manoeuvre, or through it."""
-    return guide.phase[b, a] in (_APPROACH, _MANOEUVRE)
+    return guidance.phase[b, a] in (_APPROACH, _MANOEUVRE)
 
 
 @kernel
 def write_led_path(
     roads: Roads,
     table: RouteTable,
-    guide: Guide,
+    guidance: Guidance,
     b: int,
     a: int,
     world: int,
@@ -68,7 +42,7 @@ def write_led_path(
     Args:
         roads: The maps' lanes.
         table: The routes.
-        guide: Of all agents.
+        guidance: Of all agents.
         b: Simulation.
         a: Agent.
         world: Map number.
@@ -81,11 +55,11 @@ def write_led_path(
     """
     x, y, lane = place
     base, i = int(roads.lane_base[world]), 0
-    if guide.phase[b, a] == _MANOEUVRE:
-        lane = int(guide.lane[b, a])
-        control = curve_into(roads, guide.begin[b, a], base + lane, guide.s[b, a])
+    if guidance.phase[b, a] == _MANOEUVRE:
+        lane = int(guidance.lane[b, a])
+        control = curve_into(roads, guidance.begin[b, a], base + lane, guidance.s[b, a])
         i, s = _write_curve(roads, table, world, control, x, y, mask, spacing, paths)
-        s += guide.s[b, a]
+        s += guidance.s[b, a]
     else:
         s = foot(roads, base + lane, x, y)
     row = find_row(table, table.free + route, base + lane, hint) if route >= 0 else -1

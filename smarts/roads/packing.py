@@ -7,14 +7,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.arrays import Ints
 from smarts.errors import MapError
 from smarts.geometry.grid import Grid, build_grid
 from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
 from smarts.roads.corridors import Corridor
 from smarts.roads.lane_graph import LaneGraph
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 _CELL = 6.0
 """Side of a grid cell [m]; a lane's width or two, so that a cell lists few lanes."""
@@ -22,7 +20,7 @@ _MOST_CELLS = 2_000_000
 
 
 def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
-    """Return the lanes of all graphs in a row, and a grid over each.
+    """Return the lanes of all graphs in a row, and a grid over each; the atlas adds `lane_twin`.
 
     Raises:
         MapError: Too many lanes of a graph overlap.
@@ -37,6 +35,11 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
         counts = joined(np.diff(start) for start in starts)
         return np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
 
+    def raised(arrays: Iterable[Ints], bases: Ints) -> Ints:
+        """Join arrays, raising the numbers in each by its map's base; -1 stays, since it means none."""
+        parts = zip(arrays, bases, strict=False)
+        return joined(np.where(part < 0, -1, part + base) for part, base in parts).astype(np.int32)
+
     lane_base = _bases(len(graph.lane_ids) for graph in graphs)
     point_base = _bases(len(graph.point_s) for graph in graphs)
     junction_base = _bases(len(graph.junction_ids) for graph in graphs)[:-1]
@@ -48,6 +51,18 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
         lane_speed=joined(graph.speed_limit for graph in graphs),
         lane_kind=joined(graph.kind for graph in graphs),
         lane_inside=joined(graph.is_internal for graph in graphs),
+        lane_edge=raised(
+            (graph.lane_edge for graph in graphs), _bases(len(graph.edge_ids) for graph in graphs)
+        ),
+        lane_junction=joined(graph.lane_junction for graph in graphs),
+        lane_left=raised((graph.left for graph in graphs), lane_base),
+        lane_right=raised((graph.right for graph in graphs), lane_base),
+        lane_twin=np.full(lane_base[-1], -1, np.int32),
+        lane_dead_end=joined(np.diff(graph.successor_start) == 0 for graph in graphs),
+        conflict_start=stacked(graph.conflict_start for graph in graphs),
+        conflict_lane=raised((graph.conflict_lane for graph in graphs), lane_base),
+        conflict_extent=joined(graph.conflict_extent for graph in graphs),
+        conflict_other_extent=joined(graph.conflict_other_extent for graph in graphs),
         point_start=stacked(graph.point_start for graph in graphs),
         point_xy=joined(graph.point_xy for graph in graphs),
         point_heading=joined(graph.point_heading for graph in graphs),
@@ -114,6 +129,7 @@ def pack_routes(
     most = max((corridor.changes.shape[1] for corridor in corridors), default=1)
     changes = [np.pad(c.changes, ((0, 0), (0, most - c.changes.shape[1]))) for c in corridors]
     return RouteTable(
+        number=np.zeros((0, 0), np.int32),
         free=len(free),
         start=row_base,
         lane=joined((c.lane for c in corridors), lane_base[worlds]),

@@ -13,7 +13,6 @@ from smarts.roads.scene import Scene
 from smarts.sensors import SENSORS
 from smarts.sensors.protocol import Sensor
 from smarts.types.frame import Readings
-from smarts.types.world import World
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -82,7 +81,7 @@ class SensorSuite:
             for column, agent_id in enumerate(group.agent_ids)
         }
 
-    def observe(self, world: World, observe_mask: Bools) -> Readings:
+    def observe(self, observe_mask: Bools) -> Readings:
         """Return the readings of the wanted agents, shape (B, A)."""
         for agents, buffer in self._wanted:
             np.take(observe_mask, agents, axis=1, out=buffer)

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from smarts.agents.options import Waypoints
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.guide import Guide, guide_of, is_led, write_led_path
+from smarts.roads.guide import is_led, write_led_path
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.scene import Scene
 from smarts.roads.waypoints import WaypointPaths, write_waypoints
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
+from smarts.types.guidance import Guidance
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleKind
 
@@ -89,7 +90,7 @@ class WaypointPathsAhead:
             world.vehicles.kind,
             world.vehicles.position,
             world.vehicles.lane,
-            guide_of(world),
+            world.guidance,
             self.option.spacing,
             _Entries(**{name: out[name] for name in _Entries._fields}),
         )
@@ -108,7 +109,7 @@ def _observe(
     kind: Bytes,
     position: Floats,
     lane: Ints,
-    guide: Guide,
+    guide: Guidance,
     spacing: float,
     entries: _Entries,
 ) -> None:

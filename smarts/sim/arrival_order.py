@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from smarts.geometry.compiling import kernel
-from smarts.roads.arrays import RouteTable
-from smarts.sim.judging import State, corridor_row, lane_of
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.sim.places import corridor_row, lane_of
 from smarts.types.agent_states import AgentStatus
+from smarts.types.world import State
 
 NEAR = 40.0
 """An agent arrives when it is this far from a junction [m]."""
@@ -17,7 +18,7 @@ _DONE = int(AgentStatus.DONE)
 
 
 @kernel
-def assign_arrival_order(state: State, table: RouteTable, row: int) -> None:
+def assign_arrival_order(state: State, roads: Roads, routes: RouteTable, row: int) -> None:
     """Let agents draw tickets for the next junction on their routes; write the agents' tickets.
 
     An agent draws one when it comes near, keeps it until it is through, and has none on the way to a junction
@@ -32,7 +33,7 @@ def assign_arrival_order(state: State, table: RouteTable, row: int) -> None:
             continue
         junction, ahead = -1, np.inf
         if agents.state[row, agent_id] == _ACTIVE and agents.slot[row, agent_id] >= 0:
-            junction, ahead = _next_junction(state, table, row, agent_id)
+            junction, ahead = _next_junction(state, roads, routes, row, agent_id)
             if ahead > NEAR:
                 junction = -1
         if junction != agents.arrival_junction[row, agent_id]:
@@ -60,20 +61,22 @@ def _next_number(state: State, row: int, junction: int) -> int:
 
 
 @kernel
-def _next_junction(state: State, table: RouteTable, row: int, agent_id: int) -> tuple[int, float]:
+def _next_junction(
+    state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int
+) -> tuple[int, float]:
     """Return the junction that the agent is in, else the next on its route, and how far it is [m].
 
     Off its route, the agent goes on to the junction that it has a ticket for.
     """
-    lane = lane_of(state, state.now, row, state.agents.slot[row, agent_id])
-    here = corridor_row(state, table, row, agent_id, lane)
+    lane = lane_of(state, roads, state.vehicles, row, state.agents.slot[row, agent_id])
+    here = corridor_row(state, routes, row, agent_id, lane)
     if here < 0:
         return int(state.agents.arrival_junction[row, agent_id]), 0.0
-    if state.lanes.junction[lane] >= 0:
-        return int(state.lanes.junction[lane]), 0.0
-    for ahead in range(here + 1, table.start[table.free + state.route[row, agent_id] + 1]):
-        junction = int(state.lanes.junction[table.lane[ahead]])
+    if roads.lane_junction[lane] >= 0:
+        return int(roads.lane_junction[lane]), 0.0
+    for ahead in range(here + 1, routes.start[routes.free + routes.number[row, agent_id] + 1]):
+        junction = int(roads.lane_junction[routes.lane[ahead]])
         if junction >= 0:
             # The row before is of the road that leads there.
-            return junction, max(0.0, table.end[ahead - 1] - state.agents.route_progress[row, agent_id])
+            return junction, max(0.0, routes.end[ahead - 1] - state.agents.route_progress[row, agent_id])
     return -1, np.inf

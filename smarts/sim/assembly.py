@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.rules import agent_rules, alive_rules
+from smarts.arrays import Bools
 from smarts.controllers import action_format
 from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
@@ -121,18 +120,15 @@ class NoRecorder:
 
 
 class MatcherStage:
-    """Says where everybody is, and then where tasks lead and what may be done there."""
+    """Matches vehicles to the map, then writes where tasks lead and which lane actions are legal."""
 
     def __init__(self, scene: Scene) -> None:
-        self._matcher = MapMatcher(scene.atlas, scene.routes)
-        self._manoeuvres = Manoeuvres(scene)
-        self._legality = ActionMasker(scene)
+        self._parts = MapMatcher(scene).match, Manoeuvres(scene).plan, ActionMasker(scene).write
 
-    def locate(self, world: World, env_mask: np.ndarray) -> None:
-        """Write all vehicles' places, the agents' progress, their guidance and their legal actions."""
-        self._matcher.locate(world, env_mask)
-        self._manoeuvres.plan(world, env_mask)
-        self._legality.write(world, env_mask)
+    def match(self, env_mask: Bools) -> None:
+        """Write all vehicles' places, the agents' progress, their guidance and their action masks."""
+        for part in self._parts:
+            part(env_mask)
 
 
 def assemble(
@@ -222,9 +218,9 @@ def _assemble(
 ) -> Assembly:
     world, rules = scene.world, agent_rules(interfaces, options.dt)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
-    entries = Entries(ownership, scene.routes)
+    entries = Entries(world, ownership, scene.routes)
     alive = alive_rules(interfaces, names, world.egos)
-    interest = interest_of(interfaces, schedule, entries)
+    interest = interest_of(world, interfaces, schedule, entries)
     recorder = _recorder(scene, options)
     stages = Stages(
         ownership=ownership,
@@ -235,7 +231,7 @@ def _assemble(
         matcher=MatcherStage(scene),
         contacts=FootprintContacts(world),
         events=AgentEvents(scene, rules, alive, interest),
-        transfer_rules=HandoverRules(entries, vehicles.can_accept),
+        transfer_rules=HandoverRules(world, entries, vehicles.can_accept),
         sensors=SensorSuite(scene, interfaces, looked_at),
         recorder=recorder or NoRecorder(),
     )

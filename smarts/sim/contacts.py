@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.geometry.binding import bind
+from smarts.geometry.binding import LateBound
 from smarts.geometry.boxes import Pose, box_gaps, contact_direction, facing
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped
-from smarts.sim.columns import columns_of
-from smarts.types.agent_states import AgentStatus
+from smarts.types.agent_states import AgentStates, AgentStatus
 from smarts.types.events import Contacts
 from smarts.types.tracks import Tracks
-from smarts.types.world import World
+from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State, World
 
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.int8]
@@ -35,35 +34,6 @@ _ACTIVE = int(AgentStatus.ACTIVE)
 _SHADOWING = int(AgentStatus.SHADOWING)
 
 
-class Footprints(NamedTuple):
-    """The columns of `VehicleStates` that say where a vehicle's box is, shape (B, V)."""
-
-    alive: Bools
-    generation: Ints
-    position: Floats
-    heading: Floats
-    length: Floats
-    width: Floats
-
-
-class AgentSlots(NamedTuple):
-    """The columns of `AgentStates` that say which vehicle an agent has, shape (B, A)."""
-
-    state: Bytes
-    slot: Ints
-
-
-class ContactColumns(NamedTuple):
-    """`Contacts`."""
-
-    partner: Ints
-    partner_generation: Ints
-    substep: Bytes
-    closing_speed: Floats
-    side: Bytes
-    touching: Bools
-
-
 class FootprintContacts:
     """Finds contacts between oriented boxes by the separating-axis theorem, at and between ends of sub-steps.
 
@@ -79,56 +49,34 @@ class FootprintContacts:
     def __init__(self, world: World) -> None:
         worlds, agents = world.agents.slot.shape
         self._contacts = Contacts.allocate(worlds, agents, world.vehicles.capacity)
-        self._find = bind(
-            find_contacts,
-            columns_of(world.vehicles, Footprints),
-            columns_of(world.before, Footprints),
-            columns_of(world.agents, AgentSlots),
-            world.dt,
-            columns_of(self._contacts, ContactColumns),
-        )
+        self._find = LateBound(find_contacts, world.state, self._contacts)
 
-    def find(self, world: World, tracks: Tracks, env_mask: Bools) -> Contacts:
+    def find(self, tracks: Tracks, env_mask: Bools) -> Contacts:
         """Return the first contact of each agent's vehicle during the step.
 
         Args:
-            world: The one that this was made for.
             tracks: How the agents' vehicles have moved. Where they have not yet, only the present counts.
             env_mask: Which simulations made the step, shape (B,).
         """
-        self._find(tracks.poses, tracks.touched, tracks.touch_speed, env_mask)
+        self._find.to(tracks)(env_mask)
         return self._contacts
 
 
 @kernel
-def find_contacts(
-    now: Footprints,
-    before: Footprints,
-    agents: AgentSlots,
-    dt: float,
-    out: ContactColumns,
-    tracks: Floats,
-    touched: Bytes,
-    touch_speed: Floats,
-    env_mask: Bools,
-) -> None:
+def find_contacts(state: State, out: Contacts, tracks: Tracks, env_mask: Bools) -> None:
     """Write the contacts of all agents; those of simulations that made no step have none.
 
     Args:
-        now: All vehicles.
-        before: A step ago.
-        agents: Who drives.
-        dt: Length of the step [s].
+        state: Of the world.
         out: Written.
-        tracks: Poses of the agents' vehicles after each sub-step, shape (B, A, S, 3); S is 0 at a reset.
-        touched: As in `Tracks`, shape (B, A, V), as is the next.
-        touch_speed: As in `Tracks` [m/s].
+        tracks: How the agents' vehicles have moved; without sub-steps at a reset.
         env_mask: Which simulations made the step, shape (B,).
     """
     # Arrays by themselves: to take one out of a tuple costs more than to read from it.
+    now, before, agents, poses = state.vehicles, state.before, state.agents, tracks.poses
     position, length, width = now.position, now.length, now.width
-    state, slots, touching, partner = agents.state, agents.slot, out.touching, out.partner
-    capacity, substeps = position.shape[1], max(1, tracks.shape[2])
+    status, slots, touching, partner = agents.state, agents.slot, out.touching, out.partner
+    capacity, substeps = position.shape[1], max(1, poses.shape[2])
     near, reach = np.empty(capacity, np.int32), np.empty(capacity)
     agent_id_of = np.empty(capacity, np.int32)
     path, path2 = np.empty((substeps + 1, 3)), np.empty((substeps + 1, 3))
@@ -141,22 +89,22 @@ def find_contacts(
     for row in range(len(env_mask)):
         if not env_mask[row]:
             continue
-        alive = _survey(now, before, tracks, agents, row, near, reach, agent_id_of)
-        for agent_id in range(state.shape[1]):
+        alive = _survey(now, before, poses, agents, row, near, reach, agent_id_of)
+        for agent_id in range(status.shape[1]):
             slot = slots[row, agent_id]
-            if slot < 0 or state[row, agent_id] not in (_ACTIVE, _SHADOWING):
+            if slot < 0 or status[row, agent_id] not in (_ACTIVE, _SHADOWING):
                 continue
-            _follow(now, before, tracks, row, slot, agent_id_of[slot], path)
+            _follow(now, before, poses, row, slot, agent_id_of[slot], path)
             first = np.inf
             for number in range(alive):
                 other = near[number]
                 dx = position[row, other, 0] - position[row, slot, 0]
                 dy = position[row, other, 1] - position[row, slot, 1]
                 far = reach[slot] + reach[other]
-                held, held_speed = _held_apart(now, before, touched, touch_speed, row, agent_id, other)
+                held, held_speed = _held_apart(now, before, tracks, row, agent_id, other)
                 if other == slot or (held < 0 and dx * dx + dy * dy > far * far):
                     continue
-                _follow(now, before, tracks, row, other, agent_id_of[other], path2)
+                _follow(now, before, poses, row, other, agent_id_of[other], path2)
                 size = 0.5 * length[row, slot], 0.5 * width[row, slot]
                 size2 = 0.5 * length[row, other], 0.5 * width[row, other]
                 substep, until = _first_overlap(path, size, path2, size2)
@@ -168,7 +116,7 @@ def find_contacts(
                     side = _side_facing(path[held + 1], size, path2[held + 1], size2)
                 else:
                     when, closing_speed, side = _impact(
-                        path, size, path2, size2, substep, until, dt / substeps
+                        path, size, path2, size2, substep, until, state.dt / substeps
                     )
                     # Bullet may have slowed them down within that sub-step already.
                     closing_speed = max(closing_speed, held_speed)
@@ -183,10 +131,9 @@ def find_contacts(
 
 @kernel
 def _held_apart(
-    now: Footprints,
-    before: Footprints,
-    touched: Bytes,
-    touch_speed: Floats,
+    now: VehicleStates,
+    before: VehicleStates,
+    tracks: Tracks,
     row: int,
     agent_id: int,
     other: int,
@@ -195,20 +142,20 @@ def _held_apart(
 
     Sub-steps count from 0; it is -1 if Bullet did not.
     """
-    if touched[row, agent_id, other] == 0:
+    if tracks.touched[row, agent_id, other] == 0:
         return -1, 0.0
     # Who has come into the slot within the step was not there.
     if before.alive[row, other] and before.generation[row, other] == now.generation[row, other]:
-        return touched[row, agent_id, other] - 1, touch_speed[row, agent_id, other]
+        return tracks.touched[row, agent_id, other] - 1, tracks.touch_speed[row, agent_id, other]
     return -1, 0.0
 
 
 @kernel
 def _survey(
-    now: Footprints,
-    before: Footprints,
-    tracks: Floats,
-    agents: AgentSlots,
+    now: VehicleStates,
+    before: VehicleStates,
+    poses: Floats,
+    agents: AgentStates,
     row: int,
     near: Ints,
     reach: Floats,
@@ -219,8 +166,8 @@ def _survey(
     Args:
         now: All vehicles.
         before: A step ago.
-        tracks: Of the agents' vehicles.
-        agents: Who drives.
+        poses: Of the agents' tracks.
+        agents: All agents.
         row: The simulation.
         near: Written: the slots, in order.
         reach: Written: by slot [m].
@@ -247,15 +194,15 @@ def _survey(
             if was_alive[row, slot] and old_generation[row, slot] == generation[row, slot]:
                 dx = position[row, slot, 0] - old_position[row, slot, 0]
                 reach[slot] += math.hypot(dx, position[row, slot, 1] - old_position[row, slot, 1])
-    for agent_id in range(tracks.shape[1]):
+    for agent_id in range(poses.shape[1]):
         slot = agents.slot[row, agent_id]
-        if agents.state[row, agent_id] == _ACTIVE and slot >= 0 and tracks.shape[2] > 0:
+        if agents.state[row, agent_id] == _ACTIVE and slot >= 0 and poses.shape[2] > 0:
             agent_id_of[slot] = agent_id
             farthest = 0.0
-            for substep in range(tracks.shape[2]):
-                dx = tracks[row, agent_id, substep, 0] - position[row, slot, 0]
+            for substep in range(poses.shape[2]):
+                dx = poses[row, agent_id, substep, 0] - position[row, slot, 0]
                 farthest = max(
-                    farthest, math.hypot(dx, tracks[row, agent_id, substep, 1] - position[row, slot, 1])
+                    farthest, math.hypot(dx, poses[row, agent_id, substep, 1] - position[row, slot, 1])
                 )
             reach[slot] = max(reach[slot], farthest + 0.5 * math.hypot(length[row, slot], width[row, slot]))
     return count
@@ -263,7 +210,7 @@ def _survey(
 
 @kernel
 def _follow(
-    now: Footprints, before: Footprints, tracks: Floats, row: int, slot: int, agent_id: int, path: Floats
+    now: VehicleStates, before: VehicleStates, poses: Floats, row: int, slot: int, agent_id: int, path: Floats
 ) -> None:
     """Write a vehicle's poses at the beginning of the step and after each sub-step, shape (S + 1, 3)."""
     x, y, heading = now.position[row, slot, 0], now.position[row, slot, 1], now.heading[row, slot]
@@ -271,8 +218,8 @@ def _follow(
     last = len(path) - 1
     if agent_id >= 0:
         for i in range(path.shape[1]):
-            for step in range(tracks.shape[2]):
-                path[step + 1, i] = tracks[row, agent_id, step, i]
+            for step in range(poses.shape[2]):
+                path[step + 1, i] = poses[row, agent_id, step, i]
             path[0, i] = path[1, i]
         if not is_new:
             path[0, 0], path[0, 1] = before.position[row, slot]

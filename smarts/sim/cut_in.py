@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from smarts.geometry.compiling import kernel
-from smarts.roads.guide import Guide
+from smarts.roads.arrays import Roads
 from smarts.sim.gaps import gaps_in, least_gap, may_follow, pace_behind
-from smarts.sim.surroundings import Surroundings, beside, distance_between, lane_under
+from smarts.sim.places import beside, distance_between, lane_of
 from smarts.types.guidance import GuidePhase
+from smarts.types.world import State
 
 AHEAD = 15.0
 """How far ahead of the other vehicle to go over, from centre to centre; the middle of a shorter gap [m]."""
@@ -32,61 +33,63 @@ _MANOEUVRE, _OVER = int(GuidePhase.MANOEUVRE), int(GuidePhase.OVER)
 
 
 @kernel
-def plan_cut_in(around: Surroundings, guide: Guide, b: int, a: int) -> None:
+def plan_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
     """Write the guidance of an agent that is to cut in and does not yet; see `smarts.sstudio.types.CutIn`."""
-    slot = around.slot[b, a]
-    lane, last = lane_under(around, b, slot), around.task_lane[b, a]
+    vehicles, guidance = state.vehicles, state.guidance
+    slot = state.agents.slot[b, a]
+    lane, last = lane_of(state, roads, vehicles, b, slot), state.missions.task_lane[b, a]
     if lane < 0:
         return
-    if last >= 0 and around.edge[around.roads.lane_base[around.map[b]] + last] == around.edge[lane]:
-        guide.phase[b, a], guide.speed[b, a] = _OVER, 0.0
+    if last >= 0 and roads.lane_edge[roads.lane_base[state.map[b]] + last] == roads.lane_edge[lane]:
+        guidance.phase[b, a], guidance.speed[b, a] = _OVER, 0.0
         return
-    target = _target_of(around, guide, b, a, slot, lane)
-    guide.target[b, a] = target
+    target = _target_of(state, roads, b, a, slot, lane)
+    guidance.target[b, a] = target
     if target < 0:
-        guide.phase[b, a], guide.speed[b, a] = _FREE, 0.0
+        guidance.phase[b, a], guidance.speed[b, a] = _FREE, 0.0
         return
-    guide.target_generation[b, a] = around.generation[b, target]
-    speed, own_speed = around.speed[b, target], around.speed[b, slot]
-    own = gaps_in(around, b, slot, lane)
-    if not _is_beside(around, b, lane, target):
+    guidance.target_generation[b, a] = vehicles.generation[b, target]
+    speed, own_speed = vehicles.speed[b, target], vehicles.speed[b, slot]
+    own = gaps_in(state, roads, b, slot, lane)
+    if not _is_beside(state, roads, b, lane, target):
         # One of the two has come to another road before the other.
-        guide.phase[b, a] = _APPROACH
-        guide.speed[b, a] = _heeding(max(speed, SLOWEST), own.ahead, own.speed_ahead)
+        guidance.phase[b, a] = _APPROACH
+        guidance.speed[b, a] = _heeding(max(speed, SLOWEST), own.ahead, own.speed_ahead)
         return
-    other_lane = lane_under(around, b, target)
-    place, left = beside(around, b, slot, other_lane)
-    its_place = around.lane_position[b, target]
-    between = gaps_in(around, b, target, other_lane).ahead + around.length[b, target]
+    other_lane = lane_of(state, roads, vehicles, b, target)
+    place, left = beside(vehicles, roads, b, slot, other_lane)
+    its_place = vehicles.lane_position[b, target]
+    between = gaps_in(state, roads, b, target, other_lane).ahead + vehicles.length[b, target]
     lacking = min(AHEAD, 0.5 * between) - (place - its_place)
     pace = min(max(speed + GAIN * lacking, 0.5 * speed), 2.0 * speed)
-    guide.phase[b, a] = _APPROACH
-    guide.speed[b, a] = _heeding(max(pace, SLOWEST), own.ahead, own.speed_ahead)
+    guidance.phase[b, a] = _APPROACH
+    guidance.speed[b, a] = _heeding(max(pace, SLOWEST), own.ahead, own.speed_ahead)
     length = max(LEAST_LENGTH, CHANGE_TIME * own_speed)
     if abs(lacking) > NEAR_ENOUGH or length > left:
         return
-    gaps = gaps_in(around, b, slot, other_lane)
+    gaps = gaps_in(state, roads, b, slot, other_lane)
     # Until it is over there, who is ahead in its own lane has to be far enough, too.
     is_safe = may_follow(own_speed, gaps.speed_ahead, gaps.ahead, 0.5 * CHANGE_TIME)
     is_safe &= may_follow(gaps.speed_behind, own_speed, gaps.behind, 0.5 * CHANGE_TIME)
     if is_safe and may_follow(own_speed, own.speed_ahead, own.ahead, 0.5 * CHANGE_TIME):
-        guide.phase[b, a] = _MANOEUVRE
-        guide.begin[b, a, 0], guide.begin[b, a, 1] = around.position[b, slot]
-        guide.begin[b, a, 2] = around.heading[b, slot]
-        guide.lane[b, a], guide.s[b, a] = around.lane[b, target], place + length
-        guide.speed[b, a] = _heeding(max(FASTER * speed, SLOWEST), gaps.ahead, gaps.speed_ahead)
+        guidance.phase[b, a] = _MANOEUVRE
+        guidance.begin[b, a, 0], guidance.begin[b, a, 1] = vehicles.position[b, slot]
+        guidance.begin[b, a, 2] = vehicles.heading[b, slot]
+        guidance.lane[b, a], guidance.s[b, a] = vehicles.lane[b, target], place + length
+        guidance.speed[b, a] = _heeding(max(FASTER * speed, SLOWEST), gaps.ahead, gaps.speed_ahead)
 
 
 @kernel
-def pace_cut_in(around: Surroundings, guide: Guide, b: int, a: int) -> None:
+def pace_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
     """Write the speed of an agent that is going over: a tenth faster than the other, but for who is ahead."""
-    slot, target = around.slot[b, a], guide.target[b, a]
-    pace = max(guide.speed[b, a], SLOWEST)
-    if around.alive[b, target] and around.generation[b, target] == guide.target_generation[b, a]:
-        pace = max(pace, FASTER * around.speed[b, target])
-    lane = around.roads.lane_base[around.map[b]] + guide.lane[b, a]
-    gaps = gaps_in(around, b, slot, lane)
-    guide.speed[b, a] = _heeding(pace, gaps.ahead, gaps.speed_ahead)
+    vehicles, guidance = state.vehicles, state.guidance
+    slot, target = state.agents.slot[b, a], guidance.target[b, a]
+    pace = max(guidance.speed[b, a], SLOWEST)
+    if vehicles.alive[b, target] and vehicles.generation[b, target] == guidance.target_generation[b, a]:
+        pace = max(pace, FASTER * vehicles.speed[b, target])
+    lane = roads.lane_base[state.map[b]] + guidance.lane[b, a]
+    gaps = gaps_in(state, roads, b, slot, lane)
+    guidance.speed[b, a] = _heeding(pace, gaps.ahead, gaps.speed_ahead)
 
 
 @kernel
@@ -96,38 +99,39 @@ def _heeding(pace: float, gap: float, speed: float) -> float:
 
 
 @kernel
-def _is_beside(around: Surroundings, b: int, lane: int, other: int) -> bool:
+def _is_beside(state: State, roads: Roads, b: int, lane: int, other: int) -> bool:
     """Tell whether a vehicle is in a lane to the left or right of a lane outside junctions."""
-    its = lane_under(around, b, other)
-    is_neighbour = its >= 0 and (its == around.left[lane] or its == around.right[lane])
-    return is_neighbour and not around.roads.lane_inside[lane]
+    its = lane_of(state, roads, state.vehicles, b, other)
+    is_neighbour = its >= 0 and (its == roads.lane_left[lane] or its == roads.lane_right[lane])
+    return is_neighbour and not roads.lane_inside[lane]
 
 
 @kernel
-def _target_of(around: Surroundings, guide: Guide, b: int, a: int, slot: int, lane: int) -> int:
+def _target_of(state: State, roads: Roads, b: int, a: int, slot: int, lane: int) -> int:
     """Return the vehicle to cut in on, -1 for none: the one chosen before, else the nearest beside.
 
     One stays chosen as long as it is within the radius and not in the agent's own lane, but one with room
     before it is better than one without.
     """
-    radius, known = around.task_radius[b, a], int(guide.target[b, a])
-    if known >= 0 and around.alive[b, known]:
-        is_same = around.generation[b, known] == guide.target_generation[b, a]
-        is_here = distance_between(around, b, slot, known) <= radius
-        its_lane = lane_under(around, b, known)
+    vehicles, guidance = state.vehicles, state.guidance
+    radius, known = state.missions.task_radius[b, a], int(guidance.target[b, a])
+    if known >= 0 and vehicles.alive[b, known]:
+        is_same = vehicles.generation[b, known] == guidance.target_generation[b, a]
+        is_here = distance_between(vehicles, b, slot, known) <= radius
+        its_lane = lane_of(state, roads, vehicles, b, known)
         if not is_same or not is_here or its_lane == lane:
             known = -1
-        elif its_lane < 0 or _has_room(around, b, slot, known):
+        elif its_lane < 0 or _has_room(state, roads, b, slot, known):
             return known
     else:
         known = -1
     nearest, found, is_found_roomy = np.inf, known, False
-    for other in range(around.alive.shape[1]):
-        if around.alive[b, other] and other != slot and _is_beside(around, b, lane, other):
-            distance = distance_between(around, b, slot, other)
+    for other in range(vehicles.alive.shape[1]):
+        if vehicles.alive[b, other] and other != slot and _is_beside(state, roads, b, lane, other):
+            distance = distance_between(vehicles, b, slot, other)
             if distance > radius:
                 continue
-            is_roomy = _has_room(around, b, slot, other)
+            is_roomy = _has_room(state, roads, b, slot, other)
             is_nearer = distance < nearest and is_roomy == is_found_roomy
             if (is_roomy and not is_found_roomy) or (is_nearer and (is_roomy or known < 0)):
                 nearest, found, is_found_roomy = distance, other, is_roomy
@@ -135,7 +139,8 @@ def _target_of(around: Surroundings, guide: Guide, b: int, a: int, slot: int, la
 
 
 @kernel
-def _has_room(around: Surroundings, b: int, slot: int, other: int) -> bool:
+def _has_room(state: State, roads: Roads, b: int, slot: int, other: int) -> bool:
     """Tell whether a vehicle fits in before another that is in a lane, when all there are equally fast."""
-    gap = gaps_in(around, b, other, lane_under(around, b, other)).ahead
-    return 0.5 * (gap - around.length[b, slot]) >= least_gap(around.speed[b, other], 0.0)
+    vehicles = state.vehicles
+    gap = gaps_in(state, roads, b, other, lane_of(state, roads, vehicles, b, other)).ahead
+    return 0.5 * (gap - vehicles.length[b, slot]) >= least_gap(vehicles.speed[b, other], 0.0)

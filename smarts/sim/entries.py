@@ -34,12 +34,12 @@ class Entries:
     its patience ends first, it gets a new vehicle.
     """
 
-    def __init__(self, ownership: Ownership, routes: AgentRoutes) -> None:
+    def __init__(self, world: World, ownership: Ownership, routes: AgentRoutes) -> None:
         self.episodes: list[EpisodeStart | None] = [None] * len(routes.number)
         """What each simulation plays."""
         self.pending: set[int] = set()
         """Simulations in whose episode somebody enters later than at the beginning."""
-        self._ownership = ownership
+        self._world, self._ownership = world, ownership
         self._routes = routes
 
     def starts(self, row: int) -> Sequence[AgentStart]:
@@ -47,8 +47,9 @@ class Entries:
         episode = self.episodes[row]
         return episode.agents if episode else ()
 
-    def reset(self, world: World, row: int, start: EpisodeStart) -> None:
+    def reset(self, row: int, start: EpisodeStart) -> None:
         """Give the missions of an episode out, in an empty simulation, and let in who enters at once."""
+        world = self._world
         self.episodes[row] = start
         self.pending.discard(row)
         self._routes.assign(row, start.map, [agent_id.mission.route for agent_id in start.agents])
@@ -63,26 +64,28 @@ class Entries:
             else:
                 self.pending.add(row)
 
-    def clear_way(self, world: World, row: int) -> None:
+    def clear_way(self, row: int) -> None:
         """Make room for those who are in at the beginning; everybody has been located."""
-        for slot in np.flatnonzero(world.vehicles.owner[row] == Owner.AGENT).tolist():
-            self._clear_around(world, row, slot)
+        for slot in np.flatnonzero(self._world.vehicles.owner[row] == Owner.AGENT).tolist():
+            self._clear_around(row, slot)
 
-    def enter(self, world: World, env_mask: Bools) -> None:
+    def enter(self, env_mask: Bools) -> None:
         """Let in those whose time has come, and send on those who have just taken a vehicle over."""
+        world = self._world
         state = world.agents.state
         for row in sorted(row for row in self.pending if env_mask[row]):
             # This is the beginning of the step: its number is already that of its end.
             now = (int(world.step[row]) - 1) * world.dt
             for agent_id, start in enumerate(self.starts(row)):
                 if state[row, agent_id] == AgentStatus.WAITING:
-                    self._enter(world, row, agent_id, start, now)
+                    self._enter(row, agent_id, start, now)
                 elif start.take_over and world.agents.entry_step[row, agent_id] == world.step[row]:
-                    self._go_on(world, row, agent_id)
+                    self._go_on(row, agent_id)
 
-    def _enter(self, world: World, row: int, agent_id: int, start: AgentStart, now: float) -> None:
+    def _enter(self, row: int, agent_id: int, start: AgentStart, now: float) -> None:
+        world = self._world
         patience = start.take_over.patience if start.take_over else 0.0
-        if now < start.entry_time + patience - 1e-9 or self._is_occupied(world, row, start):
+        if now < start.entry_time + patience - 1e-9 or self._is_occupied(row, start):
             return
         slot = self._ownership.admit(row, agent_id, start)
         vehicles = world.vehicles
@@ -90,11 +93,11 @@ class Entries:
             world.map[[row]], vehicles.position[row, [slot]], vehicles.heading[row, [slot]]
         )
         vehicles.lane[row, slot], vehicles.lane_position[row, slot] = found.lane[0], found.s[0]
-        self._clear_around(world, row, slot)
+        self._clear_around(row, slot)
 
-    def _is_occupied(self, world: World, row: int, start: AgentStart) -> bool:
+    def _is_occupied(self, row: int, start: AgentStart) -> bool:
         """Return whether another agent's vehicle is at the start, which only time can clear."""
-        vehicles = world.vehicles.of(row)
+        vehicles = self._world.vehicles.of(row)
         others = np.flatnonzero(vehicles.owner == Owner.AGENT)
         x, y, heading = start.pose
         return bool(
@@ -108,8 +111,9 @@ class Entries:
             ).any()
         )
 
-    def _clear_around(self, world: World, row: int, slot: int) -> None:
-        vehicles, roads = world.vehicles.of(row), self._roads(world, row)
+    def _clear_around(self, row: int, slot: int) -> None:
+        world = self._world
+        vehicles, roads = world.vehicles.of(row), self._roads(row)
         lane = int(vehicles.lane[slot])
         edge = roads.lane_edge[lane] if lane >= 0 else -1
         is_inside_junction = lane >= 0 and bool(roads.is_internal[lane])
@@ -121,12 +125,13 @@ class Entries:
         for other in vehicles_in_the_way(roads, vehicles, slot, leads_here):
             world.registry.dismiss(row, other)
 
-    def _go_on(self, world: World, row: int, agent_id: int) -> None:
+    def _go_on(self, row: int, agent_id: int) -> None:
         """Give an agent that has taken a vehicle over a route from where that is, if it is off its own."""
+        world = self._world
         slot, lane = int(world.agents.slot[row, agent_id]), -1
         if slot >= 0 and world.missions.goal[row, agent_id] != GoalKind.ENDLESS:
             lane = int(world.vehicles.lane[row, slot])
-        route, roads = self._routes.route(row, agent_id), self._roads(world, row)
+        route, roads = self._routes.route(row, agent_id), self._roads(row)
         if lane < 0 or not route:
             return
         s, goal = float(world.vehicles.lane_position[row, slot]), int(world.missions.goal_lane[row, agent_id])
@@ -147,8 +152,8 @@ class Entries:
         )
         world.missions.route_length[row, agent_id] = max(0.0, length)
 
-    def _roads(self, world: World, row: int) -> LaneGraph:
-        return self._routes.atlas.graphs[world.map[row]]
+    def _roads(self, row: int) -> LaneGraph:
+        return self._routes.atlas.graphs[self._world.map[row]]
 
 
 def _edge_ahead(roads: LaneGraph, lane: int) -> str:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Shorts
 from smarts.controllers.lane_path import place_on_lane
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at
-from smarts.roads.arrays import RouteTable
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lights import light_ahead
-from smarts.sim.judging import STANDING, State, corridor_row, lane_of
+from smarts.sim.places import STANDING, corridor_row, lane_of
 from smarts.sim.yielding import yields_to_stream
 from smarts.types.events import Event
+from smarts.types.interface import AgentRules
 from smarts.types.mission import GoalKind
 from smarts.types.traffic import Signal
+from smarts.types.world import State
 
 MISSED_BY = 5.0
 """How far behind the goal line, still on its road, the goal counts as missed [m]."""
@@ -52,31 +53,35 @@ _AT_END = 0.01
 """Located within this of a lane's end, a vehicle has left it there [m]; places are clipped to the lane."""
 
 
-class Rules(NamedTuple):
-    """Columns of `AgentRules`, shape (A,)."""
-
-    ending: NDArray[np.int32]
-    max_steps: NDArray[np.int32]
-    not_moving_steps: NDArray[np.int32]
-    not_moving_distance: NDArray[np.float64]
-
-
 @kernel
-def judge(state: State, table: RouteTable, rules: Rules, patience: int, row: int, agent_id: int) -> int:
+def judge(
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    rules: AgentRules,
+    patience: int,
+    laps_before: Shorts,
+    row: int,
+    agent_id: int,
+) -> int:
     """Return the events of one agent in this step, but for those that others cause; write what it remembers.
 
     Args:
         state: The world.
-        table: The routes.
+        roads: The maps' lanes.
+        routes: The agents' routes.
         rules: Of the agents.
         patience: Steps off its route after which a vehicle counts as off-route.
+        laps_before: `AgentStates.lap` one step ago, shape (B, A).
         row: The simulation.
         agent_id: An agent with a vehicle.
     """
-    has_left = _has_left_map(state, row, agent_id)
-    bits = 0 if has_left else _road_events(state, table, patience, row, agent_id)
-    bits |= _goal_events(state, table, has_left, row, agent_id) | _via_events(state, row, agent_id)
-    if _rests(state, table, rules, row, agent_id):
+    has_left = _has_left_map(state, roads, row, agent_id)
+    bits = 0 if has_left else _road_events(state, roads, routes, patience, row, agent_id)
+    bits |= _goal_events(state, roads, routes, laps_before, has_left, row, agent_id) | _via_events(
+        state, laps_before, row, agent_id
+    )
+    if _rests(state, roads, routes, rules, row, agent_id):
         bits |= _NOT_MOVING
     limit = rules.max_steps[agent_id]
     if limit > 0 and state.step[row] - state.agents.entry_step[row, agent_id] >= limit:
@@ -88,13 +93,13 @@ def judge(state: State, table: RouteTable, rules: Rules, patience: int, row: int
 def _was_there(state: State, row: int, slot: int) -> bool:
     """Tell whether the vehicle was in the world a step ago."""
     was = state.before.alive[row, slot]
-    return was and state.before.generation[row, slot] == state.now.generation[row, slot]
+    return was and state.before.generation[row, slot] == state.vehicles.generation[row, slot]
 
 
 @kernel
 def _way(state: State, row: int, slot: int) -> tuple[float, float, float, float]:
     """Return where a vehicle's centre was and is: x, y, x, y [m]."""
-    now = state.now.position[row, slot]
+    now = state.vehicles.position[row, slot]
     before = state.before.position[row, slot] if _was_there(state, row, slot) else now
     return before[0], before[1], now[0], now[1]
 
@@ -107,19 +112,21 @@ def _passes(state: State, row: int, slot: int, x: float, y: float, radius: float
 
 
 @kernel
-def _has_left_map(state: State, row: int, agent_id: int) -> bool:
+def _has_left_map(state: State, roads: Roads, row: int, agent_id: int) -> bool:
     """Tell whether an agent without a goal on the map has driven off it, over the end of a road."""
-    goal, slot = state.goals.goal[row, agent_id], state.agents.slot[row, agent_id]
-    lane = lane_of(state, state.now, row, slot)
+    goal, slot = state.missions.goal[row, agent_id], state.agents.slot[row, agent_id]
+    lane = lane_of(state, roads, state.vehicles, row, slot)
     if goal not in (_ENDLESS, _OFF_MAP) or state.agents.on_road[row, agent_id] or lane < 0:
         return False
-    is_at_end = state.now.lane_position[row, slot] >= lane_length(state.roads, lane) - _AT_END
-    is_ahead = abs(state.now.lane_offset[row, slot]) <= state.roads.lane_width[lane]
-    return bool(state.lanes.is_dead_end[lane]) and is_at_end and is_ahead
+    is_at_end = state.vehicles.lane_position[row, slot] >= lane_length(roads, lane) - _AT_END
+    is_ahead = abs(state.vehicles.lane_offset[row, slot]) <= roads.lane_width[lane]
+    return bool(roads.lane_dead_end[lane]) and is_at_end and is_ahead
 
 
 @kernel
-def _road_events(state: State, table: RouteTable, patience: int, row: int, agent_id: int) -> int:
+def _road_events(
+    state: State, roads: Roads, routes: RouteTable, patience: int, row: int, agent_id: int
+) -> int:
     """Return how the vehicle stands to the road and to its route."""
     agents, slot = state.agents, state.agents.slot[row, agent_id]
     bits = 0
@@ -127,9 +134,9 @@ def _road_events(state: State, table: RouteTable, patience: int, row: int, agent
         bits |= _OFF_ROAD
     if agents.corners_on_road[row, agent_id] < 4:
         bits |= _ON_SHOULDER
-    if agents.on_road[row, agent_id] and _is_against_lane(state, row, slot):
+    if agents.on_road[row, agent_id] and _is_against_lane(state, roads, row, slot):
         bits |= _WRONG_WAY
-    if not _is_off_route(state, table, row, agent_id):
+    if not _is_off_route(state, roads, routes, row, agent_id):
         agents.off_route_since[row, agent_id] = -1
     elif agents.off_route_since[row, agent_id] < 0:
         agents.off_route_since[row, agent_id] = state.step[row]
@@ -139,74 +146,76 @@ def _road_events(state: State, table: RouteTable, patience: int, row: int, agent
 
 
 @kernel
-def _is_against_lane(state: State, row: int, slot: int) -> bool:
+def _is_against_lane(state: State, roads: Roads, row: int, slot: int) -> bool:
     """Tell whether a vehicle points against the direction of its lane; inside junctions none does."""
-    lane, roads = lane_of(state, state.now, row, slot), state.roads
+    lane = lane_of(state, roads, state.vehicles, row, slot)
     if lane < 0 or roads.lane_inside[lane]:
         return False
-    s = state.now.lane_position[row, slot]
+    s = state.vehicles.lane_position[row, slot]
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
-    return math.cos(state.now.heading[row, slot] - centre_at(roads, point, s)[2]) < 0.0
+    return math.cos(state.vehicles.heading[row, slot] - centre_at(roads, point, s)[2]) < 0.0
 
 
 @kernel
-def _is_off_route(state: State, table: RouteTable, row: int, agent_id: int) -> bool:
+def _is_off_route(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
     """Tell whether an agent that has a route is beside it; on the other side of its road it is not."""
-    if state.agents.on_route[row, agent_id] or state.route[row, agent_id] < 0:
+    if state.agents.on_route[row, agent_id] or routes.number[row, agent_id] < 0:
         return False
-    if state.goals.goal[row, agent_id] in (_ENDLESS, _OFF_MAP):
+    if state.missions.goal[row, agent_id] in (_ENDLESS, _OFF_MAP):
         return False
-    lane = lane_of(state, state.now, row, state.agents.slot[row, agent_id])
-    twin = state.lanes.twin[lane] if lane >= 0 else -1
-    return corridor_row(state, table, row, agent_id, twin) < 0
+    lane = lane_of(state, roads, state.vehicles, row, state.agents.slot[row, agent_id])
+    twin = roads.lane_twin[lane] if lane >= 0 else -1
+    return corridor_row(state, routes, row, agent_id, twin) < 0
 
 
 @kernel
-def _via_events(state: State, row: int, agent_id: int) -> int:
+def _via_events(state: State, laps_before: Shorts, row: int, agent_id: int) -> int:
     """Mark the via points that were passed, each once, or once in every lap."""
-    goals, slot = state.goals, state.agents.slot[row, agent_id]
+    missions, slot = state.missions, state.agents.slot[row, agent_id]
     lap, bits = state.agents.lap[row, agent_id], 0
-    begins_lap = state.laps_before[row, agent_id] < lap < goals.laps[row, agent_id]
-    for via in range(goals.via_count[row, agent_id]):
-        if begins_lap and goals.goal[row, agent_id] == _LAPS:
+    begins_lap = laps_before[row, agent_id] < lap < missions.laps[row, agent_id]
+    for via in range(missions.via_count[row, agent_id]):
+        if begins_lap and missions.goal[row, agent_id] == _LAPS:
             state.agents.via_hit[row, agent_id, via] = False
-        x, y = goals.via_position[row, agent_id, via]
+        x, y = missions.via_position[row, agent_id, via]
         is_new = not state.agents.via_hit[row, agent_id, via]
-        if is_new and _passes(state, row, slot, x, y, goals.via_radius[row, agent_id, via]):
+        if is_new and _passes(state, row, slot, x, y, missions.via_radius[row, agent_id, via]):
             state.agents.via_hit[row, agent_id, via] = True
             bits = _VIA_HIT
     return bits
 
 
 @kernel
-def _rests(state: State, table: RouteTable, rules: Rules, row: int, agent_id: int) -> bool:
+def _rests(
+    state: State, roads: Roads, routes: RouteTable, rules: AgentRules, row: int, agent_id: int
+) -> bool:
     """Tell whether the vehicle has stayed near one place for too long; see `_has_to_wait`."""
     agents, slot = state.agents, state.agents.slot[row, agent_id]
-    x, y = state.now.position[row, slot]
+    x, y = state.vehicles.position[row, slot]
     rest = agents.last_moved_position[row, agent_id]
     if math.hypot(x - rest[0], y - rest[1]) >= rules.not_moving_distance[agent_id]:
         rest[0], rest[1] = x, y
         agents.last_moved_step[row, agent_id] = state.step[row]
-    elif _has_to_wait(state, table, row, agent_id):
+    elif _has_to_wait(state, roads, routes, row, agent_id):
         agents.last_moved_step[row, agent_id] += 1
     return state.step[row] - agents.last_moved_step[row, agent_id] >= rules.not_moving_steps[agent_id]
 
 
 @kernel
-def _has_to_wait(state: State, table: RouteTable, row: int, agent_id: int) -> bool:
+def _has_to_wait(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
     """Tell whether a vehicle waits near a red light, behind one that stands, or for those who cross its path.
 
     Who waits so does not rest. The first of a queue at a green light or at a crossing does while nobody comes
     (`yields_to_stream`); as soon as it has moved, or is gone, the next is the first.
     """
-    now, slot = state.now, state.agents.slot[row, agent_id]
-    lane = lane_of(state, now, row, slot)
-    if lane >= 0 and lane_length(state.roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
-        here, base = corridor_row(state, table, row, agent_id, lane), state.roads.lane_base[state.map[row]]
-        free = table.start[state.map[row]]
+    now, slot = state.vehicles, state.agents.slot[row, agent_id]
+    lane = lane_of(state, roads, now, row, slot)
+    if lane >= 0 and lane_length(roads, lane) - now.lane_position[row, slot] <= QUEUE_AT_LIGHT:
+        here, base = corridor_row(state, routes, row, agent_id, lane), roads.lane_base[state.map[row]]
+        free = routes.start[state.map[row]]
         if here < 0:
             here = free + lane - base
-        if light_ahead(table, int(here), base, free, state.signals[row]) == _STOP:
+        if light_ahead(routes, int(here), base, free, state.signals[row]) == _STOP:
             return True
     if abs(now.speed[row, slot]) >= STANDING:
         return False
@@ -223,58 +232,68 @@ def _has_to_wait(state: State, table: RouteTable, row: int, agent_id: int) -> bo
         # Two that face each other do not wait for each other.
         if math.cos(now.heading[row, other] - now.heading[row, slot]) > 0.0:
             return True
-    return yields_to_stream(state, table, row, agent_id)
+    return yields_to_stream(state, roads, routes, row, agent_id)
 
 
 @kernel
-def _goal_events(state: State, table: RouteTable, has_left: bool, row: int, agent_id: int) -> int:
+def _goal_events(
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    laps_before: Shorts,
+    has_left: bool,
+    row: int,
+    agent_id: int,
+) -> int:
     """Return whether the goal was reached or missed, or a lap completed."""
-    goal = state.goals.goal[row, agent_id]
+    goal = state.missions.goal[row, agent_id]
     if goal in (_ENDLESS, _OFF_MAP):
         return _REACHED if has_left else 0
-    behind, crossed, is_last = _at_line(state, table, row, agent_id)
+    behind, crossed, is_last = _at_line(state, roads, routes, row, agent_id)
     if goal == _LAPS:
-        laps, before = state.goals.laps[row, agent_id], state.laps_before[row, agent_id]
-        # The locator counts laps on the route, but who crosses a line at its very end has left the route.
+        laps, before = state.missions.laps[row, agent_id], laps_before[row, agent_id]
+        # Map matching counts laps on the route, which a vehicle has left that crosses a line at its very end.
         if crossed and is_last and before == laps - 1:
             state.agents.lap[row, agent_id] = laps
         lap = state.agents.lap[row, agent_id]
         bits = _LAP_COMPLETED if lap > before else 0
         return bits | (_REACHED if lap >= laps else 0)
-    if crossed and crossed - 1 == state.goals.goal_lane[row, agent_id] and is_last:
+    if crossed and crossed - 1 == state.missions.goal_lane[row, agent_id] and is_last:
         return _REACHED
-    if goal == _POSITION and _is_at_goal(state, table, row, agent_id):
+    if goal == _POSITION and _is_at_goal(state, roads, routes, row, agent_id):
         return _REACHED
     return _MISSED if is_last and behind > MISSED_BY else 0
 
 
 @kernel
-def _is_at_goal(state: State, table: RouteTable, row: int, agent_id: int) -> bool:
+def _is_at_goal(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
     """Tell whether the centre has come within the goal's radius; where a route passes twice, at last."""
-    goals, slot = state.goals, state.agents.slot[row, agent_id]
-    x, y = goals.goal_position[row, agent_id]
-    if not _passes(state, row, slot, x, y, goals.goal_radius[row, agent_id]):
+    missions, slot = state.missions, state.agents.slot[row, agent_id]
+    x, y = missions.goal_position[row, agent_id]
+    if not _passes(state, row, slot, x, y, missions.goal_radius[row, agent_id]):
         return False
-    lane = lane_of(state, state.now, row, slot)
-    is_on_route = corridor_row(state, table, row, agent_id, lane) >= 0
-    return not is_on_route or _is_last_time(state, table, row, agent_id, lane)
+    lane = lane_of(state, roads, state.vehicles, row, slot)
+    is_on_route = corridor_row(state, routes, row, agent_id, lane) >= 0
+    return not is_on_route or _is_last_time(state, roads, routes, row, agent_id, lane)
 
 
 @kernel
-def _is_last_time(state: State, table: RouteTable, row: int, agent_id: int, lane: int) -> bool:
+def _is_last_time(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int, lane: int) -> bool:
     """Tell whether the route does not come by this lane again; so it is without a route."""
-    here = corridor_row(state, table, row, agent_id, lane)
+    here = corridor_row(state, routes, row, agent_id, lane)
     if here < 0:
-        return bool(state.route[row, agent_id] < 0)
-    corridor = table.free + state.route[row, agent_id]
+        return bool(routes.number[row, agent_id] < 0)
+    corridor = routes.free + routes.number[row, agent_id]
     again = 0
-    for later in range(here + 1, table.start[corridor + 1]):
-        again += table.lane[later] == lane
+    for later in range(here + 1, routes.start[corridor + 1]):
+        again += routes.lane[later] == lane
     return again == 0
 
 
 @kernel
-def _at_line(state: State, table: RouteTable, row: int, agent_id: int) -> tuple[float, int, bool]:
+def _at_line(
+    state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int
+) -> tuple[float, int, bool]:
     """Return how the vehicle stands to the goal's line, which runs across the whole road of the goal's lane.
 
     Returns:
@@ -282,29 +301,36 @@ def _at_line(state: State, table: RouteTable, row: int, agent_id: int) -> tuple[
         -infinity where it has nothing to do with the line; the lane, within its map, on which it crossed the
         line in this step, plus one, 0 if it did not; whether the route leads there for the last time.
     """
-    slot, lanes = state.agents.slot[row, agent_id], state.lanes
-    if state.goals.goal_lane[row, agent_id] < 0:
+    slot = state.agents.slot[row, agent_id]
+    if state.missions.goal_lane[row, agent_id] < 0:
         return -np.inf, 0, False
-    base = state.roads.lane_base[state.map[row]]
-    goal_s = state.goals.goal_s[row, agent_id]
-    edge = lanes.edge[base + state.goals.goal_lane[row, agent_id]]
-    lane = lane_of(state, state.now, row, slot)
-    old = lane_of(state, state.before, row, slot) if _was_there(state, row, slot) else -1
-    is_there, was_there = lane >= 0 and lanes.edge[lane] == edge, old >= 0 and lanes.edge[old] == edge
+    base = roads.lane_base[state.map[row]]
+    goal_s = state.missions.goal_s[row, agent_id]
+    edge = roads.lane_edge[base + state.missions.goal_lane[row, agent_id]]
+    lane = lane_of(state, roads, state.vehicles, row, slot)
+    old = lane_of(state, roads, state.before, row, slot) if _was_there(state, row, slot) else -1
+    is_there, was_there = (
+        lane >= 0 and roads.lane_edge[lane] == edge,
+        old >= 0 and roads.lane_edge[old] == edge,
+    )
     begin_x, begin_y, end_x, end_y = _way(state, row, slot)
     moved = math.hypot(end_x - begin_x, end_y - begin_y)
-    behind = state.now.lane_position[row, slot] - goal_s
+    behind = state.vehicles.lane_position[row, slot] - goal_s
     before = state.before.lane_position[row, slot] - goal_s
     if is_there:
         if not was_there:
             before = behind - moved
         crossed = int(lane - base + 1 if old >= 0 and before < 0.0 <= behind else 0)
-        return behind, crossed, _is_last_time(state, table, row, agent_id, lane)
+        return behind, crossed, _is_last_time(state, roads, routes, row, agent_id, lane)
     if was_there:
-        end = lane_length(state.roads, old) - goal_s
-        behind = place_on_lane(state.roads, old, end_x, end_y)[0] - goal_s
+        end = lane_length(roads, old) - goal_s
+        behind = place_on_lane(roads, old, end_x, end_y)[0] - goal_s
         if behind >= end - AT_JOINT:
             behind = max(behind, end)
         crossed = int(old - base + 1 if before < 0.0 <= behind else 0)
-        return np.inf if behind >= end else -np.inf, crossed, _is_last_time(state, table, row, agent_id, old)
+        return (
+            np.inf if behind >= end else -np.inf,
+            crossed,
+            _is_last_time(state, roads, routes, row, agent_id, old),
+        )
     return -np.inf, 0, False

@@ -9,19 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.agents.rules import AliveRule
-from smarts.geometry.binding import bind
+from smarts.arrays import Shorts
+from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
-from smarts.roads.arrays import RouteTable
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
 from smarts.sim.arrival_order import assign_arrival_order
-from smarts.sim.columns import columns_of
-from smarts.sim.event_rules import OFF_ROUTE_TIME, Rules, judge
-from smarts.sim.judging import State, state_of
+from smarts.sim.event_rules import OFF_ROUTE_TIME, judge
 from smarts.sim.outcomes import is_truncating, outcome_of
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Contacts, Event, Events, Outcome
 from smarts.types.interface import AgentRules
-from smarts.types.world import World
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
@@ -36,19 +35,9 @@ _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 class Interest(Protocol):
     """Knows which vehicles matter to whom."""
 
-    def is_gone(self, world: World, env_mask: Bools) -> Bools:
+    def is_gone(self, env_mask: Bools) -> Bools:
         """Return for which agents no vehicle of interest is left, shape (B, A)."""
         ...
-
-
-class EventColumns(NamedTuple):
-    """`Events`."""
-
-    bits: Ints
-    just_done: Bools
-    terminated: Bools
-    truncated: Bools
-    finished: Bools
 
 
 class AliveColumns(NamedTuple):
@@ -92,28 +81,29 @@ class AgentEvents:
             counted,
             np.array([rule.minimum for rule in alive], np.int32),
         )
-        state, out = state_of(scene), columns_of(self._events, EventColumns)
-        judged_by = columns_of(rules, Rules), counts, round(OFF_ROUTE_TIME / world.dt)
-        self._begin = bind(begin_episodes, state, scene.routes.current, world.egos, out)
-        self._detect = bind(detect_events, state, scene.routes.current, *judged_by, world.egos, out)
+        laps_before = world.agents.lap.copy()
+        given = world.state, scene.atlas.roads, scene.routes.current, laps_before, world.egos, self._events
+        patience = round(OFF_ROUTE_TIME / world.dt)
+        self._begin = LateBound(begin_episodes, *given)
+        self._detect = LateBound(detect_events, *given, rules, counts, patience)
 
-    def reset(self, world: World, contacts: Contacts, env_mask: Bools) -> Events:
+    def reset(self, contacts: Contacts, env_mask: Bools) -> Events:
         """Return the events at the beginning of an episode: none, unless an agent's vehicle overlaps another.
 
         Such an episode is invalid: all its agents are done before they begin.
         """
-        self._begin(contacts.partner, env_mask)
+        self._begin.to(contacts)(env_mask)
         return self._events
 
-    def detect(self, world: World, contacts: Contacts, env_mask: Bools) -> Events:
+    def detect(self, contacts: Contacts, env_mask: Bools) -> Events:
         """Return what happened to the agents in this step."""
-        gone = self._nobody if self._interest is None else self._interest.is_gone(world, env_mask)
-        self._detect(contacts.partner, gone, env_mask)
+        gone = self._nobody if self._interest is None else self._interest.is_gone(env_mask)
+        self._detect.to(contacts)(gone, env_mask)
         return self._events
 
 
 @kernel
-def _clear(out: EventColumns) -> None:
+def _clear(out: Events) -> None:
     """Forget the last step."""
     out.bits[:] = 0
     out.just_done[:] = False
@@ -124,7 +114,14 @@ def _clear(out: EventColumns) -> None:
 
 @kernel
 def begin_episodes(
-    state: State, table: RouteTable, egos: int, out: EventColumns, partner: Ints, env_mask: Bools
+    state: State,
+    roads: Roads,
+    routes: RouteTable,
+    laps_before: Shorts,
+    egos: int,
+    out: Events,
+    contacts: Contacts,
+    env_mask: Bools,
 ) -> None:
     """Mark episodes that begin with an overlap as invalid, rank arrivals in the others; see `AgentEvents`."""
     _clear(out)
@@ -134,28 +131,30 @@ def begin_episodes(
             continue
         is_invalid = False
         for agent_id in range(count):
-            state.laps_before[row, agent_id] = state.agents.lap[row, agent_id]
-            if partner[row, agent_id] >= 0:
+            laps_before[row, agent_id] = state.agents.lap[row, agent_id]
+            if contacts.partner[row, agent_id] >= 0:
                 out.bits[row, agent_id] = _COLLISION
                 is_invalid = True
         if is_invalid:
             for agent_id in range(count):
                 _close(state, row, agent_id, _INVALID, out)
         else:
-            assign_arrival_order(state, table, row)
+            assign_arrival_order(state, roads, routes, row)
         out.finished[row] = _is_finished(state, row, egos)
 
 
 @kernel
 def detect_events(
     state: State,
-    table: RouteTable,
-    rules: Rules,
+    roads: Roads,
+    routes: RouteTable,
+    laps_before: Shorts,
+    egos: int,
+    out: Events,
+    rules: AgentRules,
     alive: AliveColumns,
     patience: int,
-    egos: int,
-    out: EventColumns,
-    partner: Ints,
+    contacts: Contacts,
     gone: Bools,
     env_mask: Bools,
 ) -> None:
@@ -167,21 +166,21 @@ def detect_events(
             continue
         for agent_id in range(agents.slot.shape[1]):
             if agents.state[row, agent_id] in (_ACTIVE, _SHADOWING) and agents.slot[row, agent_id] >= 0:
-                bits = judge(state, table, rules, patience, row, agent_id)
-                bits |= _COLLISION if partner[row, agent_id] >= 0 else 0
+                bits = judge(state, roads, routes, rules, patience, laps_before, row, agent_id)
+                bits |= _COLLISION if contacts.partner[row, agent_id] >= 0 else 0
                 out.bits[row, agent_id] = bits | (_INTEREST if gone[row, agent_id] else 0)
-            state.laps_before[row, agent_id] = agents.lap[row, agent_id]
+            laps_before[row, agent_id] = agents.lap[row, agent_id]
         _miss_others(state, rules, alive, row, out.bits)
         for agent_id in range(agents.slot.shape[1]):
             ended = out.bits[row, agent_id] & rules.ending[agent_id]
             if ended and agents.state[row, agent_id] == _ACTIVE:
                 _close(state, row, agent_id, outcome_of(ended), out)
         out.finished[row] = _is_finished(state, row, egos)
-        assign_arrival_order(state, table, row)
+        assign_arrival_order(state, roads, routes, row)
 
 
 @kernel
-def _miss_others(state: State, rules: Rules, alive: AliveColumns, row: int, bits: Ints) -> None:
+def _miss_others(state: State, rules: AgentRules, alive: AliveColumns, row: int, bits: Ints) -> None:
     """Add the events of those who have too few others left, when all that has happened so far is counted."""
     agents = state.agents
     for rule in range(len(alive.agent_id)):
@@ -197,7 +196,7 @@ def _miss_others(state: State, rules: Rules, alive: AliveColumns, row: int, bits
 
 
 @kernel
-def _close(state: State, row: int, agent_id: int, outcome: int, out: EventColumns) -> None:
+def _close(state: State, row: int, agent_id: int, outcome: int, out: Events) -> None:
     """End the episode of an agent that drives, or is still to come."""
     agents = state.agents
     was = agents.state[row, agent_id]

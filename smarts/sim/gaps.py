@@ -15,7 +15,9 @@ import numpy as np
 
 from smarts.controllers.lane_path import place_on_lane
 from smarts.geometry.compiling import kernel
-from smarts.sim.surroundings import Surroundings, distance_between
+from smarts.roads.arrays import Roads
+from smarts.sim.places import distance_between
+from smarts.types.world import State
 
 SAFE_BRAKING = 4.0
 """The hardest that anybody may have to brake [m/s^2]."""
@@ -45,28 +47,33 @@ class Gaps(NamedTuple):
 
 
 @kernel
-def gaps_in(around: Surroundings, b: int, slot: int, lane: int) -> Gaps:
+def gaps_in(state: State, roads: Roads, b: int, slot: int, lane: int) -> Gaps:
     """Return the gaps that a vehicle has, or would have beside where it is, in a lane.
 
     In the lane is who drives along and touches it, or the straight lines on which it goes on beyond its ends.
     """
-    x, y = around.position[b, slot]
-    own = place_on_lane(around.roads, lane, x, y)[0]
+    vehicles = state.vehicles
+    x, y = vehicles.position[b, slot]
+    own = place_on_lane(roads, lane, x, y)[0]
     ahead, behind, speed_ahead, speed_behind = np.inf, np.inf, 0.0, 0.0
-    for other in range(around.alive.shape[1]):
-        if other == slot or not around.alive[b, other] or distance_between(around, b, slot, other) > FARTHEST:
+    for other in range(vehicles.alive.shape[1]):
+        if (
+            other == slot
+            or not vehicles.alive[b, other]
+            or distance_between(vehicles, b, slot, other) > FARTHEST
+        ):
             continue
-        if math.cos(around.heading[b, other] - around.heading[b, slot]) < ALONG:
+        if math.cos(vehicles.heading[b, other] - vehicles.heading[b, slot]) < ALONG:
             continue
-        x, y = around.position[b, other]
-        s, t = place_on_lane(around.roads, lane, x, y)
-        if abs(t) >= 0.5 * (around.roads.lane_width[lane] + around.width[b, other]):
+        x, y = vehicles.position[b, other]
+        s, t = place_on_lane(roads, lane, x, y)
+        if abs(t) >= 0.5 * (roads.lane_width[lane] + vehicles.width[b, other]):
             continue
-        gap = abs(s - own) - 0.5 * (around.length[b, slot] + around.length[b, other])
+        gap = abs(s - own) - 0.5 * (vehicles.length[b, slot] + vehicles.length[b, other])
         if s > own and gap < ahead:
-            ahead, speed_ahead = gap, around.speed[b, other]
+            ahead, speed_ahead = gap, vehicles.speed[b, other]
         elif s <= own and gap < behind:
-            behind, speed_behind = gap, around.speed[b, other]
+            behind, speed_behind = gap, vehicles.speed[b, other]
     return Gaps(ahead, speed_ahead, behind, speed_behind)
 
 

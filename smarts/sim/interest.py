@@ -21,6 +21,7 @@ class NamedInterest:
     """Knows by their names the vehicles that matter to each agent's agent.
 
     Args:
+        world: What is read.
         criteria: Of each agent, None for agents that end without regard to others.
         marked: The pattern of the names that each scenario marks, by the scenario's name; "" for none.
         entries: Knows which scenarios are played.
@@ -28,6 +29,7 @@ class NamedInterest:
 
     def __init__(
         self,
+        world: World,
         criteria: Sequence[InterestDoneCriteria | None],
         marked: Mapping[str, str],
         entries: Entries,
@@ -35,12 +37,13 @@ class NamedInterest:
         shape = len(entries.episodes), len(criteria)
         self._criteria = {agent_id: each for agent_id, each in enumerate(criteria) if each is not None}
         self._marked = marked
-        self._entries = entries
+        self._world, self._entries = world, entries
         self._seen = np.zeros(shape, np.bool_)
         self._gone = np.zeros(shape, np.bool_)
 
-    def is_gone(self, world: World, env_mask: Bools) -> Bools:
+    def is_gone(self, env_mask: Bools) -> Bools:
         """Return for which agents no vehicle of interest is left, shape (B, A)."""
+        world = self._world
         self._gone[:] = False
         self._seen[env_mask & (world.step <= 1)] = False
         for row in np.flatnonzero(env_mask).tolist():
@@ -70,6 +73,7 @@ class NamedInterest:
 
 
 def interest_of(
+    world: World,
     interfaces: Sequence[AgentInterface],
     schedule: Schedule,
     entries: Entries,
@@ -78,4 +82,4 @@ def interest_of(
     criteria = [interface.done_criteria.interest for interface in interfaces]
     if not any(criteria):
         return None
-    return NamedInterest(criteria, schedule.interests, entries)
+    return NamedInterest(world, criteria, schedule.interests, entries)

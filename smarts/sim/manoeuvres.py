@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads
 from smarts.roads.curves import curve_into, station_near, stations_of
-from smarts.roads.guide import Guide, guide_of
 from smarts.roads.scene import Scene
 from smarts.sim.cut_in import pace_cut_in, plan_cut_in
-from smarts.sim.surroundings import Surroundings, surroundings_of
 from smarts.sim.u_turn import plan_u_turn
 from smarts.types.agent_states import AgentStatus
 from smarts.types.guidance import GuidePhase
 from smarts.types.mission import TaskKind
-from smarts.types.world import World
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 
@@ -36,44 +37,42 @@ class Manoeuvres:
     """
 
     def __init__(self, scene: Scene) -> None:
-        around, guide = surroundings_of(scene), guide_of(scene.world)
-        self._plan = bind(plan_manoeuvres, around, guide, scene.world.agents.state)
-
-    def plan(self, world: World, env_mask: Bools) -> None:
-        """Say where tasks lead in some simulations."""
-        self._plan(env_mask)
+        self.plan: Callable[[Bools], None] = bind(plan_manoeuvres, scene.world.state, scene.atlas.roads)
+        """Write where tasks lead in the simulations of a mask, shape (B,)."""
 
 
 @kernel
-def plan_manoeuvres(around: Surroundings, guide: Guide, state: NDArray[np.int8], env_mask: Bools) -> None:
+def plan_manoeuvres(state: State, roads: Roads, env_mask: Bools) -> None:
     """Write the guidance of the occupied agents of some simulations that have a task, shape (B, A)."""
+    agents, missions, guidance = state.agents, state.missions, state.guidance
     for b in range(len(env_mask)):
         if not env_mask[b]:
             continue
-        for a in range(state.shape[1]):
-            if around.task[b, a] == _NONE or state[b, a] not in (_ACTIVE, _SHADOWING):
+        for a in range(agents.slot.shape[1]):
+            if missions.task[b, a] == _NONE or agents.state[b, a] not in (_ACTIVE, _SHADOWING):
                 continue
-            if around.slot[b, a] < 0 or guide.phase[b, a] == _OVER:
+            if agents.slot[b, a] < 0 or guidance.phase[b, a] == _OVER:
                 continue
-            if guide.phase[b, a] == _MANOEUVRE:
-                _go_on(around, guide, b, a)
-            elif around.task[b, a] == _CUT_IN:
-                plan_cut_in(around, guide, b, a)
+            if guidance.phase[b, a] == _MANOEUVRE:
+                _go_on(state, roads, b, a)
+            elif missions.task[b, a] == _CUT_IN:
+                plan_cut_in(state, roads, b, a)
             else:
-                plan_u_turn(around, guide, b, a)
+                plan_u_turn(state, roads, b, a)
 
 
 @kernel
-def _go_on(around: Surroundings, guide: Guide, b: int, a: int) -> None:
+def _go_on(state: State, roads: Roads, b: int, a: int) -> None:
     """End a manoeuvre when the curve is behind the vehicle, or far off."""
-    lane = around.roads.lane_base[around.map[b]] + guide.lane[b, a]
-    control = curve_into(around.roads, guide.begin[b, a], lane, guide.s[b, a])
+    guidance = state.guidance
+    lane = roads.lane_base[state.map[b]] + guidance.lane[b, a]
+    control = curve_into(roads, guidance.begin[b, a], lane, guidance.s[b, a])
     stations = stations_of(control)
-    x, y = around.position[b, around.slot[b, a]]
+    x, y = state.vehicles.position[b, state.agents.slot[b, a]]
     station, distance = station_near(control, stations, x, y)
     if station >= stations[-1]:
-        guide.phase[b, a], guide.speed[b, a] = _OVER, 0.0
+        guidance.phase[b, a], guidance.speed[b, a] = _OVER, 0.0
     elif distance > STRAYED:
-        guide.phase[b, a], guide.speed[b, a] = _FREE, 0.0
-    elif around.task[b, a] == _CUT_IN:
-        pace_cut_in(around, guide, b, a)
+        guidance.phase[b, a], guidance.speed[b, a] = _FREE, 0.0
+    elif state.missions.task[b, a] == _CUT_IN:
+        pace_cut_in(state, roads, b, a)

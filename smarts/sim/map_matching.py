@@ -1,18 +1,14 @@
-"""Where on the map everybody is."""
+"""Map matching: on which lane each vehicle is, and how far along its route each agent has come."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
-from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.arrays import Roads, RouteTable
-from smarts.roads.atlas import ROAD_LANES, RoadAtlas
+from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.footprints import count_corners_on_road, is_on_road
 from smarts.roads.kernels import (
     candidates,
@@ -20,9 +16,9 @@ from smarts.roads.kernels import (
     find_row,
     place_on_map,
 )
-from smarts.sim.columns import columns_of
+from smarts.roads.scene import Scene
 from smarts.types.mission import GoalKind
-from smarts.types.world import World
+from smarts.types.world import State
 
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.int8]
@@ -37,76 +33,26 @@ _LATEST = 1e12
 """Beyond the end of every route [m]: picks the last time that a route uses a lane."""
 
 
-class _Vehicles(NamedTuple):
-    """Columns of `World.vehicles`, shape (B, V)."""
-
-    alive: Bools
-    position: Floats
-    heading: Floats
-    length: Floats
-    width: Floats
-    lane: Ints
-    lane_position: Floats
-    lane_offset: Floats
-
-
-class _AgentStates(NamedTuple):
-    """Columns of `World.agents` and `World.missions`, shape (B, A)."""
-
-    goal: Bytes
-    goal_lane: Ints
-    goal_s: Floats
-    slot: Ints
-    entry_step: Ints
-    route_progress: Floats
-    remaining: Floats
-    lane_changes: Bytes
-    lap: NDArray[np.int16]
-    on_road: Bools
-    corners_on_road: Bytes
-    on_route: Bools
-
-
 class MapMatcher:
     """Finds all vehicles' lanes, and the agents' progress along their routes."""
 
-    def __init__(self, atlas: RoadAtlas, routes: AgentRoutes) -> None:
-        self._roads = atlas.roads
-        self._routes = routes
-        self._bound: tuple[World, Callable[[Bools], None]] | None = None
+    def __init__(self, scene: Scene) -> None:
+        self._match = bind(match_vehicles, scene.world.state, scene.atlas.roads, scene.routes.current)
 
-    def locate(self, world: World, env_mask: Bools) -> None:
+    def match(self, env_mask: Bools) -> None:
         """Write lane, lane_position and lane_offset of all vehicles, and where agents are on their routes.
 
         On its route, an agent's `remaining` is the distance to the goal, on the last lap of several, and 0
         behind it, and `lane_changes` are those that the goal's lane demands; off the route both stay as
         they were. Without a route an agent counts as on its route.
         """
-        if self._bound is None or self._bound[0] is not world:
-            routes = self._routes
-            arrays = routes.number, world.map, world.step, *_columns_of(world)
-            self._bound = world, bind(_locate, self._roads, routes.current, *arrays)
-        self._bound[1](env_mask)
-
-
-def _columns_of(world: World) -> tuple[_Vehicles, _AgentStates]:
-    missions = [getattr(world.missions, name) for name in _AgentStates._fields if name.startswith("goal")]
-    agents = [getattr(world.agents, name) for name in _AgentStates._fields if not name.startswith("goal")]
-    return columns_of(world.vehicles, _Vehicles), _AgentStates(*missions, *agents)
+        self._match(env_mask)
 
 
 @kernel
-def _locate(
-    roads: Roads,
-    table: RouteTable,
-    route: Ints,
-    maps: Ints,
-    step: Ints,
-    vehicles: _Vehicles,
-    agents: _AgentStates,
-    env_mask: Bools,
-) -> None:
+def match_vehicles(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
     """Write the places of all vehicles and the progress of all agents; one call, since each has its price."""
+    vehicles, agents, maps, route = state.vehicles, state.agents, state.map, routes.number
     worlds, capacity = vehicles.alive.shape
     room = candidates()
     corridor = np.empty(capacity, np.int32)
@@ -116,12 +62,12 @@ def _locate(
         corridor[:] = -1
         for a in range(agents.slot.shape[1]):
             if agents.slot[b, a] >= 0 and route[b, a] >= 0:
-                corridor[agents.slot[b, a]] = table.free + route[b, a]
+                corridor[agents.slot[b, a]] = routes.free + route[b, a]
         for v in range(capacity):
             if vehicles.alive[b, v]:
                 x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
                 place = place_on_map(
-                    roads, table, maps[b], x, y, vehicles.heading[b, v], corridor[v], _ROAD, room
+                    roads, routes, maps[b], x, y, vehicles.heading[b, v], corridor[v], _ROAD, room
                 )
                 vehicles.lane[b, v] = place[0]
                 vehicles.lane_position[b, v] = place[1]
@@ -145,44 +91,39 @@ def _locate(
             )
             agents.on_route[b, a] = corridor[v] < 0
             if corridor[v] >= 0:
-                is_new = agents.entry_step[b, a] == step[b]
-                _measure(roads, table, corridor[v], roads.lane_base[maps[b]], vehicles, agents, b, a, is_new)
+                is_new = agents.entry_step[b, a] == state.step[b]
+                _measure(state, roads, routes, corridor[v], b, a, is_new)
 
 
 @kernel
 def _measure(
-    roads: Roads,
-    table: RouteTable,
-    corridor: int,
-    base: int,
-    vehicles: _Vehicles,
-    agents: _AgentStates,
-    b: int,
-    a: int,
-    is_new: bool,
+    state: State, roads: Roads, routes: RouteTable, corridor: int, b: int, a: int, is_new: bool
 ) -> None:
     """Write how far an agent has come on its route."""
-    v = agents.slot[b, a]
+    vehicles, agents, missions = state.vehicles, state.agents, state.missions
+    v, base = agents.slot[b, a], roads.lane_base[state.map[b]]
     before = agents.route_progress[b, a]
     row = -1
     if vehicles.lane[b, v] >= 0:
-        row = find_row(table, corridor, base + vehicles.lane[b, v], before)
+        row = find_row(routes, corridor, base + vehicles.lane[b, v], before)
     agents.on_route[b, a] = row >= 0
     if row < 0:
         return
-    done = distance_on_row(roads, table, row, vehicles.lane_position[b, v])
-    goal = table.end[table.start[corridor + 1] - 1]
-    if agents.goal_lane[b, a] >= 0:
-        lane = base + agents.goal_lane[b, a]
-        last = find_row(table, corridor, lane, _LATEST)
+    done = distance_on_row(roads, routes, row, vehicles.lane_position[b, v])
+    goal = routes.end[routes.start[corridor + 1] - 1]
+    if missions.goal_lane[b, a] >= 0:
+        lane = base + missions.goal_lane[b, a]
+        last = find_row(routes, corridor, lane, _LATEST)
         if last >= 0:
-            goal = distance_on_row(roads, table, last, agents.goal_s[b, a])
-            from_end = table.start[corridor + 1] - 1 - last
+            goal = distance_on_row(roads, routes, last, missions.goal_s[b, a])
+            from_end = routes.start[corridor + 1] - 1 - last
             agents.lane_changes[b, a] = (
-                table.changes[row, from_end] if from_end < table.changes.shape[1] else 0
+                routes.changes[row, from_end] if from_end < routes.changes.shape[1] else 0
             )
-        if agents.goal[b, a] == _LAPS and last >= 0 and not is_new:
-            line = distance_on_row(roads, table, find_row(table, corridor, lane, done), agents.goal_s[b, a])
+        if missions.goal[b, a] == _LAPS and last >= 0 and not is_new:
+            line = distance_on_row(
+                roads, routes, find_row(routes, corridor, lane, done), missions.goal_s[b, a]
+            )
             if before < line <= done:
                 agents.lap[b, a] += 1
     if goal - before <= FARTHEST_STEP and before - done > FARTHEST_STEP:

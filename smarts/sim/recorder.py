@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smarts.errors import TrafficError
+from smarts.geometry.binding import LateBound
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
-from smarts.sim.columns import columns_of
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
 from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table
 from smarts.sim.recorder_kernel import (
@@ -23,11 +23,7 @@ from smarts.sim.recorder_kernel import (
     NEWCOMERS,
     SIGNAL_ROWS,
     VEHICLE_ROWS,
-    ActionColumns,
-    AgentColumns,
     Buffers,
-    StepColumns,
-    VehicleColumns,
     take_frame,
 )
 from smarts.sim.recorder_thread import WriterThread
@@ -98,12 +94,10 @@ class EpisodeRecorder:
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds
         self._unfinished: list[EpisodeWriter] = []
-        self._vehicles = columns_of(world.vehicles, VehicleColumns)
-        self._agent_states = columns_of(world.agents, AgentColumns)
         self._no_actions = Actions.allocate(worlds, agents)
-        self._keep = round(FOR_A_WHILE / world.dt)
         capacity, lanes = world.vehicles.capacity, world.signals.shape[1]
         self._buffers = Buffers.allocate(worlds, agents, capacity, lanes)
+        self._take = LateBound(take_frame, world.state, round(FOR_A_WHILE / world.dt), self._buffers)
         self._program = version("smarts-bench")
 
     def record(self, frame: Frame) -> None:
@@ -118,17 +112,7 @@ class EpisodeRecorder:
         world = frame.world
         events, contacts = frame.events, frame.contacts
         actions = self._no_actions if frame.actions is None else frame.actions
-        is_busy = take_frame(
-            world.step,
-            frame.env_mask,
-            world.signals,
-            self._vehicles,
-            self._agent_states,
-            StepColumns(events.bits, contacts.partner, contacts.partner_generation),
-            columns_of(actions, ActionColumns),
-            self._keep,
-            self._buffers,
-        )
+        is_busy = self._take.to(events, contacts, actions)(frame.env_mask)
         rows = np.flatnonzero(frame.env_mask).tolist()
         for row in rows:
             episode = self._episodes[row]

@@ -12,8 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.geometry.compiling import kernel
-from smarts.types.agent_states import AgentStatus
+from smarts.types.actions import Actions
+from smarts.types.agent_states import AgentStates, AgentStatus
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, VEHICLES
+from smarts.types.events import Contacts, Events
+from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 NEAR = 150.0
 """Vehicles this near to an agent are recorded [m]."""
@@ -29,66 +33,6 @@ Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
 _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE), int(AgentStatus.DONE)
-
-
-class VehicleColumns(NamedTuple):
-    """Columns of `VehicleStates`, shape (B, V)."""
-
-    alive: Bools
-    generation: Ints
-    owner: Bytes
-    kind: Bytes
-    position: Floats
-    heading: Floats
-    speed: Floats
-    lateral_speed: Floats
-    acceleration: Floats
-    lateral_acceleration: Floats
-    yaw_rate: Floats
-    length: Floats
-    width: Floats
-    lane: Ints
-    lane_position: Floats
-    lane_offset: Floats
-    route: Ints
-    desired_speed: Floats
-
-
-class AgentColumns(NamedTuple):
-    """Columns of `AgentStates`, shape (B, A)."""
-
-    state: Bytes
-    slot: Ints
-    generation: Ints
-    throttle: Floats
-    brake: Floats
-    steering: Floats
-    route_progress: Floats
-    remaining: Floats
-    distance_travelled: Floats
-    lap: NDArray[np.int16]
-    target_lane: Ints
-    change_phase: Bytes
-    action_mask: Bools
-    arrival_number: Ints
-    effective: Bools
-
-
-class StepColumns(NamedTuple):
-    """What happened in the step, shape (B, A)."""
-
-    bits: Ints
-    partner: Ints
-    partner_generation: Ints
-
-
-class ActionColumns(NamedTuple):
-    """Columns of `Actions`, shape (B, A)."""
-
-    kind: Bytes
-    fresh: Bools
-    values: Floats
-    action_mask: Bools
 
 
 class Buffers(NamedTuple):
@@ -136,32 +80,29 @@ class Buffers(NamedTuple):
 
 @kernel
 def take_frame(
-    step: Ints,
-    env_mask: Bools,
-    signals: Bytes,
-    vehicles: VehicleColumns,
-    agents: AgentColumns,
-    events: StepColumns,
-    actions: ActionColumns,
+    state: State,
     keep: int,
     out: Buffers,
+    events: Events,
+    contacts: Contacts,
+    actions: Actions,
+    env_mask: Bools,
 ) -> bool:
     """Copy what is wanted out of a frame.
 
     Args:
-        step: Of each simulation, shape (B,).
-        env_mask: Which of them the frame is of, shape (B,).
-        signals: Shape (B, L).
-        vehicles: All of them.
-        agents: All of them.
-        events: Of the step.
-        actions: That led here; none is fresh in the frame of a reset.
+        state: Of the world.
         keep: Steps for which a vehicle is recorded once it was near.
         out: Written; there is room for the rows of one frame.
+        events: Of the step.
+        contacts: Of the step.
+        actions: That led here; none is fresh in the frame of a reset.
+        env_mask: Which simulations the frame is of, shape (B,).
 
     Returns:
         Whether there are newcomers, or a buffer has no room for another frame, in any simulation.
     """
+    step, vehicles, agents, signals = state.step, state.vehicles, state.agents, state.signals
     is_busy = False
     for row in range(len(env_mask)):
         if not env_mask[row]:
@@ -173,7 +114,7 @@ def take_frame(
                 agents.state[row, agent_id] in (_SHADOWING, _ACTIVE, _DONE)
                 and agents.slot[row, agent_id] >= 0
             ):
-                _take_agent_id(step[row], row, agent_id, agents, events, out)
+                _take_agent(step[row], row, agent_id, agents, events, contacts, out)
             if actions.fresh[row, agent_id]:
                 _take_decision(step[row] - 1, row, agent_id, agents, actions, out)
         for lane in range(signals.shape[1]):
@@ -200,7 +141,7 @@ def _is_full(row: int, agents: int, out: Buffers) -> bool:
 
 @kernel
 def _take_vehicles(
-    step: int, row: int, vehicles: VehicleColumns, agents: AgentColumns, keep: int, out: Buffers
+    step: int, row: int, vehicles: VehicleStates, agents: AgentStates, keep: int, out: Buffers
 ) -> None:
     alive = 0
     for slot in range(vehicles.alive.shape[1]):
@@ -223,7 +164,7 @@ def _take_vehicles(
 
 
 @kernel
-def _is_near(row: int, slot: int, vehicles: VehicleColumns, agents: AgentColumns) -> bool:
+def _is_near(row: int, slot: int, vehicles: VehicleStates, agents: AgentStates) -> bool:
     """Tell whether a vehicle is near an agent's that drives, or has ended in this step."""
     for agent_id in range(agents.state.shape[1]):
         other = agents.slot[row, agent_id]
@@ -237,7 +178,7 @@ def _is_near(row: int, slot: int, vehicles: VehicleColumns, agents: AgentColumns
 
 
 @kernel
-def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleColumns, into: Floats) -> None:
+def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleStates, into: Floats) -> None:
     into[0], into[1], into[2] = step, slot, vehicles.generation[row, slot]
     into[3], into[4] = vehicles.owner[row, slot], vehicles.kind[row, slot]
     into[5], into[6] = vehicles.position[row, slot, 0], vehicles.position[row, slot, 1]
@@ -252,15 +193,15 @@ def _take_vehicle(step: int, row: int, slot: int, vehicles: VehicleColumns, into
 
 
 @kernel
-def _take_agent_id(
-    step: int, row: int, agent_id: int, agents: AgentColumns, events: StepColumns, out: Buffers
+def _take_agent(
+    step: int, row: int, agent_id: int, agents: AgentStates, events: Events, contacts: Contacts, out: Buffers
 ) -> None:
     into = out.agent_states[row, out.used[row, AGENT_ROWS]]
     out.used[row, AGENT_ROWS] += 1
     into[0], into[1], into[2] = step, agent_id, agents.state[row, agent_id]
     into[3], into[4] = agents.slot[row, agent_id], agents.generation[row, agent_id]
     into[5] = events.bits[row, agent_id]
-    into[6], into[7] = events.partner[row, agent_id], events.partner_generation[row, agent_id]
+    into[6], into[7] = contacts.partner[row, agent_id], contacts.partner_generation[row, agent_id]
     into[8], into[9] = agents.throttle[row, agent_id], agents.brake[row, agent_id]
     into[10] = agents.steering[row, agent_id]
     into[11], into[12] = agents.route_progress[row, agent_id], agents.remaining[row, agent_id]
@@ -271,7 +212,7 @@ def _take_agent_id(
 
 @kernel
 def _take_decision(
-    step: int, row: int, agent_id: int, agents: AgentColumns, actions: ActionColumns, out: Buffers
+    step: int, row: int, agent_id: int, agents: AgentStates, actions: Actions, out: Buffers
 ) -> None:
     into = out.decisions[row, out.used[row, DECISION_ROWS]]
     out.used[row, DECISION_ROWS] += 1

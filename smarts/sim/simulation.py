@@ -30,7 +30,7 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.events import Events, Outcome
 from smarts.types.frame import Frame
 from smarts.types.tracks import Tracks
-from smarts.types.world import World
+from smarts.types.world import State, World
 
 Bools = NDArray[np.bool_]
 
@@ -88,7 +88,7 @@ class Simulation:
         worlds, agents = world.agents.slot.shape
         self._no_tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, 0)
         self._nobody = np.zeros(world.agents.slot.shape, np.bool_)
-        self._see = bind(find_seen, world.agents.state)
+        self._see = bind(find_seen, world.state)
 
     def step(self, actions: Actions, env_mask: Bools, observe_mask: Bools) -> Frame:
         """Advance some simulations by `dt`; the order of these lines is the contract.
@@ -105,26 +105,26 @@ class Simulation:
         """
         world, stages = self.world, self._stages
         world.advance(env_mask)
-        # Those who are done were still to be seen in the last frame.
+        # Agents that are done were still to be seen in the last frame.
         stages.ownership.apply(env_mask)
-        stages.entries.enter(world, env_mask)
-        commands = stages.controllers.command(world, actions, env_mask)
+        stages.entries.enter(env_mask)
+        commands = stages.controllers.command(actions, env_mask)
         # Before traffic, so that its drivers find agents where they are at the end of the step.
-        tracks = stages.vehicles.step(world, commands, env_mask)
+        tracks = stages.vehicles.step(commands, env_mask)
         failures = dict(stages.vehicles.failures)
         env_mask = _without(env_mask, failures)
-        stages.traffic.step(world, env_mask)
-        stages.matcher.locate(world, env_mask)
+        stages.traffic.step(env_mask)
+        stages.matcher.match(env_mask)
         failures |= stages.traffic.failures
         env_mask = _without(env_mask, stages.traffic.failures)
-        contacts = stages.contacts.find(world, tracks, env_mask)
+        contacts = stages.contacts.find(tracks, env_mask)
         # Before the sensors: the last observation of an agent is of the step that ended it.
-        events = stages.events.detect(world, contacts, env_mask)
+        events = stages.events.detect(contacts, env_mask)
         for row in failures:
             void(world, events, row)
-        stages.ownership.submit(stages.transfer_rules.propose(world, events, env_mask))
+        stages.ownership.submit(stages.transfer_rules.propose(events, env_mask))
         seen = self._see(env_mask, observe_mask, events.just_done)
-        readings = stages.sensors.observe(world, seen)
+        readings = stages.sensors.observe(seen)
         frame = Frame(world, env_mask, actions, commands, contacts, events, seen, readings, failures)
         stages.recorder.record(frame)
         return frame
@@ -141,17 +141,17 @@ class Simulation:
         for row, start in starts.items():
             self._begin(row, start)
         # After agents, since traffic makes room for them.
-        stages.traffic.reset(world, starts)
-        stages.vehicles.reset(world, rows)
-        stages.matcher.locate(world, rows)
+        stages.traffic.reset(starts)
+        stages.vehicles.reset(rows)
+        stages.matcher.match(rows)
         for row in starts:
-            stages.entries.clear_way(world, row)
+            stages.entries.clear_way(row)
             world.settle(row)
-        contacts = stages.contacts.find(world, self._no_tracks, rows)
-        events = stages.events.reset(world, contacts, rows)
-        stages.ownership.submit(stages.transfer_rules.propose(world, events, rows))
+        contacts = stages.contacts.find(self._no_tracks, rows)
+        events = stages.events.reset(contacts, rows)
+        stages.ownership.submit(stages.transfer_rules.propose(events, rows))
         seen = self._see(rows, ~self._nobody, self._nobody)
-        readings = stages.sensors.observe(world, seen)
+        readings = stages.sensors.observe(seen)
         frame = Frame(world, rows, None, None, contacts, events, seen, readings, starts=starts)
         stages.recorder.record(frame)
         return frame
@@ -169,15 +169,15 @@ class Simulation:
         world.clear(row)
         world.map[row], world.episode[row] = start.map, start.episode
         stages.ownership.clear(row)
-        stages.entries.reset(world, row, start)
+        stages.entries.reset(row, start)
 
 
 @kernel
-def find_seen(state: NDArray[np.int8], env_mask: Bools, observe_mask: Bools, just_done: Bools) -> Bools:
+def find_seen(state: State, env_mask: Bools, observe_mask: Bools, just_done: Bools) -> Bools:
     """Return which agents are observed, shape (B, A): wanted and with an agent in a vehicle, or just done."""
     seen = just_done.copy()
     for b in range(len(env_mask)):
-        for a in range(state.shape[1]):
-            if env_mask[b] and observe_mask[b, a] and state[b, a] in (_ACTIVE, _SHADOWING):
+        for a in range(seen.shape[1]):
+            if env_mask[b] and observe_mask[b, a] and state.agents.state[b, a] in (_ACTIVE, _SHADOWING):
                 seen[b, a] = True
     return seen

@@ -50,7 +50,7 @@ class TrafficRun:
             engine=engine,
         )
         self.engine = traffic_of([engine], self.world, [roads])
-        self.engine.reset(self.world, {0: start})
+        self.engine.reset({0: start})
 
     def steps(self, seconds: float) -> Iterator[VehicleStates]:
         """Yield the vehicles after each step, for a span of simulated time [s].
@@ -61,7 +61,7 @@ class TrafficRun:
         rows = np.ones(1, np.bool_)
         for _ in range(round(seconds / self.dt)):
             self.world.advance(rows)
-            self.engine.step(self.world, rows)
+            self.engine.step(rows)
             if self.engine.failures:
                 raise self.engine.failures[0]
             yield self.states

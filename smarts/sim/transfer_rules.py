@@ -30,23 +30,26 @@ class HandoverRules:
     """Lets the vehicles of agents that are done go, and finds vehicles for agents that wait for one.
 
     Args:
-        entries: Knows who waits.
+        world: What is read.
+        entries: Knows which agents wait.
         can_take: `can_accept` of the provider of agents' vehicles.
     """
 
-    def __init__(self, entries: Entries, can_take: Callable[[Ints, Ints], NDArray[np.int8]]) -> None:
-        self._entries = entries
+    def __init__(
+        self, world: World, entries: Entries, can_take: Callable[[Ints, Ints], NDArray[np.int8]]
+    ) -> None:
+        self._world, self._entries = world, entries
         self._can_take = can_take
         # Simulations in which a vehicle may still be there after its agent, since nobody wanted it.
         self._unsettled: set[int] = set()
         # What the triggers of conditions remember, by simulation and agent, of the episode that it is for.
         self._memory: dict[tuple[int, int], tuple[int, MutableMapping[Any, float]]] = {}
 
-    def propose(self, world: World, events: Events, env_mask: Bools) -> Transfers:
+    def propose(self, events: Events, env_mask: Bools) -> Transfers:
         """Return the transfers for the beginning of the next step."""
         if not (self._unsettled or self._entries.pending or np.count_nonzero(events.just_done)):
             return NO_TRANSFERS
-        state = world.agents.state
+        world, state = self._world, self._world.agents.state
         concerned = ((state == AgentStatus.DONE) | (state == AgentStatus.WAITING)) & env_mask[:, None]
         proposed: list[Row] = []
         taken: set[tuple[int, int]] = set()
@@ -55,7 +58,7 @@ class HandoverRules:
                 if world.agents.slot[row, agent_id] != UNSET:
                     proposed.append(_letting_go(world, row, agent_id, bool(events.just_done[row, agent_id])))
             elif agent_id < len(self._entries.starts(row)):
-                slot = self._find(world, row, agent_id, taken)
+                slot = self._find(row, agent_id, taken)
                 if slot != UNSET:
                     taken.add((row, slot))
                     owner = int(world.vehicles.owner[row, slot])
@@ -66,11 +69,11 @@ class HandoverRules:
         }
         return transfers(proposed)
 
-    def _find(self, world: World, row: int, agent_id: int, taken: set[tuple[int, int]]) -> int:
+    def _find(self, row: int, agent_id: int, taken: set[tuple[int, int]]) -> int:
         """Return the slot of the vehicle that an agent is to take over in the next step, -1 for none."""
-        start = self._entries.starts(row)[agent_id]
+        world, start = self._world, self._entries.starts(row)[agent_id]
         rule, now = start.take_over, float(world.step[row]) * world.dt
-        if rule is None or now < start.entry_time - 1e-9 or not self._holds(world, row, agent_id, rule, now):
+        if rule is None or now < start.entry_time - 1e-9 or not self._holds(row, agent_id, rule, now):
             return UNSET
         vehicles, name = world.vehicles, partial(world.registry.name, row)
         held = set(world.agents.slot[row].tolist())
@@ -89,9 +92,10 @@ class HandoverRules:
         suited = slots[self._can_take(np.full_like(slots, row), slots) == Refusal.NONE].tolist()
         return min(suited, key=lambda slot: (_distance(world, row, slot, start), slot), default=UNSET)
 
-    def _holds(self, world: World, row: int, agent_id: int, rule: TakeOver, now: float) -> bool:
+    def _holds(self, row: int, agent_id: int, rule: TakeOver, now: float) -> bool:
         if rule.condition is None:
             return True
+        world = self._world
         episode, memory = self._memory.get((row, agent_id), (-1, {}))
         if world.step[row] == 0 or episode != world.episode[row]:
             memory = {}

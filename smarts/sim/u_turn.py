@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads
 from smarts.roads.curves import curve_into, sharpest_bend, stations_of
-from smarts.roads.guide import Guide
 from smarts.roads.turning import is_opposite, is_over_road, place_to_turn
-from smarts.sim.surroundings import Surroundings, beside, distance_between, lane_under
+from smarts.sim.places import beside, distance_between, lane_of
 from smarts.types.guidance import GuidePhase
+from smarts.types.world import State
 
 LATERAL = 2.0
 """Acceleration with which to turn [m/s^2]."""
@@ -24,52 +25,56 @@ _FREE, _APPROACH, _MANOEUVRE = int(GuidePhase.FREE), int(GuidePhase.APPROACH), i
 
 
 @kernel
-def plan_u_turn(around: Surroundings, guide: Guide, b: int, a: int) -> None:
+def plan_u_turn(state: State, roads: Roads, b: int, a: int) -> None:
     """Write the guidance of an agent that is to turn and does not yet; see `smarts.sstudio.types.UTurn`."""
-    slot = around.slot[b, a]
-    back = around.roads.lane_base[around.map[b]] + around.task_lane[b, a]
-    s, left = beside(around, b, slot, back)
-    is_triggered = guide.phase[b, a] == _APPROACH or _is_anybody_near(around, b, a, slot, around.edge[back])
-    guide.phase[b, a], guide.speed[b, a] = _FREE, around.task_speed[b, a]
+    vehicles, missions, guidance = state.vehicles, state.missions, state.guidance
+    slot = state.agents.slot[b, a]
+    back = roads.lane_base[state.map[b]] + missions.task_lane[b, a]
+    s, left = beside(vehicles, roads, b, slot, back)
+    is_triggered = guidance.phase[b, a] == _APPROACH or _is_anybody_near(
+        state, roads, b, a, slot, roads.lane_edge[back]
+    )
+    guidance.phase[b, a], guidance.speed[b, a] = _FREE, missions.task_speed[b, a]
     if not is_triggered or s <= 0.0 or left <= 0.0:
         return
-    begin = guide.begin[b, a]
-    begin[0], begin[1] = around.position[b, slot]
-    begin[2] = around.heading[b, slot]
-    control = curve_into(around.roads, begin, back, s)
-    if not is_opposite(around.roads, begin[2], back, s):
+    begin = guidance.begin[b, a]
+    begin[0], begin[1] = vehicles.position[b, slot]
+    begin[2] = vehicles.heading[b, slot]
+    control = curve_into(roads, begin, back, s)
+    if not is_opposite(roads, begin[2], back, s):
         return
     pace = math.sqrt(LATERAL / sharpest_bend(control, stations_of(control)))
-    if not is_over_road(around.roads, around.map[b], control):
-        ahead = _way_to_turn(around, b, slot, back)
+    if not is_over_road(roads, state.map[b], control):
+        ahead = _way_to_turn(state, roads, b, slot, back)
         if ahead >= 0.0:
-            guide.phase[b, a] = _APPROACH
-            guide.speed[b, a] = math.sqrt(pace * pace + 2.0 * BRAKING * ahead)
+            guidance.phase[b, a] = _APPROACH
+            guidance.speed[b, a] = math.sqrt(pace * pace + 2.0 * BRAKING * ahead)
         return
-    guide.phase[b, a], guide.speed[b, a] = _APPROACH, pace
-    if around.speed[b, slot] <= pace + SLOW_ENOUGH:
-        guide.phase[b, a] = _MANOEUVRE
-        guide.lane[b, a], guide.s[b, a] = around.task_lane[b, a], s
+    guidance.phase[b, a], guidance.speed[b, a] = _APPROACH, pace
+    if vehicles.speed[b, slot] <= pace + SLOW_ENOUGH:
+        guidance.phase[b, a] = _MANOEUVRE
+        guidance.lane[b, a], guidance.s[b, a] = missions.task_lane[b, a], s
 
 
 @kernel
-def _way_to_turn(around: Surroundings, b: int, slot: int, back: int) -> float:
+def _way_to_turn(state: State, roads: Roads, b: int, slot: int, back: int) -> float:
     """Return how far ahead a vehicle can turn into a lane [m], as beside a median; -1 for nowhere here."""
-    lane = lane_under(around, b, slot)
+    lane = lane_of(state, roads, state.vehicles, b, slot)
     if lane < 0:
         return -1.0
-    here = around.lane_position[b, slot]
-    place = place_to_turn(around.roads, around.map[b], lane, back, here, here + SIGHT)
+    here = state.vehicles.lane_position[b, slot]
+    place = place_to_turn(roads, state.map[b], lane, back, here, here + SIGHT)
     return place - here if place >= 0.0 else -1.0
 
 
 @kernel
-def _is_anybody_near(around: Surroundings, b: int, a: int, slot: int, edge: int) -> bool:
+def _is_anybody_near(state: State, roads: Roads, b: int, a: int, slot: int, edge: int) -> bool:
     """Tell whether a vehicle on a road is within the task's radius of the agent's."""
-    for other in range(around.alive.shape[1]):
-        if around.alive[b, other] and other != slot:
-            lane = lane_under(around, b, other)
-            is_there = lane >= 0 and around.edge[lane] == edge
-            if is_there and distance_between(around, b, slot, other) <= around.task_radius[b, a]:
+    vehicles = state.vehicles
+    for other in range(vehicles.alive.shape[1]):
+        if vehicles.alive[b, other] and other != slot:
+            lane = lane_of(state, roads, vehicles, b, other)
+            is_there = lane >= 0 and roads.lane_edge[lane] == edge
+            if is_there and distance_between(vehicles, b, slot, other) <= state.missions.task_radius[b, a]:
                 return True
     return False

@@ -49,19 +49,22 @@ Written by `python -m smarts.sstudio.documentation` from the types' docstrings.
 
 A scenario is a folder with a map and a `scenario.py`:
 
-    my_scenario/
-        map.net.xml     SUMO's, or its sources (map.nod.xml, map.edg.xml, map.con.xml);
-                        or map.xodr (OpenDRIVE), or map.osm (OpenStreetMap)
-        scenario.py
+```text
+my_scenario/
+    map.net.xml     SUMO's, or its sources (map.nod.xml, map.edg.xml, map.con.xml);
+                    or map.xodr (OpenDRIVE), or map.osm (OpenStreetMap)
+    scenario.py
+```
 
 `from smarts.sstudio import gen_scenario, types as t` brings the vocabulary; `gen_scenario(t.Scenario(...),
 output_dir=Path(__file__).parent)` ends the file. A part of the map is told by an edge's id, a lane's index
 (0 is the rightmost) and an offset in metres along it: `("south_in", 0, 40)`. `smarts-bench scenario build
 my_scenario` says what is wrong with it, with names that are on the map, `smarts-bench scenario show
 my_scenario --out map.png` draws it, and any environment takes its folder: `scenarios=["my_scenario"]`. A
-whole one with two agents, one of which takes over a vehicle from the traffic if one comes within ten seconds:
+whole one with two agents, one of which takes over a vehicle from the traffic if one comes within ten seconds,
+on the map of the suite's intersection:
 
-```python
+```python title="my_scenario/scenario.py"
 from pathlib import Path
 
 from smarts.sstudio import gen_scenario
@@ -90,10 +93,26 @@ gen_scenario(
 )
 ```
 
-(With `map.*.xml` of `scenarios/intersection` as its map.) The file prints nothing by itself;
-`smarts-bench scenario build my_scenario` runs it, in some seconds, and says which traffic there is and where
-the build lies. Names and defaults of fields are the original's; where something is new, or means something
-else here, it is said.
+```python
+import shutil
+from pathlib import Path
+
+from smarts.sstudio import build_scenario
+
+for source in Path(build_scenario("intersection").source).glob("map.*.xml"):
+    shutil.copy(source, "my_scenario")
+```
+
+```console
+$ smarts-bench scenario build my_scenario
+```
+
+```text title="Output"
+my_scenario: ... edges, ... lanes, traffic busy; ...
+  .../my_scenario/build/...
+```
+
+Names and defaults of fields are the original's; where a field is new, or means something else here, it is said.
 """
 
 

@@ -181,13 +181,14 @@ class _Validation(TrafficChecks):
             remedy = "end the route on the road of the other direction, beside the one that it begins on"
             raise self.error(where, problem, remedy)
         # Compiled code; whoever only reads an experiment's file does without it.
+        from smarts.geometry.binding import bind
         from smarts.roads.atlas import RoadAtlas
         from smarts.roads.turning import can_turn_round
 
         lanes = self.roads.edge_lanes(int(self.roads.lane_edge[lane]))
-        roads = RoadAtlas([self.roads]).roads
+        can_turn = bind(can_turn_round, RoadAtlas([self.roads]).roads)
         self.require(
-            any(can_turn_round(roads, 0, int(own), back, s) for own in lanes),
+            any(can_turn(0, int(own), back, s) for own in lanes),
             where,
             f"there is not road all the way from '{route.begin[0]}' over to '{self.roads.lane_ids[back]}'",
             "use two roads without a median between them, or no task and a route round by a junction",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.arrays import Bools, Floats
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.types.agent_states import AgentStates
 from smarts.types.guidance import Guidance
 from smarts.types.mission import Missions
@@ -14,11 +16,37 @@ from smarts.types.vehicle_registry import VehicleRegistry
 from smarts.types.vehicles import VehicleStates
 
 
+class State(NamedTuple):
+    """All arrays of B simulations, for kernels: `bind(function, world.state, ...)`."""
+
+    dt: float
+    """Length of a step [s]."""
+    step: Ints
+    """Steps since the episode began, shape (B,)."""
+    episode: Ints
+    """Number of the episode, shape (B,)."""
+    map: Ints
+    """Number of the map in the atlas, shape (B,)."""
+    vehicles: VehicleStates
+    """The vehicles now, shape (B, V)."""
+    before: VehicleStates
+    """The vehicles one step ago; a row whose generation differs from now was another vehicle."""
+    agents: AgentStates
+    """Shape (B, A)."""
+    missions: Missions
+    """Shape (B, A)."""
+    guidance: Guidance
+    """Where the missions' tasks lead, shape (B, A)."""
+    signals: Bytes
+    """What each lane's light shows, a `Signal`, shape (B, L)."""
+
+
 class World:
     """B simulations side by side. Row b of every array is simulation b, whatever the others do.
 
     The arrays are written in place by the stages of the step and never replaced, so views of them hold for
-    good. What is of the past, beyond one step, is kept by those who need it.
+    good. A part that needs more of the past than one step keeps it itself. `state` holds all arrays, for
+    kernels; each is an attribute of the world, too.
 
     Args:
         worlds: B.
@@ -41,30 +69,32 @@ class World:
         vias: int = 0,
         dt: float = 0.1,
     ) -> None:
-        self.dt = dt
         self.egos = agents if egos is None else egos
-        self.step = np.zeros(worlds, np.int32)
-        """Steps since the episode began, shape (B,)."""
-        self.episode = np.zeros(worlds, np.int32)
-        """Number of the episode, shape (B,)."""
-        self.map = np.zeros(worlds, np.int32)
-        """Number of the map in the atlas, shape (B,)."""
-        self._now, self.vehicles = _in_one_block(VehicleStates.allocate(worlds, capacity))
-        """The vehicles now, shape (B, V)."""
-        self._before, self.before = _in_one_block(VehicleStates.allocate(worlds, capacity))
-        """The vehicles one step ago; a row whose generation differs from now was another vehicle."""
+        self._now, vehicles = _in_one_block(VehicleStates.allocate(worlds, capacity))
+        self._before, before = _in_one_block(VehicleStates.allocate(worlds, capacity))
+        self.state = State(
+            dt=dt,
+            step=np.zeros(worlds, np.int32),
+            episode=np.zeros(worlds, np.int32),
+            map=np.zeros(worlds, np.int32),
+            vehicles=vehicles,
+            before=before,
+            agents=AgentStates.allocate(worlds, agents, vias),
+            missions=Missions.allocate(worlds, agents, vias),
+            guidance=Guidance.allocate(worlds, agents),
+            signals=np.zeros((worlds, lanes), np.int8),
+        )
+        self.dt, self.step, self.episode, self.map = dt, self.state.step, self.state.episode, self.state.map
+        self.vehicles, self.before, self.agents = vehicles, before, self.state.agents
+        self.missions, self.guidance, self.signals = (
+            self.state.missions,
+            self.state.guidance,
+            self.state.signals,
+        )
         self.registry = VehicleRegistry(self.vehicles)
         """Issues slots and names."""
         self.routes = RouteTable(worlds)
         """The routes that `vehicles.route` and `missions.route` number."""
-        self.agents = AgentStates.allocate(worlds, agents, vias)
-        """Shape (B, A)."""
-        self.missions = Missions.allocate(worlds, agents, vias)
-        """Shape (B, A)."""
-        self.guidance = Guidance.allocate(worlds, agents)
-        """Where the missions' tasks lead, shape (B, A)."""
-        self.signals = np.zeros((worlds, lanes), np.int8)
-        """What each lane's light shows, a `Signal`, shape (B, L)."""
         self._pairs = list(zip(self.vehicles, self.before, strict=True))
 
     @property

@@ -1,12 +1,24 @@
-"""The examples run as a user would run them."""
+"""The examples run as a user would run them, print what the pages show, and are short."""
 
+import ast
+import doctest
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-EXAMPLES = sorted(Path("examples").glob("*.py"))
+from tests.blocks import ROOT, SNIPPET, TOLERANT, blocks_of
+
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SHOWN = {
+    ROOT / match[1]: block.expected
+    for page in (ROOT / "docs").rglob("*.md")
+    for block in blocks_of(page)
+    if block.expected and (match := SNIPPET.match(block.text))
+}
+"""What the pages say that examples print."""
+LONGEST = 60
+"""Lines of an example."""
 
 
 @pytest.mark.slow
@@ -15,3 +27,17 @@ def test_example(example):
     ended = subprocess.run([sys.executable, example], capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr[-3000:]
     assert ended.stdout.strip()
+    shown = SHOWN.get(example, "...")
+    assert doctest.OutputChecker().check_output(shown, ended.stdout, TOLERANT), ended.stdout
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_is_short_and_says_first_what_it_shows(example):
+    text = example.read_text()
+    assert len(text.splitlines()) < LONGEST
+    assert ast.get_docstring(ast.parse(text))
+    assert text.startswith('"""')
+
+
+def test_there_are_ten():
+    assert len(EXAMPLES) == 10

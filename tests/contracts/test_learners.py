@@ -106,7 +106,7 @@ def trained(name, env, env_config=None):
 
 def assert_learnt(result, before, after):
     assert result["env_runners"]["num_env_steps_sampled_lifetime"] == 96
-    assert result["env_runners"]["num_failed_env_copies_lifetime"] == 0
+    assert result["env_runners"]["num_failed_envs_lifetime"] == 0
     leaves = [(x, after[module][leaf]) for module, net in before.items() for leaf, x in net.items()]
     assert all(np.isfinite(new).all() for _, new in leaves)
     assert any((old != new).any() for old, new in leaves)

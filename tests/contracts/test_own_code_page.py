@@ -1,18 +1,15 @@
 """The folder of docs/own_code.md, outside of the repository, and the mistakes that such code can have."""
 
-import re
-from pathlib import Path
-
 import pytest
 
 from benchmark.metrics import read_table
 from benchmark.results.run_folder import RunFolder
+from tests.blocks import ROOT, Page
 from tests.commands import begin, finish
 
 pytestmark = pytest.mark.slow
 
-PAGE = Path(__file__).parents[2] / "docs" / "own_code.md"
-FILE = re.compile(r"```(?:python|yaml)\n# (\S+\.(?:py|yaml))\n(.*?)```", re.DOTALL)
+PAGE = ROOT / "docs" / "own_code.md"
 RAISES = "    def __init__(self, *given, **named):\n        assert False\n\n"
 ALGORITHM = "my_code.algorithm-MyConfig/loop/no_social_vehicles/seed_1"
 
@@ -20,10 +17,8 @@ ALGORITHM = "my_code.algorithm-MyConfig/loop/no_social_vehicles/seed_1"
 @pytest.fixture
 def folder(tmp_path):
     """The files of the page."""
-    for name, text in FILE.findall(PAGE.read_text()):
-        file = tmp_path / name
-        file.parent.mkdir(exist_ok=True)
-        file.write_text(text)
+    for _ in Page(PAGE, tmp_path).run():
+        pass
     return tmp_path
 
 

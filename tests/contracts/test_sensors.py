@@ -123,7 +123,7 @@ def test_every_option_has_its_sensor():
 def test_kernels_are_compiled_once():
     scene = scene_of(*[random_cars(np.random.Generator(np.random.Philox(6)))] * 2)
     interface = AgentInterface.from_type(AgentType.Full, occlusion_map=True)
-    SensorSuite(scene, [interface, interface, None, None]).observe(scene.world, np.eye(2, 4) > 0)
+    SensorSuite(scene, [interface, interface, None, None]).observe(np.eye(2, 4) > 0)
     for name in SENSORS:
         kernel = "paint_scene" if name == "top_down_rgb" else "_observe"
         observing = getattr(importlib.import_module(f"smarts.sensors.{name}"), kernel)

@@ -68,13 +68,13 @@ class Case:
         }
         for row in chosen:
             self.world.clear(row)
-        self.engine.reset(self.world, chosen)
+        self.engine.reset(chosen)
 
     def step(self, count=1, rows=None):
         rows = self.all if rows is None else np.array(rows)
         for _ in range(count):
             self.world.advance(rows)
-            self.engine.step(self.world, rows)
+            self.engine.step(rows)
             assert not self.engine.failures
 
     def put(self, row, lane, s, owner=Owner.AGENT):
@@ -245,7 +245,7 @@ def test_arrivals_keep_clear_of_who_is_there_at_the_beginning(case):
     ]
     one.world.clear(0)
     egos = [one.put(0, lane, 8.0) for lane in lanes]
-    one.engine.reset(one.world, {0: one.start()})
+    one.engine.reset({0: one.start()})
     one.step(20)
     own, ego = one.vehicles.position[0, one.owned(0)], one.vehicles.position[0, egos]
     assert np.linalg.norm(own[:, None] - ego, axis=-1).min() > 3.0
@@ -290,7 +290,7 @@ def test_there_and_back_is_one_write_and_no_jump(case):
 def test_empty_roads_stay_empty(case, built):
     one = case(2)
     empty = [dataclasses.replace(one.start(row), traffic=built.traffic_files(None)) for row in range(2)]
-    one.engine.reset(one.world, {})
+    one.engine.reset({})
     one.reset(row_0=empty[0], row_1=empty[1])
     one.step(20)
     assert not one.vehicles.alive.any()
@@ -332,7 +332,7 @@ def test_two_engines_share_a_simulation(case, second):
     try:
         one.world.clear(0)
         half = dataclasses.replace(one.start(), limit=LIMIT // 2)
-        one.engine.reset(one.world, {0: half})
+        one.engine.reset({0: half})
         other.reset(one.world, {0: one.start(episode=1)})
         counts = []
         for _ in range(100):

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import Field
 
-from smarts.config import ConfigError, Section, fitted, read_config, reading
+from smarts.config import ConfigError, Section, fitted, read_config, sources
 
 
 class Wheel(Section):
@@ -120,7 +120,7 @@ def test_a_missing_file_and_one_that_is_not_text(tmp_path):
     [
         ("name: 2026-13-45\n", "car.yaml:1: 2026-13-45 is no timestamp; put it in quotes"),
         ("name: !foo bar\n", "car.yaml:1: bar is no !foo; put it in quotes"),
-        ("name: a\nextra: {<<: {a: 1}}\n", "car.yaml:2: merge keys (<<) are not known here; use extends"),
+        ("name: a\nextra: {<<: {a: 1}}\n", "car.yaml:2: merge keys (<<) are not supported; use extends"),
         ("name: a\nextra: &x {a: *x}\n", "car.yaml:2: extra.a contains itself; write it out"),
     ],
 )
@@ -211,7 +211,7 @@ def test_names_that_are_not_beside_the_file_are_those_of_the_package(write, monk
     packaged = tmp_path / "configs"
     packaged.mkdir()
     (packaged / "base.yaml").write_text("name: packaged\nwheels: [{radius: 1}]\n")
-    monkeypatch.setattr(reading, "PACKAGED", packaged)
+    monkeypatch.setattr(sources, "PACKAGED", packaged)
     own = tmp_path / "elsewhere"
     own.mkdir()
     monkeypatch.chdir(own)

@@ -1,4 +1,4 @@
-"""The algorithm of `examples/own_algorithm.py`, which docs/algorithms_inside.md shows, is what it says."""
+"""The algorithm of `examples/nightly/q_learner.py`, which docs/algorithms_inside.md shows, is what it says."""
 
 import importlib
 from pathlib import Path
@@ -10,19 +10,19 @@ from algorithms.registry import ALGORITHMS
 from tests.games.games import Constant
 from tests.unit.algorithms.rigs import Rig, moved, replayed
 
-EXAMPLE = Path("examples/own_algorithm.py")
+EXAMPLE = Path("examples/nightly/q_learner.py")
 
 
 @pytest.fixture
 def example(monkeypatch):
     monkeypatch.syspath_prepend(EXAMPLE.parent)
     own = importlib.import_module(EXAMPLE.stem)
-    monkeypatch.setitem(ALGORITHMS, "mine", own.MyConfig.entry._replace(target="own_algorithm:MyConfig"))
+    monkeypatch.setitem(ALGORITHMS, "mine", own.MyConfig.entry._replace(target="q_learner:MyConfig"))
     return own
 
 
 def test_the_page_shows_the_example():
-    assert f"```python\n{EXAMPLE.read_text()}```" in Path("docs/algorithms_inside.md").read_text()
+    assert f'--8<-- "{EXAMPLE}"' in Path("docs/algorithms_inside.md").read_text()
 
 
 def test_it_values_what_comes_after_a_time_limit(example):

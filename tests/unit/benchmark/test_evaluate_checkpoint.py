@@ -60,8 +60,8 @@ def test_what_is_wrong_with_what_was_asked_for_last(tmp_path):
     assert last_experiment(tmp_path, problems) is None
     assert problems == {
         EXPERIMENT: "not an experiment of this version: there is no key bugdet; did you mean 'budget'?; "
-        "`run` writes it anew"
+        "`run` writes it again"
     }
     (tmp_path / EXPERIMENT).write_text("[")
     assert last_experiment(tmp_path, problems) is None
-    assert problems[EXPERIMENT].endswith("; `run` writes it anew")
+    assert problems[EXPERIMENT].endswith("; `run` writes it again")

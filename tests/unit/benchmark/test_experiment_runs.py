@@ -153,7 +153,7 @@ def test_a_worker_that_is_killed_is_replaced_and_sigterm_loses_nothing(experimen
         process.send_signal(signal.SIGTERM)
         code, _, err = finish(process)
         assert code == 130
-        assert "the same command goes on" in err
+        assert "give the same command again to resume" in err
         lines = progress(run)
         # The validations, of which each saves, are half a million steps away.
         kept = json.loads((run / "checkpoint" / "training.json").read_text())

@@ -48,7 +48,7 @@ def test_ranks_over_experiments(tmp_path):
     paradigms = {place.algorithm: place.paradigm for place in board.places}
     assert paradigms["ppo"] == "fully decentralised"
     assert paradigms["maddpg"] == "centralised training, decentralised execution"
-    assert paradigms["parked"] == "reference policy"
+    assert paradigms["parked"] == "scripted policy"
 
 
 def test_protocols_are_not_mixed(tmp_path):

@@ -259,7 +259,7 @@ def test_experiments_made_in_python_are_checked_like_files(folder):
     (folder / "own_python.py").write_text(POLICY)
     given = {"algorithms": ["ppo"], "tasks": ["loop"], "imports": [str(folder / "own_python.py")]}
     checked = check_whole(Experiment(name="x", scripted=["own_python:Waits"], **given))
-    assert checked.reference == ("own_python:Waits",)
+    assert checked.scripted == ("own_python:Waits",)
     bad = Experiment(
         scripted=["own_python:Wait"], training={"lr": 2.0}, environment={"options": {"rewrd": 1}}, **given
     )

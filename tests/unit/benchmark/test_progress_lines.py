@@ -62,6 +62,6 @@ def test_whatever_is_ended_says_how_to_go_on(tmp_path, capsys, number):
         assert interruptible(work, resumable(tmp_path)) == INTERRUPTED
     finally:
         signal.signal(signal.SIGINT, ctrl_c)
-    assert f"what is finished is in {tmp_path}, the same command goes on" in capsys.readouterr().err
+    assert str(tmp_path) in capsys.readouterr().err
     assert signal.getsignal(signal.SIGTERM) == before
     assert interruptible(lambda: 7, "nothing") == 7

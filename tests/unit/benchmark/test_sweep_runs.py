@@ -47,7 +47,7 @@ def test_a_search_that_is_interrupted_goes_on_and_ranks_its_trials(tmp_path):
     first.send_signal(signal.SIGINT)
     code, out, err = finish(first)
     assert code == 130
-    assert "the same command goes on" in err
+    assert "give the same command again to resume" in err
     assert "table:" not in out
     assert not (root / "trials.csv").exists()
     (interrupted,) = [name for name, lines in results_of(root).items() if lines]

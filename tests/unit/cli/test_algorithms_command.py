@@ -29,7 +29,7 @@ def test_lists_every_algorithm_with_its_tags_and_loads_no_framework():
         "communication": "no",
         "actions": "both",
         "recurrent": "no",
-        "what it is": ALGORITHMS["maddpg"].summary,
+        "description": ALGORITHMS["maddpg"].summary,
     }
     assert rows["dqn"]["actions"] == "discrete"
     assert rows["dqn"]["paradigm"] == "fully decentralised"

@@ -46,7 +46,7 @@ def test_a_finished_experiment_is_reported_again(file, tmp_path, capsys):
     assert ended.value.exit_code == 0
     said = capsys.readouterr()
     first, budget, *_ = said.err.splitlines()
-    assert first == f"done: building scenarios and going through {page.parents[1]}"
+    assert first == f"done: building scenarios, checking {page.parents[1]}"
     assert "3,000 agent-steps" in budget
     assert "2 minutes" in budget
     assert said.out.splitlines() == [f"results: {page.parents[1]}", f"report: {page}"]
@@ -58,4 +58,4 @@ def test_sigterm_while_the_report_is_written_says_how_to_go_on(file, tmp_path, c
     with pytest.raises(typer.Exit) as ended:
         run(file, out=tmp_path / "results")
     assert ended.value.exit_code == 130
-    assert "the same command goes on" in capsys.readouterr().err
+    assert "give the same command again to resume" in capsys.readouterr().err

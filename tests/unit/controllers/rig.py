@@ -46,8 +46,8 @@ class Rig:
         self.vehicles = FleetVehicles(self.world, model)
         self.legality = ActionMasker(scene)
         self.rows = np.ones(shape[0], np.bool_)
-        self.vehicles.reset(self.world, self.rows)
-        self.legality.write(self.world, self.rows)
+        self.vehicles.reset(self.rows)
+        self.legality.write(self.rows)
         self.commands = self.tracks = None
 
     def act(self, *values, path=None, agent_id=0):
@@ -63,12 +63,12 @@ class Rig:
         rows = self.rows if rows is None else rows
         for _ in range(steps):
             self.world.advance(rows)
-            self.commands = self.controllers.command(self.world, self.actions, rows)
-            self.tracks = self.vehicles.step(self.world, self.commands, rows)
+            self.commands = self.controllers.command(self.actions, rows)
+            self.tracks = self.vehicles.step(self.commands, rows)
             for error in self.vehicles.failures.values():
                 raise error
             self.made.locate()
-            self.legality.write(self.world, rows)
+            self.legality.write(rows)
             self.actions.fresh[:] = False
         return self
 

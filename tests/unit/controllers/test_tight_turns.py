@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from smarts.controllers import drivable_path
+from smarts.controllers.abilities import Abilities
 from smarts.controllers.drivable_path import STEP, plan_drivable_path
-from smarts.controllers.lane_state import Abilities
 from smarts.roads.atlas import RoadAtlas
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.vehicles import VehicleKind

@@ -49,7 +49,7 @@ class Stage:
 
     def frame(self):
         world = self.made.world
-        readings = self.suite.observe(world, self.wanted)
+        readings = self.suite.observe(self.wanted)
         rows = np.ones(1, np.bool_)
         return Frame(world, rows, None, None, self.contacts, self.events, self.wanted, readings)
 

@@ -60,11 +60,11 @@ def test_every_state_stays_finite(model, case):
     draws = np.random.Generator(np.random.Philox(key=5))
     commands.mode[...] = mode
     try:
-        vehicles.reset(world, rows)
+        vehicles.reset(rows)
         for step in range(STEPS):
             write(commands, step, draws)
             world.advance(rows)
-            tracks = vehicles.step(world, commands, rows)
+            tracks = vehicles.step(commands, rows)
             assert np.isfinite(tracks.poses).all(), f"step {step}"
             for name, column in world.vehicles._asdict().items():
                 assert np.isfinite(column[0, : len(cars)]).all(), f"{name} in step {step}"

@@ -109,7 +109,7 @@ class TestBoxesGo:
         driven.world.vehicles.position[0, 1, 0] = 25.2
         driven.step()
         assert len(driven.boxes) == 1
-        driven.vehicles.reset(driven.world, driven.all)
+        driven.vehicles.reset(driven.all)
         driven.world.vehicles.position[0, 1, 0] = 26.0
         driven.step()
         assert driven.boxes == []

@@ -165,7 +165,7 @@ def test_traffic_is_in_bullet_only_while_an_ego_may_touch_it(stage):
     assert min(gap for gap, _ in present) < 0.1
     assert vehicles.position[0, 0, 0] < 60.0 - 4.0
     assert vehicles.speed[0, 0] < 2.0
-    driven.vehicles.reset(driven.world, driven.all)
+    driven.vehicles.reset(driven.all)
     assert driven.boxes == []
 
 
@@ -242,7 +242,7 @@ def test_a_motion_that_cannot_be_fails_its_simulation_alone(stage):
     moved = driven.world.vehicles.position - before
     assert not moved[0].any()
     assert moved[1, 0, 0] > 0.1
-    driven.vehicles.reset(driven.world, np.array([True, False]))
+    driven.vehicles.reset(np.array([True, False]))
     driven.step()
     assert not driven.vehicles.failures
 

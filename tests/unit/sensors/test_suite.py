@@ -32,8 +32,8 @@ def test_sensors_are_those_of_the_interface():
 
 
 def test_equal_options_share_a_block():
-    world, suite = suite_of(NEAR, FAR, NEAR, None)
-    readings = suite.observe(world, wanted(0, 1, 2))
+    _, suite = suite_of(NEAR, FAR, NEAR, None)
+    readings = suite.observe(wanted(0, 1, 2))
     assert {name: agents.tolist() for name, agents in readings.agent_ids.items()} == {
         "ego_vehicle_state": [0, 1, 2],
         "mission": [0, 1, 2],
@@ -57,21 +57,21 @@ def test_places_of_readings():
 
 def test_only_the_wanted_are_served():
     world, suite = suite_of(NEAR, FAR, NEAR, None)
-    suite.observe(world, wanted(0, 1, 2))
+    suite.observe(wanted(0, 1, 2))
     world.vehicles.speed[0, :3] = 9.0
-    assert suite.observe(world, wanted(1)).blocks["ego_vehicle_state"]["speed"].tolist() == [[1, 9, 3]]
-    assert suite.observe(world, wanted()).blocks["ego_vehicle_state"]["speed"].tolist() == [[1, 9, 3]]
+    assert suite.observe(wanted(1)).blocks["ego_vehicle_state"]["speed"].tolist() == [[1, 9, 3]]
+    assert suite.observe(wanted()).blocks["ego_vehicle_state"]["speed"].tolist() == [[1, 9, 3]]
 
 
 def test_blocks_stay_the_same_arrays():
-    world, suite = suite_of(NEAR, FAR, NEAR, None)
-    first, second = (suite.observe(world, wanted(0)).blocks["mission"]["goal"] for _ in range(2))
+    _, suite = suite_of(NEAR, FAR, NEAR, None)
+    first, second = (suite.observe(wanted(0)).blocks["mission"]["goal"] for _ in range(2))
     assert first is second
 
 
 def test_only_what_somebody_looks_at_is_observed():
     made = at_crossing(*(Car(x, -1.6, mission=STRAIGHT_ON) for x in (-50.0, -35.0)))
     suite = SensorSuite(scene_of(made), [NEAR, NEAR], {0: (), 1: ("mission", "signals")})
-    readings = suite.observe(made.world, wanted(0, 1))
+    readings = suite.observe(wanted(0, 1))
     assert [*readings.blocks] == ["mission"]
     assert readings.agent_ids["mission"].tolist() == [1]

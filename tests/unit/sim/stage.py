@@ -43,7 +43,7 @@ class Stage:
         self.contacts.partner[:] = -1
         for agent_id, partner in hits:
             self.contacts.partner[row, agent_id] = partner
-        self.events = self.judge.detect(self.world, self.contacts, self.rows)
+        self.events = self.judge.detect(self.contacts, self.rows)
         return Event(int(self.events.bits[row, 0]))
 
     @property

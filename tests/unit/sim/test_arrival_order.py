@@ -21,7 +21,7 @@ def stage_of(*distances, missions=(WEST, SOUTH, EAST)):
         [Car(*place(agent_id, far), mission=missions[agent_id]) for agent_id, far in enumerate(distances)],
         graph=maps.crossing(),
     )
-    stage.judge.reset(stage.world, stage.contacts, stage.rows)
+    stage.judge.reset(stage.contacts, stage.rows)
     return stage
 
 

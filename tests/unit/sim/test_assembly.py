@@ -300,7 +300,7 @@ def test_vehicles_of_sumo_are_taken_over_without_a_jump_and_go_back(scenarios, m
                 world.agents.state[0, 0], world.agents.outcome[0, 0] = AgentStatus.DONE, Outcome.TIME_OUT
                 frame.events.just_done[0, 0] = True
                 stages = parts.simulation._stages
-                transfers = stages.transfer_rules.propose(world, frame.events, np.ones(1, np.bool_))
+                transfers = stages.transfer_rules.propose(frame.events, np.ones(1, np.bool_))
                 stages.ownership.submit(transfers)
             if step == 21:
                 assert world.vehicles.owner[0, slot] == Owner.TRAFFIC

@@ -84,7 +84,7 @@ def random_pairs(worlds, others, speed):
 def test_against_exact_predicates(speed, worlds):
     others = 100
     world, tracks, poses, size = random_pairs(worlds, others, speed)
-    contacts = FootprintContacts(world).find(world, tracks_of(tracks, world), np.ones(worlds, np.bool_))
+    contacts = FootprintContacts(world).find(tracks_of(tracks, world), np.ones(worlds, np.bool_))
     touching = contacts.touching[:, 0, 1:]
     assert not contacts.touching[:, 0, 0].any()
     expected = overlaps(poses[:, :1], size[:, :1, None], poses[:, 1:], size[:, 1:, None])
@@ -125,7 +125,7 @@ def find(made, tracks=None, rows=EVERYBODY, touches=()):
     tracks = tracks_of(np.zeros((*world.agents.slot.shape, 0, 3)) if tracks is None else tracks, world)
     for agent_id, slot, when, speed in touches:
         tracks.touched[0, agent_id, slot], tracks.touch_speed[0, agent_id, slot] = when, speed
-    return FootprintContacts(world).find(world, tracks, rows)
+    return FootprintContacts(world).find(tracks, rows)
 
 
 def moved(cars, moves, touches=()):
@@ -287,8 +287,8 @@ def test_simulations_that_rest_have_no_contacts():
     made = world_of(cars, cars, maps=[maps.straight()])
     finder = FootprintContacts(made.world)
     tracks = Tracks.allocate(2, 4, made.world.vehicles.capacity, 0)
-    assert finder.find(made.world, tracks, np.array([True, True])).partner[:, 0].tolist() == [1, 1]
-    assert finder.find(made.world, tracks, np.array([False, True])).partner[:, 0].tolist() == [-1, 1]
+    assert finder.find(tracks, np.array([True, True])).partner[:, 0].tolist() == [1, 1]
+    assert finder.find(tracks, np.array([False, True])).partner[:, 0].tolist() == [-1, 1]
 
 
 def test_who_is_done_or_waits_has_no_contacts():

@@ -42,9 +42,9 @@ class Stage:
         self.scene = Scene(self.world, atlas, AgentRoutes(atlas, 1, max(1, len(starts))))
         willing = Willing()
         self.ownership = Ownership(self.world, {Owner.TRAFFIC: willing, Owner.AGENT: willing})
-        self.entries = Entries(self.ownership, self.scene.routes)
-        self.rules = HandoverRules(self.entries, lambda rows, slots: np.isin(slots, [*refused]))
-        self.matcher = MapMatcher(atlas, self.scene.routes)
+        self.entries = Entries(self.world, self.ownership, self.scene.routes)
+        self.rules = HandoverRules(self.world, self.entries, lambda rows, slots: np.isin(slots, [*refused]))
+        self.matcher = MapMatcher(self.scene)
         self.events = Events.allocate(1, max(1, len(starts)))
         self.starts = starts
         self.reset()
@@ -54,13 +54,11 @@ class Stage:
         self.ownership.clear(0)
         files = TrafficFiles(Path("map.net.xml"))
         self.world.episode[0] = episode
-        self.entries.reset(
-            self.world, 0, EpisodeStart(1, 0, episode, "test", 0, files, None, 1, 16, self.starts)
-        )
+        self.entries.reset(0, EpisodeStart(1, 0, episode, "test", 0, files, None, 1, 16, self.starts))
         for car in cars:
             self.add(*car)
-        self.matcher.locate(self.world, EVERYBODY)
-        self.entries.clear_way(self.world, 0)
+        self.matcher.match(EVERYBODY)
+        self.entries.clear_way(0)
         self._propose()
 
     def add(self, name, x, y=0.0, speed=0.0, heading=0.0):
@@ -71,15 +69,15 @@ class Stage:
             speed,
             heading,
         )
-        self.matcher.locate(self.world, EVERYBODY)
+        self.matcher.match(EVERYBODY)
         return slot
 
     def step(self, count=1):
         for _ in range(count):
             self.world.advance(EVERYBODY)
             self.ownership.apply(EVERYBODY)
-            self.entries.enter(self.world, EVERYBODY)
-            self.matcher.locate(self.world, EVERYBODY)
+            self.entries.enter(EVERYBODY)
+            self.matcher.match(EVERYBODY)
             self.events.just_done[:] = False
             self._propose()
 
@@ -100,7 +98,7 @@ class Stage:
         return self.world.registry.name(0, slot) if slot >= 0 else ""
 
     def _propose(self):
-        self.ownership.submit(self.rules.propose(self.world, self.events, EVERYBODY))
+        self.ownership.submit(self.rules.propose(self.events, EVERYBODY))
 
 
 def ego(name="ego", x=50.0, speed=0.0, **more):
@@ -150,7 +148,7 @@ def test_room_is_made_across_a_junction_for_those_who_come_here():
     number_of = stage.scene.atlas.graphs[0].edge_number
     vehicles.route[0, 1] = routes.number(0, map(number_of, ("west_in", "east_out")))
     vehicles.route[0, 2] = routes.number(0, map(number_of, ("south_in", "north_out")))
-    stage.entries.clear_way(stage.world, 0)
+    stage.entries.clear_way(0)
     assert stage.names() == {"ego", "turning"}
 
 

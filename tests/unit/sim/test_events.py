@@ -204,7 +204,7 @@ def test_an_overlap_at_the_start_voids_the_episode():
     stage = Stage([Car(10.0, 0.0, mission=ROAD), Car(30.0, 0.0, mission=ROAD)])
     stage.agents.state[0, 2] = AgentStatus.WAITING
     stage.contacts.partner[0, 1] = 7
-    events = stage.judge.reset(stage.world, stage.contacts, stage.rows)
+    events = stage.judge.reset(stage.contacts, stage.rows)
     assert stage.agents.outcome[0].tolist() == [Outcome.INVALID] * 3 + [Outcome.NONE]
     assert stage.agents.state[0].tolist() == [
         AgentStatus.DONE,
@@ -219,6 +219,6 @@ def test_an_overlap_at_the_start_voids_the_episode():
 
 def test_a_clear_start_has_no_events():
     stage = Stage([Car(10.0, 0.0, mission=ROAD)])
-    events = stage.judge.reset(stage.world, stage.contacts, stage.rows)
+    events = stage.judge.reset(stage.contacts, stage.rows)
     assert not events.bits.any()
     assert not events.finished.any()

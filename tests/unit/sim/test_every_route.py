@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from smarts.roads.scene import Scene
 from smarts.sim.map_matching import MapMatcher
 from smarts.sim.schedule import Schedule
 from smarts.sim.starts import corridor_of
@@ -55,7 +56,7 @@ def test_agents(name, aside):
         x, y, heading = start.pose
         made = world_of([Car(x, y, heading, mission=start.mission)], maps=[graph])
         vehicles, agents = made.world.vehicles, made.world.agents
-        matcher, rows = MapMatcher(made.atlas, made.routes), np.ones(1, np.bool_)
+        matcher, rows = MapMatcher(Scene(made.world, made.atlas, made.routes)), np.ones(1, np.bool_)
         way = way_along(graph, int(vehicles.lane[0, 0]), start.mission)
         found, progress = [], []
         begin = agents.route_progress[0, 0]
@@ -63,7 +64,7 @@ def test_agents(name, aside):
         for lane, s in way:
             pose = graph.pose_at(lane, s, aside)
             vehicles.position[0, 0], vehicles.heading[0, 0] = pose[:2], pose[2]
-            matcher.locate(made.world, rows)
+            matcher.match(rows)
             assert agents.on_route[0, 0]
             assert agents.on_road[0, 0]
             found.append(int(vehicles.lane[0, 0]))

@@ -44,7 +44,7 @@ class Plan:
         for slot, place in enumerate(places):
             self.made.world.vehicles.position[0, slot] = place
         self.made.locate()
-        self.planner.plan(self.made.world, np.ones(1, np.bool_))
+        self.planner.plan(np.ones(1, np.bool_))
         return self
 
     def __getattr__(self, name):

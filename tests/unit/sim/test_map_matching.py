@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from smarts.roads.scene import Scene
 from smarts.sim.map_matching import MapMatcher
 from smarts.types.mission import AgentMission, GoalKind
 from tests.maps import Road, bend, crossing, graph_of, straight
@@ -121,7 +122,7 @@ def test_rows_that_rest_stay_as_they_are():
     made = world_of([Car(40.0, 0.0)], [Car(40.0, 0.0)], maps=[straight()])
     vehicles = made.world.vehicles
     vehicles.position[:, 0] = 60.0, 3.2
-    MapMatcher(made.atlas, made.routes).locate(made.world, np.array([False, True]))
+    MapMatcher(Scene(made.world, made.atlas, made.routes)).match(np.array([False, True]))
     assert vehicles.lane_position[:, 0] == pytest.approx([40.0, 60.0])
     assert vehicles.lane[:, 0].tolist() == [0, 1]
 

@@ -350,7 +350,8 @@ def test_large_tables_are_written_in_pieces(tmp_path):
     writer.append(
         "episode",
         {name: [VERSION] for name in TABLE["episode"].names}
-        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]},
+        | {"map": ["x"], "remark": [""], "program": [""], "scenario": [""], "traffic": [""]}
+        | {"traffic_engine": [""]},
     )
     episode = RecordedEpisode(writer.finish())
     assert np.bincount(episode.table("vehicles")["step"]).tolist() == [1000] * 3
@@ -358,7 +359,7 @@ def test_large_tables_are_written_in_pieces(tmp_path):
 
 def test_another_format_is_refused(tmp_path):
     writer = EpisodeStore(tmp_path).begin("one")
-    texts = {name: [""] for name in ("map", "remark", "program", "scenario", "traffic")}
+    texts = {name: [""] for name in ("map", "remark", "program", "scenario", "traffic", "traffic_engine")}
     writer.append("episode", {name: [0] for name in TABLE["episode"].names} | texts)
     with pytest.raises(RecordError, match="format 0"):
         RecordedEpisode(writer.finish())

@@ -24,7 +24,7 @@ def test_the_page_tells_all_types():
 
 
 def test_the_example_works(tmp_path):
-    (example,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (example,) = re.findall(r"```python title=.*?\n(.*?)```", PAGE.read_text(), re.DOTALL)
     (tmp_path / "scenario.py").write_text(example)
     for source in (Path(__file__).parents[3] / "scenarios" / "intersection").glob("map.*.xml"):
         shutil.copy(source, tmp_path)

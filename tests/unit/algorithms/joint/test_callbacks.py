@@ -62,7 +62,7 @@ def test_functions_are_called_too_and_broken_episodes_do_not_end():
     )
     started = [identity for kind, identity in calls if kind == "start"]
     ended = [identity for kind, identity in calls if kind == "end"]
-    failed = result["num_failed_env_copies_lifetime"]
+    failed = result["num_failed_envs_lifetime"]
     assert failed > 0
     assert len(ended) == result["num_episodes"]
     assert len(started) == len(set(started)) == 2 + len(ended) + failed

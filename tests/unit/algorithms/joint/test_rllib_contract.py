@@ -233,7 +233,7 @@ def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ
 def test_broken_episodes_are_counted_and_replaced(build, fault):
     algo = build(small(env=Broken, env_config={**fault, "chance": 0.5}))
     result = train(algo, 3)["env_runners"]
-    assert result["num_failed_env_copies_lifetime"] > 0
+    assert result["num_failed_envs_lifetime"] > 0
     assert result["num_episodes_lifetime"] > 0
     assert all(np.isfinite(w).all() for w in weights(algo).values())
 

@@ -1,0 +1,38 @@
+"""What each kind of vehicle can drive."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from smarts.arrays import Floats
+from smarts.controllers.model_predictive import sharpest_curvatures
+from smarts.dynamics import vehicle, vehicle_names
+from smarts.types.vehicles import VehicleKind
+
+
+class Abilities(NamedTuple):
+    """What each `VehicleKind` can drive, shape (K,) each."""
+
+    agility: Floats
+    """How fast it can change its curvature, for its steering's rate [1/(m s)]."""
+    wheelbase: Floats
+    """[m]"""
+    centre_to_rear: Floats
+    """From the footprint's centre back to the rear axle [m]."""
+    sharpest: Floats
+    """The largest curvature of the rear axle's path [1/m]."""
+
+    @classmethod
+    def of_all(cls) -> Abilities:
+        """Return those of all kinds; what cannot drive has no bounds."""
+        known, kinds = vehicle_names(), len(VehicleKind)
+        agility, wheelbase, centre_to_rear = np.full(kinds, np.inf), np.ones(kinds), np.zeros(kinds)
+        for kind in VehicleKind:
+            if kind.name.lower() in known:
+                one = vehicle(kind.name.lower())
+                agility[kind] = one.steering.rate / one.wheelbase
+                wheelbase[kind] = one.wheelbase
+                centre_to_rear[kind] = one.cog_to_rear_axle - one.centre_to_cog
+        return cls(agility, wheelbase, centre_to_rear, sharpest_curvatures())

@@ -1,0 +1,49 @@
+"""Where vehicles are, for kernels: on which lanes, in which rows of routes, and how far from each other.
+
+Kernels take `state`, `roads` and `routes` whole: the arrays of the world, of the atlas and of its routes.
+Axis letters: B simulations, A agents, V vehicle slots, W via points, L lanes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from smarts.controllers.lane_path import place_on_lane
+from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.roads.kernels import find_row, lane_length
+from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
+
+STANDING = 0.5
+"""Below this a vehicle stands [m/s]."""
+
+
+@kernel
+def lane_of(state: State, roads: Roads, vehicles: VehicleStates, b: int, slot: int) -> int:
+    """Return the lane of one of `vehicles`, now or before, numbered across all maps; -1 without one."""
+    lane = vehicles.lane[b, slot]
+    return roads.lane_base[state.map[b]] + lane if lane >= 0 else -1
+
+
+@kernel
+def corridor_row(state: State, routes: RouteTable, b: int, a: int, lane: int) -> int:
+    """Return the row of a lane in an agent's route, where the agent is along it; -1 off the route."""
+    if lane < 0 or routes.number[b, a] < 0:
+        return -1
+    return find_row(routes, routes.free + routes.number[b, a], lane, state.agents.route_progress[b, a])
+
+
+@kernel
+def distance_between(vehicles: VehicleStates, b: int, slot: int, other: int) -> float:
+    """Return the distance between the centres of two vehicles [m]."""
+    own, its = vehicles.position[b, slot], vehicles.position[b, other]
+    return math.hypot(its[0] - own[0], its[1] - own[1])
+
+
+@kernel
+def beside(vehicles: VehicleStates, roads: Roads, b: int, slot: int, lane: int) -> tuple[float, float]:
+    """Return where on a lane a vehicle's centre is and how much of it is left [m]; < 0 beyond the ends."""
+    x, y = vehicles.position[b, slot]
+    s, _ = place_on_lane(roads, lane, x, y)
+    return s, lane_length(roads, lane) - s

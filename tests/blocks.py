@@ -1,0 +1,178 @@
+"""The code blocks of pages and docstrings: found with markdown-it, run in the order of the page.
+
+| block | what is done with it |
+|---|---|
+| `python`, `console` | run in the page's folder and namespace |
+| `python`, `yaml`, `xml` with `title="file"` | written to that file |
+| `yaml` without a title | read as an experiment file |
+| `diff` with `title="file"` | its lines without a sign are in that file of the repository, one after the other |
+| `text` with `title="Output"` | what the block before it prints; `...` stands for anything |
+| a block that begins with `--8<-- "examples/..."` | that example, copied to the folder; `test_examples.py` runs it |
+
+An HTML comment before a block says when it is not run: `<!-- nightly: why -->` leaves it to `make nightly`,
+`<!-- not run: why -->` to nobody.
+"""
+
+import ast
+import contextlib
+import doctest
+import io
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+
+from markdown_it import MarkdownIt
+
+ROOT = Path(__file__).parents[1]
+LANGUAGES = {"python", "yaml", "xml", "diff", "console", "text"}
+NOTE = re.compile(r"<!-- (nightly|not run): (.+?) -->\s*$")
+SNIPPET = re.compile(r'--8<-- "(.+)"\n')
+TITLE = re.compile(r'title="(.+?)"')
+TOLERANT = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+@dataclass
+class Block:
+    """A code block: its page and line, its fence's words, the comment before it."""
+
+    page: Path
+    line: int
+    language: str
+    title: str
+    text: str
+    note: str = ""
+    expected: str | None = None
+
+    @property
+    def place(self) -> str:
+        """Return page and line, as editors take them."""
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+    @property
+    def is_code(self) -> bool:
+        """Return whether this is no output and no drawing."""
+        return self.language != "text"
+
+
+def blocks_of(page: Path) -> list[Block]:
+    """Return the blocks of a page, or of the docstrings of a module, in order."""
+    if page.suffix == ".py":
+        return [block for text, line in _docstrings(page) for block in _blocks(page, text, line)]
+    return _blocks(page, page.read_text(), 0)
+
+
+def _docstrings(module: Path):
+    for node in ast.walk(ast.parse(module.read_text())):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            text = ast.get_docstring(node)
+            if text and "```" in text:
+                yield text, node.body[0].lineno - 1
+
+
+def _blocks(page: Path, text: str, offset: int) -> list[Block]:
+    found: list[Block] = []
+    note = ""
+    for token in MarkdownIt("commonmark").parse(text):
+        if token.type == "code_block":
+            raise ValueError(
+                f"{page}:{offset + token.map[0] + 1}: an indented block names no language: fence it"
+            )
+        if token.type == "html_block":
+            match = NOTE.search(token.content)
+            note = f"{match[1]}: {match[2]}" if match else ""
+        elif token.type == "fence":
+            language, _, rest = token.info.partition(" ")
+            title = TITLE.search(rest)
+            block = Block(
+                page, offset + token.map[0] + 1, language, title[1] if title else "", token.content, note
+            )
+            if block.title == "Output" and language == "text":
+                found[-1].expected = block.text
+            found.append(block)
+            note = ""
+        elif token.block and token.type not in ("paragraph_close",):
+            note = ""
+    return found
+
+
+class Page:
+    """A page whose blocks run in order in one folder and one namespace."""
+
+    def __init__(self, page: Path, folder: Path) -> None:
+        self._blocks = blocks_of(page)
+        self._folder = folder
+        self._names: dict = {"__name__": "__page__"}
+
+    def run(self, nightly: bool = False):
+        """Run all blocks, those for the night too if asked; yield each with its output and seconds of CPU.
+
+        Raises:
+            AssertionError: A block fails, or prints something else than the page says.
+        """
+        for block in self._blocks:
+            if not block.is_code or block.note.startswith("not run"):
+                continue
+            if block.note.startswith("nightly") and not nightly:
+                continue
+            began = process_time() + _of_children()
+            output = self._run(block)
+            yield block, output, process_time() + _of_children() - began
+            if block.expected is not None and not SNIPPET.match(block.text):
+                same = doctest.OutputChecker().check_output(block.expected, output, TOLERANT)
+                assert same, f"{block.place} prints\n{output}\nand the page says\n{block.expected}"
+
+    def _run(self, block: Block) -> str:
+        if example := SNIPPET.match(block.text):
+            source = ROOT / example[1]
+            assert source.is_relative_to(ROOT / "examples"), block.place
+            (self._folder / source.name).write_text(source.read_text())
+            return ""
+        if block.language == "diff":
+            lines = (ROOT / block.title).read_text().splitlines()
+            around = [line[1:] for line in block.text.splitlines() if line.startswith(" ")]
+            starts = range(len(lines) - len(around) + 1)
+            assert any(lines[i : i + len(around)] == around for i in starts), f"{block.place}: {around}"
+            return ""
+        if block.title:
+            file = self._folder / block.title
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(block.text)
+            return ""
+        return {"python": self._python, "console": self._console, "yaml": self._yaml}[block.language](block)
+
+    def _python(self, block: Block) -> str:
+        padded = "\n" * block.line + block.text  # so that tracebacks name the page's lines
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(compile(padded, str(block.page), "exec"), self._names)
+        return printed.getvalue()
+
+    def _console(self, block: Block) -> str:
+        commands = "\n".join(line.removeprefix("$ ") for line in block.text.splitlines())
+        path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+        ended = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", commands],
+            cwd=self._folder,
+            env={**os.environ, "PATH": path, "COLUMNS": "100"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert ended.returncode == 0, f"{block.place}: {ended.stdout[-1500:]}{ended.stderr[-1500:]}"
+        return ended.stdout
+
+    def _yaml(self, block: Block) -> str:
+        from benchmark.experiment.config import read_experiment
+
+        file = self._folder / f"line_{block.line}.yaml"
+        file.write_text(block.text)
+        read_experiment(file)
+        return ""
+
+
+def _of_children() -> float:
+    times = os.times()
+    return times.children_user + times.children_system

@@ -1,0 +1,95 @@
+"""The pages are what they say: their blocks run, and print what the pages show."""
+
+import importlib
+import re
+import subprocess
+import sys
+
+import pytest
+
+from smarts.sensors import SENSORS
+from smarts.types.traffic import TRAFFIC_ENGINES
+from tests.blocks import LANGUAGES, ROOT, SNIPPET, Page, blocks_of
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+MODULES = [
+    file
+    for package in ("smarts", "algorithms", "benchmark")
+    for file in sorted((ROOT / package).rglob("*.py"))
+    if "```" in file.read_text() and blocks_of(file)
+]
+BLOCKS = [block for page in [*PAGES, *MODULES] for block in blocks_of(page)]
+WITH_CODE = sorted({block.page for block in BLOCKS if block.is_code})
+NOT_RUN = 10
+"""Blocks that are not run at most: those that install, need a cluster, or measure for minutes."""
+API = {
+    "smarts.env": "env",
+    "smarts.agents": "agents",
+    "smarts.sstudio": "sstudio",
+    "algorithms": "algorithms",
+    "benchmark": "benchmark",
+    "benchmark.metrics": "metrics",
+}
+"""Page of the reference for each module whose names are public."""
+LOADED = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"(?:https?:)?//[^\"]+\"")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A working directory of the page's own, whose modules are forgotten at its end."""
+    for registry in (SENSORS, TRAFFIC_ENGINES):  # to which pages add
+        monkeypatch.setattr(registry, "_places", {**registry._places})
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    yield tmp_path
+    for name, module in [*sys.modules.items()]:
+        if str(getattr(module, "__file__", None)).startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_blocks_of_a_page_run(page, folder):
+    for block, _, seconds in Page(page, folder).run():
+        print(f"{block.place}: {seconds:.1f} s")
+
+
+def test_every_block_has_a_language_that_is_run():
+    strange = [f"{block.place}: {block.language!r}" for block in BLOCKS if block.language not in LANGUAGES]
+    assert not strange
+
+
+def test_few_blocks_are_not_run():
+    left_out = [block for block in BLOCKS if block.note.startswith("not run")]
+    assert len(left_out) <= NOT_RUN, [block.place for block in left_out]
+
+
+def test_examples_that_pages_show_exist():
+    shown = [match[1] for block in BLOCKS if (match := SNIPPET.match(block.text))]
+    assert shown
+    assert all((ROOT / example).exists() for example in shown)
+
+
+@pytest.mark.parametrize("module", API)
+def test_the_reference_has_all_public_names(module):
+    page = (ROOT / "docs" / "api" / f"{API[module]}.md").read_text()
+    shown = {*re.findall(r"^::: (\S+)$", page, re.MULTILINE)}
+    assert shown == {f"{module}.{name}" for name in importlib.import_module(module).__all__}
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning_and_loads_nothing_from_the_network(tmp_path):
+    build = [sys.executable, "-m", "mkdocs", "build", "--site-dir", tmp_path]
+    ended = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr[-3000:]
+    pages = [*tmp_path.rglob("*.html")]
+    assert tmp_path / "index.html" in pages
+    assert not [page for page in pages if LOADED.search(page.read_text())]
+
+
+def test_the_last_nightly_run_was_of_all_pages_that_train_and_nothing_failed():
+    output = (ROOT / "results" / "nightly.txt").read_text()
+    nightly = {block.page for block in BLOCKS if block.note.startswith("nightly")}
+    assert nightly
+    assert not [page for page in nightly if f"\n## {page.relative_to(ROOT)}\n" not in output]
+    assert output.rstrip().endswith(" 0 failed")

@@ -1,0 +1,57 @@
+"""Run what trains, and write what it prints: `python -m tests.nightly > results/nightly.txt`.
+
+All blocks of the pages that have some for the night, and the examples with libraries of their own.
+Each page has a process of its own.
+"""
+
+import subprocess
+import sys
+import tempfile
+import traceback
+from contextlib import chdir
+from datetime import UTC, datetime
+from pathlib import Path
+from textwrap import indent
+
+from tests.blocks import ROOT, Page, blocks_of
+
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
+EXAMPLES = sorted((ROOT / "examples" / "nightly").glob("*.py"))
+
+
+def run_page(page: Path) -> bool:
+    """Run all blocks of a page in a folder of its own and print their output; return whether it is right."""
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        sys.path.insert(0, folder)
+        try:
+            for block, output, seconds in Page(page, Path(folder)).run(nightly=True):
+                if output:
+                    print(
+                        f"{block.place} ({seconds:.0f} s of CPU)\n{indent(output.rstrip(), '    ')}",
+                        flush=True,
+                    )
+        except Exception:
+            traceback.print_exc(file=sys.stdout)
+            return False
+        return True
+
+
+def main() -> int:
+    """Run everything; return 1 if something failed."""
+    commit = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False
+    )
+    print(f"# make nightly, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, commit {commit.stdout.strip()}")
+    pages = [page for page in PAGES if any(block.note.startswith("nightly") for block in blocks_of(page))]
+    commands = {page: [sys.executable, "-m", "tests.nightly", str(page)] for page in pages}
+    commands |= {example: [sys.executable, str(example)] for example in EXAMPLES}
+    failed = 0
+    for file, command in commands.items():
+        print(f"\n## {file.relative_to(ROOT)}\n", flush=True)
+        failed += subprocess.run(command, cwd=ROOT, stdout=sys.stdout, check=False).returncode != 0
+    print(f"\n{len(commands)} run, {failed} failed")
+    return failed > 0
+
+
+if __name__ == "__main__":
+    sys.exit(not run_page(Path(sys.argv[1])) if len(sys.argv) > 1 else main())
