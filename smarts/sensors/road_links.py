@@ -50,7 +50,7 @@ def _derive(atlas: RoadAtlas) -> RoadLinks:
             beside.append([number + int(base) for number in (*own, *oncoming)])
             own_count.append(len(own))
             for found, places in ((ahead, graph.successors(lane)), (behind, graph.predecessors(lane))):
-                least = _straightest(graph, lane, [int(place) for place in places if usable[place]])
+                least = _straightest(graph, lane, places[usable[places]].tolist())
                 found.append(-1 if least < 0 else least + int(base))
     return RoadLinks(
         beside_start=np.cumsum([0, *(len(lanes) for lanes in beside)]).astype(np.int32),
