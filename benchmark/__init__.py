@@ -1,10 +1,7 @@
 """Experiments: train, test, compare, report.
 
-from benchmark import Experiment, load_policy, run
-
-results = run(Experiment(name="mine", algorithms=["ppo"], tasks=["loop"]))
-policy = load_policy("results/mine/ppo/loop/no_social_vehicles/seed_1")
-actions = policy.act(observations, infos)
+`run(Experiment(name=..., algorithms=[...], tasks=[...]))` trains and tests as `smarts-bench run` does;
+`load_policy(folder).act(observations, infos)` plays a trained policy.
 """
 
 from __future__ import annotations

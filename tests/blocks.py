@@ -5,9 +5,9 @@
 | `python`, `console` | run in the page's folder and namespace |
 | `python`, `yaml`, `xml` with `title="file"` | written to that file |
 | `yaml` without a title | read as an experiment file |
-| `diff` with `title="file"` | its lines without a sign are in that file of the repository, in this order |
+| `diff` with `title="file"` | its lines without a sign are in that file of the repository, in a row |
 | `text` with `title="Output"` | what the block before it prints; `...` stands for anything |
-| a block that begins with `--8<-- "examples/..."` | that example, copied; `test_examples.py` runs it |
+| `--8<-- "examples/..."` | that example, copied to the folder; `test_examples.py` runs it |
 
 An HTML comment before a block says when it does not run: `<!-- nightly: why -->` defers it to `make nightly`,
 `<!-- not run: why -->` excludes it.
@@ -55,7 +55,7 @@ class Block:
     @property
     def is_code(self) -> bool:
         """Return whether this is no output and no drawing."""
-        return self.language != "text"
+        return self.language in LANGUAGES - {"text"}
 
 
 def blocks_of(page: Path) -> list[Block]:
@@ -77,14 +77,10 @@ def _blocks(page: Path, text: str, offset: int) -> list[Block]:
     found: list[Block] = []
     note = ""
     for token in MarkdownIt("commonmark").parse(text):
-        if token.type == "code_block":
-            raise ValueError(
-                f"{page}:{offset + token.map[0] + 1}: an indented block names no language: fence it"
-            )
         if token.type == "html_block":
             match = NOTE.search(token.content)
             note = f"{match[1]}: {match[2]}" if match else ""
-        elif token.type == "fence":
+        elif token.type in ("fence", "code_block"):  # an indented one has no language
             language, _, rest = token.info.partition(" ")
             title = TITLE.search(rest)
             block = Block(

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from smarts.sensors import SENSORS
+from smarts.agents.sensors import SENSORS
 from smarts.types.traffic import TRAFFIC_ENGINES
 from tests.blocks import LANGUAGES, ROOT, SNIPPET, Page, blocks_of
 

@@ -40,7 +40,7 @@ def test_tags_can_be_queried():
 
 
 @pytest.mark.parametrize("name", algorithms.names())
-def test_the_page_tells_all_about_each_algorithm_and_names_tests_that_exist(name):
+def test_the_page_describes_each_algorithm_and_names_tests_that_exist(name):
     (block,) = re.findall(rf"^### `{name}`\n(.*?)(?=^##)", PAGE.read_text(), re.MULTILINE | re.DOTALL)
     told = re.findall(r"^- \*\*(\w+)\*\*: ", block, re.MULTILINE)
     assert told == ["Paper", "Equations", "Deviations", "Notes", "Oracle", "Score", "Command"]
