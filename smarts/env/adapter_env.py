@@ -10,13 +10,14 @@ from gymnasium.spaces import Box, Dict, Space
 
 from smarts.agents.options import InterfaceError
 from smarts.env.actions import Own, Parsed, element_of
-from smarts.env.adapters.protocol import MASK, AdapterContext
 from smarts.env.dict_env import DictEnv, StepResult
 from smarts.env.groups import AgentGroup, make_groups, rewards_of
-from smarts.env.observation import Observation
 from smarts.env.observation_collector import ObservationCollector
 from smarts.env.runner import SimulationRunner, Transition
 from smarts.env.settings import EnvSettings
+from smarts.observations.action_mask import MASK
+from smarts.observations.context import AdapterContext
+from smarts.sensors.observation import Observation
 from smarts.sim.assembly import Assembly
 from smarts.types.actions import ActionSpaceType
 
@@ -72,7 +73,7 @@ class AdapterDictEnv(DictEnv):
         context = AdapterContext(
             assembly.scene, tuple(names), agent_ids, ActionSpaceType.Empty, self.runner.period, max_steps=0
         )
-        collector = ObservationCollector(assembly, context)
+        collector = ObservationCollector(context)
         self.runner.listen(collector)
         return collector
 

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from smarts.agents.interface import AgentInterface
 from smarts.arrays import Bools, Ints
 from smarts.controllers import action_space
-from smarts.env.adapters.protocol import MASK, AdapterContext, ArrayAdapter
+from smarts.env.adapters import ArrayAdapter
 from smarts.env.settings import EnvSettings
+from smarts.observations.action_mask import MASK
+from smarts.observations.context import AdapterContext
 from smarts.roads.scene import Scene
 from smarts.sim.assembly import Assembly
 from smarts.types.actions import Actions, ActionSpaceType
@@ -91,9 +93,9 @@ def make_groups(settings: EnvSettings) -> tuple[Assembly, tuple[AgentGroup, ...]
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
     """
-    # An adapter made by a function may look at every sensor.
+    # An adapter made by a function may read every sensor.
     sensors = getattr(settings.adapter_class, "sensors", None)
-    grouped = _grouped(settings.interfaces(), sensors)
+    grouped = _grouped(settings.interfaces(), None if settings.observes_sensors else sensors)
     flat = {name: interface for members in grouped for name, interface in members.items()}
     assembly = settings.assemble(flat, sensors)
     groups, first = [], 0

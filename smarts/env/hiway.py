@@ -14,13 +14,14 @@ from smarts.agents.checks import check_instance
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
-from smarts.env.adapters.protocol import AdapterContext, ArrayAdapter
-from smarts.env.adapters.reward import Rewards
+from smarts.env.adapters import ArrayAdapter
 from smarts.env.dict_env import DictEnv
 from smarts.env.groups import context_of
 from smarts.env.observation_collector import ObservationCollector
 from smarts.env.runner import NotCopied, SimulationRunner
 from smarts.env.settings import ALL, Adapter, EnvSettings, SimulationOptions, adapter_class
+from smarts.observations.context import AdapterContext
+from smarts.rewards.weights import Rewards
 from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
 
@@ -149,7 +150,7 @@ class ObjectDictEnv(DictEnv):
             max_steps=0,
         )
         self._collector, self._metres = (
-            ObservationCollector(assembly, context),
+            ObservationCollector(context),
             Rewards(context, "route_metres"),
         )
         runner = SimulationRunner(

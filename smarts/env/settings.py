@@ -10,14 +10,15 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.checks import check_instance, check_truth, check_whole
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
-from smarts.env.adapters import ADAPTERS
-from smarts.env.adapters.benchmark import benchmark_interface
-from smarts.env.adapters.protocol import AdapterContext, ArrayAdapter
+from smarts.env.adapters import ADAPTERS, ArrayAdapter
 from smarts.errors import ScenarioError, nearest_names
+from smarts.observations.context import AdapterContext
+from smarts.observations.lists import feature_list
 from smarts.sim.assembly import Assembly, Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
@@ -97,6 +98,12 @@ class EnvSettings:
     def adapter_class(self) -> Callable[..., ArrayAdapter]:
         """The class or function that makes adapters."""
         return adapter_class(self.adapter)
+
+    @property
+    def observes_sensors(self) -> bool:
+        """Whether the observation has sensors' fields, so that agents are grouped by their sensors."""
+        features = feature_list((self.adapter_options or {}).get("observation", {}))
+        return features.needs_equal_sensors or getattr(self.adapter_class, "needs_equal_sensors", False)
 
     def make_adapter(self, context: AdapterContext, interface: AgentInterface) -> ArrayAdapter:
         """Return a new adapter of some agents."""
@@ -178,7 +185,7 @@ def adapter_class(adapter: Adapter) -> Callable[..., ArrayAdapter]:
         raise InterfaceError(
             f"{adapter!r} is not an adapter",
             place="adapter",
-            remedy=f"give one of {', '.join(ADAPTERS)}, or a class as in smarts/env/adapters/protocol.py",
+            remedy=f"give one of {', '.join(ADAPTERS)}, or a class as in smarts/env/adapters.py",
         )
     return adapter
 

@@ -16,13 +16,13 @@ from smarts.agents.checks import check_truth
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.controllers.action_formats import rejection
-from smarts.env.adapters.protocol import MASK
 from smarts.env.groups import ALONE, assembled, space_of
 from smarts.env.runner import NotCopied
 from smarts.env.settings import EnvOptions
 from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv, VectorStep
 from smarts.errors import SmartsError
+from smarts.observations.action_mask import MASK
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
 

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from smarts.agents.checks import check_whole
 from smarts.agents.options import InterfaceError
 from smarts.env.actions import Own, arrays_of
-from smarts.env.adapters.protocol import MASK
 from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
 from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
 from smarts.env.settings import Agents, EnvOptions, EnvSettings
 from smarts.errors import SmartsError, TrafficError
+from smarts.observations.action_mask import MASK
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed

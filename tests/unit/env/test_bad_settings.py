@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface
+from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, RLlibHiWayEnv, VectorHiWayEnv
-from smarts.env.adapters.benchmark import benchmark_interface
-from smarts.env.adapters.reward import RewardWeights, given_weights
 from smarts.env.settings import EnvSettings
 from smarts.errors import SmartsError
+from smarts.rewards.weights import RewardWeights, given_weights
 from smarts.sim.assembly import Options
 from smarts.types.streams import check_seed
 

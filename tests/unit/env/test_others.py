@@ -9,10 +9,10 @@ import pytest
 from smarts.agents import ActionSpaceType, Agent, AgentInterface, AgentPolicy, DoneCriteria
 from smarts.agents.acting import InProcess
 from smarts.agents.options import InterfaceError
-from smarts.env.observation import ObservationMaker
 from smarts.env.runner import EpisodeKey, SimulationRunner
 from smarts.env.social_agents import SocialAgents
 from smarts.errors import ActionError, ScenarioError
+from smarts.sensors.observation import ObservationMaker
 from smarts.sim.assembly import assemble
 from smarts.sstudio.build import build_scenario
 from smarts.types.agent_states import AgentStatus
@@ -65,7 +65,7 @@ class Played:
         parts = assemble(scenarios, [LANER] * egos, others={"social": social})
         self.parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, change))
         names = [*(f"agent-{number}" for number in range(egos)), "social"]
-        others = SocialAgents(acting, ObservationMaker(parts), names, deadline=0.25)
+        others = SocialAgents(acting, ObservationMaker(parts.scene), names, deadline=0.25)
         self.runner = SimulationRunner(self.parts, [], period=period, others=others)
         self.world, self.agent_id = parts.simulation.world, egos
 

@@ -6,7 +6,7 @@ from gymnasium.spaces import Box, Discrete
 
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
 from smarts.env import HiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.env.adapters.benchmark import BenchmarkAdapter
+from smarts.env.array_adapters import BenchmarkAdapter
 from smarts.errors import ActionError
 
 TOP = 20.0

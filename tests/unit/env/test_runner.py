@@ -5,15 +5,16 @@ import pytest
 import torch
 
 from smarts.agents import AgentInterface, DoneCriteria, EventConfiguration
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
-from smarts.env.adapters.benchmark import benchmark_interface
-from smarts.env.adapters.situation import RESTED
 from smarts.env.vector import VectorHiWayEnv
 from smarts.errors import ActionError, SmartsError
+from smarts.observations.lists import feature_list
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.events import Outcome
 
+RESTED = feature_list("benchmark").layout(2)["time_stood"].start
 KEEP, SLOW, LEFT, RIGHT = LaneAction
 
 
@@ -33,7 +34,7 @@ def new_env():
 def actions_of(world, decision, agents=4):
     """Return actions that depend on world, decision and agent only."""
     draws = np.random.Generator(np.random.PCG64(world * 1000 + decision))
-    return draws.choice([KEEP, KEEP, SLOW, LEFT, RIGHT], size=agents)
+    return draws.choice([KEEP, SLOW, LEFT, RIGHT], size=agents)
 
 
 def play(env, worlds, decisions, episode=0):
@@ -270,7 +271,11 @@ def test_each_is_told_the_share_of_its_own_patience(new_env):
     world = env._runner.world
     stood = (world.step[0] - world.agents.last_moved_step[0, :2]) * world.dt
     assert (stood > 1.0).all()
-    np.testing.assert_allclose(now.observations[0][""][0, :, RESTED], stood / patience, rtol=1e-5)
+    np.testing.assert_allclose(
+        now.observations[0][""][0, :, RESTED],
+        stood / patience,
+        rtol=1e-5,
+    )
 
 
 def test_close_may_be_called_twice(new_env):

@@ -5,70 +5,60 @@ import math
 import numpy as np
 import pytest
 
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.criteria import DoneCriteria, EventConfiguration
-from smarts.env.adapters.benchmark import FRAMES, BenchmarkAdapter, benchmark_interface
-from smarts.env.adapters.features import (
-    FEATURES,
-    GOAL,
-    HEADINGS,
-    LANE_OFFSET,
-    NEIGHBOURHOOD,
-    SPEED,
-    STEERING,
-    WAYPOINTS,
-    compressed,
-    expanded,
-)
-from smarts.env.adapters.protocol import AdapterContext
-from smarts.env.adapters.situation import LANE_CHANGES, LIGHT, RESTED
 from smarts.errors import SmartsError
+from smarts.observations.arrays import VECTOR, ArrayObservation
+from smarts.observations.context import AdapterContext
+from smarts.observations.lists import feature_list
+from smarts.observations.scales import compressed, expanded
 from smarts.roads.scene import Scene
 from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import AgentStatus
-from smarts.types.events import Contacts, Events
-from smarts.types.frame import Frame, Readings
 from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import Owner
 from tests.maps import bend, crossing, straight
 from tests.worlds import Car, world_of
 
+FRAMES, FEATURES = 3, 65
+"""Decisions in a vector, and numbers of each."""
+GOAL, LANE_OFFSET, SPEED, STEERING, HEADINGS, WAYPOINTS, NEIGHBOURHOOD = 0, 2, 3, 4, 5, 20, 25
+"""Places in the numbers of one decision."""
+ARRIVAL, LANE_CHANGES, RESTED, LIGHT = -1, -2, -3, -4
+"""Places from the end of the vector."""
+
 
 def mission(*route, goal=(190.0, 0.0)):
     return AgentMission(route=route, goal=GoalKind.POSITION, goal_position=goal, goal_radius=2.0)
 
 
-def adapter_of(made, agents=1, interfaces=(), **options):
-    served = AdapterContext(
+def context_of(made, agents=1, interfaces=(), action=ActionSpaceType.Lane):
+    return AdapterContext(
         Scene(made.world, made.atlas, made.routes),
         tuple(f"agent-{number}" for number in range(agents)),
         np.arange(agents, dtype=np.int32),
-        ActionSpaceType.Lane,
+        action,
         period=5,
         max_steps=600,
-        interfaces=interfaces,
-    )
-    return BenchmarkAdapter(served, benchmark_interface(), **options)
-
-
-def frame_of(world):
-    worlds, agents = world.agents.state.shape
-    return Frame(
-        world=world,
-        env_mask=np.ones(world.worlds, np.bool_),
-        actions=None,
-        commands=None,
-        contacts=Contacts.allocate(worlds, agents, world.vehicles.capacity),
-        events=Events.allocate(worlds, agents),
-        observe_mask=np.ones((worlds, agents), np.bool_),
-        readings=Readings({}, {}),
+        interfaces=interfaces or (benchmark_interface(),) * agents,
     )
 
 
-def look(made, agents=1):
-    adapter = adapter_of(made, agents)
-    adapter.collect(frame_of(made.world), True)
-    return adapter.observations["observation"]
+def observation_of(made, agents=1, interfaces=(), features="benchmark"):
+    return ArrayObservation(context_of(made, agents, interfaces), features)
+
+
+def observe(observation):
+    return observation.observe(np.ones(observation.arrays[VECTOR].shape[:2], np.bool_))
+
+
+def look(made, agents=1, features="benchmark"):
+    return observe(observation_of(made, agents, features=features))[VECTOR]
+
+
+def with_image(size, resolution=1.0):
+    return feature_list("benchmark").plus([{"image": {"size": size, "resolution": resolution}}])
 
 
 def symlog(x):
@@ -166,17 +156,16 @@ def test_headings_are_those_of_the_lane_that_is_steered_for():
 
 def test_the_stack_holds_three_decisions_oldest_first():
     made = world_of([Car(50.0, 0.0, speed=3.0, mission=mission("road"))], maps=[straight()])
-    adapter = adapter_of(made)
-    vector = adapter.observations["observation"][0, 0]
+    observation = observation_of(made)
+    vector = observation.arrays[VECTOR][0, 0]
     stack = vector[: FRAMES * FEATURES].reshape(FRAMES, FEATURES)
     seen = []
     for speed in (3.0, 6.0, 9.0, 12.0):
         made.world.vehicles.speed[0, 0] = speed
-        adapter.collect(frame_of(made.world), False)
-        adapter.collect(frame_of(made.world), True)
+        observe(observation)
         seen.append((stack[:, SPEED] * 30).round(3).tolist())
     assert seen == [[3, 3, 3], [3, 3, 6], [3, 6, 9], [6, 9, 12]]
-    adapter.reset(np.ones((1, made.world.egos), np.bool_))
+    observation.reset(np.ones((1, 1), np.bool_))
     assert not vector.any()
 
 
@@ -189,11 +178,7 @@ def test_the_picture_from_above():
         Car(42.0, 1.6, mission=mission("road"), length=4.8, name="another agent"),
     ]
     made = world_of(cars, maps=[straight(lanes=2)])
-    with pytest.raises(SmartsError, match="image is 'maybe'"):
-        adapter_of(made, 1, image="maybe")
-    adapter = adapter_of(made, 1, image=True, image_size=24, image_resolution=1.0)
-    adapter.collect(frame_of(made.world), True)
-    image = adapter.observations["image"]
+    image = observe(observation_of(made, features=with_image(24)))["image"]
     assert image.shape == (1, 1, 24, 24, 3)
     assert (image[..., 0] == image[..., 2]).all()
     picture = image[0, 0, :, :, 2]
@@ -216,25 +201,25 @@ def test_the_picture_from_above():
 
 def test_pictures_are_stacked_oldest_first():
     made = world_of([Car(50.0, 0.0, mission=mission("road")), Car(60.0, 0.0)], maps=[straight()])
-    adapter = adapter_of(made, image=True, image_size=32)
+    observation = observation_of(made, features=with_image(32))
     ahead = []
     for x in (60.0, 61.0, 62.0):
         made.world.vehicles.position[0, 1, 0] = x
-        adapter.collect(frame_of(made.world), False)
-        adapter.collect(frame_of(made.world), True)
-        picture = adapter.observations["image"][0, 0]
+        picture = observe(observation)["image"][0, 0]
         ahead.append([int(np.nonzero(picture[:, 16, k] == 160)[0].min()) for k in range(3)])
     first = ahead[0][0]
     assert ahead == [[first] * 3, [first, first, first - 1], [first, first - 1, first - 2]]
-    adapter.reset(np.ones((1, made.world.egos), np.bool_))
-    assert not adapter.observations["image"].any()
+    observation.reset(np.ones((1, 1), np.bool_))
+    assert not observation.arrays["image"].any()
 
 
-@pytest.mark.parametrize("option", [{"image_size": 4}, {"image_size": 9999}, {"image_resolution": 0.0}])
+@pytest.mark.parametrize("option", [{"size": 4}, {"size": 9999}, {"resolution": 0.0}])
 def test_impossible_pictures_are_refused(option):
     made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
-    with pytest.raises(SmartsError, match="picture"):
-        adapter_of(made, image=True, **option)
+    with pytest.raises(SmartsError) as raised:
+        observation_of(made, features={"stacked": [{"image": option}]})
+    assert raised.value.place == "feature image"
+    assert str(*option.values()) in str(raised.value)
 
 
 @pytest.mark.parametrize(
@@ -360,6 +345,45 @@ def test_each_may_stand_for_its_own_time():
     made.world.step[0] = 50
     patient = benchmark_interface(event_configuration=EventConfiguration(not_moving_time=50.0))
     for_ever = benchmark_interface(done_criteria=DoneCriteria(not_moving=False))
-    adapter = adapter_of(made, 3, (benchmark_interface(), patient, for_ever))
-    adapter.collect(frame_of(made.world), True)
-    np.testing.assert_allclose(adapter.observations["observation"][0, :, RESTED], [0.25, 0.1, 0.0])
+    seen = observe(observation_of(made, 3, (benchmark_interface(), patient, for_ever)))[VECTOR]
+    np.testing.assert_allclose(seen[0, :, RESTED], [0.25, 0.1, 0.0])
+
+
+def test_sectors_are_counter_clockwise_from_straight_ahead():
+    """A vehicle 10 m behind its leader, both drive north; another crosses to the left."""
+    cars = [
+        Car(50.0, 0.0, math.pi / 2, 10.0, mission=mission("road")),
+        Car(50.0, 10.0, math.pi / 2, 7.0),
+        Car(50.0, 30.0, math.pi / 2, 0.0, name="hidden behind the nearer one"),
+        Car(30.0, 0.0, 0.0, 5.0),
+        Car(50.0, 60.0, name="too far"),
+    ]
+    seen = look(world_of(cars, maps=[straight()]), features={"frames": 1, "features": ["neighbor_sectors"]})
+    seen = seen.reshape(8, 5)
+    near, far = math.log(11) / math.log(51), math.log(21) / math.log(51)
+    np.testing.assert_allclose(
+        seen[0], [1 - 10 / 50, -math.log(4) / math.log(31), 1 - 10 / 3 / 5, near, 0.0], atol=1e-6
+    )
+    np.testing.assert_allclose(
+        seen[2], [1 - 20 / 50, -math.log(6) / math.log(31), 1 - 4 / 5, 0.0, far], atol=1e-6
+    )
+    assert not seen[[1, 3, 4, 5, 6, 7]].any()
+
+
+@pytest.mark.parametrize(("degrees", "sector"), [(22, 0), (23, 1), (-22, 0), (-23, 7), (179, 4), (-179, 4)])
+def test_sectors_are_centred(degrees, sector):
+    angle = math.radians(degrees)
+    other = Car(50.0 + 20 * math.cos(angle), 20 * math.sin(angle))
+    made = world_of([Car(50.0, 0.0, mission=mission("road")), other], maps=[straight()])
+    seen = look(made, features={"frames": 1, "features": ["neighbor_sectors"]}).reshape(8, 5)
+    assert np.flatnonzero(seen[:, 0]).tolist() == [sector]
+
+
+def test_the_papers_observation():
+    made = world_of([Car(50.0, 0.0, mission=mission("road"))], maps=[straight()])
+    observation = observation_of(made, features="paper")
+    assert {name: array.shape[2:] for name, array in observation.arrays.items()} == {
+        "observation": (3 * (2 + 1 + 1 + 1 + 20 + 8 * 5),),
+        "image": (64, 64, 3),
+        "action_mask": (4,),
+    }

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from smarts.agents import RGB, AgentInterface, AgentType
-from smarts.env.adapters.protocol import AdapterContext
-from smarts.env.observation import ObservationMaker
 from smarts.env.observation_collector import ObservationCollector
-from smarts.env.observation_types import SignalLightState
+from smarts.observations.context import AdapterContext
 from smarts.roads.scene import Scene
+from smarts.sensors.observation import ObservationMaker
+from smarts.sensors.signals import SignalLightState
 from smarts.sensors.suite import SensorSuite
 from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import AgentStatus
@@ -44,7 +44,7 @@ class Stage:
         self.suite = SensorSuite(scene, [*interfaces, *[None] * (4 - len(interfaces))])
         self.contacts, self.events = Contacts.allocate(1, 4, 16), Events.allocate(1, 4)
         self.parts = SimpleNamespace(scene=scene, ownership=self.made.ownership)
-        self.maker = ObservationMaker(self.parts)
+        self.maker = ObservationMaker(scene)
         self.wanted = np.array([[index < len(interfaces) for index in range(4)]])
 
     def frame(self):
@@ -183,7 +183,7 @@ def test_collisions_are_those_of_all_steps_of_a_decision():
     served = AdapterContext(
         stage.parts.scene, ("ego",), np.zeros(1, np.int32), ActionSpaceType.Empty, period=3, max_steps=0
     )
-    onlooker = ObservationCollector(stage.parts, served)
+    onlooker = ObservationCollector(served)
     touching = stage.contacts.touching
     told = []
     for step, slots in enumerate([(2,), (1, 2), (), (), (), ()]):

@@ -10,36 +10,24 @@ from typing import NamedTuple
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
-from smarts.env.adapters.protocol import AdapterContext
-from smarts.env.adapters.reward_kernel import (
-    Driving,
-    EgoColumns,
-    Happened,
-    Memory,
-    Missions,
-    Terms,
-    add_rewards,
-)
+from smarts.arrays import Bools, Singles
 from smarts.errors import ScenarioError, nearest_names
 from smarts.geometry.binding import bind
-from smarts.sim.columns import columns_of
+from smarts.observations.context import AdapterContext
+from smarts.rewards.kernel import Memory, Terms, add_rewards
 from smarts.types.events import Event, Events, Outcome
 from smarts.types.frame import Frame
 
-Singles = NDArray[np.float32]
-Bools = NDArray[np.bool_]
-
 DECISIONS = 120
-"""What the cost of time is spread over where there is no time limit."""
+"""Over how many the cost of time is spread where there is no time limit."""
 
 _FILE = Path(__file__).with_name("rewards.yaml")
 
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """What a decision is worth. A weight is added (times what it weighs), so that costs are negative."""
+    """The weights of a decision's reward. A weight is added (times what it weighs), so costs are negative."""
 
     discount: float = 0.99
     """By which the learner discounts one decision: shaping by a potential needs the same."""
@@ -48,7 +36,7 @@ class RewardWeights:
     the route that is left, negative, and 0 when the agent's episode has ended for good."""
     lane_change: float = 0.0
     """For each lane change that the route still demands, of three at most, as another part of the potential;
-    it too is 0 at the end. Without it nothing tells of the wrong lane before the wrong exit."""
+    it too is 0 at the end. Without it nothing penalises the wrong lane before the wrong exit."""
     time: float = 0.0
     """For all decisions up to the time limit together."""
     each_step: float = 0.0
@@ -177,10 +165,10 @@ class _Adding(NamedTuple):
 
 
 class Rewards:
-    """What the decisions of some agents are worth.
+    """The weighted rewards of some agents' decisions.
 
     Args:
-        served: The agents.
+        context: The agents.
         weights: Name of the weights in `rewards.yaml`, or the weights themselves, also as a dict.
         discount: Instead of that of the weights.
 
@@ -188,8 +176,8 @@ class Rewards:
         ScenarioError: There are no such weights, or the discount is not in [0, 1].
     """
 
-    def __init__(self, served: AdapterContext, weights: Weights, discount: float | None = None) -> None:
-        self._served = served
+    def __init__(self, context: AdapterContext, weights: Weights, discount: float | None = None) -> None:
+        self._context = context
         chosen = given_weights(weights)
         if discount is not None:
             chosen = dataclasses.replace(chosen, discount=discount)
@@ -197,36 +185,31 @@ class Rewards:
             raise ScenarioError(
                 f"the discount is {chosen.discount!r}", place="reward", remedy="give the learner's, in [0, 1]"
             )
-        horizon = served.max_steps / served.period if served.max_steps else DECISIONS
+        horizon = context.max_steps / context.period if context.max_steps else DECISIONS
         self._terms = reward_terms(chosen, horizon)
-        world = served.scene.world
-        self._memory = Memory.allocate(world.worlds, len(served.agents))
-        self._columns = (
-            columns_of(world.agents, EgoColumns),
-            columns_of(world.missions, Missions),
-            columns_of(world.vehicles, Driving),
-        )
-        self.values: Singles = np.zeros((world.worlds, len(served.agents)), np.float32)
-        """Of the last decision, shape (B, G)."""
-        self._settled = np.zeros(self.values.shape, np.bool_)
+        shape = context.scene.world.worlds, len(context.agents)
+        self._memory = Memory.allocate(*shape)
+        self.values: Singles = np.zeros(shape, np.float32)
+        """Of the last decision, shape (B, G); those of agents that made none mean nothing."""
+        self._has_decided = np.zeros(shape, np.bool_)
         self._adding: _Adding | None = None
 
     def collect(self, frame: Frame, is_last: bool) -> Bools:
-        """Take one step in; return whose decision ends with it, shape (B, G), valid until the next."""
+        """Accumulate a step; return the agents whose decision ends with it, shape (B, G), until the next."""
         if self._adding is None or self._adding.events is not frame.events:
             self._adding = self._bind(frame.events)
         self._adding.add(frame.env_mask, is_last)
-        return self._settled
+        return self._has_decided
 
     def reset(self, egos: Bools) -> None:
-        """Forget some egos, shape (B, N)."""
-        agents = egos[:, self._served.agent_ids]
+        """Begin episodes of some of the agents, shape (B, G)."""
         for column in self._memory:
-            column[agents] = 0
-        self.values[agents] = 0.0
+            column[egos] = 0
+        self.values[egos] = 0.0
 
     def _bind(self, events: Events) -> _Adding:
-        """Hand the kernel events, which a simulation writes into the same arrays in every step."""
-        known = self._terms, self._memory, self._served.agent_ids, *self._columns
-        written = self._settled, self.values
-        return _Adding(events, bind(add_rewards, *known, columns_of(events, Happened), *written))
+        """Bind the kernel to events, which a simulation writes into the same arrays in every step."""
+        world = self._context.scene.world
+        known = self._terms, self._memory, self._context.agent_ids
+        state = world.agents, world.vehicles, world.missions, events
+        return _Adding(events, bind(add_rewards, *known, *state, self._has_decided, self.values))

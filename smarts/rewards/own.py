@@ -9,20 +9,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smarts.env.adapters.protocol import AdapterContext
-from smarts.env.adapters.reward import Rewards, RewardWeights, Weights, given_weights
+from smarts.arrays import Bools, Bytes, Floats, Singles
 from smarts.errors import OwnCodeError
+from smarts.observations.context import AdapterContext
 from smarts.registry import adopted, guarded, is_own_name
+from smarts.rewards.weights import Rewards, RewardWeights, Weights, given_weights
 from smarts.types.agent_states import UNSET
 from smarts.types.events import Event
 from smarts.types.frame import Frame
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-
 Reward = Weights | Callable[..., Any]
-"""What an adapter's option `reward` takes: weights, `module:Class` or `module:function`, or that itself."""
+"""What a reward is given as: weights, `module:Class` or `module:function`, or that itself."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +27,13 @@ class RewardStep:
     """What happened to the agents in one simulation step.
 
     Arrays have the shape (B, n) of simulations and agents, and are the caller's to keep. Numbers of agents
-    that are not `driving` mean nothing, and are 0 where there is no vehicle.
+    that are not `driving` are unspecified, and are 0 where there is no vehicle.
     """
 
     frame: Frame
-    """All that is known of the step; `frame.world` holds every vehicle."""
-    served: AdapterContext
-    """The agents: names, agents, scene."""
+    """The whole step; `frame.world` holds every vehicle."""
+    context: AdapterContext
+    """The agents: names, rows of `AgentStates`, scene."""
     driving: Bools
     """Which agents drove in this step, those included whose episode ended with it."""
 
@@ -93,19 +90,19 @@ class RewardStep:
     @property
     def ended(self) -> Bools:
         """Which agents' episodes ended with this step."""
-        return self.served.ended(self.frame).copy()
+        return self.context.ended(self.frame).copy()
 
     @property
-    def outcome(self) -> NDArray[np.int8]:
-        """How they ended: an `Outcome`, 0 for agents that drive on."""
+    def outcome(self) -> Bytes:
+        """How they ended: an `Outcome`, 0 for agents that still drive."""
         return np.where(self.ended, self._of_agents("outcome"), 0).astype(np.int8)
 
     def happened(self, event: Event) -> Bools:
         """Return which agents an event happened to in this step: `step.happened(Event.COLLISION)`."""
-        return (self.frame.events.bits[:, self.served.agent_ids] & int(event)) != 0
+        return (self.frame.events.bits[:, self.context.agent_ids] & int(event)) != 0
 
     def _of_agents(self, name: str) -> NDArray:
-        return getattr(self.frame.world.agents, name)[:, self.served.agent_ids]
+        return getattr(self.frame.world.agents, name)[:, self.context.agent_ids]
 
     def _of_vehicles(self, name: str) -> Floats:
         slots = self._of_agents("slot")
@@ -123,18 +120,19 @@ class OwnReward(Protocol):
     """
 
     def __call__(self, step: RewardStep) -> ArrayLike:
-        """Return what the step is worth for each agent, shape (B, n).
+        """Return each agent's reward of the step, shape (B, n).
 
-        A decision is worth the sum of its steps. Values of agents that are not `step.driving` are left out.
+        The reward of a decision is the sum over its steps. Values of agents that are not
+        `step.driving` are ignored.
         """
         ...
 
 
 class OwnRewards:
-    """Adds an own reward up over decisions. Like `Rewards` to an adapter.
+    """Adds an own reward up over decisions, as `Rewards` does weighted ones.
 
     Args:
-        served: The agents.
+        context: The agents.
         reward: The function, or the class.
         name: For errors.
         discount: Of the learner, for `weights` that the reward adds.
@@ -143,43 +141,44 @@ class OwnRewards:
         OwnCodeError: The class cannot be made, or what is made cannot be called.
     """
 
-    def __init__(self, served: AdapterContext, reward: Any, name: str, discount: float | None = None) -> None:
+    def __init__(
+        self, context: AdapterContext, reward: Any, name: str, discount: float | None = None
+    ) -> None:
         self._doing = f"the reward {name!r}"
         made = guarded(reward, self._doing)() if isinstance(reward, type) else reward
         if not callable(made):
             raise OwnCodeError(f"{self._doing} has no method '__call__'", place=name)
         weights: Weights = getattr(made, "weights", RewardWeights())
-        self._weighted = Rewards(served, given_weights(weights), discount)
+        self._weighted = Rewards(context, given_weights(weights), discount)
         self._call = guarded(made, self._doing)
         forget = getattr(made, "reset", None)
         self._forget = None if forget is None else guarded(forget, self._doing)
-        self._served = served
+        self._context = context
         self.values: Singles = self._weighted.values
         """Of the last decision, shape (B, n)."""
         self._sum = np.zeros(self.values.shape)
         self._has_begun = np.zeros(self.values.shape, np.bool_)
 
     def collect(self, frame: Frame, is_last: bool) -> Bools:
-        """Take one step in; return whose decision ends with it, shape (B, n), valid until the next."""
-        settled = self._weighted.collect(frame, is_last)
-        present = self._served.present(frame)
+        """Accumulate a step; return the agents whose decision ends with it, shape (B, n), until the next."""
+        has_decided = self._weighted.collect(frame, is_last)
+        present = self._context.present(frame)
         # An agent in its first observation has made no decision yet.
         driving = present & self._has_begun
         self._has_begun |= present
         if driving.any():
-            self._sum += np.where(driving, self._worth(RewardStep(frame, self._served, driving)), 0.0)
-        rewarded = settled & driving
+            self._sum += np.where(driving, self._worth(RewardStep(frame, self._context, driving)), 0.0)
+        rewarded = has_decided & driving
         self.values[rewarded] += self._sum[rewarded]
-        self._sum[settled] = 0.0
-        return settled
+        self._sum[has_decided] = 0.0
+        return has_decided
 
     def reset(self, egos: Bools) -> None:
-        """Forget some egos, shape (B, N)."""
-        agents = egos[:, self._served.agent_ids]
+        """Begin episodes of some of the agents, shape (B, n)."""
         self._weighted.reset(egos)
-        self._sum[agents], self._has_begun[agents] = 0.0, False
+        self._sum[egos], self._has_begun[egos] = 0.0, False
         if self._forget is not None:
-            self._forget(agents)
+            self._forget(egos)
 
     def _worth(self, step: RewardStep) -> Floats:
         given = self._call(step)
@@ -194,19 +193,19 @@ class OwnRewards:
         if bad.any():
             row, agent = np.argwhere(bad)[0].tolist()
             raise OwnCodeError(
-                f"{self._doing} is {worth[row, agent]} for {self._served.agents[agent]!r}",
+                f"{self._doing} is {worth[row, agent]} for {self._context.agents[agent]!r}",
                 remedy="return finite numbers for agents that are driving",
             )
         return worth
 
 
 def make_rewards(
-    served: AdapterContext, reward: Reward, discount: float | None = None
+    context: AdapterContext, reward: Reward, discount: float | None = None
 ) -> Rewards | OwnRewards:
-    """Return what adds up an adapter's rewards.
+    """Return the rewards of some agents.
 
     Args:
-        served: The agents.
+        context: The agents.
         reward: Weights or a name of theirs; or an own reward, or `module:Class` of it.
         discount: Of the learner.
 
@@ -215,10 +214,10 @@ def make_rewards(
         OwnCodeError: The own reward cannot be imported, made or called.
     """
     if isinstance(reward, str) and is_own_name(reward):
-        return OwnRewards(served, own_reward(reward), reward, discount)
+        return OwnRewards(context, own_reward(reward), reward, discount)
     if callable(reward):
-        return OwnRewards(served, reward, getattr(reward, "__qualname__", repr(reward)), discount)
-    return Rewards(served, reward, discount)
+        return OwnRewards(context, reward, getattr(reward, "__qualname__", repr(reward)), discount)
+    return Rewards(context, reward, discount)
 
 
 def own_reward(name: str) -> Any:
@@ -231,7 +230,7 @@ def own_reward(name: str) -> Any:
 
 
 def check_reward(reward: Any) -> None:
-    """Raise if what a file gives as reward is none.
+    """Raise if the value that a file gives as reward is not one.
 
     Raises:
         ScenarioError: There are no such weights.

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from smarts.env.adapters.protocol import AdapterContext
-from smarts.env.adapters.reward import Rewards, RewardWeights, reward_weights
-from smarts.env.adapters.reward_kernel import Driving, near_traffic
 from smarts.errors import ScenarioError
+from smarts.geometry.binding import bind
+from smarts.observations.context import AdapterContext
+from smarts.rewards.kernel import near_traffic
+from smarts.rewards.weights import Rewards, RewardWeights, reward_weights
 from smarts.roads.scene import Scene
-from smarts.sim.columns import columns_of
 from smarts.types.actions import ActionSpaceType
 from smarts.types.events import TRUNCATING, Contacts, Event, Events, Outcome
 from smarts.types.frame import Frame, Readings
@@ -192,8 +192,7 @@ def test_the_papers_reward():
 def near(*others, own=DRIVER):
     """Return mean distance and mean time to collision of the vehicles near one."""
     made = world_of([own, *others], maps=[straight(length=400.0)], capacity=16)
-    driving = columns_of(made.world.vehicles, Driving)
-    return near_traffic(driving, 0, 0, np.empty(8), np.empty(8))
+    return bind(near_traffic, made.world.vehicles)(0, 0, np.empty(8, np.int32), np.empty(8))
 
 
 def test_nobody_near_is_as_far_as_can_be_seen():
@@ -289,7 +288,8 @@ def test_a_vehicle_that_slides_to_its_left_meets_what_is_there():
     # 30 m to the left, and 10 m/s sideways: 3 s. To the right it is never met.
     sliding = Car(50.0, 0.0, speed=10.0)
     made = world_of([sliding, Car(50.0, 30.0, speed=10.0)], maps=[straight(length=400.0)], capacity=16)
-    driving = columns_of(made.world.vehicles, Driving)
+    near_traffic_now = bind(near_traffic, made.world.vehicles)
     for lateral, time in ((10.0, 3.0), (-10.0, 5.0)):
         made.world.vehicles.lateral_speed[0, 0] = lateral
-        assert near_traffic(driving, 0, 0, np.empty(8), np.empty(8))[1] == pytest.approx((7 * 5 + time) / 8)
+        _, mean_time = near_traffic_now(0, 0, np.empty(8, np.int32), np.empty(8))
+        assert mean_time == pytest.approx((7 * 5 + time) / 8)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from smarts.env import VectorHiWayEnv
-from smarts.env.adapters.own_reward import RewardStep
 from smarts.errors import OwnCodeError
+from smarts.rewards.own import RewardStep
 from smarts.types.events import Outcome
 
 HERE = __file__
