@@ -1,4 +1,4 @@
-"""Agents: what they see and do (interfaces), who they are (policies), and both together (specs)."""
+"""Agents: interfaces (sensors and actions), policies, and specs, which hold both."""
 
 from smarts.agents.criteria import (
     AgentsAliveDoneCriteria,

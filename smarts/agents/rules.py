@@ -1,4 +1,4 @@
-"""What interfaces mean for the step: rules for each agent."""
+"""Interfaces -> the rules that the step applies to each agent."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def agent_rules(interfaces: Sequence[AgentInterface | None], dt: float = 0.1) ->
 
 @dataclass(frozen=True)
 class AliveRule:
-    """An agent's agent ends when fewer than `minimum` of the agents in some agents are left."""
+    """An agent ends when fewer than `minimum` of some agents are left."""
 
     agent_id: int
     counted: NDArray[np.bool_]
@@ -55,13 +55,13 @@ def alive_rules(
 
     Args:
         interfaces: Of each agent, shape (A,).
-        names: Of the agents in the agents, shape (A,).
+        names: Of the agents, shape (A,).
         egos: How many agents, the first ones, are the learning agents'.
 
     Raises:
-        InterfaceError: A list names an agent that there is not.
+        InterfaceError: A list names an unknown agent.
     """
-    everybody = np.ones(len(names), np.bool_)
+    every_agent = np.ones(len(names), np.bool_)
     rules: list[AliveRule] = []
     for agent_id, interface in enumerate(interfaces):
         criteria = interface and interface.done_criteria.agents_alive
@@ -69,7 +69,7 @@ def alive_rules(
             continue
         groups = [
             (np.arange(len(names)) < egos, criteria.minimum_ego_agents_alive),
-            (everybody, criteria.minimum_total_agents_alive),
+            (every_agent, criteria.minimum_total_agents_alive),
             *(
                 (_agent_ids_of(alive.agents_list, names), alive.minimum_agents_alive_in_list)
                 for alive in criteria.agent_lists_alive or ()

@@ -14,7 +14,7 @@ from smarts.controllers.action_formats import ActionFormat, Places, Rejected, nu
 from smarts.controllers.lane_following import BY_NAME, LaneFollowing
 from smarts.types.actions import Actions, LaneAction
 
-_NUMBERS = [int(action) for action in LaneAction]
+_NUMBERS = np.array([*LaneAction])
 
 
 class LaneFormat:
@@ -39,13 +39,13 @@ class LaneFormat:
             remedy = f"did you mean {close[0]!r}?" if close else self.remedy()
             raise rejection(action, "is no lane action", place, remedy)
         number = numbers_of(action, (1,), place, self.remedy)
-        if number[0] not in _NUMBERS:
+        if not (number == _NUMBERS).any():
             raise rejection(action, "is no lane action", place, self.remedy)
         return number
 
     def parse_batch(self, values: NDArray) -> Floats | Rejected:
         """Return the numbers, shape (N, 1); see `ActionFormat`."""
-        is_bad = ~np.isin(values, _NUMBERS)
+        is_bad = ~(values[:, None] == _NUMBERS).any(axis=1)
         return Rejected(int(np.argmax(is_bad)), "is no lane action") if is_bad.any() else values[:, None]
 
     def write(self, parsed: Floats, places: Places, out: Actions) -> None:

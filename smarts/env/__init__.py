@@ -24,7 +24,7 @@ __all__ = [
     "hiway_parallel_env",
 ]
 
-# Imported when asked for: not everybody has Ray.
+# Imported on first use, since Ray is optional.
 _PLACES = {
     "HiWayEnv": "smarts.env.hiway",
     "RLlibHiWayEnv": "smarts.env.rllib",
@@ -41,8 +41,8 @@ def __getattr__(name: str) -> Any:
     return getattr(importlib.import_module(_PLACES[name]), name)
 
 
-# `gymnasium.make("smarts.env:hiway-v0")` imports this module for the names to be there. Gymnasium's checks
-# are off, since they take agents that come and go for a mistake.
+# `gymnasium.make("smarts.env:hiway-v0")` imports this module to find the names. Gymnasium's checks are off,
+# since they reject agents that come and go.
 gymnasium.register(
     "hiway-v0", entry_point="smarts.env.hiway:HiWayEnv", disable_env_checker=True, order_enforce=False
 )

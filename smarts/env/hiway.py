@@ -58,8 +58,16 @@ class HiWayEnv(NotCopied, gym.Env):
         **options: Unpack[SimulationOptions],
     ) -> None:
         check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
+        # All others are given, so that Python refuses keywords of environments with array adapters.
         settings = EnvSettings(
-            scenarios, agent_specs, 1, decision_interval=decision_interval, action_mask=False, **options
+            scenarios,
+            agent_specs,
+            1,
+            decision_interval=decision_interval,
+            adapter="benchmark",
+            adapter_options=None,
+            action_mask=False,
+            **options,
         )
         self._env = ObjectDictEnv(settings)
         self._interfaces = settings.interfaces()

@@ -44,7 +44,7 @@ class NotCopied:
 
 
 class StepListener(Protocol):
-    """Is shown every step: an array adapter, or what makes observations as objects."""
+    """Gets every step: an array adapter, or what makes observations as objects."""
 
     def collect(self, frame: Frame, is_last: bool) -> object:
         """Take in one step of a decision, or a reset; `is_last` if the decision ends with it."""
@@ -94,7 +94,7 @@ class SimulationRunner:
 
     Args:
         assembly: The simulations, and what belongs to them.
-        listeners: Are shown every step.
+        listeners: Get every step.
         period: Steps from one decision of the egos to the next.
         others: The agents that are not the user's.
     """

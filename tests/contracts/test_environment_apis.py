@@ -1,4 +1,4 @@
-"""Every face keeps the rules of the library that it is for, on three scenarios."""
+"""Every environment API keeps the rules of its library, on three scenarios."""
 
 import gymnasium
 import pytest

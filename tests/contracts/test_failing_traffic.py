@@ -1,4 +1,4 @@
-"""SUMO fails in mid-episode: one named error from every face, and the next reset works."""
+"""SUMO fails in mid-episode: one named error from every environment API, and the next reset works."""
 
 import json
 
@@ -23,7 +23,7 @@ from tests.unit.sstudio.sources import scenario, write_cross
 
 LANER = AgentSpec(interface=AgentInterface.from_type(AgentType.Laner))
 FAILURE = "SUMO failed in mid-run: Vehicle 'broken' has no valid route"
-FACES = {
+APIS = {
     "hiway": lambda folder: HiWayEnv([folder], {"agent-0": LANER}, decision_interval=5),
     "parallel": lambda folder: hiway_parallel_env([folder], 1),
     "rllib": lambda folder: RLlibHiWayEnv({"scenarios": [folder], "agent_specs": 1}),
@@ -68,9 +68,9 @@ def until_failure(env, action, seed):
     return len(steps)
 
 
-@pytest.mark.parametrize("face", FACES)
-def test_faces_of_dicts_raise_one_named_error_and_can_be_reset(doomed, face):
-    env, fresh = FACES[face](doomed), FACES[face](doomed)
+@pytest.mark.parametrize("api", APIS)
+def test_environments_by_name_raise_one_named_error_and_can_be_reset(doomed, api):
+    env, fresh = APIS[api](doomed), APIS[api](doomed)
     try:
         assert until_failure(env, {"agent-0": 0}, seed=3) >= 1
         assert until_failure(env, {"agent-0": 0}, seed=4) >= 1
@@ -93,7 +93,7 @@ def test_the_single_face_raises_one_named_error_and_can_be_reset(doomed):
 
 
 def test_an_environment_that_has_failed_can_be_closed(doomed):
-    env = FACES["parallel"](doomed)
+    env = APIS["parallel"](doomed)
     until_failure(env, {"agent-0": 0}, seed=3)
     env.close()
     env.close()

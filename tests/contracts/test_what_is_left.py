@@ -17,28 +17,28 @@ PLAY = """
     from pathlib import Path
     import numpy as np
     from smarts.agents import AgentInterface, AgentSpec, AgentType
-    from smarts import env as faces
+    from smarts import env as apis
     from smarts.agents.benchmark import benchmark_interface
     from smarts.sim.assembly import Options
 
-    face, end, record = sys.argv[1:]
+    api, end, record = sys.argv[1:]
     options = Options(record=Path(record))
     agents = {"a": AgentSpec(benchmark_interface().replace(max_episode_steps=20))}
-    if face == "vector":
-        env = faces.VectorHiWayEnv(2, ["two_way"], agents, simulation=options)
+    if api == "vector":
+        env = apis.VectorHiWayEnv(2, ["two_way"], agents, simulation=options)
         act = [np.zeros((2, 1), int)]
-    elif face == "hiway":
-        env = faces.HiWayEnv(["two_way"], agents, decision_interval=5, simulation=options)
+    elif api == "hiway":
+        env = apis.HiWayEnv(["two_way"], agents, decision_interval=5, simulation=options)
         act = {"a": 0}
-    elif face == "parallel":
-        env = faces.hiway_parallel_env(["two_way"], agents, simulation=options)
+    elif api == "parallel":
+        env = apis.hiway_parallel_env(["two_way"], agents, simulation=options)
         act = {"a": 0}
     else:
-        env = faces.RLlibHiWayEnv({"scenarios": ["two_way"], "agent_specs": agents, "simulation": options})
+        env = apis.RLlibHiWayEnv({"scenarios": ["two_way"], "agent_specs": agents, "simulation": options})
         act = {"a": 0}
     for episode in range(2):
         env.reset()
-        for _ in range(6 if face == "vector" else 3):
+        for _ in range(6 if api == "vector" else 3):
             env.step(act)
     if end == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
@@ -56,7 +56,7 @@ def built():
     return build_scenario("two_way")
 
 
-def play(face, end, folder):
+def play(api, end, folder):
     """Play in a process of its own with its own folders; return how it ended."""
     for name in ("temporary", "working", "cache", "home"):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -68,7 +68,7 @@ def play(face, end, folder):
         "PYTHONPATH": str(Path(__file__).parents[2]),
     }
     process = subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(PLAY), face, end, str(folder / "record")],
+        [sys.executable, "-c", textwrap.dedent(PLAY), api, end, str(folder / "record")],
         cwd=folder / "working",
         env=environment,
         start_new_session=True,
@@ -99,11 +99,11 @@ def files_below(folder):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("face", "end"),
+    ("api", "end"),
     [*(("vector", end) for end in ENDS), ("hiway", "exception"), ("parallel", "kill"), ("rllib", "kill")],
 )
-def test_nothing_is_left_but_whole_episodes(built, tmp_path, face, end):
-    code, session, said = play(face, end, tmp_path)
+def test_nothing_is_left_but_whole_episodes(built, tmp_path, api, end):
+    code, session, said = play(api, end, tmp_path)
     assert code == ENDS[end], said
     assert processes_of(session) == []
     for name in ("temporary", "working", "home", "cache"):

@@ -116,3 +116,15 @@ def test_rewards_may_be_dicts():
     ):
         with pytest.raises(SmartsError, match=message):
             given_weights(bad)
+
+
+@pytest.mark.parametrize("keyword", ["adapter", "adapter_options", "action_mask", "num_envs", "sed"])
+def test_hiway_env_takes_no_keywords_of_array_adapters(keyword):
+    with pytest.raises(TypeError, match=keyword):
+        HiWayEnv(["loop"], {"a": LANER}, **{keyword: None})
+
+
+@pytest.mark.parametrize("keyword", ["action_mask", "worlds", "sed"])
+def test_vector_env_takes_no_keywords_of_dict_environments(keyword):
+    with pytest.raises(TypeError, match=keyword):
+        VectorHiWayEnv(1, ["loop"], 1, **{keyword: None})

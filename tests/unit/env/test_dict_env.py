@@ -1,4 +1,4 @@
-"""The faces that speak of agents by name: who is told what, and what they may ask for."""
+"""Environments with agents by name: results, errors, and settings."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Agents that are not the user's, through the loop of the faces: asked, late, taking vehicles over."""
+"""Agents that are not the user's, through the runner: requests, late answers, handovers of vehicles."""
 
 import dataclasses
 from functools import cache

@@ -1,4 +1,4 @@
-"""What faces put on record: what every decision earned, and what policies say about it."""
+"""What environments record: the reward of every decision, and the values that policies annotate."""
 
 import time
 

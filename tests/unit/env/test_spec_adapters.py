@@ -1,4 +1,4 @@
-"""Adapters of users: those of a spec in the faces with arrays, and classes for all agents at once."""
+"""Adapters of users: those of a spec beside an array adapter, and classes for all agents at once."""
 
 import numpy as np
 import pytest
