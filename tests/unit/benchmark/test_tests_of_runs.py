@@ -1,6 +1,6 @@
 """Which episodes a test consists of: those that do not count are made up for by the worlds that follow."""
 
-from benchmark.experiment.config import Environment, Evaluation, Task
+from benchmark.experiment.config import Environment, Evaluation, TrainingTask
 from benchmark.experiment.runs import TaskSetting
 from benchmark.metrics import join_tables
 from benchmark.results.files import ResultsError
@@ -28,7 +28,7 @@ def measured(folder, episodes, *, invalid=(), missing=(), cut=(), keep=False):
                 record(store, ROAD, [drive], name=f"w{number}", world=FIRST + number, **facts)
 
     part = Part("greedy", ("hand_made",), episodes)
-    task = Task(name="hand_made", scenarios=("loop",))
+    task = TrainingTask(name="hand_made", scenarios=("loop",))
     cell = TaskSetting(task, "hand_made", Environment(), Evaluation(keep_episodes=keep), 1)
     return join_tables([*_measured(part, folder, {}, play, cell)]), rounds
 
