@@ -38,7 +38,8 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
 
     def stacked(name: str, parts: Sequence[Any] = graphs) -> Ints:
         """Return one CSR of all, in which the numbers of each continue those of the one before."""
-        return _bases(np.concatenate([np.diff(getattr(part, name)) for part in parts]))
+        counts = np.concatenate([np.diff(getattr(part, name)) for part in parts])
+        return np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
 
     def raised(name: str, bases: NDArray, parts: Sequence[Any] = graphs) -> Ints:
         """Return one array of all, each one's numbers raised by its base; -1 stays."""
