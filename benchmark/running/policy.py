@@ -130,7 +130,7 @@ class Policy:
         if len(self.agents) > 1:
             known = nearest_names(str(next(iter(observations), "")), self.agents)
             raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
-        only = self.agents[0]
+        only = next(iter(self.agents))
         return self._by_name(self._choose(self._step_of({only: observations}, {only: infos})))[only]
 
     def attach(self, env: HiWayEnv) -> None:

@@ -319,8 +319,10 @@ class Fleet:
                 self._advance_free(free, substep)
             if touching.size:
                 self._advance_bodies(touching)
-                for touch in self._bullet.substep(self._velocities):
-                    self.touches.append((substep, touch))
+                velocities = self._velocities.tolist()
+                for world in self._bullet.moving:
+                    world.substep(velocities)
+                    self.touches += [(substep, touch) for touch in world.touches(velocities)]
                 self._record_poses(touching, substep)
             self._advance_single_tracks(rows, substep, substep + 1)
         bad = self._show_motion(moving)

@@ -223,12 +223,10 @@ class SimulationRunner:
             SmartsError: The environment was closed, or a simulation was never reset.
         """
         self._refuse_closed()
-        if None in self.starts:
-            raise SmartsError(
-                f"simulation {self.starts.index(None)} has no episode to step",
-                place="step",
-                remedy="call reset() first",
-            )
+        for row, start in enumerate(self.starts):
+            if start is None:
+                problem = f"simulation {row} has no episode to step"
+                raise SmartsError(problem, place="step", remedy="call reset() first")
 
     def annotate(self, name: str, values: ArrayLike, egos: Bools) -> None:
         """Add values to the record of the egos' next decision; without a record, a no-op.

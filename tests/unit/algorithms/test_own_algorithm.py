@@ -1,4 +1,4 @@
-"""The algorithm of `examples/nightly/q_learner.py`, which docs/algorithms_inside.md shows, is what it says."""
+"""The algorithm of `examples/nightly/q_learner.py`, which docs/algorithms_inside.md shows."""
 
 import importlib
 from pathlib import Path
