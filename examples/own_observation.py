@@ -4,8 +4,8 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from smarts.agents import AgentSpec
+from smarts.agents.benchmark import benchmark_interface
 from smarts.env import hiway_parallel_env
-from smarts.env.adapters.benchmark import benchmark_interface
 
 
 def speed_and_gap(observation) -> np.ndarray:

@@ -21,7 +21,7 @@ from smarts.registry import Registry, import_own, is_own_name
 from smarts.types.agent_states import agent_names
 
 Values = Mapping[str, Any]
-ADAPTER_NAMES = ("benchmark", "raw")
+ADAPTER_NAMES = ("benchmark", "paper", "raw")
 """Adapters whose agents have the action space of `environment.action`."""
 BY_NAME = (Parameter.KEYWORD_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
 DRAWS = ("uniform", "loguniform", "randint")
@@ -142,7 +142,7 @@ def _actions(values: Values) -> Iterator[Fault]:
         if name in SCRIPTED_POLICIES and not is_own_name(name) and action != "Lane":
             text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
             yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
-        if name == "gap_acceptance" and adapter == "raw":
+        if name == "gap_acceptance" and adapter in ("paper", "raw"):
             text = f"{name!r} looks at the observation of adapter 'benchmark', not of {adapter!r}"
             yield Fault(("scripted", number), text, "remove it")
 

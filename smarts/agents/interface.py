@@ -163,10 +163,7 @@ class AgentInterface:
     def __post_init__(self) -> None:
         for name, kind in SENSOR_OPTIONS.items():
             object.__setattr__(self, name, _option(name, getattr(self, name), kind))
-        further = tuple((name, option) for name, option in self.further_sensors if option)
-        for name, option in further:
-            _check_further_sensor(name, option)
-        object.__setattr__(self, "further_sensors", further)
+        object.__setattr__(self, "further_sensors", _switched_on(self.further_sensors))
         if self.vehicle_type:
             object.__setattr__(self, "vehicle_class", self.vehicle_type)
         self._check_vehicle()
@@ -263,13 +260,16 @@ class AgentInterface:
         raise AttributeError(f"AgentInterface has no field {name!r}", name=name, obj=self)
 
 
-def _check_further_sensor(name: str, option: object) -> None:
-    if name in ALWAYS_ON or (option is not True and not callable(getattr(option, "bind", None))):
-        raise InterfaceError(
-            f"{name} is {shown(option)}",
-            place=f"AgentInterface.{name}",
-            remedy="leave it out: every agent has it" if name in ALWAYS_ON else "give True or the sensor",
-        )
+def _switched_on(sensors: tuple[tuple[str, Any], ...]) -> tuple[tuple[str, Any], ...]:
+    """Return the further sensors that are not off."""
+    for name, option in sensors:
+        if name in ALWAYS_ON or (option not in (True, False, None) and not hasattr(option, "bind")):
+            raise InterfaceError(
+                f"{name} is {shown(option)}",
+                place=f"AgentInterface.{name}",
+                remedy="leave it out: every agent has it" if name in ALWAYS_ON else "give True or the sensor",
+            )
+    return tuple((name, option) for name, option in sensors if option)
 
 
 def _is_wheel(value: object) -> bool:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from numpy.typing import NDArray
-
-from smarts.arrays import Bools, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
+from smarts.roads.arrays import Roads, RouteTable
+from smarts.types.world import State
 
 
 class AgentIndex(Feature):
@@ -20,14 +17,10 @@ class AgentIndex(Feature):
         """Return one number for each agent."""
         return agents
 
-    def bind(self, *out: NDArray) -> Callable[[Bools], object]:
-        """Return the function that observes."""
-        return bind(_observe, *out)
-
-
-@kernel
-def _observe(out: Singles, observe_mask: Bools) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if observe_mask[b, g]:
-                out[b, g, g] = 1.0
+    @staticmethod
+    @kernel
+    def write(
+        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
+    ) -> None:
+        """Write an agent's numbers; see `Feature`."""
+        out[g] = 1.0

@@ -3,37 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
-from numpy.typing import NDArray
-
-from smarts.arrays import Bools, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, find_row, lane_length
-from smarts.types.agent_states import AgentStates
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 WAYPOINTS = 20
 SPACING = 1.0
 """Between waypoints [m]."""
-
-
-class HeadingErrors(Feature):
-    """Sines of how far the next 20 waypoints, a metre apart, point to the left of the heading.
-
-    The waypoints are those of the lane that the vehicle steers for, along the route; zeros without a lane.
-    """
-
-    size = WAYPOINTS
-
-    def bind(self, *out: NDArray) -> Callable[[Bools], object]:
-        """Return the function that observes."""
-        scene = self.context.scene
-        ways = scene.atlas.roads, scene.routes.current, scene.routes.number, scene.world.map
-        return bind(_observe, scene.world.agents, scene.world.vehicles, *ways, self.context.agent_ids, *out)
 
 
 @kernel
@@ -48,7 +28,7 @@ def row_ahead(
 
 
 @kernel
-def _write(roads: Roads, table: RouteTable, row: int, s: float, heading: float, out: Singles) -> None:
+def _write_sines(roads: Roads, table: RouteTable, row: int, s: float, heading: float, out: Singles) -> None:
     """Write the sines for waypoints from arc length `s` of the lane of `row` on.
 
     Behind the end of the route the last direction continues.
@@ -71,36 +51,33 @@ def _write(roads: Roads, table: RouteTable, row: int, s: float, heading: float, 
         s += SPACING
 
 
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    roads: Roads,
-    table: RouteTable,
-    routes: Ints,
-    maps: Ints,
-    agent_ids: Ints,
-    out: Singles,
-    observe_mask: Bools,
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        base = roads.lane_base[maps[b]]
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            a = agent_ids[g]
-            own, route, done = agents.slot[b, a], routes[b, a], agents.route_progress[b, a]
-            lane, target = vehicles.lane[b, own], agents.target_lane[b, a]
-            out[b, g] = 0.0
-            if lane < 0:
-                continue
-            s = vehicles.lane_position[b, own]
-            row = row_ahead(roads, table, base, maps[b], route, lane, done)
-            if target >= 0 and target != lane:
-                other = row_ahead(roads, table, base, maps[b], route, target, done)
-                # Only beside the own lane: a target on another road is one that was passed.
-                if table.group[other] == table.group[row]:
-                    own_end = lane_length(roads, base + lane)
-                    target_end = lane_length(roads, base + target)
-                    row, s = other, s * target_end / own_end
-            _write(roads, table, row, s, vehicles.heading[b, own], out[b, g])
+class HeadingErrors(Feature):
+    """Sines of how far the next 20 waypoints, a metre apart, point to the left of the heading.
+
+    The waypoints are those of the lane that the vehicle steers for, along the route; zeros without a lane.
+    """
+
+    size = WAYPOINTS
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
+    ) -> None:
+        """Write an agent's numbers; see `Feature`."""
+        vehicles, a, m = state.vehicles, agent_ids[g], state.map[b]
+        own, base, route = state.agents.slot[b, a], roads.lane_base[m], routes.number[b, a]
+        done, target = state.agents.route_progress[b, a], state.agents.target_lane[b, a]
+        lane, s = vehicles.lane[b, own], vehicles.lane_position[b, own]
+        out[:] = 0.0
+        if lane < 0:
+            return
+        row = row_ahead(roads, routes, base, m, route, lane, done)
+        if target >= 0 and target != lane:
+            other = row_ahead(roads, routes, base, m, route, target, done)
+            # Only beside the own lane: a target on another road is one that was passed.
+            if routes.group[other] == routes.group[row]:
+                own_end = lane_length(roads, base + lane)
+                target_end = lane_length(roads, base + target)
+                row, s = other, s * target_end / own_end
+        _write_sines(roads, routes, row, s, vehicles.heading[b, own], out)

@@ -3,38 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smarts.arrays import Bools, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.observations.feature import Feature
 from smarts.observations.scales import LONGEST_TIME, RADIUS, SPEED_SCALE, compressed
-from smarts.types.agent_states import AgentStates
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 SECTORS = 8
 SECTOR_VALUES = 5
 """Of each: nearness, relative speed, urgency, position ahead and to the left."""
-
-
-class NeighborSectors(Feature):
-    """The nearest vehicle within 50 m in each of eight sectors of 45 degrees around the agent's vehicle.
-
-    Sectors are counter-clockwise, the first one centred straight ahead. Of each: 1 - distance / 50 m; speed
-    relative to the own one, compressed; 1 - time to collision / 5 s, 0 where the two do not approach;
-    position ahead and to the left, compressed. Zeros where a sector is empty.
-    """
-
-    size = SECTORS * SECTOR_VALUES
-
-    def bind(self, *out: NDArray) -> Callable[[Bools], object]:
-        """Return the function that observes."""
-        world = self.context.scene.world
-        return bind(_observe, world.agents, world.vehicles, self.context.agent_ids, *out)
 
 
 @kernel
@@ -64,35 +46,40 @@ def _sector(ahead: float, left: float) -> int:
     return math.floor(turn + 0.5) % SECTORS
 
 
-@kernel
-def _observe(
-    agents: AgentStates, vehicles: VehicleStates, agent_ids: Ints, out: Singles, observe_mask: Bools
-) -> None:
-    nearest = np.empty(SECTORS)
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
+class NeighborSectors(Feature):
+    """The nearest vehicle within 50 m in each of eight sectors of 45 degrees around the agent's vehicle.
+
+    Sectors are counter-clockwise, the first one centred straight ahead. Of each: 1 - distance / 50 m; speed
+    relative to the own one, compressed; 1 - time to collision / 5 s, 0 where the two do not approach;
+    position ahead and to the left, compressed. Zeros where a sector is empty.
+    """
+
+    size = SECTORS * SECTOR_VALUES
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State, roads: Roads, routes: RouteTable, agent_ids: Ints, b: int, g: int, out: Singles
+    ) -> None:
+        """Write an agent's numbers; see `Feature`."""
+        vehicles, own = state.vehicles, state.agents.slot[b, agent_ids[g]]
+        cos, sin = math.cos(vehicles.heading[b, own]), math.sin(vehicles.heading[b, own])
+        nearest = np.full(SECTORS, RADIUS)
+        out[:] = 0.0
+        for v in range(vehicles.alive.shape[1]):
+            if not vehicles.alive[b, v] or v == own:
                 continue
-            own, numbers = agents.slot[b, agent_ids[g]], out[b, g]
-            cos, sin = math.cos(vehicles.heading[b, own]), math.sin(vehicles.heading[b, own])
-            nearest[:], numbers[:] = RADIUS, 0.0
-            for v in range(vehicles.alive.shape[1]):
-                if not vehicles.alive[b, v] or v == own:
-                    continue
-                distance, time = distance_and_time(vehicles, b, own, v)
-                # Also false for NaN.
-                if not distance < RADIUS:
-                    continue
-                dx = vehicles.position[b, v, 0] - vehicles.position[b, own, 0]
-                dy = vehicles.position[b, v, 1] - vehicles.position[b, own, 1]
-                ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
+            distance, time = distance_and_time(vehicles, b, own, v)
+            dx = vehicles.position[b, v, 0] - vehicles.position[b, own, 0]
+            dy = vehicles.position[b, v, 1] - vehicles.position[b, own, 1]
+            ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
+            # False for NaN, too.
+            if distance < RADIUS and distance < nearest[_sector(ahead, left)]:
                 sector = _sector(ahead, left)
-                if distance < nearest[sector]:
-                    nearest[sector] = distance
-                    first = sector * SECTOR_VALUES
-                    faster = vehicles.speed[b, v] - vehicles.speed[b, own]
-                    numbers[first] = 1.0 - distance / RADIUS
-                    numbers[first + 1] = compressed(faster, SPEED_SCALE)
-                    numbers[first + 2] = 1.0 - time / LONGEST_TIME
-                    numbers[first + 3] = compressed(ahead, RADIUS)
-                    numbers[first + 4] = compressed(left, RADIUS)
+                first = sector * SECTOR_VALUES
+                nearest[sector] = distance
+                out[first] = 1.0 - distance / RADIUS
+                out[first + 1] = compressed(vehicles.speed[b, v] - vehicles.speed[b, own], SPEED_SCALE)
+                out[first + 2] = 1.0 - time / LONGEST_TIME
+                out[first + 3] = compressed(ahead, RADIUS)
+                out[first + 4] = compressed(left, RADIUS)

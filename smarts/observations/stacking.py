@@ -18,7 +18,7 @@ def write_vector(
     vectors: Singles,
     observe_mask: Bools,
 ) -> None:
-    """Append the numbers of stacked features to the frames of agents' vectors, and write those of the others.
+    """Append stacked features to the frames of agents' vectors, and write the other features behind them.
 
     Args:
         numbers: Of K features one after the other, each of shape (B, G, its size), flat.

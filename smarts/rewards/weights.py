@@ -190,7 +190,7 @@ class Rewards:
         shape = context.scene.world.worlds, len(context.agents)
         self._memory = Memory.allocate(*shape)
         self.values: Singles = np.zeros(shape, np.float32)
-        """Of the last decision, shape (B, G); those of agents that made none mean nothing."""
+        """Of the last decision, shape (B, G); entries of agents that made none are unspecified."""
         self._has_decided = np.zeros(shape, np.bool_)
         self._adding: _Adding | None = None
 

@@ -115,6 +115,9 @@ class EgoVehicleState:
     def as_object(readings: Readings, seen: Seen) -> EgoVehicleObservation:
         """Return the vehicle with the agent's mission, and what its other sensors say about it."""
         yaw_rate = float(readings["yaw_rate"])
+        road_id, lane_id = seen.lane_ids(int(readings["lane"]))
+        motion = seen.accelerometer or (None, None, None, None)
+        acceleration, angular_acceleration, jerk, angular_jerk = motion
         return EgoVehicleObservation(
             seen.name,
             triple(readings["position"]),
@@ -123,12 +126,16 @@ class EgoVehicleState:
             float(readings["speed"]),
             float(readings["steering"]),
             yaw_rate,
-            *seen.lane_ids(int(readings["lane"])),
+            road_id,
+            lane_id,
             int(readings["lane_index"]),
             seen.mission,
             triple(readings["linear_velocity"]),
             (0.0, 0.0, yaw_rate),
-            *(seen.accelerometer or (None, None, None, None)),
+            acceleration,
+            angular_acceleration,
+            jerk,
+            angular_jerk,
             seen.lane_positions,
         )
 

@@ -80,7 +80,7 @@ def paint_vehicle(
     colour: Pixels,
     view: Pixels,
 ) -> None:
-    """Paint a vehicle's box into the view of a viewer at x, y [m], who looks along a heading [rad]."""
+    """Paint a vehicle's box into the view of a viewer at x, y [m] with a heading [rad]."""
     position = vehicles.position
     ahead, aside = place_in_view(position[b, v, 0], position[b, v, 1], x, y, heading)
     paint_box(

@@ -6,12 +6,10 @@ import weakref
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Ints
 from smarts.roads.atlas import ROAD_LANES, RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
-
-Ints = NDArray[np.int32]
 
 
 class RoadLinks(NamedTuple):
@@ -47,14 +45,12 @@ def _derive(atlas: RoadAtlas) -> RoadLinks:
         reverse = _reverse_edges(graph)
         for lane in range(len(graph.lane_ids)):
             edge = int(graph.lane_edge[lane])
-            own = [number for number in graph.edge_lanes(edge) if usable[number]]
-            oncoming = [
-                number for other in reverse[edge] for number in graph.edge_lanes(other) if usable[number]
-            ]
+            own = _usable_lanes(graph, [edge], usable)
+            oncoming = _usable_lanes(graph, reverse[edge], usable)
             beside.append([number + int(base) for number in (*own, *oncoming)])
             own_count.append(len(own))
             for found, places in ((ahead, graph.successors(lane)), (behind, graph.predecessors(lane))):
-                least = _straightest(graph, lane, [int(place) for place in places if usable[place]])
+                least = _straightest(graph, lane, places[usable[places]].tolist())
                 found.append(-1 if least < 0 else least + int(base))
     return RoadLinks(
         beside_start=np.cumsum([0, *(len(lanes) for lanes in beside)]).astype(np.int32),
@@ -63,6 +59,10 @@ def _derive(atlas: RoadAtlas) -> RoadLinks:
         ahead=np.array(ahead, np.int32),
         behind=np.array(behind, np.int32),
     )
+
+
+def _usable_lanes(graph: LaneGraph, edges: list[int], usable: Bools) -> list[int]:
+    return [number for edge in edges for number in graph.edge_lanes(edge) if usable[number]]
 
 
 def _reverse_edges(graph: LaneGraph) -> list[list[int]]:

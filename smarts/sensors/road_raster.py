@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import weakref
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -110,18 +111,22 @@ def _draw(graph: LaneGraph) -> tuple[Pixels, Floats, float]:
     frame = (cells, float(origin[0]), float(origin[1]), size)
     # The graph's own arrays are read-only, which would be another signature to compile.
     points, vertices = graph.point_xy.copy(), graph.junction_xy.copy()
-    for junction in range(len(graph.junction_ids)):
-        first, last = (int(n) for n in graph.junction_start[junction : junction + 2])
+    for first, last in pairwise(graph.junction_start.tolist()):
         paint_outline(*frame, vertices, first, last, ROAD)
     for lane, kind in enumerate(graph.kind):
         bits = ROAD if kind in ROAD_LANES else PATH if kind in _PATHS else 0
-        if not bits:
-            continue
-        half = float(graph.width[lane]) / 2
         line = (points, *(int(n) for n in graph.point_start[lane : lane + 2]))
-        paint_band(*frame, *line, -half, half, 0.0, bits)
+        if bits:
+            half = float(graph.width[lane]) / 2
+            paint_band(*frame, *line, -half, half, 0.0, bits)
         if bits == ROAD and not graph.is_internal[lane]:
-            is_leftmost = graph.left[lane] < 0 or graph.kind[graph.left[lane]] not in ROAD_LANES
-            dash, marking = (0.0, CENTRE_LINE) if is_leftmost else (_DASH, DIVIDER)
-            paint_band(*frame, *line, half - _LINE, half + _LINE, dash, marking)
+            _draw_marking(graph, lane, (*frame, *line))
     return cells, origin, size
+
+
+def _draw_marking(graph: LaneGraph, lane: int, line: tuple[Any, ...]) -> None:
+    """Draw the line to the left of a lane; the arguments of `paint_band` up to `last` are in `line`."""
+    half = float(graph.width[lane]) / 2
+    is_leftmost = graph.left[lane] < 0 or graph.kind[graph.left[lane]] not in ROAD_LANES
+    dash, marking = (0.0, CENTRE_LINE) if is_leftmost else (_DASH, DIVIDER)
+    paint_band(*line, half - _LINE, half + _LINE, dash, marking)

@@ -132,27 +132,34 @@ class SensorSuite:
 def _groups(
     scene: Scene, interfaces: Sequence[AgentInterface | None], looked_at: Mapping[int, Collection[str]]
 ) -> list[_Group]:
-    """Return the groups, those of one sensor after each other, in the order of the registry."""
-    agents: dict[str, dict[Sensor, list[int]]] = {name: {} for name in SENSORS}
-    for agent_id, interface in enumerate(interfaces):
-        made = sensors_of(interface, looked_at.get(agent_id)) if interface else {}
-        for name, sensor in made.items():
-            agents[name].setdefault(sensor, []).append(agent_id)
+    """Return the groups, in the order of the registry."""
     worlds = scene.world.worlds
-    members_of = {tuple(members) for groups in agents.values() for members in groups.values()}
-    masks = {members: np.zeros((worlds, len(members)), np.bool_) for members in members_of}
+    masks: dict[tuple[int, ...], Bools] = {}
     groups = []
-    for name, by_sensor in agents.items():
+    for name, by_sensor in _members(interfaces, looked_at).items():
         for number, (sensor, members) in enumerate(by_sensor.items(), start=1):
+            mask = masks.setdefault(tuple(members), np.zeros((worlds, len(members)), np.bool_))
             agent_ids = np.array(members, np.int32)
             block = Block(sensor.fields(), (worlds, len(members)))
             groups.append(
                 _Group(
                     name if number == 1 else f"{name}:{number}",
                     agent_ids,
-                    masks[tuple(members)],
+                    mask,
                     block,
                     sensor.bind(scene, agent_ids, block),
                 )
             )
     return groups
+
+
+def _members(
+    interfaces: Sequence[AgentInterface | None], looked_at: Mapping[int, Collection[str]]
+) -> dict[str, dict[Sensor, list[int]]]:
+    """Return the agents that have a sensor, by its name and its options, in the order of the registry."""
+    members: dict[str, dict[Sensor, list[int]]] = {name: {} for name in SENSORS}
+    for agent_id, interface in enumerate(interfaces):
+        made = sensors_of(interface, looked_at.get(agent_id)) if interface else {}
+        for name, sensor in made.items():
+            members[name].setdefault(sensor, []).append(agent_id)
+    return members

@@ -59,8 +59,8 @@ def test_runners_of_environments_import_it_too(folder):
 
 def test_what_raises_in_a_runner_of_environments_is_named_too(folder):
     file = folder / "my_code" / "observation.py"
-    late = "if frame.world.step.max() > 40:\n            raise OSError('late')\n        "
-    file.write_text(file.read_text().replace("super().collect", f"{late}super().collect"))
+    late = "if world.step.max() > 40:\n                raise OSError('late')\n            "
+    file.write_text(file.read_text().replace("rows, agents = np", f"{late}rows, agents = np"))
     changes = ("algorithms=[ppo]", "scripted=[]", "resources.env_runners=1")
     code, _, err = run(folder, *(part for change in changes for part in ("--set", change)))
     assert code == 1
@@ -97,8 +97,8 @@ def test_what_raises_in_a_metric_is_named(folder):
 @pytest.mark.parametrize(
     ("name", "old", "new", "wrong"),
     [
-        ("observation", "(frame, is_last)\n        self", "(frame)\n        self", "collect(frame)"),
-        ("observation", "    def collect", f"{RAISES}    def collect", "assert False"),
+        ("observation", "np.nonzero(observe_mask)", "np.nonzero()", "np.nonzero()"),
+        ("observation", "    def bind", f"{RAISES}    def bind", "assert False"),
         ("reward", "step.speed", "step.sped", "step.sped"),
     ],
 )
