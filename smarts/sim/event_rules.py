@@ -205,7 +205,7 @@ def _rests(
 def _has_to_wait(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
     """Tell whether a vehicle waits near a red light, behind one that stands, or for crossing vehicles.
 
-    Waiting is not resting. The first of a queue at a green light or at a crossing rests while none comes
+    Waiting is not resting. The first of a queue at a green light or a crossing rests while no vehicle comes
     (`yields_to_stream`); as soon as it has moved, or is gone, the next is the first.
     """
     now, slot = state.vehicles, state.agents.slot[row, agent_id]
