@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from shapely import Polygon, shortest_line
 
+from smarts.arrays import Floats, Longs
 from smarts.envision.labels import TextMeasure, place_labels
 from smarts.envision.scenario_picture import CAR, EGOS, LARGE_VEHICLES, draw_roads
 from smarts.sim.episode_files import RecordedEpisode
@@ -22,8 +23,7 @@ from smarts.types.mission import GoalKind
 from smarts.types.traffic import Signal
 from smarts.types.vehicles import VehicleKind
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Ints = Longs
 Image = NDArray[np.uint8]
 """Red, green, blue, shape (height, width, 3)."""
 

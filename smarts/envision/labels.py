@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from smarts.arrays import Floats
 
 NEAR = 8.0
 """From a thing to its label, and from one label to the next place that is tried [pixels]."""

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import types as t
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
 
-Floats = NDArray[np.float64]
 Place = tuple[str, int, float | str]
 
 ANY_VEHICLE = frozenset({LaneKind.CAR, LaneKind.BUS})

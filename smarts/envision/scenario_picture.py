@@ -17,8 +17,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as Outline
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.envision.route_lines import CAR_LENGTH, goal_pose, place_on_map, route_line, start_pose
 from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
@@ -27,8 +27,6 @@ from smarts.sstudio import types as t
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import expand
 from smarts.types.vehicles import VehicleKind
-
-Floats = NDArray[np.float64]
 
 ASPHALT = "#c6cad1"
 JUNCTION = "#bcc1c9"

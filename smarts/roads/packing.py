@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from smarts.arrays import Ints
 from smarts.errors import MapError
@@ -26,57 +27,55 @@ def pack_roads(graphs: Sequence[LaneGraph]) -> Roads:
         MapError: Too many lanes of a graph overlap.
     """
     grids = [_grid(graph) for graph in graphs]
-
-    def joined(arrays: Iterable[ArrayLike]) -> NDArray:
-        return np.concatenate([np.asarray(array) for array in arrays])
-
-    def stacked(starts: Iterable[Ints]) -> Ints:
-        """Join CSR starts: each map's numbers go on where those of the map before end."""
-        counts = joined(np.diff(start) for start in starts)
-        return np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
-
-    def raised(arrays: Iterable[Ints], bases: Ints) -> Ints:
-        """Join arrays, raising the numbers in each by its map's base; -1 stays, since it means none."""
-        parts = zip(arrays, bases, strict=False)
-        return joined(np.where(part < 0, -1, part + base) for part, base in parts).astype(np.int32)
-
     lane_base = _bases(len(graph.lane_ids) for graph in graphs)
     point_base = _bases(len(graph.point_s) for graph in graphs)
-    junction_base = _bases(len(graph.junction_ids) for graph in graphs)[:-1]
-    shifts = np.stack((lane_base, point_base, point_base), axis=1)[:-1]
+    edge_base = _bases(len(graph.edge_ids) for graph in graphs)
+    shifts = np.stack((lane_base, point_base, point_base), axis=1)
+
+    def joined(name: str, parts: Sequence[Any] = graphs) -> NDArray:
+        """Return one array of all graphs, or grids, in a row."""
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    def stacked(name: str, parts: Sequence[Any] = graphs) -> Ints:
+        """Return one CSR of all, in which the numbers of each continue those of the one before."""
+        counts = np.concatenate([np.diff(getattr(part, name)) for part in parts])
+        return np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
+
+    def raised(name: str, bases: NDArray, parts: Sequence[Any] = graphs) -> Ints:
+        """Return one array of all, each one's numbers raised by its base; -1 stays."""
+        return _raised((getattr(part, name) for part in parts), bases).astype(np.int32)
+
     return Roads(
         lane_base=lane_base,
-        lane_index=joined(graph.lane_index for graph in graphs),
-        lane_width=joined(graph.width for graph in graphs),
-        lane_speed=joined(graph.speed_limit for graph in graphs),
-        lane_kind=joined(graph.kind for graph in graphs),
-        lane_inside=joined(graph.is_internal for graph in graphs),
-        lane_edge=raised(
-            (graph.lane_edge for graph in graphs), _bases(len(graph.edge_ids) for graph in graphs)
-        ),
-        lane_junction=joined(graph.lane_junction for graph in graphs),
-        lane_left=raised((graph.left for graph in graphs), lane_base),
-        lane_right=raised((graph.right for graph in graphs), lane_base),
+        lane_index=joined("lane_index"),
+        lane_width=joined("width"),
+        lane_speed=joined("speed_limit"),
+        lane_kind=joined("kind"),
+        lane_inside=joined("is_internal"),
+        lane_edge=raised("lane_edge", edge_base),
+        lane_junction=joined("lane_junction").astype(np.int32),
+        lane_left=raised("left", lane_base),
+        lane_right=raised("right", lane_base),
         lane_twin=np.full(lane_base[-1], -1, np.int32),
-        lane_dead_end=joined(np.diff(graph.successor_start) == 0 for graph in graphs),
-        conflict_start=stacked(graph.conflict_start for graph in graphs),
-        conflict_lane=raised((graph.conflict_lane for graph in graphs), lane_base),
-        conflict_extent=joined(graph.conflict_extent for graph in graphs),
-        conflict_other_extent=joined(graph.conflict_other_extent for graph in graphs),
-        point_start=stacked(graph.point_start for graph in graphs),
-        point_xy=joined(graph.point_xy for graph in graphs),
-        point_heading=joined(graph.point_heading for graph in graphs),
-        point_s=joined(graph.point_s for graph in graphs),
+        lane_dead_end=np.diff(stacked("successor_start")) == 0,
+        conflict_start=stacked("conflict_start"),
+        conflict_lane=raised("conflict_lane", lane_base),
+        conflict_extent=joined("conflict_extent"),
+        conflict_other_extent=joined("conflict_other_extent"),
+        point_start=stacked("point_start"),
+        point_xy=joined("point_xy"),
+        point_heading=joined("point_heading"),
+        point_s=joined("point_s"),
         grid_origin=np.array([grid.origin for grid in grids]),
         grid_size=np.array([grid.size for grid in grids]),
         grid_shape=np.array([(grid.columns, grid.rows) for grid in grids], np.int32),
         cell_base=_bases(grid.columns * grid.rows for grid in grids),
-        run_start=stacked(grid.run_start for grid in grids),
-        run=joined(grid.run + shift for grid, shift in zip(grids, shifts, strict=True)),
-        outline_start=stacked(grid.outline_start for grid in grids),
-        outline=joined(grid.outline + base for grid, base in zip(grids, junction_base, strict=True)),
-        vertex_start=stacked(graph.junction_start for graph in graphs),
-        vertex=joined(graph.junction_xy for graph in graphs),
+        run_start=stacked("run_start", grids),
+        run=raised("run", shifts, grids),
+        outline_start=stacked("outline_start", grids),
+        outline=raised("outline", _bases(len(graph.junction_ids) for graph in graphs), grids),
+        vertex_start=stacked("junction_start"),
+        vertex=joined("junction_xy"),
     )
 
 
@@ -106,7 +105,14 @@ def _grid(graph: LaneGraph) -> Grid:
 
 
 def _bases(counts: Iterable[int]) -> Ints:
+    """Return where each of several parts begins that lie in a row, and where the last ends."""
     return np.cumsum([0, *counts]).astype(np.int32)
+
+
+def _raised(parts: Iterable[NDArray], bases: NDArray) -> NDArray:
+    """Join arrays of numbers, each raised by its base; -1 stays, since it means none."""
+    pairs = zip(parts, bases, strict=False)
+    return np.concatenate([np.where(part < 0, part, part + base) for part, base in pairs])
 
 
 def pack_routes(
@@ -119,28 +125,23 @@ def pack_routes(
     onward_base = _bases(len(corridor.onward) for corridor in corridors)
     group_base = _bases(int(corridor.group.max(initial=-1)) + 1 for corridor in corridors)
 
-    def joined(parts: Iterable[NDArray], bases: Ints | None = None) -> NDArray:
-        """Join arrays, raising the numbers in each by its base; -1 stays, since it means none."""
-        if bases is None:
-            return np.concatenate(list(parts))
-        raised = (np.where(part < 0, part, part + base) for part, base in zip(parts, bases, strict=True))
-        return np.concatenate(list(raised))
+    def raised(name: str, bases: Ints) -> NDArray:
+        return _raised((getattr(corridor, name) for corridor in corridors), bases)
 
     most = max((corridor.changes.shape[1] for corridor in corridors), default=1)
     changes = [np.pad(c.changes, ((0, 0), (0, most - c.changes.shape[1]))) for c in corridors]
+    onward_start = _raised((corridor.onward_start[:-1] for corridor in corridors), onward_base)
     return RouteTable(
         number=np.zeros((0, 0), np.int32),
         free=len(free),
         start=row_base,
-        lane=joined((c.lane for c in corridors), lane_base[worlds]),
-        group=joined((c.group for c in corridors), group_base[:-1]),
-        begin=joined(c.begin for c in corridors),
-        end=joined(c.end for c in corridors),
-        onward_start=np.append(
-            joined((c.onward_start[:-1] for c in corridors), onward_base[:-1]), onward_base[-1]
-        ),
-        onward=joined((c.onward for c in corridors), row_base[:-1]),
-        before=joined((c.before for c in corridors), row_base[:-1]),
-        by_lane=joined((c.by_lane for c in corridors), row_base[:-1]),
+        lane=raised("lane", lane_base[worlds]),
+        group=raised("group", group_base),
+        begin=np.concatenate([corridor.begin for corridor in corridors]),
+        end=np.concatenate([corridor.end for corridor in corridors]),
+        onward_start=np.append(onward_start, onward_base[-1]),
+        onward=raised("onward", row_base),
+        before=raised("before", row_base),
+        by_lane=raised("by_lane", row_base),
         changes=np.concatenate(changes) if changes else np.zeros((0, most), np.int8),
     )
