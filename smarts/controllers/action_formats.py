@@ -178,9 +178,7 @@ class PathFormat:
         return np.clip(values, -self._limits, self._limits)
 
 
-def numbers_of(
-    action: Any, shape: tuple[int, ...], place: str, remedy: str | Callable[[], str]
-) -> NDArray[np.float64]:
+def numbers_of(action: Any, shape: tuple[int, ...], place: str, remedy: str | Callable[[], str]) -> Floats:
     """Return an action as finite numbers.
 
     None, truth values, texts, bytes and dates are rejected, which NumPy would turn into numbers.

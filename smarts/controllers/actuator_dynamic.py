@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools
 from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.continuous import LEAST, MOST
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands
-
-Bools = NDArray[np.bool_]
 
 
 class ActuatorDynamic:

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
 from smarts.controllers.action_formats import ActionFormat, NumbersFormat, Rejected, numbers_of
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
@@ -15,10 +16,6 @@ from smarts.geometry.segments import wrapped_half_open
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 _PLACE = int(CommandMode.PLACE)
 _TOP_SPEED = 60.0

@@ -14,8 +14,8 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
 from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.controllers.trajectory_tracking import write_paths
 from smarts.dynamics import layout, vehicle, vehicle_names
@@ -26,10 +26,6 @@ from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
 from smarts.types.vehicles import VehicleKind
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 OFFSET_WEIGHT = 1.0
 """[1/m^2]"""

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Bools
 from smarts.controllers.action_formats import ActionFormat
 from smarts.types.actions import Actions, Commands
-
-Bools = NDArray[np.bool_]
 
 
 class Controller(Protocol):

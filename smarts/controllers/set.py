@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Floats
 from smarts.controllers import CONTROLLERS
 from smarts.controllers.fallback import FallbackController
 from smarts.controllers.protocol import Controller
@@ -16,10 +16,6 @@ from smarts.roads.scene import Scene
 from smarts.types.actions import KINKED, Actions, ActionSpaceType, CommandMode, Commands
 from smarts.types.agent_states import UNSET, AgentStatus, ChangePhase
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Floats = NDArray[np.float64]
 
 _ACTIVE, _NONE = int(AgentStatus.ACTIVE), int(CommandMode.NONE)
 

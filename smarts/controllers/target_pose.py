@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools
 from smarts.controllers.action_formats import FAR, ActionFormat, NumbersFormat
 from smarts.controllers.placing import PLAN, place_by_targets
 from smarts.geometry.binding import LateBound
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
-
-Bools = NDArray[np.bool_]
 
 TURN = 2 * np.pi
 """The largest magnitude of a target's heading [rad]."""

@@ -6,8 +6,8 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats, Ints
 from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
@@ -15,10 +15,6 @@ from smarts.geometry.segments import interpolate_angle, wrapped_half_open
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 _PLACE, _NONE = int(CommandMode.PLACE), int(CommandMode.NONE)
 

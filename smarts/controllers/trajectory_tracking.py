@@ -6,18 +6,14 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
 from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 BRAKING = 3.0
 """Deceleration behind the end of a path [m/s^2]."""

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats, Longs
 from smarts.dynamics.bullet import Box, BulletWorld
 from smarts.dynamics.free_motion import find_company
 from smarts.geometry.binding import bind
 
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
+Rows = Longs
 
 
 class BulletWorlds:

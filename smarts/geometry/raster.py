@@ -11,11 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import cell_number, inside_outline, project
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 Pixels = NDArray[np.uint8]
 
 

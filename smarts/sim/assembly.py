@@ -265,7 +265,7 @@ def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
 def _recorder(scene: Scene, options: Options) -> EpisodeRecorder | None:
     if options.record is None:
         return None
-    # Only who records has to wait for pyarrow.
+    # Only recording runs wait for pyarrow.
     from smarts.sim.recorder import EpisodeRecorder
 
     return EpisodeRecorder(scene, Path(options.record))

@@ -1,4 +1,4 @@
-"""What agents ask for, and what their vehicles are told to do."""
+"""Agents' actions, and the commands that vehicles carry out."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Actions(NamedTuple):
 
 
 class CommandMode(enum.IntEnum):
-    """How a vehicle is told where to go."""
+    """How a command moves a vehicle."""
 
     NONE = 0
     """Not at all: it rolls on."""
