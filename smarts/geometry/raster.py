@@ -173,6 +173,17 @@ def paint_box(
 
 
 @kernel
+def _within(start: float, step: float, limit: int, begin: int, end: int) -> tuple[int, int]:
+    """Return the part of begin..end in which start + step * c is within 0 and a limit, or slightly more."""
+    if step == 0.0:
+        return (begin, end) if -1.0 <= start <= limit + 1.0 else (begin, begin)
+    one, other = -start / step, (limit - start) / step
+    first = min(max(min(one, other) - 1.0, begin), end)
+    last = min(max(max(one, other) + 2.0, begin), end)
+    return math.floor(first), math.ceil(last)
+
+
+@kernel
 def cut_view(
     cells: Pixels,
     rows: int,
@@ -213,8 +224,9 @@ def cut_view(
     for r in range(height):
         ahead = 0.5 * height - r - 0.5
         across, along = middle_column + ahead * cosine, middle_row + ahead * sine
-        # The pixels of a row that are inside lie side by side: only the ends are looked for.
-        begin, end = 0, width
+        # The pixels of a row that are inside lie side by side: ends are estimated, then found by trying.
+        begin, end = _within(across - west[0], sine, columns, 0, width)
+        begin, end = _within(along + north[0], -cosine, rows, begin, end)
         while begin < end and not (
             0.0 <= across - west[begin] < columns and 0.0 <= along + north[begin] < rows
         ):
