@@ -180,7 +180,7 @@ class Anonymous(PPOConfig):
         ("algorithms=['own_q:Waits']", "own_q.py: ", "no subclass of"),
         ("algorithms=['own_k:Hidden']", "own_k.py:18: ", "KeyError: 'in its constructor'"),
         ("algorithms=['own_k:Anonymous']", "own_k.py: ", "has no `entry`"),
-        ("environment.adapter='own_q:Waits'", "own_q.py: ", "has no method 'encode'"),
+        ("environment.adapter='own_q:Waits'", "own_q.py: ", "has no method 'collect'"),
         ("environment.adapter='own_n:NONE'", "own_n.py: ", "neither a class nor a function"),
         ("environment.options={reward: 'own_n:NONE'}", "own_n.py: ", "neither a function"),
         ("environment.options={reward: 'own_q:Waits'}", "own_q.py: ", "neither a function"),
