@@ -101,7 +101,7 @@ def check_task_settings(experiment: Experiment) -> None:
 
 
 def _check_own_code(experiment: Experiment) -> None:
-    """Try own adapter, features, reward and metrics, and check that the algorithms fit the spaces.
+    """Play one decision with an own adapter, feature or reward, and check that the algorithms fit its spaces.
 
     Raises:
         OwnCodeError: Own code cannot be made, or raises.
@@ -111,20 +111,15 @@ def _check_own_code(experiment: Experiment) -> None:
     names = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
     features = feature_list(given.options.get("observation", {}))
     own_features = [each for each in (*features.stacked, *features.features) if each.is_own]
-    metrics = [name for name in experiment.metrics or () if is_own_name(name)]
-    has_own_parts = bool(own_features) or any(map(is_own_name, names))
+    if not own_features and not any(map(is_own_name, names)):
+        return
     # Imported here, so that the driver's process loads the simulation only for own code.
-    if metrics:
-        from benchmark.running.environments import try_metrics
+    from benchmark.running.environments import try_environment
 
-        try_metrics(task_settings_of(experiment)[0], metrics)
-    if has_own_parts:
-        from benchmark.running.environments import try_environment
-
-        spaces = try_environment(task_settings_of(experiment)[0])
-        if is_own_name(given.adapter) or own_features:
-            for algorithm in experiment.algorithms:
-                CONFIGS[algorithm]().check(JointSpec.build(spaces))
+    spaces = try_environment(task_settings_of(experiment)[0])
+    if is_own_name(given.adapter) or own_features:
+        for algorithm in experiment.algorithms:
+            CONFIGS[algorithm]().check(JointSpec.build(spaces))
 
 
 def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
