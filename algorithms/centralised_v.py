@@ -5,7 +5,8 @@ observations and take the clipped steps of PPO (eq. 7 of Schulman et al. 2017); 
 global state and exists in training only. Foerster et al. 2018 call the same critic "central-V".
 
 Deviations: the critic gives each agent its own value V_i(s), since rewards are individual here; the state is
-the environment's, or all observations side by side with who is there; the value loss is not clipped.
+the environment's, or all observations side by side with which agents are active; the value loss is not
+clipped.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class CentralisedVLearner(PPOLearner):
         return critic.moments.unscaled(critic.value(view))
 
     def observe_targets(self, batch: OnPolicyBatch) -> None:
-        """Let the critic adapt its scale."""
+        """Adapt the scale of the critic."""
         self.net(CRITIC).moments.observe(batch.targets, batch.alive)
 
     def fit_values(self, batch: OnPolicyBatch) -> None:

@@ -1,7 +1,7 @@
 """CommNet: agents that broadcast hidden layers to each other when they act.
 
 Sukhbaatar, Szlam & Fergus 2016, "Learning Multiagent Communication with Backpropagation". Every agent
-encodes its observation, then K times hears the mean of the other living agents' hidden layers (eq. 2) and
+encodes its observation, then K times hears the mean of the other active agents' hidden layers (eq. 2) and
 computes its next hidden layer (eq. 1), in the paper's simple form h <- tanh(H^i h + C^i c). The gradient is
 the paper's: policy gradient with a learned baseline as a second output of the same network, its error
 weighted by `value_coeff` (the paper's alpha = 0.03), through all agents' messages.
@@ -84,7 +84,7 @@ class CommNetModule(JointModule):
         """Return None: agents cannot be evaluated one by one."""
 
     def get_non_inference_attributes(self) -> list[str]:
-        """Return what runners need not hold (RLlib)."""
+        """Return the attributes that runners do not hold (RLlib)."""
         return ["baseline", "moments"]
 
 
@@ -104,7 +104,7 @@ class CommNetLearner(A2CLearner):
         return view.join(values)
 
     def observe_targets(self, batch: OnPolicyBatch) -> None:
-        """Let every baseline adapt its scale."""
+        """Adapt the scale of every baseline."""
         for group, own in batch.groups():
             self.net(group.id).moments.observe(own.targets, own.alive)
 

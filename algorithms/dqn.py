@@ -6,7 +6,7 @@ with the Huber loss; van Hasselt et al. 2016: the online network chooses the nex
 network values it; Wang et al. 2016, eq. 9: duelling value and advantage streams.
 
 Optional: prioritised replay (Schaul et al. 2016), with priorities of joint transitions by the mean over
-living agents; recurrent networks (Hausknecht & Stone 2015) that replay sequences from their stored memory
+active agents; recurrent networks (Hausknecht & Stone 2015) that replay sequences from their stored memory
 (Kapturowski et al. 2019, without burn-in).
 
 Deviations: target networks follow by polyak averaging instead of periodic copies; beta is constant.
@@ -144,7 +144,7 @@ class DQNLearner(OffPolicyLearner):
         return PrioritisedReplay(self.spec, self.config.capacity, alpha=alpha, beta=beta)
 
     def reprioritise(self, batch: ReplayBatch, surprise: Tensor) -> None:
-        """Let prioritised replay know the mean over living agents of absolute differences (M, N)."""
+        """Set priorities to the mean over active agents of absolute differences (M, N)."""
         if isinstance(self.replay, PrioritisedReplay) and batch.rows is not None:
             total = torch.where(batch.alive, surprise, 0).sum(-1)
             self.replay.reprioritise(batch.rows, total / batch.alive.sum(-1).clamp(min=1))
@@ -155,7 +155,8 @@ class DQNLearner(OffPolicyLearner):
             return own.next, own.next
         with torch.no_grad():
             memories = net.q.forward_recurrent(own)[1], net.target_q.forward_recurrent(own)[1]
-        # Whoever did not act before, or whose life ended, begins with the empty memory that is stored.
+        # An agent that did not act before, or whose trajectory ended, begins with the empty memory
+        # that is stored.
         stored, same = own.next.observations[MEMORY], own.bootstrap[..., None]
         online, target = (
             replace(
@@ -166,7 +167,7 @@ class DQNLearner(OffPolicyLearner):
         return online, target
 
     def next_value(self, net: DQNModule, view: GroupView, target_view: GroupView | None = None) -> Tensor:
-        """Return the target network's value (M, n) of the action that looks best; illegal ones never do."""
+        """Return the target network's value (M, n) of the best action that the mask allows."""
         with torch.no_grad():
             values = net.target_q((target_view or view).observations)
             ranking = net.policy(view) if self.config.double else values

@@ -2,12 +2,12 @@
 
 Iqbal & Sha 2019, "Actor-Attention-Critic for Multi-Agent Reinforcement Learning". Each agent's Q_i(o, a) is a
 function of its own embedding and of a sum over the other agents' values V g_j(o_j, a_j), weighted by
-attention (section 3.2). One critic of all agents is fitted by their joint loss with everybody's target
+attention (section 3.2). One critic of all agents is fitted by their joint loss with all agents' target
 policies. Policies follow the soft policy gradient with all agents' actions drawn from the present policies,
 and with the counterfactual baseline sum_a pi_i(a | o_i) Q_i(o, (a, a_-i)). So that one pass gives Q_i for all
 own actions (section 3.3), neither query nor own embedding contains the agent's own action.
 
-Deviations: losses are means over the living agents instead of sums over all (the authors' code scales the
+Deviations: losses are means over the active agents instead of sums over all (the authors' code scales the
 critic's gradient by 1/N too); attention skips agents that are not there; no batch normalisation of
 observations and no penalty on logits, which are in the authors' code only; embeddings have one hidden layer
 of the width `hidden[-1]`; agents of a group share networks and are told apart by their place.
@@ -28,7 +28,7 @@ from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.spec import Group, JointSpec, action_size
-from algorithms.maddpg import Actor
+from algorithms.maddpg import PolicyNetwork
 from algorithms.parts.attention import attend
 from algorithms.parts.distributions import CategoricalDistribution
 from algorithms.parts.networks import Encoder, perceptron
@@ -43,7 +43,7 @@ class MAACModule(JointModule):
 
     def make_networks(self) -> None:
         """Create policy and target policy."""
-        self.actor = Actor(self.group, self.settings["hidden"], self.head.outputs)
+        self.actor = PolicyNetwork(self.group, self.settings["hidden"], self.head.outputs)
         self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:
@@ -93,8 +93,8 @@ class AttentionQ(nn.Module):
         """Return the values.
 
         Args:
-            view: What everybody sees.
-            actions: Everybody's actions by group id, one-hot (M, n, A).
+            view: What all agents see.
+            actions: All agents' actions by group id, one-hot (M, n, A).
         """
         embeddings = cast(Iterable[AgentEmbedding], self.embeddings)
         parts, absent = [view.view(group) for group in self._groups], view.absent()
@@ -119,7 +119,7 @@ class AttentionQ(nn.Module):
 
 
 def without_gradient_if(condition: bool, x: Tensor) -> Tensor:
-    """Return `x`, if so without gradient: what has none is not stepped, by Adam's momentum neither."""
+    """Detach `x` if the condition holds, so that its module is not stepped, not even by Adam's momentum."""
     return x.detach() if condition else x
 
 
@@ -157,7 +157,7 @@ class MAACLearner(OffPolicyLearner):
     def play(
         self, view: JointView, *, target: bool = False
     ) -> tuple[dict[str, CategoricalDistribution], dict[str, Tensor], dict[str, Tensor]]:
-        """Return everybody's policies, actions (M, n) drawn from them, and these one-hot, by group id."""
+        """Return all agents' policies, actions (M, n) drawn from them, and these one-hot, by group id."""
         policies, actions, encoded = {}, {}, {}
         for group in self.groups:
             policies[group.id] = self.net(group.id).distribution(view.view(group), target=target)

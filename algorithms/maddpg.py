@@ -1,13 +1,13 @@
 """Multi-agent deep deterministic policy gradient (MADDPG), for discrete and continuous actions.
 
 Lowe et al. 2017, "Multi-Agent Actor-Critic for Mixed Cooperative-Competitive Environments". Each group has a
-critic Q_i(x, a_1, ..., a_N) of everybody's observations and actions, fitted by eq. 6 with everybody's target
+critic Q_i(x, a_1, ..., a_N) of all agents' observations and actions, fitted by eq. 6 with all agents' target
 policies; its policy follows eq. 5, where only agent i's action comes from its policy and the others' come
 from replay. Discrete actions are straight-through Gumbel-softmax samples (as in the authors' code),
 continuous ones tanh with noise.
 
 Deviations: target policies give hard samples instead of soft ones; finished agents count as zeros in x and a,
-with flags of who is there; agents of a group share networks, told apart by a learned bias.
+with flags of which agents are active; agents of a group share networks, told apart by a learned bias.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from algorithms.parts.networks import Encoder, perceptron
 from algorithms.parts.relaxation import straight_through_gumbel
 
 
-class Actor(nn.Module):
+class PolicyNetwork(nn.Module):
     """Policy outputs (..., n, P) of observation leaves."""
 
     def __init__(self, group: Group, hidden: tuple[int, ...], outputs: int) -> None:
@@ -56,7 +56,7 @@ class MADDPGModule(JointModule):
 
     def make_networks(self) -> None:
         """Create policy and target policy."""
-        self.actor = Actor(self.group, self.settings["hidden"], self.head.outputs)
+        self.actor = PolicyNetwork(self.group, self.settings["hidden"], self.head.outputs)
         self.target_actor = copy.deepcopy(self.actor).requires_grad_(False)
 
     def policy(self, view: GroupView) -> Tensor:
@@ -106,8 +106,8 @@ class JointQ(nn.Module):
         """Return Q values (M, n).
 
         Args:
-            view: What everybody sees.
-            actions: Everybody's actions by group id, each (M, n, A).
+            view: What all agents see.
+            actions: All agents' actions by group id, each (M, n, A).
             replaced: Own actions (M, n, A): row i takes these for agent i, and `actions` for all others.
         """
         joint = torch.cat([view.joint_observations(), view.alive.float()], -1)

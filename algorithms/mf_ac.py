@@ -7,7 +7,7 @@ name: MF-Q's critic Q_i(o, a_i, m_i), m_i being the mean one-hot action of the a
     critic          Q_i(o, a_i, m_i) towards r_i + gamma * sum_a pi'_i(a | o') * Q'_i(o', a, m_i)
     policy          along the mean of grad log pi_i(a | o) * Q_i(o, a, m_i), a drawn from pi_i
 
-Policies see their own observations only, so nobody needs to know anybody's action to act.
+Policies see their own observations only, so acting needs no other agent's action.
 
 Deviations: as MF-Q's; the policy's gradient takes its expectation over the own action exactly, which is the
 paper's gradient without the noise of sampling that action; an entropy bonus.

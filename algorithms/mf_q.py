@@ -9,8 +9,9 @@ name. What the others do enters an agent's value through the mean of its neighbo
     policy          pi_i(a | o, m) proportional to exp(Q_i(o, a, m) / temperature), m of the step before
 
 The update's m_i is of the same step as a_i. When agents act, the present one is not known yet: they use that
-of the step before, which is the m_i of the update's value too. An agent's own action, the dead, and agents
-that are not its neighbours are not in it; it is zero for an agent alone, and where a life begins.
+of the step before, which is the m_i of the update's value too. It leaves out the agent's own action,
+inactive agents and agents that are not its neighbours; it is zero for an agent alone, and where a trajectory
+begins.
 
 Deviations: agents see their own observations, not a global state; v_i takes one sample of m_i, the actual
 one, for its expectation; the temperature is constant; target networks follow by polyak averaging; agents that
@@ -81,7 +82,7 @@ class MeanFieldQModule(JointModule):
 
 
 def mean_actions(batch: ReplayBatch, neighbourhood: Neighbourhood) -> Tensor:
-    """Return the mean one-hot action of each agent's living neighbours, (M, N, A)."""
+    """Return the mean one-hot action of each agent's active neighbours, (M, N, A)."""
     return mean_over(neighbourhood.of(batch), batch.join(batch.encoded_actions()))
 
 
@@ -115,7 +116,7 @@ class MeanFieldConfig(JointConfig):
     """RLlib config of both mean-field algorithms."""
 
     def check(self, spec: JointSpec) -> None:
-        """Refuse environments whose agents have no action in common (see `JointConfig.check`).
+        """Raise if agents have different actions; see `JointConfig.check`.
 
         Raises:
             SpaceError: Actions are not discrete, or not equally many.
@@ -137,7 +138,7 @@ class MeanFieldQConfig(MeanFieldConfig):
     interchangeable = ("temperature",)
 
     def adapt(self, env: VectorJointEnv) -> VectorJointEnv:
-        """Let agents see the mean action of the step before, where there is one; else `check` refuses."""
+        """Show agents the mean action of the step before, where actions are equal; else `check` raises."""
         return WithMeanActions(env, self.graph) if common_actions(env.spaces) else env
 
     def module_settings(self):

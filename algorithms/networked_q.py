@@ -23,9 +23,9 @@ takes the agent's own part of the best joint action.
 
 Deviations: adapt-then-combine order, in which both exchanges happen after the local part (a complete graph is
 then exactly the centralised fit); steps by Adam on the tracked gradient; every step on a fresh minibatch from
-replay that all agents share, instead of one fixed batch; the state is everybody's observations side by side
-with who is there, zeros for absent agents, whose only action is number 0; a group of agents that share
-a network is one node, whose weight is its size.
+replay that all agents share, instead of one fixed batch; the state is all observations side by side
+with which agents are active, zeros for absent agents, whose only action is number 0; a group of agents that
+share a network is one node, whose weight is its size.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from algorithms.parts.networks import perceptron
 
 
 def joint_state(views: Sequence[GroupView]) -> Tensor:
-    """Return everybody's observations side by side and who is there, (M, D), in the order of the groups."""
+    """Return all observations and which agents are active side by side, (M, D), in order of the groups."""
     parts = []
     for view in views:
         there = view.alive[..., None]
@@ -211,7 +211,7 @@ class NetworkedQLearner(OffPolicyLearner):
         return metropolis(node_links(self.neighbourhood.of(batch[:1])[0], self.groups))
 
     def average(self, mixing: Tensor) -> None:
-        """Let every node replace its parameters by the weighted mean of its neighbours' and its own."""
+        """Replace every node's parameters by the weighted mean of its neighbours' and its own."""
         with torch.no_grad():
             own = [torch.nn.utils.parameters_to_vector(self._fitted[g.id]) for g in self.groups]
             for group, mixed in zip(self.groups, mixing @ torch.stack(own), strict=True):
@@ -228,7 +228,7 @@ class NetworkedQLearner(OffPolicyLearner):
 
 
 def node_links(links: Tensor, groups: Sequence[Group]) -> Tensor:
-    """Return which groups are linked, (G, G): those of whom two agents hear each other, each the other."""
+    """Group adjacency (G, G): true if any two members communicate both ways."""
     mutual, nodes = links & links.transpose(-1, -2), len(groups)
     linked = torch.zeros(nodes, nodes, dtype=torch.bool, device=links.device)
     for i, one in enumerate(groups):
@@ -249,7 +249,7 @@ class NetworkedQConfig(JointConfig):
         return Exploration(explore=bool(self.explore), epsilon=first + (last - first) * done)
 
     def check(self, spec: JointSpec) -> None:
-        """Refuse environments that the algorithm cannot handle.
+        """Raise if the algorithm cannot handle the environment.
 
         Raises:
             SpaceError: Actions are not discrete or make too many combinations, an observation is an image, or

@@ -1,15 +1,15 @@
-"""Independent policy gradient (PG, REINFORCE) on whole lives.
+"""Independent policy gradient (PG, REINFORCE) on whole trajectories.
 
 Williams 1992, "Simple Statistical Gradient-Following Algorithms for Connectionist Reinforcement Learning":
 the gradient grad log pi(a_i | o_i) (G_i - b), where G_i is the discounted sum of the agent's own rewards from
-this step to the end of its life and b does not depend on the action. Sutton et al. 2000, "Policy Gradient
-Methods for Reinforcement Learning with Function Approximation", give the same per step.
+this step to the end of its trajectory and b does not depend on the action. Sutton et al. 2000, "Policy
+Gradient Methods for Reinforcement Learning with Function Approximation", give the same per step.
 
-Nothing is bootstrapped: a life that has not ended with the fragment is held until it does, and what was
-learnt from is its whole return. Where a time limit ends a life, its return ends too. A life that a failing
-environment breaks off has no return and is dropped.
+Nothing is bootstrapped: a trajectory that has not ended with the fragment is held until it ends, and its
+whole return is learned from. Where a time limit ends a trajectory, its return ends too. A trajectory that a
+failing environment breaks off has no return and is dropped.
 
-Deviations: the factor gamma^t of a step's place in its life is left out, as is usual; the baseline is a
+Deviations: the factor gamma^t of a step's place in its trajectory is left out, as is usual; the baseline is a
 learned V(o_i), regressed on the returns (`baseline=False`: none); standardised advantages; an entropy bonus;
 Adam.
 """
@@ -31,11 +31,11 @@ from algorithms.joint.trajectories import OpenTrajectories
 
 
 def returns_to_go(rewards: np.ndarray, chain: Bools, gamma: float) -> np.ndarray:
-    """Return the discounted sum of rewards (T, B, N) from each step to the end of the life or the data.
+    """Return the discounted sum of rewards (T, B, N) from each step to the end of the trajectory or the data.
 
     Args:
         rewards: (T, B, N).
-        chain: The life goes on in the next row, (T, B, N).
+        chain: The trajectory continues in the next row, (T, B, N).
         gamma: Discount.
     """
     returns = np.empty_like(rewards)
@@ -47,22 +47,22 @@ def returns_to_go(rewards: np.ndarray, chain: Bools, gamma: float) -> np.ndarray
 
 
 class PGLearner(A2CLearner):
-    """One policy-gradient step on all lives that have ended since the last."""
+    """One policy-gradient step on all trajectories that have ended since the last."""
 
     def build(self) -> None:
-        """Build modules, with no life open."""
+        """Build modules, with no trajectory open."""
         super().build()
         self.trajectories = OpenTrajectories(self.config.longest_trajectory)
 
     def update_joint(self, rollout: JointRollout) -> None:
-        """Learn from the lives that ended in this fragment, if any did."""
+        """Learn from the trajectories that ended in this fragment."""
         batch = self.prepare(rollout)
         if len(batch):
             self.update_minibatch(batch)
             self.updates += 1
 
     def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
-        """Return a row for each moment in which somebody acted whose life is over by now.
+        """Return a row for each moment in which an agent acted whose trajectory is over.
 
         `alive` marks these agents only.
         """
@@ -94,7 +94,7 @@ class PGLearner(A2CLearner):
         return batch
 
     def observe_targets(self, batch: OnPolicyBatch) -> None:
-        """Let baselines adapt their scale."""
+        """Adapt the scale of baselines."""
         if self.config.baseline:
             super().observe_targets(batch)
 

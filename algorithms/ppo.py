@@ -80,7 +80,7 @@ class PPOLearner(OnPolicyLearner):
         return batch
 
     def observe_targets(self, batch: OnPolicyBatch) -> None:
-        """Let every critic adapt its scale."""
+        """Adapt the scale of every critic."""
         for group, own in batch.groups():
             self.net(critic_of(group)).moments.observe(own.targets, own.alive)
 

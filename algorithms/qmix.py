@@ -3,7 +3,8 @@
 Rashid et al. 2018, "QMIX: Monotonic Value Function Factorisation for Deep Multi-Agent Reinforcement
 Learning", eq. 5: dQ_tot/dQ_i >= 0 by absolute weights from hypernetworks of the global state; loss of eq. 6.
 
-Deviations: as VDN; the state is the environment's, or all observations side by side with who is there.
+Deviations: as VDN; the state is the environment's, or all observations side by side with which agents are
+    active.
 """
 
 from __future__ import annotations

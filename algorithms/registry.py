@@ -18,7 +18,7 @@ class Paradigm(StrEnum):
     NETWORKED = "networked agents"
 
 
-class Actions(StrEnum):
+class ActionKind(StrEnum):
     """Action spaces an algorithm can handle."""
 
     DISCRETE = "discrete"
@@ -44,18 +44,18 @@ class Entry(NamedTuple):
     settings: type[JointSettings]
     paradigm: Paradigm
     level: str
-    actions: Actions
+    actions: ActionKind
     summary: str = ""
     communication: bool = False
     recurrent: bool = False
 
-    def acts_in(self, kind: Actions) -> bool:
+    def acts_in(self, kind: ActionKind) -> bool:
         """Return whether the algorithm can handle a space of this kind."""
-        return self.actions in (kind, Actions.BOTH)
+        return self.actions in (kind, ActionKind.BOTH)
 
 
 _DEC, _CEN, _CTDE, _NET = Paradigm.DECENTRALISED, Paradigm.CENTRALISED, Paradigm.CTDE, Paradigm.NETWORKED
-_DISCRETE, _BOTH = Actions.DISCRETE, Actions.BOTH
+_DISCRETE, _BOTH = ActionKind.DISCRETE, ActionKind.BOTH
 
 # One line an algorithm; order: by paradigm, then from plain to elaborate.
 ALGORITHMS: dict[str, Entry] = {

@@ -29,7 +29,7 @@ class VDNLearner(DQNLearner):
             best[group.id] = self.next_value(net, *self.following(net, own))
         total = self.mix(torch.where(batch.alive, batch.join(chosen), 0), batch)
         with torch.no_grad():
-            # Whoever is there next counts, late arrivals too: the same agents as when that moment is fitted.
+            # All agents that are active next count, late arrivals too, as when that moment is fitted.
             value = self.mix(torch.where(following.alive, batch.join(best), 0), following, target=True)
             value = torch.where(following.alive.any(-1), value, 0)
             target = self.config.reward_scale * self.team_reward(batch) + self.gamma * value

@@ -4,7 +4,7 @@ import ray
 from ray.tune import register_env
 
 from algorithms.ppo import PPO, PPOConfig, PPOLearner
-from algorithms.registry import Actions, Entry, Paradigm
+from algorithms.registry import ActionKind, Entry, Paradigm
 from algorithms.settings import NotNegative, PPOSettings
 from smarts.env import VectorHiWayEnv
 
@@ -30,7 +30,7 @@ class CautiousConfig(PPOConfig):
 
     algorithm = "cautious"
     entry = Entry(
-        "own_algorithm:CautiousConfig", CautiousSettings, Paradigm.DECENTRALISED, "M1", Actions.BOTH
+        "own_algorithm:CautiousConfig", CautiousSettings, Paradigm.DECENTRALISED, "M1", ActionKind.BOTH
     )
 
 

@@ -27,7 +27,7 @@ from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
 import algorithms
-from algorithms.joint.env import Block, Final, JointSpaces, JointStep
+from algorithms.joint.env import AgentBlock, FinalStep, JointSpaces, JointStep
 
 AGENTS, WIDTH, ACTIONS, COPIES, LENGTH, FRAGMENT = 4, 200, 5, 8, 100, 64
 NAMES = tuple(f"agent_{i}" for i in range(AGENTS))
@@ -65,11 +65,11 @@ class NullVector:
     def __init__(self, config=None):
         self.num_envs = COPIES
         self.spaces = JointSpaces(
-            (Block(NAMES, {"": Box(-np.inf, np.inf, (WIDTH,), np.float32)}, Discrete(ACTIONS)),)
+            (AgentBlock(NAMES, {"": Box(-np.inf, np.inf, (WIDTH,), np.float32)}, Discrete(ACTIONS)),)
         )
         self.seen = ({"": np.random.default_rng(0).standard_normal((COPIES, AGENTS, WIDTH), np.float32)},)
         self.ones, self.no = np.ones((COPIES, AGENTS), np.float32), np.zeros((COPIES, AGENTS), bool)
-        self.final = Final(np.arange(COPIES), self.seen)
+        self.final = FinalStep(np.arange(COPIES), self.seen)
         self.t = 0
 
     def reset(self, seed, worlds, *, stride=0):

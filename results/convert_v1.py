@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import yaml
 
@@ -137,8 +136,8 @@ def _converted_results(table: pa.Table, metadata: dict[bytes, bytes]) -> pa.Tabl
     for column, names in (("outcome", OUTCOMES), ("algorithm", POLICIES)):
         for old, new in names.items():
             number = table.column_names.index(column)
-            values = pc.if_else(pc.equal(table[column], old), new, table[column])
-            table = table.set_column(number, column, values.cast(table.schema.field(column).type))
+            values = [new if value == old else value for value in table[column].to_pylist()]
+            table = table.set_column(number, column, pa.array(values, table.schema.field(column).type))
     frame = table.rename_columns([TABLE_COLUMNS.get(name, name) for name in table.column_names]).to_pandas(
         ignore_metadata=True
     )

@@ -12,7 +12,7 @@ from gymnasium.spaces import Discrete
 from ray.cloudpickle import cloudpickle
 
 from algorithms.errors import EnvironmentFailure, SpaceError
-from algorithms.joint.env import Block, Bools, Final, Ints, JointSpaces, JointStep, episode_seed
+from algorithms.joint.env import AgentBlock, Bools, FinalStep, Ints, JointSpaces, JointStep, episode_seed
 from algorithms.joint.rollout import View
 from algorithms.joint.spaces import MASK, Flattening, check_action_space
 
@@ -333,7 +333,7 @@ def _spaces(
 ) -> JointSpaces:
     """Return the agents in blocks of equal spaces."""
     with_mask = [agent for agent in names if MASK in infos.get(agent, {})]
-    found: list[tuple[str, Block]] = []
+    found: list[tuple[str, AgentBlock]] = []
     # The mask comes with the observation or with the infos; agents that enter later are like the others.
     kinds = [(flattening[agent].leaves, actions[agent]) for agent in with_mask]
     for agent in names:
@@ -341,15 +341,15 @@ def _spaces(
         late = agent not in infos and (leaves, action) in kinds
         masked = flattening[agent].masked or agent in with_mask or late
         # Only Discrete actions can be masked.
-        block = Block((), leaves, action, masked and isinstance(action, Discrete))
+        block = AgentBlock((), leaves, action, masked and isinstance(action, Discrete))
         found.append((agent, block))
     common = infos.get(COMMON, {})
     return JointSpaces(_in_blocks(found), int(np.size(common.get("state", ()))), "graph" in common)
 
 
-def _in_blocks(found: list[tuple[str, Block]]) -> tuple[Block, ...]:
+def _in_blocks(found: list[tuple[str, AgentBlock]]) -> tuple[AgentBlock, ...]:
     """Return the different blocks, each with its agents."""
-    blocks: list[Block] = []
+    blocks: list[AgentBlock] = []
     members: list[list[str]] = []
     for agent, block in found:
         if block not in blocks:
@@ -359,7 +359,7 @@ def _in_blocks(found: list[tuple[str, Block]]) -> tuple[Block, ...]:
     return tuple(block._replace(agents=tuple(a)) for block, a in zip(blocks, members, strict=True))
 
 
-def _final(finals: list[tuple[int, View]]) -> Final:
+def _final(finals: list[tuple[int, View]]) -> FinalStep:
     view = View.concat([view for _, view in finals], 0)
     rows = np.array([b for b, _ in finals])
-    return Final(rows, view.observations, view.masks, view.state, view.graph)
+    return FinalStep(rows, view.observations, view.masks, view.state, view.graph)

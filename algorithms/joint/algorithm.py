@@ -52,7 +52,7 @@ class JointAlgorithm(Algorithm):
     learner_group: Any
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Let the config know its algorithm."""
+        """Name the algorithm in its config."""
         super().__init_subclass__(**kwargs)
         if "config_class" in vars(cls):
             cls.config_class.algorithm_class = cls
@@ -205,11 +205,7 @@ class JointAlgorithm(Algorithm):
         own = self._signature()
         if stored is None or stored == own:
             return
-        # Checkpoints of earlier versions do not tell the settings of their networks.
-        names = {*stored, *own} - (self.config.checkpoint_signature().keys() - stored.keys())
-        differing = sorted(name for name in names if stored.get(name) != own.get(name))
-        if not differing:
-            return
+        differing = sorted(name for name in {*stored, *own} if stored.get(name) != own.get(name))
         lines = "; ".join(f"{n}: {stored.get(n)} there, {own.get(n)} here" for n in differing)
         raise CheckpointError(
             f"the checkpoint does not fit: {lines}",

@@ -27,8 +27,8 @@ class GroupView:
     Attributes:
         observations: Leaves (M, n, ...).
         alive: (M, n).
-        legal: Legal actions (M, n, A), or None.
-        fresh: Where another life than in the row before begins, (M, n), or None; see `JointView`.
+        action_mask: Allowed actions (M, n, A), or None.
+        fresh: Where a trajectory begins, (M, n), or None; see `JointView`.
         length: Steps of each sequence.
     """
 
@@ -78,7 +78,7 @@ class JointView:
     moment l of sequence c.
 
     Attributes:
-        fresh: Where a life begins within a sequence, (M, N), or None without sequences.
+        fresh: Where a trajectory begins within a sequence, (M, N), or None without sequences.
         length: L.
     """
 
@@ -137,7 +137,7 @@ class JointView:
         return GroupView(*self._seen(group), **self._order(group))
 
     def absent(self) -> set[str]:
-        """Return the ids of the groups of which nobody is there in any row.
+        """Return the ids of the groups without an active agent in any row.
 
         A loss says nothing about them, but Adam's momentum would move their networks all the same.
         """
@@ -170,7 +170,7 @@ class JointView:
         return torch.cat(parts, -1)
 
     def global_state(self) -> Tensor:
-        """Return the environment's state (..., S), else the joint observations and who is there."""
+        """Return the environment's state (..., S), else joint observations and which agents are active."""
         if self.state is not None:
             return self.state
         return torch.cat([self.joint_observations(), self.alive.float()], -1)
@@ -201,8 +201,8 @@ class JointBatch(JointView):
     """M transitions of all N agents.
 
     Attributes:
-        actions: Per block, int64 (M, n) or float32 (M, n, k); 0 for the dead.
-        rewards: Individual rewards, (M, N); 0 for the dead.
+        actions: Per block, int64 (M, n) or float32 (M, n, k); 0 for inactive agents.
+        rewards: Individual rewards, (M, N); 0 for inactive agents.
         bootstrap: Alive and not terminated, so the value of the next moment counts, (M, N).
     """
 
@@ -230,8 +230,8 @@ class OnPolicyBatch(JointBatch):
 
     Attributes:
         log_prob: Of the actions when they were taken.
-        advantages: Standardised where the config says so; 0 for the dead.
-        targets: What values are regressed on; 0 for the dead.
+        advantages: Standardised where the config says so; 0 for inactive agents.
+        targets: What values are regressed on; 0 for inactive agents.
     """
 
     log_prob: Tensor
@@ -255,8 +255,8 @@ class ReplayBatch(JointBatch):
     """Transitions from replay.
 
     Attributes:
-        next: The true next moment, never a reset observation; `next.alive` tells who is still there,
-            agents cut by a time limit included.
+        next: The true next moment, never a reset observation; `next.alive` marks active agents,
+            those cut by a time limit included.
         rows: Places in the replay buffer, (M,).
         weights: Importance weights (M,) of prioritised replay, or None.
     """

@@ -1,4 +1,4 @@
-"""Refusals of environments that critics of all observations cannot handle."""
+"""Checks of environments for critics of all observations."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from algorithms.joint.spec import JointSpec
 
 
 def check_vectors(spec: JointSpec, algorithm: str) -> None:
-    """Refuse images where an algorithm puts all observations side by side.
+    """Raise if an observation is an image, where an algorithm joins all observations.
 
     Raises:
         SpaceError: An observation leaf is an image.
@@ -23,6 +23,6 @@ def check_vectors(spec: JointSpec, algorithm: str) -> None:
 
 
 def check_state(spec: JointSpec, algorithm: str) -> None:
-    """Refuse images where they would be the global state; see `check_vectors`."""
+    """Raise if images would be the global state; see `check_vectors`."""
     if not spec.spaces.state:
         check_vectors(spec, algorithm)

@@ -17,12 +17,12 @@ from ray.rllib.utils.metrics.metrics_logger import DEFAULT_STATS_CLS_LOOKUP
 from ray.util.debug import log_once
 
 from algorithms.errors import SpaceError, UnknownSettingError, nearest_names
-from algorithms.joint.env import MEMORY, Block, VectorJointEnv
+from algorithms.joint.env import MEMORY, AgentBlock, VectorJointEnv
 from algorithms.joint.metrics import EPISODE_MEAN, EpisodeMean
 from algorithms.joint.module import JointModule, LearnerModule
 from algorithms.joint.spec import SPEC, Group, JointSpec, agent_spaces
 from algorithms.parts.distributions import Exploration
-from algorithms.registry import ALGORITHMS, Actions, Entry
+from algorithms.registry import ALGORITHMS, ActionKind, Entry
 from algorithms.settings import faults
 
 logger = logging.getLogger(__name__)
@@ -111,7 +111,7 @@ class JointConfig(AlgorithmConfig):
         built = {"algorithm": self.algorithm, **self.module_settings(), "gru": self.gru}
         return {name: value for name, value in built.items() if name not in self.interchangeable}
 
-    def carried(self, block: Block) -> dict[str, Box]:
+    def carried(self, block: AgentBlock) -> dict[str, Box]:
         """Return the leaves that the sampler adds to the observations of a block's agents."""
         return {MEMORY: Box(-1.0, 1.0, (self.gru,), np.float32)} if self.gru else {}
 
@@ -153,13 +153,13 @@ class JointConfig(AlgorithmConfig):
         )
 
     def check(self, spec: JointSpec) -> None:
-        """Refuse environments that the algorithm cannot handle.
+        """Raise if the algorithm cannot handle the environment.
 
         Raises:
             SpaceError: An action space does not fit; the message names algorithms that do.
         """
         for block in spec.spaces.blocks:
-            kind = Actions.DISCRETE if isinstance(block.action, Discrete) else Actions.CONTINUOUS
+            kind = ActionKind.DISCRETE if isinstance(block.action, Discrete) else ActionKind.CONTINUOUS
             if not self.entry.acts_in(kind):
                 fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
                 raise SpaceError(

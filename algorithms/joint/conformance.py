@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Discrete
 
 from algorithms.errors import SpaceError
-from algorithms.joint.env import Block, Bools, Ints, JointStep, VectorJointEnv
+from algorithms.joint.env import AgentBlock, Bools, Ints, JointStep, VectorJointEnv
 
 
 def check_vector_env(env: VectorJointEnv, *, steps: int = 200, seed: int = 0) -> None:
@@ -61,7 +61,7 @@ def _check_shapes(env: VectorJointEnv, step: JointStep, t: int) -> None:
         _require(shape == (env.num_envs, env.spaces.state), t, f"`state` has shape {shape}")
 
 
-def _check_leaves(block: Block, leaves: Mapping[str, np.ndarray], num_envs: int, t: int) -> None:
+def _check_leaves(block: AgentBlock, leaves: Mapping[str, np.ndarray], num_envs: int, t: int) -> None:
     for name, space in block.observation.items():
         leaf = leaves[name]
         shape = (num_envs, len(block.agents), *space.shape)

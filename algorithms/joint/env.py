@@ -32,7 +32,7 @@ MEMORY = "@memory"
 Action = Box | Discrete
 
 
-class Block(NamedTuple):
+class AgentBlock(NamedTuple):
     """Agents with equal spaces; they occupy contiguous columns.
 
     Attributes:
@@ -57,12 +57,12 @@ class JointSpaces(NamedTuple):
         has_graph: Whether steps carry a communication graph.
     """
 
-    blocks: tuple[Block, ...]
+    blocks: tuple[AgentBlock, ...]
     state: int = 0
     has_graph: bool = False
 
 
-class Final(NamedTuple):
+class FinalStep(NamedTuple):
     """True last observations of the environments whose observations were overwritten in a step.
 
     Attributes:
@@ -109,7 +109,7 @@ class JointStep(NamedTuple):
     truncated: Bools
     alive: Bools
     reset: Bools
-    final: Final | None = None
+    final: FinalStep | None = None
     masks: tuple[Bools | None, ...] = ()
     state: Floats | None = None
     graph: Bools | None = None

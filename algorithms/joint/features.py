@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from gymnasium.spaces import Box, Discrete
 
-from algorithms.joint.env import Bools, Final, Floats, Ints, JointSpaces, JointStep, VectorJointEnv
+from algorithms.joint.env import Bools, FinalStep, Floats, Ints, JointSpaces, JointStep, VectorJointEnv
 from algorithms.joint.neighbours import Graph, Neighbourhood
 from algorithms.parts.communication import mean_over
 
@@ -120,7 +120,7 @@ class WithMeanActions:
         self._neighbours = neighbours.clone()
         return step._replace(observations=self._with_means(step.observations, self._means))
 
-    def _with_final(self, final: Final, means: Floats) -> Final:
+    def _with_final(self, final: FinalStep, means: Floats) -> FinalStep:
         return final._replace(observations=self._with_means(final.observations, means))
 
     def _with_means(self, observations, means: Floats):

@@ -45,7 +45,7 @@ class JointTrainingData(TrainingData):
             self.rollout = ray.get(self.rollout)
 
     def shard(self, num_shards: int, **kwargs: Any) -> list[tuple[JointTrainingData, dict]]:  # type: ignore[override]
-        """Return the data for each of the learners (RLlib); there is one."""
+        """Return the data for each of the learners (RLlib), which is one."""
         return [(self, {})]
 
 
@@ -76,7 +76,7 @@ class JointTorchLearner(TorchLearner):
         return self.module[module_id].unwrapped()
 
     def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
-        """Give every module one Adam over all its parameters except target networks."""
+        """Create one Adam for every module, over its parameters without target networks."""
         parameters = self.net(module_id).trained_parameters()
         if parameters:
             self.register_optimizer(
@@ -95,8 +95,8 @@ class JointTorchLearner(TorchLearner):
     def step_optimizer(self, loss: Tensor, *module_ids: str) -> None:
         """Take one gradient step on `loss` with respect to these modules, and no others.
 
-        The gradient of each module is clipped by its own norm. Modules of groups of which nobody is there are
-        left out by the caller, see `JointView.absent`.
+        The gradient of each module is clipped by its own norm. The caller leaves out modules
+        of groups without an active agent, see `JointView.absent`.
         """
         if not module_ids:
             return
@@ -113,11 +113,11 @@ class JointTorchLearner(TorchLearner):
                 p.grad = None
 
     def schedule_value(self, schedule: Schedule) -> float:
-        """Return what a setting is at this update, where it may be a schedule over environment steps."""
+        """Return the value of a setting at this update, which may be a schedule over environment steps."""
         return value_at(schedule, self.env_steps)
 
     def mean(self, x: Tensor, mask: Tensor) -> Tensor:
-        """Return the mean over the living; every term of every loss goes through here."""
+        """Return the mean over active agents; every term of every loss goes through here."""
         return masked_mean(x, mask)
 
     def log(self, module_id: str, name: str, value: Tensor) -> None:
@@ -160,7 +160,7 @@ class JointTorchLearner(TorchLearner):
         raise NotImplementedError
 
     def compute_loss_for_module(self, **kwargs: Any) -> Tensor:
-        """Refuse: losses belong to `update_minibatch` (RLlib)."""
+        """Raise: losses belong to `update_minibatch` (RLlib)."""
         raise NotImplementedError("joint learners compute their losses in update_minibatch")
 
     def get_state(self, components=None, *, not_components=None, **kwargs: Any) -> dict[str, Any]:
@@ -172,10 +172,10 @@ class JointTorchLearner(TorchLearner):
         return copy.deepcopy(state) if components is None and not not_components else state
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Restore; older weights too, which RLlib's learner would silently ignore.
+        """Restore, older weights too, which RLlib's learner would silently ignore.
 
-        Runners know weights by their number, so restored weights get one that nobody has yet: another
-        training may have counted just as far.
+        Runners know weights by their number, so restored weights get one that no runner has: another
+        training may have counted as far.
         """
         before = self._weights_seq_no
         if COMPONENT_RL_MODULE in state:
@@ -198,9 +198,8 @@ class JointTorchLearner(TorchLearner):
         self.generator.set_state(torch.tensor(state["generator"]))
         self.rng.bit_generator.state = state["rng"]
         self.updates = state["updates"]
-        # Checkpoints of earlier versions tell neither the steps nor the learning rate.
-        self.env_steps = state.get("env_steps", 0)
-        if state.get("lr", self.config.lr) != self.config.lr:
+        self.env_steps = state["env_steps"]
+        if state["lr"] != self.config.lr:
             # Optimisers came with the rate they were stored with, which RLlib changes after an update only.
             for optimizer, rate in self._optimizer_lr_schedules.items():
                 self._set_optimizer_lr(optimizer, rate.update(self.env_steps))
@@ -285,7 +284,7 @@ class OnPolicyLearner(JointTorchLearner):
         return to_tensor(rollout.log_prob, self._device).flatten(0, 1)
 
     def _scaled(self, advantages: Tensor, alive: Tensor) -> Tensor:
-        """Standardise per policy network, over the whole batch and the living only, before any minibatch."""
+        """Standardise per policy network, over the active agents of the whole batch, before any minibatch."""
         if not self.config.normalize_advantages:
             return torch.where(alive, advantages, 0)
         scaled = torch.zeros_like(advantages)
@@ -345,7 +344,7 @@ class OffPolicyLearner(JointTorchLearner):
         return state
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Restore; without a stored replay buffer learning goes on with the present one."""
+        """Restore; without a stored replay buffer learning continues with the present one."""
         super().set_state(state)
         if REPLAY in state:
             self.replay.set_state(state[REPLAY])

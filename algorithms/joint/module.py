@@ -129,7 +129,7 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         return None if self.memory_size else (self.encoder, self.body)
 
     def get_non_inference_attributes(self) -> list[str]:
-        """Return what runners need not hold (RLlib)."""
+        """Return the attributes that runners do not hold (RLlib)."""
         return list(self.targets)
 
     def trained_parameters(self) -> list[nn.Parameter]:
@@ -137,7 +137,7 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         return [p for name, p in self.named_parameters() if name.split(".")[0] not in self.targets]
 
     def _forward(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
-        """Serve plain RLlib users: greedy actions for observations (M, ...) of single agents."""
+        """Return, for plain RLlib, greedy actions for observations (M, ...) of single agents."""
         seen = batch[Columns.OBS]
         leaves = {"": seen[:, None]} if isinstance(seen, Tensor) else {k: v[:, None] for k, v in seen.items()}
         view = GroupView(leaves, torch.ones(len(next(iter(leaves.values()))), 1, dtype=torch.bool), None)
@@ -178,7 +178,7 @@ def without_memory(leaves: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def assert_mapping(config: Any) -> None:
-    """Refuse a module that was built without the model config of a `JointConfig`.
+    """Raise if a module was built without the model config of a `JointConfig`.
 
     Raises:
         TypeError: It was.

@@ -1,4 +1,4 @@
-"""Who is whose neighbour: by the environment's graph, by distance, or fixed."""
+"""Neighbours of each agent: by the environment's graph, by distance, or fixed."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Neighbourhood:
     def __call__(
         self, alive: Tensor, graph: Tensor | None, observations: Sequence[Mapping[str, Tensor]]
     ) -> Tensor:
-        """Return who counts for whom, (..., N, N): `[i, j]` is True if j is a living neighbour of i.
+        """Return the neighbours (..., N, N): `[i, j]` is True if j is an active neighbour of i.
 
         Args:
             alive: (..., N).
@@ -66,7 +66,7 @@ class Neighbourhood:
         return links & others(alive) & alive.unsqueeze(-1)
 
     def of(self, view: JointView) -> Tensor:
-        """Return who counts for whom at the moments of a view."""
+        """Return the neighbours at the moments of a view."""
         return self(view.alive, view.graph, view.observations)
 
     @staticmethod

@@ -14,7 +14,7 @@ from algorithms.joint.env import (
     LATENT,
     MEMORY,
     Bools,
-    Final,
+    FinalStep,
     Floats,
     Ints,
     JointSpaces,
@@ -77,7 +77,7 @@ class View:
             None if self.graph is None else self.graph[index],
         )
 
-    def write(self, index, seen: JointStep | Final | View) -> None:
+    def write(self, index, seen: JointStep | FinalStep | View) -> None:
         """Write what agents saw, `alive` excepted, into the rows at `index`.
 
         Leaves that the sampler adds stay as they are where they are not given.
@@ -150,7 +150,7 @@ class JointRollout:
     final_at: Ints
     source: Ints
     start: Ints
-    _finals: dict[tuple[int, int], tuple[Final, int]] = field(default_factory=dict, repr=False)
+    _finals: dict[tuple[int, int], tuple[FinalStep, int]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def empty(cls, spaces: JointSpaces, steps: int, num_envs: int, *, log_prob: bool) -> JointRollout:
@@ -266,13 +266,13 @@ def _empty_memories(observations: Sequence[Leaves], ended: Bools) -> None:
         column += width
 
 
-def copy_final(final: Final) -> Final:
+def copy_final(final: FinalStep) -> FinalStep:
     """Return a deep copy of final observations."""
 
     def copied(leaves: Leaves) -> Leaves:
         return {name: leaf.copy() for name, leaf in leaves.items()}
 
-    return Final(
+    return FinalStep(
         final.rows.copy(),
         tuple(map(copied, final.observations)),
         tuple(None if mask is None else mask.copy() for mask in final.masks),
@@ -281,9 +281,9 @@ def copy_final(final: Final) -> Final:
     )
 
 
-def final_row(final: Final, row: int) -> Final:
+def final_row(final: FinalStep, row: int) -> FinalStep:
     """Return one row of final observations, without its leading axis."""
-    return Final(
+    return FinalStep(
         final.rows[row : row + 1],
         tuple({name: leaf[row] for name, leaf in leaves.items()} for leaves in final.observations),
         tuple(None if mask is None else mask[row] for mask in final.masks),

@@ -85,6 +85,7 @@ class Sampler:
         self.env, self.policies, self.spec = env, policies, spec
         self._seed, self._source, self._max_failures = seed, source, max_failures
         self._generator = Generator().manual_seed(_mixed(seed, *source))
+        self._has_latents = any(LATENT in block.observation for block in spec.spaces.blocks)
         self._now: View | None = None
         self._memories: list[np.ndarray | None] = []
         self.progress = EpisodeProgress.begin(np.zeros(env.num_envs, int), len(spec.agents))
@@ -98,7 +99,8 @@ class Sampler:
         )
         self._see(self._with_leaves(step, MEMORY, self._zeros(MEMORY)))
         every = np.arange(self.env.num_envs)
-        self._draw_latents(every, self._zeros(LATENT))
+        if self._has_latents:
+            self._draw_latents(every, self._zeros(LATENT))
         if self._listener is not None:
             self._listener.started(every)
 
@@ -237,14 +239,18 @@ class Sampler:
         acted = before.alive.copy()
         step = self._with_leaves(self._void_non_finite(self.env.step(actions)), MEMORY, self._memories)
         over = self.progress.account(step, acted)
-        self._stop_at_failures(step)
-        self.progress.world = self._worlds(self.progress.world)
+        if over.any():
+            self._stop_at_failures(step)
+            self.progress.world = self._worlds(self.progress.world)
         self._see(step)
         self._forget(acted & same_trajectory(step.alive, step.terminated, step.truncated, over))
-        self._draw_latents(np.flatnonzero(over), [leaves.get(LATENT) for leaves in before.observations])
+        if self._has_latents:
+            self._draw_latents(np.flatnonzero(over), [leaves.get(LATENT) for leaves in before.observations])
+            latents = [leaves.get(LATENT) for leaves in self._view().observations]
+            step = self._with_leaves(step, LATENT, latents)
         if self._listener is not None:
             self._listener.stepped(step, acted)
-        return self._with_leaves(step, LATENT, [leaves.get(LATENT) for leaves in self._view().observations])
+        return step
 
     def _stop_at_failures(self, step: JointStep) -> None:
         """Raise if an environment fails time and again.
@@ -281,12 +287,10 @@ class Sampler:
         return step._replace(observations=seen)
 
     def _draw_latents(self, rows: Ints, latents: Sequence[np.ndarray | None]) -> None:
-        """Show the latents (B, n, ...), drawn anew for the episodes that begin in some environments.
+        """Show the latents (B, n, ...), redrawn for the episodes that begin in some environments.
 
         Each episode has a generator of its own: its latents do not depend on the number of environments.
         """
-        if not any(part is not None for part in latents):
-            return
         view, root = self._view(), _restarted(self._seed, self._source[1])
         for leaves, part in zip(view.observations, latents, strict=True):
             if part is not None:

@@ -21,7 +21,7 @@ class Flattening:
 
     Attributes:
         leaves: Space of each leaf; Discrete and its kin become one-hot vectors.
-        masked: Whether the observation carries legal actions.
+        masked: Whether the observation carries an action mask.
 
     Raises:
         SpaceError: The space has a part that is neither Box, Discrete, MultiDiscrete, MultiBinary nor Dict.
@@ -60,7 +60,7 @@ class Flattening:
         self._paths.append((name, path, space))
 
     def split(self, observation: Any) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-        """Return (leaves, legal actions or None) of one observation."""
+        """Return (leaves, action mask or None) of one observation."""
         mask = observation[MASK] if self.masked else None
         if self._inside is not None:
             observation = observation[self._inside]

@@ -1,4 +1,4 @@
-"""Who shares what: agents ordered into blocks (equal spaces) and groups (one network)."""
+"""Agents ordered into blocks (equal spaces) and groups (one network)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.errors import SpaceError, nearest_names
-from algorithms.joint.env import Action, Block, Ints, JointSpaces
+from algorithms.joint.env import Action, AgentBlock, Ints, JointSpaces
 from algorithms.settings import Sharing
 
 SPEC = "__joint__"
@@ -54,7 +54,7 @@ class JointSpec:
 
     Attributes:
         agents: All N agents in column order (block after block).
-        spaces: The blocks, the state's size, whether there is a graph.
+        spaces: The blocks, the state's size, whether it has a graph.
         groups: Parameter-sharing groups; together they cover all agents.
     """
 
@@ -67,7 +67,7 @@ class JointSpec:
         cls,
         spaces: JointSpaces,
         sharing: Sharing = "none",
-        carried: Callable[[Block], Mapping[str, Box]] | None = None,
+        carried: Callable[[AgentBlock], Mapping[str, Box]] | None = None,
     ) -> JointSpec:
         """Order the agents of `spaces` into groups.
 

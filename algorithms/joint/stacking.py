@@ -31,7 +31,7 @@ class StackedGroups:
 
     @property
     def is_stacked(self) -> bool:
-        """Whether there are several groups."""
+        """Whether it holds several groups."""
         return len(self.groups) > 1
 
     def outputs(self, view: GroupView, plain: Plain) -> Tensor:
@@ -41,20 +41,20 @@ class StackedGroups:
         return StackedPerceptrons(bodies)(networks[0][0](view.observations))
 
     def means(self, x: Tensor, mask: Tensor) -> Tensor:
-        """Return each group's mean over its living, (groups,)."""
+        """Return each group's mean over its active agents, (groups,)."""
         if not self.is_stacked:
             return masked_mean(x, mask).unsqueeze(0)
         return torch.where(mask, x, 0).sum(0) / mask.sum(0).clamp(min=1)
 
     def present(self, alive: Tensor) -> list[Group]:
-        """Return the groups of which anybody is there in any row of `alive` (M, n)."""
+        """Return the groups with an active agent in any row of `alive` (M, n)."""
         if not self.is_stacked:
             return list(self.groups) if alive.any() else []
         return [group for group, there in zip(self.groups, alive.any(0).tolist(), strict=True) if there]
 
 
 def stack_groups(groups: Sequence[Group], plain: Plain) -> tuple[StackedGroups, ...]:
-    """Return the groups in bundles, block by block."""
+    """Return the groups, stacked where they can be, block by block."""
     found: list[StackedGroups] = []
     for block in sorted({group.block for group in groups}):
         own = tuple(group for group in groups if group.block == block)

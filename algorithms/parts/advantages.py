@@ -1,4 +1,4 @@
-"""Generalised advantage estimation over lives that begin and end anywhere in a fragment."""
+"""Generalised advantage estimation over trajectories that begin and end anywhere in a fragment."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def generalised_advantages(
         delta[t] = r[t] + gamma * bootstrap[t] * V'[t] - V[t]
         A[t]     = delta[t] + gamma * lambda * chain[t] * A[t + 1]
 
-    where V'[t] is V[t + 1] where the life goes on in the next row, and the value of its final row where it
-    does not.
+    where V'[t] is V[t + 1] where the trajectory continues in the next row, and the value of its final row
+    where it does not.
 
     Args:
         rewards: (T, B, N).
@@ -33,7 +33,7 @@ def generalised_advantages(
         final_values: V of the final rows, (K, N).
         final_at: Places (t, b) of the final rows, (K, 2).
         bootstrap: Alive and not terminated, (T, B, N).
-        chain: The life goes on in the next row, (T, B, N).
+        chain: The trajectory continues in the next row, (T, B, N).
         gamma: Discount.
         lambda_: Weight of longer returns: 0 is TD(0), 1 is Monte Carlo.
     """

@@ -1,4 +1,4 @@
-"""Attention of each agent to the other living agents."""
+"""Attention of each agent to the other active agents."""
 
 from __future__ import annotations
 
@@ -20,6 +20,6 @@ def attend(queries: Tensor, keys: Tensor, values: Tensor, alive: Tensor) -> Tens
     """
     heard = others(alive).unsqueeze(-3)
     scores = torch.einsum("...ihd,...jhd->...hij", queries, keys) / queries.shape[-1] ** 0.5
-    # An agent that is alone would otherwise attend equally to everybody absent.
+    # An agent that is alone would otherwise attend equally to all absent agents.
     weights = torch.softmax(scores.masked_fill(~heard, ILLEGAL), -1) * heard
     return torch.einsum("...hij,...jhd->...ihd", weights, values)

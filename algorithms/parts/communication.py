@@ -7,13 +7,13 @@ from torch import Tensor
 
 
 def others(alive: Tensor) -> Tensor:
-    """Return who may be heard by whom, (..., N, N): `[i, j]` is True for living j other than i."""
+    """Return which agents hear which, (..., N, N): `[i, j]` is True for active j other than i."""
     self_ = torch.eye(alive.shape[-1], dtype=torch.bool, device=alive.device)
     return alive.unsqueeze(-2) & ~self_
 
 
 def mean_of_others(hidden: Tensor, alive: Tensor) -> Tensor:
-    """Return for each agent the mean of the other living agents' `hidden` (..., N, H); zeros if alone."""
+    """Return for each agent the mean of the other active agents' `hidden` (..., N, H); zeros if alone."""
     return mean_over(others(alive), hidden)
 
 

@@ -18,7 +18,7 @@ class Exploration(NamedTuple):
 
     Attributes:
         explore: False: greedy.
-        epsilon: Probability of a uniformly random legal action, for heads of values.
+        epsilon: Probability of a uniformly random allowed action, for heads of values.
         noise: Standard deviation of Gaussian noise on actions in [-1, 1], for deterministic heads.
     """
 
@@ -44,7 +44,7 @@ class SampledActions(NamedTuple):
     memory: Tensor | None = None
 
 
-class Distribution(Protocol):
+class PolicyDistribution(Protocol):
     """What losses need of a policy."""
 
     def log_prob(self, actions: Tensor) -> Tensor:
@@ -57,7 +57,7 @@ class Distribution(Protocol):
 
 
 class CategoricalDistribution:
-    """Choice among A actions; illegal ones have probability zero. Logits (..., A), legal (..., A) or None."""
+    """Choice among A actions; masked ones have probability zero. Logits (..., A), mask (..., A) or None."""
 
     def __init__(self, logits: Tensor, action_mask: Tensor | None = None) -> None:
         if action_mask is not None:
@@ -115,7 +115,7 @@ class Head(Protocol):
     def act(
         self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
     ) -> SampledActions:
-        """Return the actions for outputs (B, n, P) and legal actions (B, n, A) or None."""
+        """Return the actions for outputs (B, n, P) and action masks (B, n, A) or None."""
         ...
 
 
@@ -166,7 +166,7 @@ class GaussianHead:
 
 
 class EpsilonGreedyHead:
-    """Best legal action by value, or with probability epsilon a uniformly random legal one."""
+    """Best allowed action by value, or with probability epsilon a uniformly random allowed one."""
 
     has_log_prob = False
 
@@ -191,7 +191,7 @@ class EpsilonGreedyHead:
 
 
 class BoltzmannHead:
-    """Legal actions with probability proportional to exp(value / temperature); greedy play takes the best."""
+    """Allowed actions with probability proportional to exp(value / temperature); greedy: the best."""
 
     has_log_prob = True
 

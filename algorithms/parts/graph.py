@@ -7,7 +7,7 @@ from torch import Tensor
 
 
 def complete(agents: int) -> Tensor:
-    """Return the graph (N, N) in which everybody is everybody else's neighbour."""
+    """Return the graph (N, N) in which all agents are neighbours."""
     return ~torch.eye(agents, dtype=torch.bool)
 
 
@@ -19,7 +19,7 @@ def ring(agents: int) -> Tensor:
 
 
 def within(positions: Tensor, radius: float) -> Tensor:
-    """Return who is within a distance of whom, (..., N, N), for positions (..., N, d); nobody of himself."""
+    """Return which other agents are within a distance, (..., N, N), for positions (..., N, d)."""
     near = torch.cdist(positions, positions, compute_mode="donot_use_mm_for_euclid_dist") <= radius
     return near & complete(positions.shape[-2]).to(near.device)
 

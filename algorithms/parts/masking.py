@@ -1,4 +1,4 @@
-"""Means over the living, and the value that stands for an illegal action."""
+"""Means over active agents, and the value that stands for a masked action."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 ILLEGAL = -1e9
-"""Logit or value of an illegal action: probability zero in float32, finite if all are."""
+"""Logit or value of a masked action: probability zero in float32, finite if all are."""
 
 
 def masked_mean(x: Tensor, mask: Tensor) -> Tensor:

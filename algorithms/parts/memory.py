@@ -25,8 +25,8 @@ class GRUMemory(nn.Module):
             features: (L * C, n, d): C sequences of L steps.
             start: Stored memory before each row, (L * C, n, H); only that of the first step of each sequence
                 is used.
-            fresh: Where another life begins, whose memory is empty, (L * C, n); the first step's are ignored,
-                since its stored memory is empty already. None: nowhere.
+            fresh: Where another trajectory begins, whose memory is empty, (L * C, n); the first step's are
+                ignored, since its stored memory is empty already. None: nowhere.
             length: L.
         """
         steps = features.unflatten(0, (length, -1))

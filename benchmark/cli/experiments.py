@@ -12,7 +12,7 @@ from algorithms.registry import ALGORITHMS, Entry, Paradigm
 if TYPE_CHECKING:
     import pandas as pd
 
-Config = Annotated[Path, typer.Argument(help="Experiment file (YAML).", show_default=False)]
+Config = Annotated[Path, typer.Argument(metavar="CONFIG", help="Experiment file (YAML).", show_default=False)]
 Set = Annotated[
     list[str] | None,
     typer.Option(
@@ -73,7 +73,10 @@ def sweep(config: Config, set_: Set = None, import_: Import = None, out: Out = P
 
 def evaluate(
     run: Annotated[
-        Path, typer.Argument(help="Folder of a run, with config.yaml and checkpoint/.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="RUN", help="Folder of a run, with config.yaml and checkpoint/.", show_default=False
+        ),
     ],
     scenario: Annotated[
         list[str] | None,

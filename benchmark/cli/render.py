@@ -15,42 +15,44 @@ if TYPE_CHECKING:
     from smarts.sim.episode_files import RecordedEpisode
 
 PICTURES_PER_SECOND = 10
-"""Of a film, unless told otherwise."""
+"""Of an animation, by default."""
 END_SHOWN = 2.0
-"""How much longer a film shows its last picture [s]."""
+"""Extra time for the last frame of an animation [s]."""
 
 
 def render(
-    episode: Annotated[Path, typer.Argument(help="Folder of a recorded episode.", show_default=False)],
+    episode: Annotated[
+        Path, typer.Argument(metavar="EPISODE", help="Folder of a recorded episode.", show_default=False)
+    ],
     out: Annotated[
         Path,
-        typer.Option(help="File to write, its folder too; the suffix chooses: .gif, .mp4 (by ffmpeg), .png."),
+        typer.Option(help="File to write; the suffix selects the format (.gif, .mp4 with ffmpeg, .png)."),
     ] = Path("episode.gif"),
     at: Annotated[
-        float | None, typer.Option(help="Moment of a .png (s); by default the last.", show_default=False)
+        float | None, typer.Option(help="Time of a .png (s).", show_default="the last step")
     ] = None,
     begin: Annotated[
-        float | None, typer.Option(help="Begin of a film (s); by default the first.", show_default=False)
+        float | None, typer.Option(help="First time of an animation (s).", show_default="the first step")
     ] = None,
     end: Annotated[
-        float | None, typer.Option(help="End of a film (s); by default the last.", show_default=False)
+        float | None, typer.Option(help="Last time of an animation (s).", show_default="the last step")
     ] = None,
     every: Annotated[
         int | None,
         typer.Option(
-            help="Steps from one picture of a film to the next; by default so many that it has 10 a second.",
-            show_default=False,
+            help="Simulation steps from one frame of an animation to the next.",
+            show_default="10 frames a second",
             min=1,
             max=10**9,
         ),
     ] = None,
     speed: Annotated[
         float | None,
-        typer.Option(help="Times as fast as it was; by default as it was.", show_default=False, min=0.01),
+        typer.Option(help="Playback speed.", show_default="1.0", min=0.01),
     ] = None,
-    width: Annotated[int, typer.Option(help="Of the picture (pixels).", min=100, max=4000)] = 900,
+    width: Annotated[int, typer.Option(help="Image width (pixels).", min=100, max=4000)] = 900,
 ) -> None:
-    """Draw a recorded episode from above; no display is needed."""
+    """Draw a recorded episode from above, as image or animation."""
     from smarts.envision.animation import STILL, check_format, write_moving, write_still
     from smarts.envision.episode_picture import EpisodePicture
 
@@ -77,14 +79,14 @@ def render(
         )
     steps = [*range(first, last, every), last]
     seconds = every * picture.dt / speed
-    # The last one stays, since it shows how all agents ended.
+    # The last frame stays, since it shows the outcomes.
     held = [last] * round(END_SHOWN / seconds)
     write_moving(picture.images([*steps, *held]), out, seconds)
-    typer.echo(f"{out}: {len(steps)} pictures, {first * picture.dt:.1f} to {last * picture.dt:.1f} s")
+    typer.echo(f"{out}: {len(steps)} frames, {first * picture.dt:.1f} to {last * picture.dt:.1f} s")
 
 
 def _open(folder: Path) -> RecordedEpisode:
-    """Return an episode; of a folder of several, say which there are."""
+    """Return an episode; raise for a folder of several, with their names."""
     from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
     inside = episodes_in(folder) if folder.is_dir() else []
@@ -102,9 +104,9 @@ def _check_options(out: Path, without_effect: Mapping[str, float | None]) -> Non
     given = [name for name, value in without_effect.items() if value is not None]
     if given:
         raise SmartsError(
-            f"{', '.join(given)} {'say' if len(given) > 1 else 'says'} nothing of a {out.suffix}",
+            f"{', '.join(given)} {'have' if len(given) > 1 else 'has'} no effect on a {out.suffix}",
             place=str(out),
-            remedy="leave it out: a .png is of one moment (--at), films go from --begin to --end",
+            remedy="leave it out: --at is for .png, --begin, --end, --every and --speed are for animations",
         )
 
 

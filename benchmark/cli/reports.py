@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from benchmark.metrics.results import Frame
 
 Mode = Annotated[Literal["greedy", "sampled"], typer.Option(help="Test episodes to use.")]
-Side = Annotated[Path, typer.Argument(help="results/NAME or results/NAME/ALGORITHM.", show_default=False)]
+SIDE = "results/NAME or results/NAME/ALGORITHM."
 TITLES = {
     "first": "first",
     "second": "second",
@@ -30,7 +30,9 @@ TITLES = {
 
 
 def report(
-    results: Annotated[Path, typer.Argument(help="Results folder, results/NAME.", show_default=False)],
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Results folder, results/NAME.", show_default=False)
+    ],
     out: Annotated[
         Path | None, typer.Option(help="Folder to write to.", show_default="RESULTS/report")
     ] = None,
@@ -44,7 +46,7 @@ def report(
 def leaderboard(
     results: Annotated[
         list[Path],
-        typer.Argument(metavar="RESULTS...", help="Results folders, results/NAME.", show_default=False),
+        typer.Argument(metavar="RESULTS", help="Results folders, results/NAME.", show_default=False),
     ],
     out: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("leaderboard.html"),
     mode: Mode = "greedy",
@@ -57,8 +59,8 @@ def leaderboard(
 
 
 def compare(
-    a: Side,
-    b: Side,
+    a: Annotated[Path, typer.Argument(metavar="A", help=SIDE, show_default=False)],
+    b: Annotated[Path, typer.Argument(metavar="B", help=SIDE, show_default=False)],
     metric: Annotated[
         list[str] | None,
         typer.Option(
@@ -72,9 +74,11 @@ def compare(
 ) -> None:
     """Compare two experiments or two algorithms at equal starts.
 
-    Prints A minus B for each algorithm in both experiments, or for the two algorithms, with p-values
-    Holm-corrected over all lines. A start is one observation, averaged over training seeds: results are about
-    these checkpoints, not about other trainings of the algorithm.
+    Prints A minus B for each common algorithm, with p-values Holm-corrected over all lines.
+
+    An observation is a start, averaged over training seeds.
+
+    So results are about these checkpoints, not about further trainings of the algorithm.
     """
     from benchmark.report.comparing import (
         compare_sides,

@@ -18,11 +18,12 @@ app = typer.Typer(help="List, build, show and run scenarios.", no_args_is_help=T
 FORMATS = (".png", ".jpg", ".pdf", ".svg")
 DAY = 86_400.0
 
+SCENARIO = "Scenario name, folder or map file; NAME@VARIATION for a held-out variation."
 Names = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="[SCENARIO]...",
-        help="a name of the suite, a folder, or a map file; append @NAME for a held-out variation",
+        metavar="SCENARIO",
+        help=SCENARIO,
         show_default=False,
     ),
 ]
@@ -30,23 +31,23 @@ Name = Annotated[
     str,
     typer.Argument(
         metavar="SCENARIO",
-        help="a name of the suite, a folder, or a map file; append @NAME for a held-out variation",
+        help=SCENARIO,
         show_default=False,
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of the traffic.", min=0, max=2**63 - 1)]
+Seed = Annotated[int, typer.Option(help="Random seed of the traffic.", min=0, max=2**63 - 1)]
 BuildSeed = Annotated[
     int | None,
     typer.Option(
-        help="Seed of what is drawn while building; by default the scenario file's own, else 42.",
-        show_default=False,
+        help="Random seed of the build.",
+        show_default="that of the scenario file, or 42",
         min=0,
         max=2**63 - 1,
     ),
 ]
 Traffic = Annotated[
     str | None,
-    typer.Option(help="Traffic variation; by default the scenario's last, its fullest.", show_default=False),
+    typer.Option(help="Traffic variation.", show_default="the last, which has the most vehicles"),
 ]
 
 
@@ -67,7 +68,7 @@ def build(
     everything: Annotated[bool, typer.Option("--all", help="Build the whole suite.")] = False,
     seed: BuildSeed = None,
 ) -> None:
-    """Build scenarios by hand; running one builds it, too, when it is new or changed."""
+    """Build scenarios. Commands that use a scenario build it too, if it has changed."""
     from smarts.sstudio.build import build_scenario
 
     for name in _chosen(scenarios, everything):
@@ -78,7 +79,7 @@ def build(
         typer.echo(
             f"{built.name}: {len(roads.edge_ids)} edges, {len(roads.lane_ids)} lanes, "
             f"traffic {', '.join(built.traffic) or 'none'}; "
-            f"held out {', '.join(built.held_out) or 'nothing'} ({took:.2f} s)\n  {built.directory}"
+            f"{_held_out(built)} ({took:.2f} s)\n  {built.directory}"
         )
         for note in built.notes:
             typer.echo(f"  note: {note}")
@@ -88,19 +89,18 @@ def build(
 def show(
     scenarios: Names = None,
     out: Annotated[
-        Path, typer.Option(help="Picture to write, its folder too; the suffix chooses the format.")
+        Path,
+        typer.Option(help="Image file to write; the suffix selects the format (.png, .jpg, .pdf, .svg)."),
     ] = Path("scenario.png"),
     everything: Annotated[bool, typer.Option("--all", help="Draw the whole suite on one sheet.")] = False,
     traffic: Traffic = None,
     seconds: Annotated[
         float,
-        typer.Option(
-            help="How long traffic flows before the reset that is drawn, in seconds.", min=0.0, max=DAY
-        ),
+        typer.Option(help="Simulated time before the reset (s).", min=0.0, max=DAY),
     ] = 0.0,
     seed: Seed = 42,
 ) -> None:
-    """Draw map, lanes, missions, flows, bubbles and the vehicles after a reset to a picture."""
+    """Draw lanes, missions, traffic flows, bubbles and the vehicles after a reset."""
     from smarts.envision.scenario_picture import scenario_picture, scenario_sheet
     from smarts.sim.moments import reset_moment
     from smarts.sstudio.build import build_scenario
@@ -123,13 +123,13 @@ def show(
 def run(
     scenario: Name,
     traffic: Traffic = None,
-    seconds: Annotated[float, typer.Option(help="Simulated time, in seconds.", min=0.1, max=DAY)] = 60.0,
+    seconds: Annotated[float, typer.Option(help="Simulated time (s).", min=0.1, max=DAY)] = 60.0,
     seed: Seed = 42,
     out: Annotated[
-        Path | None, typer.Option(help="Picture of the last moment to write.", show_default=False)
+        Path | None, typer.Option(help="Image file of the last step to write.", show_default=False)
     ] = None,
 ) -> None:
-    """Build a scenario if need be, and run its traffic without an ego."""
+    """Run the traffic of a scenario, without agents."""
     from rich.progress import track
 
     from smarts.envision.scenario_picture import scenario_picture
@@ -156,11 +156,15 @@ def run(
     typer.echo(
         f"{steps} steps of 0.1 s; {vehicle_steps / steps:.1f} vehicles on average, {most} at most; "
         f"mean speed {speed_sum / max(vehicle_steps, 1):.1f} m/s"
-        + (f"; {steps / stepping:,.0f} steps/s" if most else "; there is no traffic in it")
+        + (f"; {steps / stepping:,.0f} steps/s" if most else "; no traffic")
     )
     if out is not None:
         scenario_picture((built, chosen, Moment(traffic_now.states)), out)
         typer.echo(f"wrote {out}")
+
+
+def _held_out(built: BuiltScenario) -> str:
+    return f"held-out variations {', '.join(built.held_out)}" if built.held_out else "no held-out variations"
 
 
 def _chosen(scenarios: list[str] | None, everything: bool) -> list[str]:
@@ -176,7 +180,7 @@ def _chosen(scenarios: list[str] | None, everything: bool) -> list[str]:
 
 
 def _traffic_of(built: BuiltScenario, wanted: str | None) -> str | None:
-    """Return the wanted variation, or the last one, which in the suite is the one with social vehicles."""
+    """Return the wanted variation, by default the last, which in the suite has social vehicles."""
     if wanted is not None:
         built.traffic_files(wanted)
         return wanted
@@ -184,10 +188,10 @@ def _traffic_of(built: BuiltScenario, wanted: str | None) -> str | None:
 
 
 def _check_picture(out: Path) -> None:
-    """Refuse a picture that cannot be written before the work is done, not after."""
+    """Raise if the image cannot be written, before the work is done."""
     if out.suffix.lower() not in FORMATS:
         raise SmartsError(
-            f"no picture format is called {out.suffix!r}", place=str(out), remedy=f"use {', '.join(FORMATS)}"
+            f"unknown image format {out.suffix!r}", place=str(out), remedy=f"use {', '.join(FORMATS)}"
         )
     if out.is_dir() or any(parent.is_file() for parent in out.parents):
         raise SmartsError(

@@ -12,7 +12,7 @@ from itertools import chain
 from math import inf
 from typing import Any
 
-from algorithms.registry import ALGORITHMS, Actions
+from algorithms.registry import ALGORITHMS, ActionKind
 from benchmark.experiment.algorithm_settings import CONFIGS, entry_of, setting_faults, setting_names
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import Fault
@@ -148,7 +148,7 @@ def _actions(values: Values) -> Iterator[Fault]:
 
 
 def _unfit_algorithms(algorithms: Sequence[str], action: Any) -> Iterator[Fault]:
-    kind = Actions.DISCRETE if action == "Lane" else Actions.CONTINUOUS
+    kind = ActionKind.DISCRETE if action == "Lane" else ActionKind.CONTINUOUS
     fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
     for number, name in enumerate(algorithms):
         entry = entry_of(name)

@@ -25,7 +25,7 @@ from smarts.types.traffic import TRAFFIC_ENGINES
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
 EMPTY_ROADS = "no_social_vehicles"
-"""The traffic variation that every scenario of the suite has, with nobody but the agents."""
+"""The traffic variation that every scenario of the suite has, with no vehicles but the agents'."""
 
 Positive = Annotated[int, Field(ge=1)]
 # Sequences are written as lists, and kept as tuples, since nothing of a config changes.
@@ -108,7 +108,7 @@ Scenario = Annotated[str, AfterValidator(_scenario)]
 Engine = Annotated[str, AfterValidator(_engine)]
 
 
-class Task(Section):
+class TrainingTask(Section):
     """What a policy is trained and tested on: a scenario, or several of them in turns."""
 
     name: FolderName
@@ -132,7 +132,7 @@ def _tasks(given: Any) -> Any:
     ]
 
 
-def _differently_named(tasks: tuple[Task, ...]) -> tuple[Task, ...]:
+def _differently_named(tasks: tuple[TrainingTask, ...]) -> tuple[TrainingTask, ...]:
     _distinct(task.name for task in tasks)
     return tasks
 
@@ -162,7 +162,9 @@ ActionName = Literal[
     "Direct",
     "RelativeTargetPose",
 ]
-Tasks = Annotated[tuple[Task, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)]
+Tasks = Annotated[
+    tuple[TrainingTask, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)
+]
 
 
 class Environment(Section):
@@ -209,14 +211,14 @@ class Evaluation(Section):
     episodes: Positive = 200
     """Test episodes of each run, for each way of acting."""
     modes: Modes = ("greedy", "sampled")
-    """Ways of acting. Tables show greedy acting, unless there is only the other."""
+    """Ways of acting. Tables show greedy acting where both are given."""
     held_out_episodes: Annotated[int, Field(ge=0)] = 0
-    """Episodes, of greedy acting unless there is only the other, on each held-out variation of the scenarios
+    """Episodes, of greedy acting where both modes are given, on each held-out variation of the scenarios
     that differs from the training (many differ in traffic alone); 0: generalization is not measured."""
     validations: Annotated[int, Field(ge=0)] = 10
     """How often during training the policy is tried, to choose the best checkpoint and to draw its curve."""
     validation_episodes: Positive = 20
-    """Episodes of each trial, other ones than those of the test."""
+    """Episodes of each trial; none of them is a test episode."""
     keep_episodes: bool = False
     """Whether the recorded test episodes are kept (about 1 MB each 10); the measures always are."""
 
@@ -245,7 +247,7 @@ class Tune(Section):
     samples: Positive = 1
     """Draws from the space, or repetitions of a grid."""
     scheduler: Literal["none", "asha", "pbt"] = "none"
-    """Who stops or changes runs early: nobody, asynchronous successive halving, population-based training."""
+    """What stops or changes runs early: nothing, asynchronous halving (ASHA), population-based training."""
     metric: Literal["completion", "return", "safety"] = "completion"
     """What is to be large in validation; "safety" is 1 - collisions."""
 
@@ -271,7 +273,7 @@ class Experiment(Section):
     training: dict[str, Any] = Field(default_factory=dict)
     """Settings of all algorithms that have them, such as `sharing` and `gamma`."""
     settings: dict[str, dict[str, Any] | None] = Field(default_factory=dict)
-    """Settings of single algorithms, before those of all."""
+    """Settings of single algorithms; they override those of all."""
     environment: Environment = Environment()
     budget: Budget = Budget()
     evaluation: Evaluation = Evaluation()

@@ -11,7 +11,15 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from benchmark.experiment.config import Budget, Environment, Evaluation, Experiment, Resources, Task, name_of
+from benchmark.experiment.config import (
+    Budget,
+    Environment,
+    Evaluation,
+    Experiment,
+    Resources,
+    TrainingTask,
+    name_of,
+)
 from smarts.config import ConfigError, fitted
 from smarts.registry import file_name
 from smarts.sstudio.locating import resolved
@@ -26,7 +34,7 @@ SCRIPTED_SEED = -1
 class TaskSetting:
     """A task with one traffic, and how it is simulated and tested: a column of the report."""
 
-    task: Task
+    task: TrainingTask
     traffic: str
     environment: Environment
     evaluation: Evaluation
@@ -116,7 +124,7 @@ def run_from(content: Mapping[str, Any]) -> Run:
         return Run(
             content["algorithm"],
             TaskSetting(
-                fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, Task),
+                fitted({"name": name_of(scenarios), "scenarios": [*scenarios]}, TrainingTask),
                 content["traffic"],
                 fitted(content["environment"], Environment),
                 evaluation,

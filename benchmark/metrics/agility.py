@@ -1,4 +1,4 @@
-"""Agility: how fast those arrive who arrive; beside it, how fast all get on along their routes."""
+"""Agility: travel time of agents that arrive; beside it, progress speed of all agents along their routes."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from smarts.types.events import Outcome
 
 
 def measure(episode: EpisodeData) -> Columns:
-    """Return free-flow time / travel time, at most 1, of those who arrived."""
+    """Return free-flow time / travel time, at most 1, of agents that arrived."""
     arrived = ended_by(episode, Outcome.GOAL) * (episode.duration > 0)
     ratio = share(episode.agents["free_flow_time"], episode.duration)
     return {"agility": np.where(arrived > 0, np.minimum(ratio, 1.0), 0.0), "arrivals": arrived}

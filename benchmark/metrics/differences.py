@@ -1,4 +1,4 @@
-"""Who is better than whom: differences at equal starts, corrected for how many are looked at."""
+"""Paired comparisons of algorithms at equal starts, with p-values corrected for their number."""
 
 from __future__ import annotations
 

@@ -31,9 +31,9 @@ HORIZON = 10.0
 LEAST_SPEED = 1.0
 """Of both when an encounter opens [m/s]."""
 HURRY = 3.0
-"""At which who could win speeds up [m/s^2]."""
+"""Acceleration of a vehicle that could win [m/s^2]."""
 PATIENCE = 15.0
-"""Within which who gives way clears the section, from the opening [s]."""
+"""Time from the opening within which a vehicle that gives way clears the section [s]."""
 
 UNRESOLVED, YIELDED, WENT_FIRST, COLLIDED = range(4)
 """How an encounter ends for the agent."""
@@ -218,9 +218,9 @@ def _follow(
     dt: float,
     into: Floats,
 ) -> int:
-    """Write how an encounter goes on; return the last instant that belongs to it.
+    """Write the course of an encounter; return its last instant.
 
-    Marks on the odometers say where each arrives and has left. They are set anew as long as the section is
+    Marks on the odometers say where each arrives and has left. They are updated as long as the section is
     ahead of both, and then hold: a vehicle's path knows nothing of what lies behind it.
     """
     sections, table = ways.sections, ways.table

@@ -162,7 +162,7 @@ class EpisodeData:
                 raise RecordError(
                     f"a number in table '{table}' is not between {low} and {high}",
                     place=place,
-                    remedy="record the episode anew",
+                    remedy="record the episode again",
                 )
         on_lane = self._vehicles["lane"] >= 0
         numbers = {name: self._vehicles[name] for name in _FINITE}
@@ -173,11 +173,11 @@ class EpisodeData:
                 raise RecordError(
                     f"a number in column '{name}' is not finite",
                     place=place,
-                    remedy="record the episode anew",
+                    remedy="record the episode again",
                 )
 
     def shared(self, find: Callable[[EpisodeData], Found]) -> Found:
-        """Return what a function finds in this episode; it is called once, for whoever asks first."""
+        """Return what a function finds in this episode; it is called once."""
         if find not in self._shared:
             self._shared[find] = find(self)
         return self._shared[find]
@@ -342,7 +342,7 @@ def _check_columns(episode: RecordedEpisode) -> None:
             raise RecordError(
                 f"table '{table.name}' has no column '{min(absent)}'",
                 place=str(episode.folder),
-                remedy="record the episode anew",
+                remedy="record the episode again",
             )
 
 

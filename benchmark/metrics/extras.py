@@ -10,7 +10,7 @@ from benchmark.metrics.measure import Columns, ratio
 HARD = 4.0
 """A harder deceleration than this is a hard brake [m/s^2]."""
 CAUSE_HEADWAY = 2.0
-"""Who brakes for the vehicle ahead is, at most, this and a hard stop's length behind it [s]."""
+"""A vehicle that brakes for the one ahead is, at most, this and a hard stop's length behind it [s]."""
 CAUSE_TIME = 3.0
 """How long after an encounter began a hard brake is put down to it [s]."""
 PAUSE = 1.0

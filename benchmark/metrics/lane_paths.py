@@ -177,7 +177,7 @@ def _section(graph: LaneGraph, path: LanePath, other: LanePath) -> Conflict | No
 
 
 def _merge(graph: LaneGraph, path: LanePath, number: int, other: LanePath, place: int) -> Conflict | None:
-    """Return where both come into a lane; who is in it already is followed, not met."""
+    """Return where both come into a lane; a vehicle that is in it already is followed, not met."""
     if number == 0 or place == 0:
         return None
     begin, other_begin = path.begins[number], other.begins[place]

@@ -1,4 +1,4 @@
-"""Who drives ahead of whom along planned paths, and how soon they would touch."""
+"""Leaders and followers along planned paths, and times to collision."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Ints = NDArray[np.int32]
 
 
 def time_to_collision(episode: EpisodeData) -> Floats:
-    """Return how soon each agent would touch who is ahead of it, both keeping their speeds [s].
+    """Return each agent's time to collision with the vehicles ahead, at constant speeds [s].
 
     Along the agent's planned path, with those whose centre is on one of its lanes, or whose footprint reaches
     from the lane beside into the strip that the agent's covers. An agent beside its lane is taken to go

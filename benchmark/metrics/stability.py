@@ -25,7 +25,7 @@ _CHANGING = (ChangePhase.REQUESTED, ChangePhase.MOVING)
 def measure(episode: EpisodeData) -> Columns:
     """Return the index and its terms of each agent that was fast enough for long enough, and their count.
 
-    Who has nothing to measure for one of the terms does not count.
+    An agent with nothing to measure for one of the terms does not count.
     """
     columns = {name: np.zeros(episode.count) for name in METRIC.columns}
     changes = episode.shared(find_lane_changes)

@@ -30,8 +30,8 @@ COUNTS = "episodes"
 """Key of `DataFrame.attrs`: how many episodes were measured, invalid, incomplete, and which are corrupted."""
 
 EPISODE_KEYS = ("scenario", "variation", "traffic", "seed", "world", "episode")
-"""Columns that name an episode. Its start and traffic are the same whoever plays, unless the scenario or the
-number of agents has changed since: `START` tells."""
+"""Columns that name an episode. Its start and traffic are the same for all policies, unless the scenario or
+the number of agents has changed since: `START` tells."""
 START = ("start_x", "start_y", "start_heading", "start_speed")
 """Columns of each agent's start [m, m, rad, m/s]."""
 
@@ -42,7 +42,7 @@ _COUNTS = b"smarts_bench.metrics.episodes"
 def measure_episodes(
     folder: str | Path,
     *,
-    labels: Mapping[str, Any] | None = None,
+    labels: Mapping[str, Any] = {},
     split: str = "train",
     metrics: Sequence[str] = (),
     worlds: range | None = None,
@@ -78,7 +78,7 @@ def measure_episodes(
             recorded = RecordedEpisode(path)
             if worlds is not None and int(recorded.facts["world"]) not in worlds:
                 continue
-            kind, rows = _measured(EpisodeData(recorded, split), measures, labels or {})
+            kind, rows = _measured(EpisodeData(recorded, split), measures, labels)
         except (RecordError, MapError) as error:
             counts["corrupted"][path.name] = error.problem
         except (IndexError, KeyError, ValueError) as error:
@@ -196,7 +196,7 @@ def read_table(path: Path) -> pd.DataFrame:
         found = metadata.get(_VERSION, b"").decode()
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise RecordError(
-            f"not a table of results: {error}", place=str(path), remedy="measure the episodes anew"
+            f"not a table of results: {error}", place=str(path), remedy="measure the episodes again"
         ) from error
     if found != str(FORMAT):
         raise RecordError(
@@ -218,7 +218,7 @@ def _counts_of(text: bytes, path: Path) -> dict[str, Any]:
         raise RecordError(
             "does not say how many episodes were measured",
             place=str(path),
-            remedy="measure the episodes anew",
+            remedy="measure the episodes again",
         ) from error
 
 

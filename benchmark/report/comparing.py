@@ -63,15 +63,13 @@ def read_side(path: Path) -> Side:
     root, algorithm = _root_of(path)
     results = read_results(root)
 
-    def is_meant(run: RunResult) -> bool:
-        return run.algorithm == algorithm or (not algorithm and not run.is_scripted)
-
-    meant = [run for run in results.runs if is_meant(run)]
+    meant = [
+        run for run in results.runs if (run.algorithm == algorithm if algorithm else not run.is_scripted)
+    ]
+    places = tuple(f"{run.place}/" for run in meant) if algorithm else ""
     left_out = [f"{run} is not finished: {run.status}" for run in meant if run.table is None]
     left_out += [
-        f"{name}: {reason}"
-        for name, reason in results.problems.items()
-        if not algorithm or any(f"{name}/".startswith(f"{run.place}/") for run in meant)
+        f"{name}: {reason}" for name, reason in results.problems.items() if f"{name}/".startswith(places)
     ]
     runs = tuple(run for run in meant if run.table is not None)
     if not runs:
@@ -138,15 +136,7 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
     for name in metrics:
         METRICS[name]
     pairs = _pairs(first, second)
-    table: Frame = pd.concat(
-        [
-            pd.concat(tables, ignore_index=True).assign(pair=number, side=letter)  # type: ignore[arg-type]
-            for number, pair in enumerate(pairs)
-            for letter, side, name in zip("AB", (first, second), pair, strict=True)
-            if (tables := [run.table for run in side.runs if run.algorithm == name])
-        ],
-        ignore_index=True,
-    )
+    table = _played(first, second, pairs)
     table = table[(table["split"] == "train") & table["mode"].isin([mode, SCRIPTED])]
     found = compare(table, metrics, ["pair", *CELL], "side", family=())
     if not len(found):
@@ -155,20 +145,33 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
             place=f"{first.path}, {second.path}",
             remedy="compare experiments on the same tasks and traffic",
         )
-    chosen = [pairs[number] for number in found["pair"]]
+    sides = {"A": (first, 0), "B": (second, 1)}
     names = {
-        letter: [f"{side.name}: {pair[number]}" for pair in chosen]
-        for number, (letter, side) in enumerate(zip("AB", (first, second), strict=True))
+        letter: [f"{side.name}: {pairs[pair][number]}" for pair in found["pair"]]
+        for letter, (side, number) in sides.items()
     }
-    better = [names[wins][row] if wins else "" for row, wins in enumerate(found["wins"])]
     seeds = _training_seeds(table)
     cells = [*zip(found["pair"], *(found[name] for name in CELL), strict=True)]
-    counts = {
-        column: [seeds.get((*cell, side), 0) for cell in cells]
-        for column, side in (("first_seeds", "A"), ("second_seeds", "B"))
-    }
-    answer = found.assign(first=names["A"], second=names["B"], better=better, **counts)
-    return answer[[*COLUMNS]]
+    counts = {letter: [seeds.get((*cell, letter), 0) for cell in cells] for letter in sides}
+    return found.assign(
+        first=names["A"],
+        second=names["B"],
+        first_seeds=counts["A"],
+        second_seeds=counts["B"],
+        better=[names[wins][row] if wins else "" for row, wins in enumerate(found["wins"])],
+    )[[*COLUMNS]]
+
+
+def _played(first: Side, second: Side, pairs: Sequence[tuple[str, str]]) -> Frame:
+    """Return the agent-episodes of all pairs, with columns `pair` (number) and `side` ("A" or "B")."""
+    parts = [
+        run.table.assign(pair=number, side=letter)
+        for number, pair in enumerate(pairs)
+        for letter, side, name in zip("AB", (first, second), pair, strict=True)
+        for run in side.runs
+        if run.algorithm == name and run.table is not None
+    ]
+    return pd.concat(parts, ignore_index=True)
 
 
 def _training_seeds(table: Frame) -> dict[Hashable, int]:

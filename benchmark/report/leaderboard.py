@@ -176,17 +176,15 @@ def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Pl
     values = by_key(measure_cells(table.assign(algorithm=table["entry"]), [*RANKED_BY, *own]))
     differing = differences(table, mode, column="entry")
     scripted = set(table.loc[table["is_scripted"], "entry"])
-    modes = {key[:3]: key[3] for key in values}
+    found: dict[tuple[str, str], dict[str, list[Value]]] = {}
+    for entry, task, traffic, acting in dict.fromkeys(key[:4] for key in values):
+        row = [values[entry, task, traffic, acting, name] for name in (*RANKED_BY, *own)]
+        found.setdefault((task, traffic), {})[entry] = row
     places = []
-    for task, traffic in sorted({(task, traffic) for _, task, traffic in modes}):
-        found = {
-            entry: [values[entry, task, traffic, acting, name] for name in (*RANKED_BY, *own)]
-            for (entry, *cell), acting in modes.items()
-            if cell == [task, traffic]
-        }
-        rates = {entry: every[: len(RANKED_BY)] for entry, every in found.items()}
-        ranked = [entry for entry in rates.keys() - scripted if all(rate.is_known for rate in rates[entry])]
-        standings = ranks(of_cell(differing, task, traffic), sorted(ranked))
+    for (task, traffic), rows in sorted(found.items()):
+        rates = {entry: row[: len(RANKED_BY)] for entry, row in rows.items()}
+        ranked = [entry for entry in rates if entry not in scripted and all(x.is_known for x in rates[entry])]
+        standings = ranks(of_cell(differing, task, traffic), ranked)
         for entry in sorted(rates, key=lambda each: _order(standings.get(each), rates[each])):
             experiment, _, algorithm = entry.partition("\n")
             standing = standings.get(entry)
@@ -201,7 +199,7 @@ def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Pl
                     standing.rank if standing else None,
                     standing is not None and standing.is_tied,
                     *rates[entry],
-                    own=tuple(found[entry][len(RANKED_BY) :]),
+                    own=tuple(rows[entry][len(RANKED_BY) :]),
                 )
             )
     return places

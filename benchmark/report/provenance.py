@@ -87,21 +87,17 @@ def circumstances(results: Results) -> list[tuple[str, list[str]]]:
     """Return name and distinct values of commit, versions, machine and config of the runs."""
     begun = [run.facts for run in results.runs if run.facts]
     facts = [each for run in begun for each in (run, *run.get(CONTINUED, ()))]
-    configs = [(run, run.config) for run in results.runs]
-    commits = _distinct(each.get("commit") for each in facts)
-    settings = (
-        f"{run.algorithm}: {_text(config.get('settings'))}"
-        for run, config in configs
-        if config and not run.is_scripted
-    )
+    configs = [run.config for run in results.runs]
+    learnt = (run for run in results.runs if run.config and not run.is_scripted)
+    commits = _values("commit", facts)
     found = {
         "Commit" + CHANGED * any(each.endswith("+") for each in commits): commits,
-        "Python": _distinct(each.get("python") for each in facts),
-        "Versions": _distinct(each.get("versions") for each in facts),
+        "Python": _values("python", facts),
+        "Versions": _values("versions", facts),
         "Machine (processor, cores, system)": _distinct(map(_machine, facts)),
-        "Environment": _distinct(config.get("environment") for _, config in configs),
-        "Budget": _distinct(config.get("budget") for _, config in configs),
-        "Settings": _distinct(settings),
+        "Environment": _values("environment", configs),
+        "Budget": _values("budget", configs),
+        "Settings": _distinct(f"{run.algorithm}: {_text(run.config.get('settings'))}" for run in learnt),
     }
     return [(name, values) for name, values in found.items() if values]
 
@@ -150,6 +146,10 @@ def _text(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {_text(each) or '{}'}" for name, each in value.items())
     return "" if value is None else str(value)
+
+
+def _values(name: str, contents: Iterable[Mapping[str, Any]]) -> list[str]:
+    return _distinct(content.get(name) for content in contents)
 
 
 def _distinct(values: Iterable[Any]) -> list[str]:

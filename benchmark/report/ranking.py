@@ -1,4 +1,4 @@
-"""Who is better than whom in a cell, and the ranks which that allows."""
+"""Comparisons of algorithms in a cell, and their ranks."""
 
 from __future__ import annotations
 
@@ -61,17 +61,13 @@ def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Stand
 
     One is better than another by its completion rate, or by its collision rate where completion is a tie. So
     entries between which nothing is decided, and than which the same others are better, have the same rank.
-    Who could be compared with none of the others has no rank.
+    An entry without a comparison has no rank.
 
     Args:
         differing: Of `differences`, of one cell.
-        entries: Who is ranked.
+        entries: To be ranked.
     """
-    decided: dict[tuple[Hashable, Hashable], dict[str, Any]] = {}
-    for row in differing.to_dict("records"):
-        pair = row["first"], row["second"]
-        if {*pair} <= {*entries} and not math.isnan(row["corrected"]):
-            decided.setdefault(pair, {})[row["metric"]] = row["wins"]
+    decided = _decided(differing, entries)
     met: dict[Hashable, set[Hashable]] = {entry: set() for entry in entries}
     better = dict.fromkeys(entries, 0)
     for (first, second), wins in decided.items():
@@ -85,6 +81,18 @@ def ranks(differing: Frame, entries: Sequence[Hashable]) -> dict[Hashable, Stand
         entry: Standing(1 + better[entry], any(better[other] == better[entry] for other in met[entry]))
         for entry in ranked
     }
+
+
+def _decided(
+    differing: Frame, entries: Sequence[Hashable]
+) -> dict[tuple[Hashable, Hashable], dict[str, Any]]:
+    """Return for each pair of entries that could be compared the winner ("" for a tie) by metric."""
+    found: dict[tuple[Hashable, Hashable], dict[str, Any]] = {}
+    for row in differing.to_dict("records"):
+        pair = row["first"], row["second"]
+        if {*pair} <= {*entries} and not math.isnan(row["corrected"]):
+            found.setdefault(pair, {})[row["metric"]] = row["wins"]
+    return found
 
 
 def of_cell(differing: Frame, task: str, traffic: str) -> Frame:

@@ -69,7 +69,7 @@ def dash(name: str) -> str:
 
 
 def _dash(name: str) -> int:
-    # A step further each time the colours begin anew.
+    # The next dashes each time the colours repeat.
     turn, place = divmod(_number(name), len(PALETTE))
     return (place + turn) % len(DASHES)
 

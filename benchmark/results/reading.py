@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+import operator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -118,10 +119,10 @@ def read_results(root: Path) -> Results:
     problems: dict[str, str] = {}
     experiment = last_experiment(root, problems)
     commands, parts = earlier_commands(root, problems)
-    every = [*parts, experiment] if experiment else parts
-    for each in every:
+    runs: dict[str, RunResult] = {}
+    for each in [*parts, experiment] if experiment else parts:
         _load_metrics(each, problems)
-    expected = {run.place: run for each in every for run in _expected(each)}
+        runs |= {run.place: run for run in _expected(each)}
     found = {run.place: run for run in _found(root, problems)}
     if experiment is None and not found:
         raise ResultsError(
@@ -129,7 +130,7 @@ def read_results(root: Path) -> Results:
             place=str(root),
             remedy="give the folder that `smarts-bench run` names at its end",
         )
-    runs = {**expected, **found}
+    runs |= found
     return Results(
         root=root,
         name=experiment.name if experiment else root.resolve().name,
@@ -197,13 +198,11 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
         return RunResult(*names, place, UNREADABLE)
     status = str(facts.get("status", UNREADABLE))
     said = "; ".join(f"left out: line {number}, {problem}" for number, problem in bad_lines.items())
-    progress = None
-    if lines:
-        progress = pd.DataFrame(lines)[[*PROGRESS_COLUMNS]].apply(pd.to_numeric, errors="coerce")
+    progress = _as_numbers(lines)
     if not said and names[-1] != SCRIPTED_SEED and status == FINISHED:
         said = _missing_end(progress, {**facts, **config})
-    for file, text in ((folder.run, bad_facts), (folder.progress, said)):
-        problems |= {f"{place}/{file.name}": text} if text else {}
+    found = {f"{place}/{folder.run.name}": bad_facts, f"{place}/{folder.progress.name}": said}
+    problems.update(filter(operator.itemgetter(1), found.items()))
     run = RunResult(*names, place, status, facts, config, progress, not said)
     if status != FINISHED:
         return run
@@ -213,6 +212,12 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
         problems[f"{place}/{folder.table.name}"] = f"{error.problem}; {TESTED_AGAIN}"
         return replace(run, status=UNREADABLE)
     return replace(run, table=table)
+
+
+def _as_numbers(lines: Sequence[Mapping[str, str]]) -> Frame | None:
+    """Return lines of progress.csv as a frame, None without one."""
+    columns = [*PROGRESS_COLUMNS]
+    return pd.DataFrame(lines)[columns].apply(pd.to_numeric, errors="coerce") if lines else None
 
 
 def _known_facts(facts: Mapping[str, Any]) -> tuple[dict[str, Any], str]:

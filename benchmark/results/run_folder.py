@@ -123,7 +123,7 @@ class RunFolder:
         if there is None:
             return
         is_extended = _is_extended(here, there)
-        compared = _with_common_imports(there, here), _with_common_imports(here, there)
+        compared = with_common_imports(there, here), with_common_imports(here, there)
         differing = _differing(*({**each, BUDGET: None} if is_extended else each for each in compared))
         if differing:
             raise ResultsError(
@@ -150,14 +150,19 @@ class RunFolder:
         Args:
             digests: Name -> present digest.
         """
-        known = self.facts().get(SCENARIOS, {}) if self._content() is not None else {}
+        known = self.facts().get(SCENARIOS, {}) if self._has_results() else {}
         return [name for name, digest in digests.items() if known.get(name, digest) != digest]
 
     def _content(self) -> dict[str, Any] | None:
         """Return the completed config of the run in the folder; None without one."""
+        return completed(self.read_config()) if self._has_results() else None
+
+    def _has_results(self) -> bool:
+        """Return whether the folder holds more than the begin of a run."""
+        if self.status == FINISHED or self._is_there(self.checkpoint):
+            return True
         # Without a checkpoint nothing of an unfinished training can be used; scripted policies have none.
-        is_used = self.status == FINISHED or (self.status == TESTING and self.progress.exists())
-        return completed(self.read_config()) if is_used or self._is_there(self.checkpoint) else None
+        return self.status == TESTING and self.progress.exists()
 
     @staticmethod
     def _is_there(folder: Path) -> bool:
@@ -240,7 +245,7 @@ def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
     return all(isinstance(budget, dict) for budget in budgets) and is_larger(*budgets)  # type: ignore[arg-type]
 
 
-def _with_common_imports(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+def with_common_imports(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
     """Return a content with only those imports whose modules another one imports too, from wherever.
 
     A metric or an algorithm that is added to an experiment changes nothing in what its other runs trained.

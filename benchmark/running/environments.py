@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from benchmark.experiment.checks import option_names
 from benchmark.experiment.config import Environment
 from benchmark.experiment.runs import TaskSetting
+from benchmark.metrics import compute, measure_episodes
 from benchmark.running.importing import named_own_code
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
@@ -90,6 +92,21 @@ def try_environment(task_setting: TaskSetting) -> Any:
         env.reset()
         env.step([_some_actions(block) for block in env.spaces.blocks])
         return env.spaces
+
+
+def try_metrics(task_setting: TaskSetting, metrics: Sequence[str]) -> None:
+    """Play, record and measure one episode.
+
+    Raises:
+        SmartsError: The environment cannot be made or played.
+        OwnCodeError: A metric raises, or writes wrong columns.
+    """
+    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as folder:
+        with closing(environment(task_setting, num_envs=1, record=Path(folder))) as env:
+            step = env.reset()
+            while all(shares["invalid"] for shares in step.metrics.values()):
+                step = env.step([_some_actions(block) for block in env.spaces.blocks])
+        compute(measure_episodes(folder, metrics=metrics), metrics=metrics)
 
 
 def _some_actions(block: Any) -> NDArray:

@@ -11,7 +11,7 @@ from typing import Literal
 
 import pandas as pd
 
-from benchmark.experiment.config import Evaluation, Task, name_of
+from benchmark.experiment.config import Evaluation, TrainingTask, name_of
 from benchmark.experiment.runs import Run, run_from
 from benchmark.metrics import read_table
 from benchmark.results.files import FormatError, ResultsError
@@ -131,7 +131,7 @@ def _with_test(
     task = task_setting.task
     if scenarios:
         values = {"name": name_of(scenarios), "scenarios": list(scenarios)}
-        task = fitted(values, Task, "--scenario")
+        task = fitted(values, TrainingTask, "--scenario")
     evaluation = Evaluation(episodes=episodes, modes=modes, keep_episodes=keep)
     task_setting = replace(
         task_setting, task=task, traffic=traffic or task_setting.traffic, evaluation=evaluation

@@ -101,25 +101,30 @@ def check_task_settings(experiment: Experiment) -> None:
 
 
 def _check_own_code(experiment: Experiment) -> None:
-    """Play one decision with an own adapter, feature or reward, and check that the algorithms fit its spaces.
+    """Try own adapter, features, reward and metrics, and check that the algorithms fit the spaces.
 
     Raises:
-        OwnCodeError: It cannot be made, or raises.
-        SpaceError: An algorithm does not handle the adapter's actions or observations.
+        OwnCodeError: Own code cannot be made, or raises.
+        SpaceError: An algorithm does not handle the actions or observations.
     """
     given = experiment.environment
     names = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
     features = feature_list(given.options.get("observation", {}))
     own_features = [each for each in (*features.stacked, *features.features) if each.is_own]
-    if not own_features and not any(map(is_own_name, names)):
-        return
+    metrics = [name for name in experiment.metrics or () if is_own_name(name)]
+    has_own_parts = bool(own_features) or any(map(is_own_name, names))
     # Imported here, so that the driver's process loads the simulation only for own code.
-    from benchmark.running.environments import try_environment
+    if metrics:
+        from benchmark.running.environments import try_metrics
 
-    spaces = try_environment(task_settings_of(experiment)[0])
-    if is_own_name(given.adapter) or own_features:
-        for algorithm in experiment.algorithms:
-            CONFIGS[algorithm]().check(JointSpec.build(spaces))
+        try_metrics(task_settings_of(experiment)[0], metrics)
+    if has_own_parts:
+        from benchmark.running.environments import try_environment
+
+        spaces = try_environment(task_settings_of(experiment)[0])
+        if is_own_name(given.adapter) or own_features:
+            for algorithm in experiment.algorithms:
+                CONFIGS[algorithm]().check(JointSpec.build(spaces))
 
 
 def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:

@@ -24,7 +24,7 @@ def kernel_cache(package: str) -> KernelCache:
     """Return what is kept of the kernels of a package, as far as its modules are loaded.
 
     Raises:
-        SmartsError: A folder cannot be written to, so that everything is compiled anew each time.
+        SmartsError: A folder cannot be written to, so that everything is compiled each time.
     """
     found = {id(each): each for each in _kernels(package)}.values()
     folders = tuple(sorted({Path(each.stats.cache_path) for each in found}))

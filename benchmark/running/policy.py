@@ -13,7 +13,7 @@ from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 from ray import cloudpickle
 
-from algorithms.joint.env import CARRIED, Block, JointSpaces, JointStep
+from algorithms.joint.env import CARRIED, AgentBlock, JointSpaces, JointStep
 from algorithms.joint.policies import Policies
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
@@ -194,7 +194,7 @@ class Policy:
         )
 
     def _rows_of(
-        self, block: Block, by_agent: Mapping[str, Any], infos: Mapping[str, Any]
+        self, block: AgentBlock, by_agent: Mapping[str, Any], infos: Mapping[str, Any]
     ) -> tuple[dict[str, NDArray], NDArray[np.bool_] | None]:
         """Return observations and action mask of a block's agents, zeros and True for agents without one."""
         agents = len(block.agents)
@@ -264,7 +264,7 @@ class _GivenSteps:
         """Do nothing."""
 
 
-def _seen(block: Block) -> Block:
+def _seen(block: AgentBlock) -> AgentBlock:
     """Return a block without observations that the algorithm adds."""
     kept = {name: box for name, box in block.observation.items() if not name.startswith(CARRIED)}
     return block._replace(observation=kept)

@@ -17,7 +17,7 @@ COUNTS = ("iteration", "agent_steps")
 
 
 class Scalars:
-    """Writes the columns of progress.csv, anew from its begin, since a run may go on before its last line.
+    """Writes the columns of progress.csv from the first line on, since a run may resume before its last line.
 
     Args:
         folder: Of TensorBoard's files; what is there is removed.

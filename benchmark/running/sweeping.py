@@ -27,7 +27,7 @@ from benchmark.experiment.checks import DRAWS
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, completed, runs_of
 from benchmark.results.files import FORMAT, ResultsError, locked, read_mapping, write_json, write_whole
-from benchmark.results.run_folder import RunFolder
+from benchmark.results.run_folder import RunFolder, with_common_imports
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
 from benchmark.running.experiment import check_task_settings, interrupted, resumable
@@ -49,7 +49,7 @@ class SweepError(SmartsError):
 def sweep(experiment: Experiment, root: Path) -> int:
     """Search, print and keep a row for each trial in trials.csv, the best first; return the exit code.
 
-    The same call goes on with a search that was interrupted.
+    The same call resumes an interrupted search.
 
     Raises:
         SweepError: The experiment has no `tune` section, stands for several runs, or names no known draw.
@@ -100,12 +100,19 @@ def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
     content = {"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")}
     if not file.exists():
         write_json(file, content)
-    elif _completed(read_mapping(file)) != _completed(content):
+    elif not _is_same_search(_completed(read_mapping(file)), _completed(content)):
         raise ResultsError(
             "here is a search with another config",
             place=str(file),
-            remedy="give the experiment another name or --out, or remove the folder to begin anew",
+            remedy="give the experiment another name or --out, or remove the folder to start again",
         )
+
+
+def _is_same_search(there: Mapping[str, Any], here: Mapping[str, Any]) -> bool:
+    """Return whether two contents of search.json are of one search; further imports do not count."""
+    one, other = (content.get("run") or {} for content in (there, here))
+    runs = with_common_imports(one, other), with_common_imports(other, one)
+    return {**there, "run": runs[0]} == {**here, "run": runs[1]}
 
 
 def _completed(content: Mapping[str, Any]) -> Any:

@@ -140,7 +140,7 @@ def _measured(
     """Yield tables of a part that hold as many episodes that count as it asks for, unless too many do not.
 
     For each that does not count, the next world that was not played yet is played as well: so the episodes
-    that count are the first ones of one sequence of worlds, whoever plays.
+    that count are the first ones of one sequence of worlds, for every policy.
     """
     first, lacking, measured = REPORTED_WORLDS, part.episodes, 0
     unread: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""SUMO's own driver at the wheel of the agents' vehicles: what a rule-based driver who knows all reaches.
+"""SUMO's driver model in the agents' vehicles: a rule-based driver with full knowledge of the simulation.
 
 The vehicles are handed to the traffic engine after half a second, and judged by the events of agents. SUMO's
 drivers are told roads, not lanes: any lane of the goal's road will do for them.
@@ -26,7 +26,7 @@ from smarts.types.transfers import Reason, transfers
 from smarts.types.vehicles import Owner
 
 UNTIL_HANDED_OVER = 5
-"""Steps. A vehicle that SUMO gets right after it has come to know it goes on without a route."""
+"""Steps. A vehicle that is handed to SUMO as soon as SUMO knows it has no route."""
 
 
 def sumo_episodes(
@@ -60,7 +60,7 @@ def _freed_agent(agent_id: AgentStart, roads: LaneGraph) -> AgentStart:
     mission = agent_id.mission
     goal = mission.goal_lane
     beside = np.flatnonzero(roads.lane_edge == roads.lane_edge[goal])
-    # SUMO takes out who comes to the end of its route, which may be before the goal.
+    # SUMO removes a vehicle at the end of its route, which may be before the goal.
     onward = [lane for lane in roads.successors(goal).tolist() if not roads.is_internal[lane]]
     inner = [lane for lane in roads.successors(goal).tolist() if roads.is_internal[lane]]
     onward += [int(lane) for each in inner for lane in roads.successors(each) if not roads.is_internal[lane]]
@@ -95,7 +95,7 @@ def _episode(parts: Assembly, start: EpisodeStart) -> tuple[Counter[str], float]
 
 
 def _outcome(parts: Assembly, frame: Frame, agent_id: int) -> int:
-    """Return how an agent's episode has ended in this step, 0 if it goes on."""
+    """Return how an agent's episode has ended in this step, 0 while it drives."""
     agents = parts.simulation.world.agents
     if agents.state[0, agent_id] == AgentStatus.DONE:
         return int(agents.outcome[0, agent_id])

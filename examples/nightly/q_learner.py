@@ -12,7 +12,7 @@ from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration
 from algorithms.parts.masking import ILLEGAL
-from algorithms.registry import Actions, Entry, Paradigm
+from algorithms.registry import ActionKind, Entry, Paradigm
 from algorithms.settings import Fraction, OffPolicySettings
 from smarts.env import VectorHiWayEnv
 
@@ -63,7 +63,7 @@ class MyConfig(JointConfig):
 
     algorithm = "mine"
     # In this library it is a line in `algorithms/registry.py` instead.
-    entry = Entry("q_learner:MyConfig", MySettings, Paradigm.DECENTRALISED, "M1", Actions.DISCRETE)
+    entry = Entry("q_learner:MyConfig", MySettings, Paradigm.DECENTRALISED, "M1", ActionKind.DISCRETE)
 
     def exploration(self, steps):
         """Return how runners explore after so many environment steps."""

@@ -58,20 +58,29 @@ def read_config(
     sources = [*files, *(source for source in given if source is not None)]
     values = reduce(_merged, (source.values for source in sources))
     place = partial(_place, sources)
-    found: Any = None
+    found = None
     try:
         found = model.model_validate(values)
     except ValidationError as error:
         problems += explained(error, model, values, place)
-    said = tuple(problem.text for problem in problems)
-    for fault in check(values):
-        if not fault.key:
-            problems.append(Problem(place(()), fault.text, fault.remedy))
-        elif not any(text.startswith(f"{shown(fault.key)} is ") for text in said):  # its type is wrong
-            problems.append(Problem(place(fault.key), f"{shown(fault.key)}: {fault.text}", fault.remedy))
-    if problems:
+    problems += _found_by(check(values), place, problems)
+    if found is None or problems:
         raise ConfigError(in_order(problems))
     return found
+
+
+def _found_by(
+    faults: Iterable[Fault], place: Callable[[Key], str], known: Sequence[Problem]
+) -> list[Problem]:
+    """Return faults as problems, without values whose type is a known problem."""
+    wrong = {problem.text.partition(" is ")[0] for problem in known}
+    return [
+        Problem(
+            place(fault.key), f"{shown(fault.key)}: {fault.text}" if fault.key else fault.text, fault.remedy
+        )
+        for fault in faults
+        if not fault.key or shown(fault.key) not in wrong
+    ]
 
 
 def _place(sources: Sequence[Source], key: Key) -> str:

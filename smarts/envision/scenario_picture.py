@@ -7,6 +7,7 @@ Each `draw_*` function adds one thing to a pair of axes in map coordinates [m]; 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -96,9 +97,10 @@ def draw_roads(axes: Axes, roads: LaneGraph) -> None:
     colours = [ASPHALT if roads.kind[lane] == LaneKind.CAR else NOT_FOR_CARS for lane in lanes]
     strips = [_strip(roads, lane) for lane in lanes]
     axes.add_collection(PolyCollection(strips, facecolors=colours, edgecolors="none", zorder=1))
-    on_road = np.flatnonzero(~roads.is_internal).tolist()
-    between = [_beside(roads, lane, 0.5) for lane in on_road if roads.left[lane] >= 0]
-    left_edges = [_beside(roads, lane, 0.5) for lane in on_road if roads.left[lane] < 0]
+    between, left_edges = (
+        [_beside(roads, lane, 0.5) for lane in np.flatnonzero(~roads.is_internal & is_there).tolist()]
+        for is_there in (roads.left >= 0, roads.left < 0)
+    )
     dashes = (0, (5, 5))
     axes.add_collection(
         LineCollection(between, colors=LANE_LINE, linewidths=0.7, linestyles=[dashes], zorder=2)
@@ -205,15 +207,9 @@ def _mission_window(built: BuiltScenario, margin: float = 12.0) -> tuple[float, 
 def _legend(pictures: Sequence[Picture]) -> list[Patch]:
     """Explain what is in the pictures, and nothing else."""
     scenarios = [built.scenario for built, _, _ in pictures]
-    flows = [
-        flow for built, name, _ in pictures if name for flow in (built.scenario.traffic or {})[name].flows
-    ]
-    kinds = {
-        int(moment.states.kind[slot])
-        for _, _, moment in pictures
-        for slot in np.flatnonzero(moment.states.alive).tolist()
-        if slot not in moment.egos
-    }
+    traffics = [(built.scenario.traffic or {})[name] for built, name, _ in pictures if name]
+    flows = [*chain.from_iterable(traffic.flows for traffic in traffics)]
+    kinds = _social_kinds(pictures)
     entries = {
         Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(s.ego_missions for s in scenarios),
         Patch(facecolor=CAR, label="car"): bool(kinds - set(LARGE_VEHICLES)),
@@ -224,6 +220,16 @@ def _legend(pictures: Sequence[Picture]) -> list[Patch]:
         Patch(facecolor=BUBBLE, alpha=0.4, label="bubble"): any(s.bubbles for s in scenarios),
     }
     return [entry for entry, shown in entries.items() if shown]
+
+
+def _social_kinds(pictures: Sequence[Picture]) -> set[int]:
+    """Return the kinds of all vehicles but the egos."""
+    return {
+        int(moment.states.kind[slot])
+        for _, _, moment in pictures
+        for slot in np.flatnonzero(moment.states.alive).tolist()
+        if slot not in moment.egos
+    }
 
 
 def _strip(roads: LaneGraph, lane: int) -> Floats:

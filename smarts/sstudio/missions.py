@@ -9,10 +9,9 @@ on its lane; the rear bumper, too, wherever the lane is long enough: the least o
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any
 
 from numpy.random import Generator
@@ -190,11 +189,9 @@ def _spread_starts(
     reach = variation.offset if variation else 0.0
     drawn = [draft.s + float(generator.uniform(-reach, reach)) if reach else draft.s for draft in drafts]
     starts = list(drawn)
-    by_lane: dict[int, list[int]] = defaultdict(list)
-    for number, draft in enumerate(drafts):
-        by_lane[draft.lane].append(number)
-    for lane, members in by_lane.items():
-        queue = sorted(members, key=lambda number: drafts[number].s)
+    rising = sorted(range(len(drafts)), key=lambda number: (drafts[number].lane, drafts[number].s))
+    for lane, members in groupby(rising, key=lambda number: drafts[number].lane):
+        queue = [*members]
         kept = keep_apart(
             [drafts[number].s for number in queue],
             [drawn[number] for number in queue],

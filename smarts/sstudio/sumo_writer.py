@@ -75,6 +75,12 @@ class _Element:
         yield f"{indent}</{self.tag}>"
 
 
+def _common_name(flow: t.Flow) -> str:
+    """Return the name of a flow's drivers, "mixed" for several."""
+    names = {actor.name for actor in flow.actors}
+    return sumo_id(names.pop()) if len(names) == 1 else "mixed"
+
+
 def _text(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
@@ -131,8 +137,7 @@ class _Writer:
     def _flows(self, flow: t.Flow, number: int) -> Iterable[_Element]:
         """Return the flow once for each speed that its drivers depart with, which SUMO wants at the flow."""
         where, total = f"{self.where}.flows[{number}]", sum(flow.actors.values())
-        names = {actor.name for actor in flow.actors}
-        name = f"{sumo_id(names.pop()) if len(names) == 1 else 'mixed'}-flow-{number}"
+        name = f"{_common_name(flow)}-flow-{number}"
         route = self._resolved(flow.route)
         edges = self._edges(route, where, flow.actors)
         departing = sorted({actor.depart_speed for actor in flow.actors}, key=str)

@@ -74,14 +74,17 @@ class _Validation(TrafficChecks):
             self._patch(patch, where)
         for where, history in self.listed(scenario.traffic_histories, "traffic_histories"):
             self._history(history, where)
-        for where, variation in self.named(scenario.held_out, "held_out"):
+        self._held_out(scenario.held_out)
+        if scenario.start_variation is not None:
+            self._start_variation(scenario.start_variation, "start_variation")
+
+    def _held_out(self, variations: Any) -> None:
+        for where, variation in self.named(variations, "held_out"):
             self.type(variation, t.Variation, where)
-        for name in scenario.held_out or {}:
+        for name in variations or {}:
             plain = bool(name) and not set(name) & set("@/\\")
             self.require(plain, f"held_out[{name!r}]", "not a name", "leave out @ and /")
             self.name(name, "held_out")
-        if scenario.start_variation is not None:
-            self._start_variation(scenario.start_variation, "start_variation")
 
     def _start_variation(self, variation: Any, where: str) -> None:
         self.type(variation, t.StartVariation, where)

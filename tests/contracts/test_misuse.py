@@ -12,6 +12,7 @@ import pytest
 from smarts.agents import ActionSpaceType, AgentInterface
 from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError, SmartsError
+from tests.raising import raises
 
 NAN, INF = float("nan"), float("inf")
 LANE, PEDALS = ActionSpaceType.Lane, ActionSpaceType.Continuous
@@ -109,7 +110,7 @@ def test_what_float32_does_not_hold_is_clipped_by_all(api):
 
 @pytest.mark.parametrize("copied", [pickle.dumps, copy.copy, copy.deepcopy])
 def test_environments_stay_where_they_are(made_env, copied):
-    with pytest.raises(SmartsError, match="neither pickled nor copied") as caught:
+    with raises(SmartsError) as caught:
         copied(made_env[2])
     assert caught.value.place == type(made_env[2]).__name__
     assert "hand over what makes it" in caught.value.remedy

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from gymnasium.spaces import Box, Discrete
 
-from algorithms.joint.env import Block, JointSpaces, JointStep
+from algorithms.joint.env import AgentBlock, JointSpaces, JointStep
 
 
 class Levers:
@@ -22,7 +22,7 @@ class Levers:
         self.num_envs = copies
         agents = tuple(f"agent_{i}" for i in range(self.levers))
         seen = {"": Box(0.0, 1.0, (self.pool,), np.float32)}
-        self.spaces = JointSpaces((Block(agents, seen, Discrete(self.levers)),))
+        self.spaces = JointSpaces((AgentBlock(agents, seen, Discrete(self.levers)),))
 
     def reset(self, seed, worlds, *, episode=0, stride=0):
         self.rng = np.random.default_rng([seed, *worlds])

@@ -3,7 +3,7 @@
 import numpy as np
 from gymnasium.spaces import Box, Discrete
 
-from algorithms.joint.env import Block, Final, JointSpaces, JointStep
+from algorithms.joint.env import AgentBlock, FinalStep, JointSpaces, JointStep
 from smarts.agents.checks import check_whole
 from smarts.env.vector import MOST_EPISODES
 from smarts.types.streams import check_seed
@@ -16,7 +16,7 @@ class NullVector:
     """Two copies of nothing, which take what the benchmark's environment takes and have no state either."""
 
     num_envs = 2
-    spaces = JointSpaces((Block(("a", "b"), {"": Box(-1.0, 1.0, (3,), np.float32)}, Discrete(2)),))
+    spaces = JointSpaces((AgentBlock(("a", "b"), {"": Box(-1.0, 1.0, (3,), np.float32)}, Discrete(2)),))
 
     def __init__(self, config=None):
         self.begun = []
@@ -43,5 +43,5 @@ class NullVector:
     def _now(self, over=False):
         seen = ({"": self.rng.uniform(-1, 1, (2, 2, 3)).astype(np.float32)},)
         none, cut = np.zeros((2, 2), bool), np.full((2, 2), over)
-        final = Final(np.arange(2), seen, (None,)) if over else None
+        final = FinalStep(np.arange(2), seen, (None,)) if over else None
         return JointStep(seen, np.ones((2, 2), np.float32), none, cut, ~none, cut[:, 0], final)

@@ -6,7 +6,7 @@ from gymnasium.spaces import Box
 
 from algorithms.joint.algorithm import JointAlgorithm
 from algorithms.joint.config import JointConfig
-from algorithms.joint.env import LATENT, Final, JointStep
+from algorithms.joint.env import LATENT, FinalStep, JointStep
 from algorithms.joint.learner import JointTorchLearner
 from algorithms.joint.module import JointModule
 from algorithms.parts.distributions import SampledActions
@@ -111,7 +111,7 @@ class Vector(NullVector):
         shape = (self.num_envs, 2)
         ends = (self.t > 0) & (self.t % (3 + np.arange(self.num_envs)) == 0)
         seen = self.rng.uniform(-1, 1, (*shape, 3)).astype(np.float32)
-        last = Final(np.flatnonzero(ends), ({"": seen[ends]},), (None,))
+        last = FinalStep(np.flatnonzero(ends), ({"": seen[ends]},), (None,))
         alive, none = np.ones(shape, bool), np.zeros(shape, bool)
         cut = none | ends[:, None]
         return JointStep(({"": seen},), np.ones(shape, np.float32), none, cut, alive, ends, last)

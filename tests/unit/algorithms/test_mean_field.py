@@ -9,7 +9,7 @@ from rigs import Rig, replayed
 from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
 from algorithms.joint.conformance import check_vector_env
-from algorithms.joint.env import Block, JointSpaces, JointStep
+from algorithms.joint.env import AgentBlock, JointSpaces, JointStep
 from algorithms.joint.features import MEAN_ACTION, WithMeanActions
 from algorithms.joint.module import critic_of
 from algorithms.joint.neighbours import Near, Neighbourhood
@@ -91,7 +91,7 @@ def test_a_continued_sampler_sees_the_same_means():
 
 
 def test_neighbours_by_distance_ring_and_pairs():
-    spaces = JointSpaces((Block(("a", "b", "c", "d"), {"": Box(-9, 9, (3,))}, Discrete(2)),))
+    spaces = JointSpaces((AgentBlock(("a", "b", "c", "d"), {"": Box(-9, 9, (3,))}, Discrete(2)),))
     seen = ({"": torch.tensor([[[0.0, 0.0, 8.0], [0.0, 3.0, 0.0], [0.0, 7.0, 0.0], [5.0, 0.0, 8.0]]])},)
     everybody, without_b = torch.ones(1, 4, dtype=torch.bool), torch.tensor([[True, False, True, True]])
     near = Neighbourhood(spaces, Near(4.0, components=(0, 1)))
@@ -121,9 +121,9 @@ def test_actions_without_a_mean_are_refused(name):
             super().__init__()
             self.action_spaces = {"agent_0": Discrete(2), "agent_1": Discrete(3)}
 
-    with pytest.raises(SpaceError, match="means over actions"):
+    with pytest.raises(SpaceError, match=r"^action space: "):
         Rig(name, Uneven)
-    with pytest.raises(SpaceError, match="needs discrete actions"):
+    with pytest.raises(SpaceError, match=r"^action space: "):
         Rig(name, Target)
 
 
@@ -293,7 +293,7 @@ class Spins:
         self.num_envs = copies
         agents = tuple(f"spin_{i}" for i in range(self.side**2))
         self.spaces = JointSpaces(
-            (Block(agents, {"": Box(0.0, 1.0, (1,), np.float32)}, Discrete(2)),), has_graph=True
+            (AgentBlock(agents, {"": Box(0.0, 1.0, (1,), np.float32)}, Discrete(2)),), has_graph=True
         )
         place = np.arange(self.side**2).reshape(self.side, self.side)
         self.links = np.zeros((self.side**2, self.side**2), bool)

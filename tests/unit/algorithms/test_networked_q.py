@@ -189,11 +189,11 @@ def test_groups_are_linked_where_two_agents_hear_each_other():
 
 
 def test_what_cannot_be_fitted_is_refused():
-    with pytest.raises(SpaceError, match="27 joint actions"):
+    with pytest.raises(SpaceError, match="27"):
         Rig("networked_q", Ragged, max_joint_actions=20)
-    with pytest.raises(SpaceError, match="never agree"):
+    with pytest.raises(SpaceError, match="graph="):
         Rig("networked_q", Ragged, graph=[("a", "b")])
-    with pytest.raises(SpaceError, match="needs discrete actions"):
+    with pytest.raises(SpaceError, match=r"^action space: "):
         Rig("networked_q", Target)
     assert algorithms.entry("networked_q").communication
 

@@ -16,6 +16,7 @@ from benchmark.results.progress import begin_progress
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import FINISHED, RunFolder
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
+from tests.raising import raises
 
 PLACE = f"ppo/intersection/{ALONE}/seed_1"
 CRASHES = [["collision", "goal"], ["collision", "collision"], ["goal", "goal"]]
@@ -129,7 +130,7 @@ def test_a_table_that_is_cut_is_tested_again_from_the_checkpoint(tmp_path, left)
     folder = write_changed(tmp_path, lambda table: table)
     assert folder.is_finished(TESTED)
     folder.table.write_bytes(folder.table.read_bytes()[:left])
-    with pytest.raises(ResultsError, match=r"episodes\.parquet.* no checkpoint either"):
+    with raises(ResultsError, folder.table):
         folder.is_finished(TESTED)
     folder.checkpoint.mkdir()
     assert not folder.is_finished(TESTED)
@@ -139,7 +140,7 @@ def test_a_table_that_is_cut_is_tested_again_from_the_checkpoint(tmp_path, left)
 def test_a_run_without_a_checkpoint_is_not_trained_anew_for_another_test(tmp_path):
     folder = write_changed(tmp_path, lambda table: table)
     other = {**TESTED, "episodes": 7}
-    with pytest.raises(ResultsError, match=r"tested in another way.* no checkpoint either"):
+    with raises(ResultsError, folder.table, values=[TESTED]):
         folder.is_finished(other)
     folder.checkpoint.mkdir()
     assert not folder.is_finished(other)
@@ -185,7 +186,7 @@ def test_a_line_of_progress_that_cannot_be_is_named(tmp_path, value):
     assert results.finished[0].progress["agent_steps"].tolist() == [500]
     # Not those of half the training.
     assert (run_lines(results)[0].agent_steps, run_lines(results)[0].training) == ("", "")
-    with pytest.raises(ResultsError, match=f"progress.csv: damaged: seconds is {value!r}"):
+    with raises(ResultsError, folder.progress, values=["seconds", repr(value)]):
         begin_progress(folder.progress, 2)
 
 
@@ -220,7 +221,7 @@ def test_progress_that_ends_before_the_training_is_named(tmp_path, lines, budget
 def test_a_run_does_not_go_on_with_what_is_no_progress(tmp_path, content):
     folder = RunFolder(tmp_path)
     folder.progress.write_bytes(content)
-    with pytest.raises(ResultsError, match=r"progress\.csv: ") as caught:
+    with raises(ResultsError, folder.progress) as caught:
         begin_progress(folder.progress, 3)
     assert "remove it" in caught.value.remedy
     assert folder.progress.read_bytes() == content
@@ -240,7 +241,7 @@ def test_a_run_file_without_keys_is_named(tmp_path, content):
     folder = RunFolder(tmp_path)
     folder.run.write_text(content)
     for look in (lambda: folder.check({}), lambda: folder.status):
-        with pytest.raises(ResultsError, match=r"run\.json: holds no keys") as caught:
+        with raises(ResultsError, folder.run) as caught:
             look()
         assert "remove it" in caught.value.remedy
 
@@ -250,6 +251,6 @@ def test_commands_that_are_none_are_named(tmp_path, content):
     write_experiment(tmp_path)
     experiment = last_experiment(tmp_path, {})
     (tmp_path / "command.json").write_text(content)
-    with pytest.raises(ResultsError, match=r"command\.json: ") as caught:
+    with raises(ResultsError, "command.json") as caught:
         keep_command(tmp_path, experiment, "smarts-bench run hand.yaml")
     assert "remove it" in caught.value.remedy

@@ -13,6 +13,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.errors import SmartsError
 from smarts.types.actions import ActionSpaceType
+from tests.raising import raises
 
 
 def log(metric, *steps, episode: Any = 0):
@@ -52,7 +53,7 @@ def test_outcomes_without_infos_come_from_the_events():
 def test_more_episodes_than_announced_are_refused():
     metric = Metric(num_episodes=1)
     log(metric, (0, 0.0, "goal"))
-    with pytest.raises(SmartsError, match="more than the 1 announced"):
+    with raises(SmartsError, "Metric.log_step", values=[1]):
         log(metric, (0, 0.0, "goal"), episode=1)
     assert all(math.isnan(value) for value in Metric().compute().values())
 
@@ -125,7 +126,7 @@ def test_episodes_are_objects(kind):
     assert all(given is kept for given, kept in zip(episodes, metric.episodes.values(), strict=True))
     assert [episode.steps for episode in episodes] == [2, 2]
     assert metric.compute()["return"] == 2.0
-    with pytest.raises(SmartsError, match="more than the 2 announced"):
+    with raises(SmartsError, "Metric.log_step", values=[2]):
         log(metric, (0, 0.0, ""), episode=kind())
 
 

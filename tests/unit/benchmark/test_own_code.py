@@ -7,9 +7,12 @@ from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.config import Experiment, VehicleName, check_whole, read_experiment
 from benchmark.experiment.runs import run_from, runs_of, scripted_runs_of
 from benchmark.metrics import METRICS, Measure
+from benchmark.running.experiment import check_task_settings
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.agents.interface import VEHICLE_CLASSES
 from smarts.config import ConfigError
+from smarts.errors import OwnCodeError
+from tests.raising import raises
 
 HEAD = "tasks: [loop]\ntraffic: [no_social_vehicles]\n"
 
@@ -279,3 +282,17 @@ def test_an_experiment_made_in_python_names_its_own_code():
 
 def test_vehicles_are_those_of_interfaces():
     assert {*VehicleName.__args__} == {*VEHICLE_CLASSES}
+
+
+@pytest.mark.slow
+def test_own_metrics_are_tried_before_the_training(write):
+    broken = METRIC.replace('"long": episode.duration >= 1.0', '"long": episode.nothing_of_the_kind')
+    for name, source in (("own_tried", METRIC), ("own_untried", broken)):
+        experiment = read_experiment(
+            write(f"algorithms: [ppo]\nmetrics: ['{name}:LONG']\n", **{name: source}),
+        )
+        if source is METRIC:
+            check_task_settings(experiment)
+            continue
+        with raises(OwnCodeError, f"{name}.py:7", values=["nothing_of_the_kind"]):
+            check_task_settings(experiment)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from benchmark.experiment.config import Environment, Evaluation, Task
+from benchmark.experiment.config import Environment, Evaluation, TrainingTask
 from benchmark.experiment.runs import TaskSetting
 from benchmark.running.environments import environment
 from benchmark.running.played import held_out_of
 from smarts.env.vector import VectorHiWayEnv
 from smarts.types.vehicles import Owner
 
-TASK = Task(name="loop", scenarios=["loop"])
+TASK = TrainingTask(name="loop", scenarios=["loop"])
 BRAKE = np.array([[[0.0, 1.0, 0.0]]], np.float32)
 
 
@@ -56,7 +56,7 @@ def test_a_bus_is_longer_and_the_default_is_the_benchmarks():
 
 @pytest.mark.parametrize("engine", [None, "ConstantSpeed"])
 def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine):
-    task = Task(name="intersection", scenarios=["intersection"])
+    task = TrainingTask(name="intersection", scenarios=["intersection"])
     given = Environment(agents=1, traffic_engine=engine)
     played = TaskSetting(task, "random_social_vehicles", given, Evaluation(held_out_episodes=1), num_envs=1)
     for scenario in (None, next(held_out_of(played))):

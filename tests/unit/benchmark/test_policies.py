@@ -23,6 +23,7 @@ from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.errors import ActionError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from tests.raising import raises
 
 pytestmark = pytest.mark.slow
 
@@ -129,7 +130,7 @@ def test_every_environment_gets_the_same_actions(make):
     objects = HiWayEnv(
         agent_specs=dict.fromkeys(policy.agents, benchmark_interface()), decision_interval=5, **common
     )
-    with pytest.raises(ActionError, match="attach"):
+    with raises(ActionError, "Policy.act", values=["attach"]):
         policy.act(objects.reset(seed=7)[0])
     policy.attach(objects)
     assert by_dicts(objects, policy) == wanted
@@ -148,18 +149,18 @@ def test_one_agent_of_a_gymnasium_environment(make):
 def test_what_is_no_observation_is_named(make):
     _, folder = make("pg")
     policy = load_policy(folder.path)
-    with pytest.raises(ActionError, match="no agent 'agent-7'"):
+    with raises(ActionError, "Policy.act", values=["agent-7"]):
         policy.act({"agent-0": np.zeros(201), "agent-7": np.zeros(201)})
-    with pytest.raises(ActionError, match=r"shape \(3,\)"):
+    with raises(ActionError, "Policy.act", values=[(3,), (201,)]):
         policy.act({"agent-0": np.zeros(3, np.float32)})
     whole = {"agent-0": np.zeros(201, np.float32)}
     for infos in (None, {}, {"agent-0": {}}, {"agent-1": {"action_mask": np.ones(4)}}):
-        with pytest.raises(ActionError, match="no 'action_mask' for 'agent-0'"):
+        with raises(ActionError, "Policy.act", values=["action_mask", "agent-0"]):
             policy.act(whole, infos)
     only_slower = {"agent-0": {"action_mask": np.array([0, 1, 0, 0])}}
     assert policy.act(whole, only_slower) == {"agent-0": 1}
     assert policy.act({}, {}) == {}
-    with pytest.raises(ResultsError, match="no best checkpoint"):
+    with raises(ResultsError, folder.path, values=["best"]):
         load_policy(folder.path, checkpoint="best")
     for wrong in ({"mode": "greedyy"}, {"checkpoint": "newest"}):
         with pytest.raises(ResultsError, match=next(iter(wrong.values()))):

@@ -7,6 +7,7 @@ import pytest
 from benchmark.results.files import ResultsError
 from benchmark.results.reading import NOT_BEGUN, UNREADABLE, read_results
 from tests.hand_made_results import ALONE, agent_episodes, write_experiment, write_run
+from tests.raising import raises
 
 TWO = [["goal", "goal"], ["collision", "goal"]]
 
@@ -91,9 +92,9 @@ def test_without_a_whole_experiment_file_the_runs_count(tmp_path):
 
 
 def test_no_results(tmp_path):
-    with pytest.raises(ResultsError, match="no such folder"):
+    with raises(ResultsError, tmp_path / "nowhere"):
         read_results(tmp_path / "nowhere")
-    with pytest.raises(ResultsError, match="no results"):
+    with raises(ResultsError, tmp_path):
         read_results(tmp_path)
 
 

@@ -29,6 +29,7 @@ from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.jobs import JobScheduler, jobs_of
 from tests.hand_made_results import agent_episodes, write_experiment, write_run
+from tests.raising import raises
 
 ROOT = Path(__file__).parents[3]
 
@@ -123,7 +124,7 @@ def test_a_second_writer_is_refused_and_a_dead_one_is_not_in_the_way(tmp_path):
     try:
         assert holder.stdout
         assert holder.stdout.readline() == "locked\n"
-        with pytest.raises(ResultsError, match=f"process {holder.pid} is writing here"), locked(tmp_path):
+        with raises(ResultsError, tmp_path, values=[holder.pid]), locked(tmp_path):
             pass
     finally:
         holder.send_signal(signal.SIGKILL)
@@ -135,9 +136,10 @@ def test_a_second_writer_is_refused_and_a_dead_one_is_not_in_the_way(tmp_path):
 def test_results_of_another_config_are_refused(tmp_path):
     folder = RunFolder(tmp_path / "run")
     folder.open({"a": 1})
+    folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
     folder.note(status="training")
     folder.open({"a": 1})
-    with pytest.raises(ResultsError, match=r"a run with another config: a \(1, here 2\)\n"):
+    with raises(ResultsError, folder.config, values=["a (1, here 2)"]):
         folder.open({"a": 2})
 
 
@@ -146,7 +148,7 @@ def test_a_refusal_names_the_values_that_differ(tmp_path):
     there = {"seed": 1, "budget": {"agent_steps": 9000, "minutes": None}, "settings": {"lr": 0.1}}
     here = {"seed": 1, "budget": {"agent_steps": 3000, "minutes": None}, "settings": {"gamma": 0.9}}
     folder.open(there)
-    folder.note(status="training")
+    folder.note(status="finished")
     with pytest.raises(ResultsError) as caught:
         folder.check(here)
     assert caught.value.problem.partition("config: ")[2].split(", settings.") == [
@@ -177,10 +179,10 @@ def test_a_budget_may_grow_and_nothing_else_may_change(tmp_path, there, here, fi
     folder.open(contents[0])
     folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
     folder.note(status="finished")
-    with pytest.raises(ResultsError, match="seed"):
+    with raises(ResultsError, folder.config, values=["seed"]):
         folder.check({**contents[1], "seed": 2})
     if not fits:
-        with pytest.raises(ResultsError, match=r"another config: budget\."):
+        with raises(ResultsError, folder.config, values=["budget."]):
             folder.open(contents[1])
         return
     assert folder.is_extended(contents[1])
@@ -209,7 +211,7 @@ def test_keys_that_a_version_did_not_have_are_their_defaults(tmp_path):
     folder.check(whole)
     assert not folder.is_extended(whole)
     changed = {**whole, "environment": {**whole["environment"], "decision_interval": 3}}
-    with pytest.raises(ResultsError, match=r"config: environment.decision_interval \(5, here 3\)"):
+    with raises(ResultsError, folder.config, values=["environment.decision_interval (5, here 3)"]):
         folder.check(changed)
 
 
@@ -222,9 +224,7 @@ def test_own_code_may_be_added_and_none_be_exchanged(tmp_path):
     assert folder.read_config()["imports"] == ["/code/metric.py", "/code/mine"]
     folder.check({"a": 1, "imports": ["/code/mine", "/code/metric.py"]})
     folder.check({"a": 1})
-    with pytest.raises(
-        ResultsError, match=r"another config: imports \(\['/code/mine'\], here \['/other/mine'\]"
-    ):
+    with raises(ResultsError, folder.config, values=["imports", "/code/mine", "/other/mine"]):
         folder.check({"a": 1, "imports": ["/other/mine"]})
 
 
@@ -237,15 +237,20 @@ def test_the_committed_results_are_finished(tmp_path):
     larger = read_experiment(
         ROOT / "configs" / "paper_table.yaml", ["algorithms=[ppo]", "budget.agent_steps=3000000"]
     )
-    with pytest.raises(ResultsError, match="no checkpoint to train on from"):
+    with raises(ResultsError, "checkpoint", values=["budget.agent_steps (1000000, here 3000000)"]):
         JobScheduler(jobs_of(larger), tmp_path / "table", larger.resources)
 
 
-def test_the_config_of_a_run_that_was_killed_before_it_began_is_written_anew(tmp_path):
+@pytest.mark.parametrize("has_failed", [False, True])
+def test_a_run_that_has_left_nothing_takes_a_corrected_config(tmp_path, has_failed):
+    """Killed before it began, or failed at its first settings."""
     folder = RunFolder(tmp_path / "run")
     folder.open({"a": 1})
+    if has_failed:
+        folder.note(status="training", scenarios={"loop": "old"})
+    assert folder.changed_scenarios({"loop": "new"}) == []
     folder.open({"a": 2})
-    folder.note(status="training")
+    assert folder.status is None
     assert folder.read_config() == {"a": 2}
 
 
@@ -255,7 +260,7 @@ def test_a_checkpoint_without_its_run_file_still_belongs_to_its_config(tmp_path)
     folder.open(content)
     folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
     folder.open(content)
-    with pytest.raises(ResultsError, match="a run with another config"):
+    with raises(ResultsError, folder.config, values=["a (1, here 2)"]):
         folder.open({"a": 2})
 
 
@@ -290,7 +295,7 @@ def test_a_checkpoint_that_does_not_say_how_far_training_was_is_refused(tmp_path
     folder = RunFolder(tmp_path)
     folder.save(folder.checkpoint, FakeAlgo("1"), {"iteration": 1})
     (folder.checkpoint / "training.json").unlink()
-    with pytest.raises(ResultsError, match=r"training\.json: cannot be read") as caught:
+    with raises(ResultsError, "training.json") as caught:
         folder.training_state()
     assert str(folder.checkpoint) in caught.value.remedy
 
@@ -335,7 +340,7 @@ def test_a_damaged_run_file_is_named(tmp_path):
     folder.open({})
     folder.note(status="training")
     folder.run.write_text('{"status": "fin')
-    with pytest.raises(ResultsError, match=r"run\.json: cannot be read"):
+    with raises(ResultsError, folder.run):
         folder.open({})
 
 
@@ -353,7 +358,7 @@ def test_lines_after_the_checkpoint_are_made_again(tmp_path):
 
 def test_an_unwritable_folder_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(ResultsError, match="cannot be written"), locked(tmp_path / "file" / "results"):
+    with raises(ResultsError, tmp_path / "file" / "results"), locked(tmp_path / "file" / "results"):
         pass
 
 

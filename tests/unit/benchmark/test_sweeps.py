@@ -1,6 +1,7 @@
 """Searches: what the section `tune` of a file becomes, and what is refused before anything starts."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from ray import tune
@@ -20,6 +21,7 @@ from benchmark.running.sweeping import (
     within_bounds,
 )
 from smarts.errors import SmartsError
+from tests.raising import raises
 
 ONE = "algorithms: [ppo]\ntasks: [loop]\ntraffic: [no_social_vehicles]\nseeds: [1]\n"
 
@@ -92,21 +94,39 @@ def test_population_based_training_stays_within_bounds():
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("overrides", "named"),
     [
-        ([], "there is no section `tune`"),
-        (["tune.parameters.lr=[0.1]", "seeds=[1, 2]"], "stands for 2 runs"),
-        (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "nothing to compare"),
-        (["tune.parameters.lrr=[0.1]"], "'ppo' has no such setting; did you mean 'lr'"),
-        (["tune.parameters.lr={normal: [0, 1]}"], "nothing to search in"),
-        (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "loop has no traffic 'rush_hour'"),
+        ([], "tune"),
+        (["tune.parameters.lr=[0.1]", "seeds=[1, 2]"], "2 runs"),
+        (["tune.parameters.lr=[0.1]", "evaluation.validations=0"], "evaluation.validations"),
+        (["tune.parameters.lrr=[0.1]"], "tune.parameters.lrr"),
+        (["tune.parameters.lr={normal: [0, 1]}"], "{'normal': [0, 1]}"),
+        (["tune.parameters.lr=[0.1]", "traffic=[rush_hour]"], "rush_hour"),
     ],
 )
-def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, message):
-    with pytest.raises(SmartsError, match=message):
+def test_experiments_that_cannot_be_searched(experiment, tmp_path, overrides, named):
+    with raises(SmartsError, values=[named]):
         sweep(experiment(*overrides), tmp_path / "results")
     assert not (tmp_path / "results").exists()
 
 
 def test_one_run_is_searched(experiment):
     assert the_run(experiment()).algorithm == "ppo"
+
+
+def test_a_search_continues_with_further_imports_only(experiment, tmp_path):
+    run, section, file = the_run(experiment()), Tune(parameters={"lr": [0.1]}), tmp_path / "search.json"
+
+    def importing(*paths):
+        return replace(run, task_setting=replace(run.task_setting, imports=paths))
+
+    _keep_to_one_search(file, importing("/a/own.py"), section)
+    _keep_to_one_search(file, importing("/a/own.py", "/a/more.py"), section)
+    for other, searched in (
+        (importing("/b/own.py"), section),
+        (replace(importing("/a/own.py"), seed=9), section),
+        (importing("/a/own.py"), Tune(parameters={"lr": [0.2]})),
+    ):
+        with pytest.raises(ResultsError) as caught:
+            _keep_to_one_search(file, other, searched)
+        assert caught.value.place == str(file)

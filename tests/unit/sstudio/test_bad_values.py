@@ -13,6 +13,7 @@ from smarts.sstudio.decoding import decode
 from smarts.sstudio.encoding import encode
 from smarts.sstudio.validation import validate
 from smarts.sstudio.vehicle_types import JUNCTIONS, LANE_CHANGING
+from tests.raising import raises
 
 CAR = t.TrafficActor("car")
 WEST_EAST = t.Route(("from_west", 0, 10), ("to_east", 0, "max"))
@@ -192,7 +193,7 @@ def test_vias_of_laps_may_be_on_the_way_back(ring):
     route = t.Route(("south", 0, 10), ("east", 0, 30))
     via = [t.Via("north", 0, 10, 5)]
     validate(t.Scenario(ego_missions=[t.LapMission(route, 2, via=via)]), ring, "")
-    with pytest.raises(ScenarioError, match="does not pass lane 'north_0'"):
+    with raises(ScenarioError, values=["north_0"]):
         validate(t.Scenario(ego_missions=[t.LapMission(route, 1, via=via)]), ring, "")
 
 

@@ -17,6 +17,7 @@ from smarts.sstudio import gen_bubbles, gen_missions, gen_scenario, gen_traffic
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario, read_scenario, suite
 from smarts.sstudio.locating import SUITE
+from tests.raising import raises
 
 from . import sources
 
@@ -136,24 +137,24 @@ class TestArtefacts:
 
     def test_too_many_egos_are_refused_before_anything_is_built(self, scenario_folder):
         folder = scenario_folder(sources.scenario("ego_missions=[t.Mission(south_north)]"))
-        with pytest.raises(ScenarioError, match="2 egos, but only 1 missions"):
+        with raises(ScenarioError, values=[2, 1]):
             build_scenario(folder, egos=2)
         assert not list(folder.glob("build/*/map.net.xml"))
         build_scenario(folder, egos=1)
-        with pytest.raises(ScenarioError, match="2 egos, but only 1 missions"):
+        with raises(ScenarioError, values=[2, 1]):
             build_scenario(folder, egos=2)
 
     @pytest.mark.parametrize("source_type", ["Argoverse", "Waymo"])
     def test_maps_of_data_sets(self, scenario_folder, source_type):
         history = f"t.TrafficHistoryDataset('x', {source_type!r}, None)"
         body = f"map_spec=t.MapSpec(f'{{None}}'), traffic_histories=[{history}]"
-        with pytest.raises(ScenarioError, match=f"data set '{source_type}'") as caught:
+        with raises(ScenarioError, values=[source_type]) as caught:
             build_scenario(scenario_folder(sources.scenario(body)))
         assert caught.value.place.endswith("traffic_histories[0]")
 
     def test_unknown_traffic_is_refused(self, built_folder):
         built = build_scenario(built_folder)
-        with pytest.raises(ScenarioError, match="did you mean 'through'"):
+        with raises(ScenarioError, values=["through"]):
             built.traffic_files("trough")
         assert built.traffic_files(None).routes == ()
 

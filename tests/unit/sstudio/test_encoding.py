@@ -10,6 +10,7 @@ from smarts.errors import ScenarioError
 from smarts.sstudio import types as t
 from smarts.sstudio.decoding import CallableReference, decode
 from smarts.sstudio.encoding import canonical, digest, encode
+from tests.raising import raises
 
 AGENT = t.SocialAgentActor("agent", "zoo:agent-v0", policy_kwargs={"speed": 3, "names": {"a", "b"}})
 ROUTE = t.Route(("a", 0, "base"), ("b", 1, 20.5), via=["c"])
@@ -115,7 +116,7 @@ def test_what_cannot_be_written_down_is_named(value):
 
 def test_other_versions_are_refused():
     for data in ({"$type": "Helicopter"}, {"$type": "Route", "altitude": 3}):
-        with pytest.raises(ScenarioError, match="another version"):
+        with raises(ScenarioError):
             decode(data)
 
 

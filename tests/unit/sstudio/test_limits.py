@@ -7,12 +7,11 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
 from smarts.errors import MapError, ScenarioError
 from smarts.roads.children import TIME_LIMIT_VARIABLE
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.executing import run_scenario_file
+from tests.raising import raises
 
 from . import sources
 
@@ -20,7 +19,7 @@ from . import sources
 def test_scenario_files_that_never_end(scenario_folder, monkeypatch):
     monkeypatch.setenv(TIME_LIMIT_VARIABLE, "1")
     folder = scenario_folder("while True: pass")
-    with pytest.raises(ScenarioError, match="still running after 1 s") as caught:
+    with raises(ScenarioError, values=["1 s"]) as caught:
         build_scenario(folder)
     assert caught.value.place == str(folder / "scenario.py")
     assert TIME_LIMIT_VARIABLE in caught.value.remedy
@@ -29,7 +28,7 @@ def test_scenario_files_that_never_end(scenario_folder, monkeypatch):
 def test_maps_that_take_too_long(scenario_folder, monkeypatch):
     folder = scenario_folder(script=None)
     monkeypatch.setenv(TIME_LIMIT_VARIABLE, "0.001")
-    with pytest.raises(MapError, match=r"netconvert was still at work after 0\.001 s") as caught:
+    with raises(MapError, values=["netconvert", "0.001 s"]) as caught:
         build_scenario(folder)
     assert str(folder / "map.nod.xml") in caught.value.place
     assert not list((folder / "build").glob(".partial-*"))

@@ -8,6 +8,7 @@ from smarts.sstudio import types as t
 from smarts.sstudio.episodes import episode_plans, expand, mission_sets
 from smarts.sstudio.missions import GAP, keep_apart, place_missions
 from smarts.types.streams import Purpose, stream
+from tests.raising import raises
 
 
 def generator(seed=0):
@@ -157,11 +158,11 @@ class TestStarts:
             assert np.diff(starts).min() >= 5 + GAP
 
     def test_too_many_random_starts_are_refused(self, roads):
-        with pytest.raises(ScenarioError, match="no room"):
+        with raises(ScenarioError):
             place(roads, *[mission(("from_west", 0, "random")) for _ in range(30)])
 
     def test_overlapping_starts_are_refused(self, roads):
-        with pytest.raises(ScenarioError, match="starts at 20 m on lane 'from_west_0', and another at 22 m"):
+        with raises(ScenarioError, values=[20, "from_west_0", 22]):
             place(roads, mission(), mission(("from_west", 0, 22)))
 
     @given(
@@ -235,7 +236,7 @@ class TestEpisodes:
         assert [[m.route.begin[2] for m in missions] for missions in sets] == [[10, 20], [30, 10]]
 
     def test_more_agents_than_missions_are_refused(self):
-        with pytest.raises(ScenarioError, match="4 egos, but only 3 missions"):
+        with raises(ScenarioError, values=[4, 3]):
             episode_plans(self.scenario, 4)
 
     def test_without_missions_everyone_roams(self):

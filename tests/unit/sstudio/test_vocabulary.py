@@ -10,6 +10,7 @@ import pytest
 
 from smarts.sstudio import types as t
 from smarts.sstudio.sstypes.drawing import fresh_drawing
+from tests.raising import raises
 
 # Positional order and defaults of the original (its newest version; "..." marks required fields). What only
 # its older versions had, and our own extensions, come last.
@@ -251,7 +252,7 @@ def test_distributions_draw_from_the_generator_they_are_given():
     assert 13.5 < max(drawn) <= 14
     # The mean of a normal distribution cut to [-1, 2] deviations is (pdf(-1) - pdf(2)) / (cdf(2) - cdf(-1)).
     assert sum(drawn) / len(drawn) == pytest.approx(10 + 2 * 0.2297, abs=0.1)
-    with pytest.raises(ValueError, match="two different ends"):
+    with raises(ValueError):
         t.TruncatedDistribution(1, 1)
 
 
@@ -316,7 +317,7 @@ def test_metadata():
 
 def test_groups_of_social_agents_share_no_actor():
     agent, mission = t.SocialAgentActor("agent", "zoo:agent-v0"), t.Mission(t.RandomRoute())
-    with pytest.raises(ValueError, match="'one' and 'two' share the actor 'agent'"):
+    with raises(ValueError, values=["one", "two", "agent"]):
         t.Scenario(social_agent_missions={"one": ([agent], [mission]), "two": ([agent], [mission])})
 
 
@@ -324,5 +325,5 @@ def test_start_variations_are_checked():
     for wrong in ({"offset": -1}, {"speed": (2, 1)}, {"speed": (-1, 1)}):
         with pytest.raises(ValueError, match="must"):
             t.StartVariation(**wrong)
-    with pytest.raises(ValueError, match="3 is not a pair of speeds"):
+    with raises(ValueError, values=[3]):
         t.StartVariation(speed=3)

@@ -5,6 +5,7 @@ import pytest
 from smarts.errors import MapError
 from smarts.sstudio import types as t
 from smarts.sstudio.sstypes.zone_geometry import SEAM
+from tests.raising import raises
 
 
 def test_a_rectangle():
@@ -68,7 +69,7 @@ def test_named_offsets_of_a_stretch(roads):
 
 
 def test_zones_off_the_road(roads):
-    with pytest.raises(MapError, match="has no lane 2"):
+    with raises(MapError, values=[2]):
         t.MapZone(("from_west", 1, 0), 10, n_lanes=2).to_geometry(roads)
     with pytest.raises(ValueError, match="road map"):
         t.MapZone(("from_west", 1, 0), 10).to_geometry()
@@ -79,7 +80,7 @@ def test_edges_inside_the_junction(roads):
     assert turn.startswith(":centre")
     # No connection joins just these two lanes: then the one between the edges is meant.
     assert t.JunctionEdgeIDResolver("from_west", 1, "to_south", 0).to_edge(roads) == turn
-    with pytest.raises(MapError, match="no junction joins edge 'from_west' to edge 'from_east'"):
+    with raises(MapError, values=["from_west", "from_east"]):
         t.JunctionEdgeIDResolver("from_west", 0, "from_east", 0).to_edge(roads)
 
 

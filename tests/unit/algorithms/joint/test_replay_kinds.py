@@ -126,7 +126,7 @@ def test_replayed_memories_are_those_of_acting_and_of_each_network(name):
 
 def test_priorities_of_sequences_and_of_teams_are_refused():
     for name, settings in (("dqn", {"gru": 4, "sequence_length": 8}), ("vdn", {})):
-        with pytest.raises(ValueError, match="ranks single transitions"):
+        with pytest.raises(ValueError, match="prioritised"):
             algorithms.config(name).training(prioritised=True, **settings).validate()
 
 

@@ -9,7 +9,6 @@ import pytest
 
 import algorithms
 from algorithms.errors import CheckpointError, EnvironmentFailure, SpaceError, UnknownSettingError
-from algorithms.joint.algorithm import SIGNATURE
 from tests.games.games import Broken, Constant, Cues, Hanging, Ragged, Target
 
 pytestmark = pytest.mark.usefixtures("cluster")
@@ -182,18 +181,18 @@ def test_an_evaluation_group_plays_the_same_episodes_as_the_local_runner(build):
 
 
 def test_unsuitable_actions_are_refused_with_the_algorithms_that_fit():
-    with pytest.raises(SpaceError, match=r"'dqn' needs discrete actions.*[\s\S]*ppo"):
+    with pytest.raises(SpaceError, match=r"^action space: 'dqn'.*[\s\S]*ppo"):
         small("dqn", Target).build_algo()
 
 
 @pytest.mark.slow
 def test_unsuitable_actions_of_a_remote_environment_are_refused_too():
-    with pytest.raises(SpaceError, match="'dqn' needs discrete actions"):
+    with pytest.raises(SpaceError, match=r"^action space: 'dqn'"):
         small("dqn", Target, runners=1).build_algo()
 
 
 def test_an_unknown_setting_is_answered_with_the_nearest():
-    with pytest.raises(UnknownSettingError, match="did you mean 'epochs'"):
+    with pytest.raises(UnknownSettingError, match=r"'epoch'[\s\S]*'epochs'"):
         small(epoch=3)
 
 
@@ -202,7 +201,7 @@ def test_a_checkpoint_of_another_algorithm_or_sharing_is_refused(build, tmp_path
     train(algo, 1)
     algo.save_to_path(str(tmp_path / "checkpoint"))
     before = weights(other := build(small("dqn")))
-    with pytest.raises(CheckpointError, match="algorithm: ppo there, dqn here"):
+    with pytest.raises(CheckpointError, match=r"ppo .*dqn"):
         other.restore_from_path(str(tmp_path / "checkpoint"))
     assert_same(before, weights(other))
     with pytest.raises(CheckpointError, match="group 'shared'"):
@@ -217,16 +216,13 @@ def test_a_checkpoint_of_other_networks_is_refused_with_the_settings_that_differ
     algo.save_to_path(str(tmp_path / "checkpoint"))
     other = build(small(hidden=[8], normalize_values=True, lr=1.0))
     before = weights(other)
-    both = r"fit: hidden: \(16,\) there, \(8,\) here; normalize_values: False there, True here\n"
+    both = r"hidden: \(16,\).*\(8,\).*normalize_values: False.*True"
     with pytest.raises(CheckpointError, match=both):
         other.restore_from_path(str(tmp_path / "checkpoint"))
     with pytest.raises(CheckpointError, match=both):
         other.set_state(algo.get_state())
     assert_same(before, weights(other))
-    # Checkpoints of before do not tell the settings; `lr` may differ at all times.
-    state = algo.get_state()
-    del state[SIGNATURE]["hidden"]
-    build(small(lr=1.0, hidden=[16])).set_state(state)
+    build(small(lr=1.0, hidden=[16])).set_state(algo.get_state())
 
 
 @pytest.mark.parametrize("fault", [{"raise_at": 3}, {"nan_at": 3}])
@@ -241,7 +237,7 @@ def test_broken_episodes_are_counted_and_replaced(build, fault):
 @pytest.mark.parametrize("fault", [{"raise_at": 3}, {"nan_at": 3}])
 def test_an_environment_that_always_breaks_stops_the_run(build, fault):
     algo = build(small(env=Broken, env_config=fault))
-    with pytest.raises(EnvironmentFailure, match="without completing an episode"):
+    with pytest.raises(EnvironmentFailure, match=r"^environment [01], "):
         train(algo, 10)
 
 
