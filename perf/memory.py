@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from smarts.agents.benchmark import benchmark_interface
 from smarts.env import VectorHiWayEnv
-from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.sim.assembly import Options
 from smarts.types.agent_states import agent_names
 

@@ -89,7 +89,7 @@ def _social_vehicles(source: Path, egos: int) -> float:
         counts = []
         for episode in range(EPISODES):
             env.reset(episode=episode)
-            counts.append(int((env._worlds.batch.world.vehicles.owner == Owner.TRAFFIC).sum()))
+            counts.append(int((env._runner.world.vehicles.owner == Owner.TRAFFIC).sum()))
     finally:
         env.close()
     return float(np.mean(counts))

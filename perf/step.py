@@ -103,8 +103,8 @@ class Run:
 
     def __init__(self, source: Path, worlds: int, egos: int, social: int) -> None:
         self.env = VectorHiWayEnv(worlds, [source], egos, decision_interval=PERIOD)
-        self._batch = self.env._worlds.batch
-        self._simulation = self._batch.simulation
+        self._runner = self.env._runner
+        self._simulation = self._runner.simulation
         self._advance = self._simulation.step
         self._simulation.step = self._watched
         self._band = (1.0 - BAND) * social, (1.0 + BAND) * social
@@ -159,7 +159,7 @@ class Run:
             and min(now.slowest) > SLOWEST
             and all(self._is_within(social).all() for social in now.social)
         )
-        world = self._batch.world
+        world = self._runner.world
         over = ~self._is_within(self._social()) | ~step.alive.all(axis=1)
         if not now.counts:
             over |= (self._speeds().min(axis=1) <= SLOWEST) & (world.step > UNDER_WAY)
@@ -202,16 +202,16 @@ class Run:
         return (low <= social) & (social <= high)
 
     def _social(self) -> np.ndarray:
-        return (self._batch.world.vehicles.owner == Owner.TRAFFIC).sum(axis=1)
+        return (self._runner.world.vehicles.owner == Owner.TRAFFIC).sum(axis=1)
 
     def _speeds(self) -> np.ndarray:
-        world = self._batch.world
+        world = self._runner.world
         slots = world.agents.slot[:, : world.egos]
         speeds = np.take_along_axis(world.vehicles.speed, np.maximum(slots, 0), axis=1)
         return np.where(slots >= 0, speeds, -1.0)
 
     def _poses(self, row: int) -> list[Pose]:
-        world = self._batch.world
+        world = self._runner.world
         vehicles, slots = world.vehicles, np.maximum(world.agents.slot[row, : world.egos], 0)
         heading = vehicles.heading[row, slots]
         ahead = np.stack([np.cos(heading), np.sin(heading)], -1) * vehicles.length[row, slots, None] / 2

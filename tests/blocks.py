@@ -5,12 +5,12 @@
 | `python`, `console` | run in the page's folder and namespace |
 | `python`, `yaml`, `xml` with `title="file"` | written to that file |
 | `yaml` without a title | read as an experiment file |
-| `diff` with `title="file"` | its lines without a sign are in that file of the repository, one after the other |
+| `diff` with `title="file"` | its lines without a sign are in that file of the repository, in this order |
 | `text` with `title="Output"` | what the block before it prints; `...` stands for anything |
-| a block that begins with `--8<-- "examples/..."` | that example, copied to the folder; `test_examples.py` runs it |
+| a block that begins with `--8<-- "examples/..."` | that example, copied; `test_examples.py` runs it |
 
-An HTML comment before a block says when it is not run: `<!-- nightly: why -->` leaves it to `make nightly`,
-`<!-- not run: why -->` to nobody.
+An HTML comment before a block says when it does not run: `<!-- nightly: why -->` defers it to `make nightly`,
+`<!-- not run: why -->` excludes it.
 """
 
 import ast

@@ -247,13 +247,15 @@ def _adapter(environment: Values) -> Iterator[Fault]:
     for option in sorted(options.keys() - set(known)):
         remedy = nearest_names(option, known)
         yield Fault(("environment", "options", option), f"adapter {name!r} has no such option", remedy)
-    if "reward" in options and "reward" in known:
-        from smarts.env.adapters.own_reward import check_reward
+    from smarts.observations.lists import feature_list
+    from smarts.rewards.own import check_reward
 
-        try:
-            check_reward(options["reward"])
-        except SmartsError as error:
-            yield Fault(("environment", "options", "reward"), *_words(error))
+    for option, check in (("reward", check_reward), ("observation", feature_list)):
+        if option in options and option in known:
+            try:
+                check(options[option])
+            except SmartsError as error:
+                yield Fault(("environment", "options", option), *_words(error))
 
 
 def option_names(adapter: Any) -> list[str]:

@@ -140,7 +140,7 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
     pairs = _pairs(first, second)
     table: Frame = pd.concat(
         [
-            pd.concat(tables, ignore_index=True).assign(pair=number, side=letter)
+            pd.concat(tables, ignore_index=True).assign(pair=number, side=letter)  # type: ignore[arg-type]
             for number, pair in enumerate(pairs)
             for letter, side, name in zip("AB", (first, second), pair, strict=True)
             if (tables := [run.table for run in side.runs if run.algorithm == name])

@@ -180,9 +180,9 @@ def _places(table: Frame, letter: str, mode: str, own: Sequence[str]) -> list[Pl
     places = []
     for task, traffic in sorted({(task, traffic) for _, task, traffic in modes}):
         found = {
-            entry: [values[entry, *cell, acting, name] for name in (*RANKED_BY, *own)]
+            entry: [values[entry, task, traffic, acting, name] for name in (*RANKED_BY, *own)]
             for (entry, *cell), acting in modes.items()
-            if (*cell,) == (task, traffic)
+            if cell == [task, traffic]
         }
         rates = {entry: every[: len(RANKED_BY)] for entry, every in found.items()}
         ranked = [entry for entry in rates.keys() - scripted if all(rate.is_known for rate in rates[entry])]

@@ -14,8 +14,8 @@ import numpy as np
 from benchmark.metrics.table import measure_episodes
 from benchmark.scripted.play import play
 from smarts.agents.interface import AgentInterface, AgentType
+from smarts.controllers import action_space
 from smarts.dynamics import MODELS, TYRE_MODELS
-from smarts.env.adapters.actions import action_space
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorHiWayEnv
 from smarts.types.actions import ActionSpaceType

@@ -15,9 +15,9 @@ from benchmark.experiment.checks import option_names
 from benchmark.experiment.config import Environment
 from benchmark.experiment.runs import TaskSetting
 from benchmark.running.importing import named_own_code
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
 from smarts.env.adapters import ADAPTERS
-from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.env.vector import VectorHiWayEnv
 from smarts.registry import import_own
 from smarts.sim.assembly import Options

@@ -25,6 +25,7 @@ from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests
+from smarts.observations.lists import feature_list
 from smarts.registry import is_own_name
 from smarts.sstudio.build import build_scenario
 
@@ -100,21 +101,23 @@ def check_task_settings(experiment: Experiment) -> None:
 
 
 def _check_own_code(experiment: Experiment) -> None:
-    """Play one decision with an own adapter or reward, and check that the algorithms fit its spaces.
+    """Play one decision with an own adapter, feature or reward, and check that the algorithms fit its spaces.
 
     Raises:
         OwnCodeError: It cannot be made, or raises.
         SpaceError: An algorithm does not handle the adapter's actions or observations.
     """
     given = experiment.environment
-    own = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
-    if not any(map(is_own_name, own)):
+    names = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
+    features = feature_list(given.options.get("observation", {}))
+    own_features = [each for each in (*features.stacked, *features.features) if each.is_own]
+    if not own_features and not any(map(is_own_name, names)):
         return
     # Imported here, so that the driver's process loads the simulation only for own code.
     from benchmark.running.environments import try_environment
 
     spaces = try_environment(task_settings_of(experiment)[0])
-    if is_own_name(given.adapter):
+    if is_own_name(given.adapter) or own_features:
         for algorithm in experiment.algorithms:
             CONFIGS[algorithm]().check(JointSpec.build(spaces))
 

@@ -23,10 +23,10 @@ from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import read_run
 from benchmark.running.training import config_of
-from smarts.env.adapters.protocol import MASK
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError, nearest_names
+from smarts.observations.action_mask import MASK
 
 STEPS = "num_env_steps_sampled_lifetime"
 MODES = ("greedy", "sampled")
@@ -130,7 +130,7 @@ class Policy:
         if len(self.agents) > 1:
             known = nearest_names(str(next(iter(observations), "")), self.agents)
             raise ActionError("observations of no agent of the policy", place="Policy.act", remedy=known)
-        only = self.agents[0]
+        only = next(iter(self.agents))
         return self._by_name(self._choose(self._step_of({only: observations}, {only: infos})))[only]
 
     def attach(self, env: HiWayEnv) -> None:

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.env.adapters.benchmark import FRAMES
-from smarts.env.adapters.features import (
-    FEATURES,
-    GOAL,
-    GOAL_SCALE,
-    HEADINGS,
-    NEIGHBOUR_VALUES,
-    NEIGHBOURHOOD,
-    RADIUS,
-    SPEED,
-    SPEED_SCALE,
-    WAYPOINTS,
-    expanded,
-)
-from smarts.env.adapters.situation import ARRIVAL, SITUATION
+from smarts.observations.lists import feature_list
+from smarts.observations.neighbors import NEIGHBOR_VALUES
+from smarts.observations.scales import GOAL_SCALE, RADIUS, SPEED_SCALE, expanded
 from smarts.types.actions import LaneAction
 from smarts.types.episode import EpisodeStart
 
 Floats = NDArray[np.float64]
+
+_FEATURES = feature_list("benchmark")
+_SIZE_WITHOUT_INDEX = max(place.stop for place in _FEATURES.layout(0).values())
+"""Size of the benchmark's observation without the numbers that say which of the agents one is."""
 
 HORIZON = 5.0
 """Horizon of vehicles with the right of way [s]."""
@@ -82,17 +77,18 @@ class GapAcceptancePolicy:
 
     def act(self, observation: NDArray[np.float32], mask: NDArray[np.bool_]) -> int:
         """Return an allowed action."""
-        now = observation[(FRAMES - 1) * FEATURES : FRAMES * FEATURES].astype(np.float64)
-        speed, arrival = now[SPEED] * SPEED_SCALE, float(observation[ARRIVAL])
+        layout = _layout(len(observation) - _SIZE_WITHOUT_INDEX)
+        now = {name: observation[place].astype(np.float64) for name, place in layout.items()}
+        speed, arrival = float(now["speed"][0]) * SPEED_SCALE, float(now["arrival_order"][0])
         self._waited = (self._waited + 1) * bool(speed < 0.5)
         others = _others(now, speed)
-        errors = now[HEADINGS : HEADINGS + WAYPOINTS]
+        errors = now["heading_errors"]
         path = _path(errors)
         is_first = arrival <= 0.0
         claims = self._waited > (PATIENCE if is_first else 3 * PATIENCE)
         horizons = _horizons(others, turns_left=errors.max() > 0.3, yields=not is_first, claims=claims)
         ways = _ways(others, may_speed_up=not is_first and not claims)
-        ahead = float(expanded(now[GOAL], GOAL_SCALE))
+        ahead = float(expanded(now["goal"][0], GOAL_SCALE))
         wish = _wish(now, mask)
         if wish is not None and _is_free(others, speed, wish, arrival, is_urgent=ahead < URGENT):
             crosses = ~_goes_along(others)
@@ -101,7 +97,7 @@ class GapAcceptancePolicy:
                 == np.inf
             ):
                 return wish
-        number = observation[FRAMES * FEATURES : -SITUATION]
+        number = now["agent_index"]
         if speed > _most_speed(others, wish, arrival, ahead, number):
             return LaneAction.slow_down
         safe = SAFE_STANDING if claims else SAFE
@@ -111,10 +107,16 @@ class GapAcceptancePolicy:
         return LaneAction.keep_lane if is_better else LaneAction.slow_down
 
 
-def _wish(now: Floats, mask: NDArray[np.bool_]) -> int | None:
+@cache
+def _layout(agents: int) -> dict[str, slice]:
+    """Return the place of each feature in the observation of one of several agents."""
+    return _FEATURES.layout(agents)
+
+
+def _wish(now: Mapping[str, Floats], mask: NDArray[np.bool_]) -> int | None:
     """Return the allowed lane change that leads towards the goal on a straight road, if any does."""
-    ahead, aside = expanded(now[GOAL : GOAL + 2], GOAL_SCALE)
-    is_straight = np.abs(now[HEADINGS : HEADINGS + WAYPOINTS]).max() < 0.08
+    ahead, aside = expanded(now["goal"], GOAL_SCALE)
+    is_straight = np.abs(now["heading_errors"]).max() < 0.08
     if not is_straight or ahead < 0.0 or not 0.6 * LANE < abs(aside) < 5 * LANE:
         return None
     change = LaneAction.change_lane_left if aside > 0 else LaneAction.change_lane_right
@@ -165,9 +167,9 @@ def _is_free(others: Floats, speed: float, change: int, arrival: float, *, is_ur
     return True
 
 
-def _others(now: Floats, speed: float) -> Floats:
+def _others(now: Mapping[str, Floats], speed: float) -> Floats:
     """Return x, y [m], vx, vy [m/s] of each neighbour in the vehicle's frame, shape (K, 4)."""
-    rows = now[NEIGHBOURHOOD:FEATURES].reshape(-1, NEIGHBOUR_VALUES)
+    rows = now["neighbors"].reshape(-1, NEIGHBOR_VALUES)
     rows = rows[rows[:, 0] > 0.0]
     velocities = expanded(rows[:, 3:5], SPEED_SCALE)
     velocities[:, 0] += speed

@@ -12,7 +12,7 @@ from collections.abc import Generator, Iterable
 
 import numpy as np
 
-from smarts.env.adapters.benchmark import benchmark_interface
+from smarts.agents.benchmark import benchmark_interface
 from smarts.errors import TrafficError
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sim.assembly import Assembly, assemble

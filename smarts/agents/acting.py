@@ -1,7 +1,7 @@
-"""Acting in two phases: agents are asked, and their answers are fetched when the simulation needs them.
+"""Acting in two phases: agents get their observations, and the simulation fetches their actions when due.
 
-Between the two the simulation (or the learner) does something else, so that agents in other processes or on
-other hosts think meanwhile; those in this process think when their answers are fetched.
+In between, the simulation (or the learner) does other work, so that agents in other processes or on other
+hosts think meanwhile; those in this process think when their actions are fetched.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, Protocol
 
 
 class ActionRequest(NamedTuple):
-    """Names one decision of one agent for good.
+    """Identifies one decision of one agent.
 
-    An answer to a question that is not open any more is dropped: since episodes, agents and vehicles follow
-    each other, it could else be taken for the next one's.
+    The answer to a request that is no longer open is dropped: since episodes, agents and vehicles follow each
+    other, it could else be taken for the answer to a later one.
     """
 
     row: int
@@ -22,22 +22,22 @@ class ActionRequest(NamedTuple):
     episode: int
     agent_id: int
     generation: int
-    """Of the vehicle, which with its slot names it."""
+    """Of the vehicle; with its slot, it identifies the vehicle."""
     step: int
-    """Of the episode, when the agent was asked."""
+    """Of the episode, when the request was made."""
 
 
 class AgentHost(Protocol):
-    """The agents that drive agents other than those of the environment's user."""
+    """Runs the agents that are not the environment's user's."""
 
     def dispatch(self, observations: Mapping[ActionRequest, Any]) -> None:
-        """Send agents what they see; return at once."""
+        """Send agents their observations, without waiting."""
         ...
 
     def gather(self, deadline: float) -> Mapping[ActionRequest, Any]:
-        """Return the actions that are there, at the latest after `deadline` [s].
+        """Return the actions that have come, at the latest after `deadline` [s].
 
-        Who has not answered by then keeps doing what lasts of its last action.
+        Late agents keep the lasting part of their last action.
         """
         ...
 
@@ -47,11 +47,11 @@ class AgentHost(Protocol):
 
 
 class InProcess:
-    """Agents in this process: they decide when their answers are fetched, however long they take.
+    """Runs agents in this process: they decide when their actions are fetched, however long they take.
 
     Args:
-        build: Makes an agent, with a method `act(observation)`; called again for each vehicle that the
-            agent is given.
+        build: Makes the agent of an agent_id, with a method `act(observation)`; called again for each vehicle
+            that the agent gets.
     """
 
     def __init__(self, build: Callable[[int], Any]) -> None:
@@ -64,18 +64,18 @@ class InProcess:
         self._asked.update(observations)
 
     def gather(self, deadline: float) -> Mapping[ActionRequest, Any]:
-        """Let every agent that was asked decide; there is no deadline, so that runs can be repeated."""
+        """Let every agent decide that has a request; there is no deadline, so that runs can be repeated."""
         asked, self._asked = self._asked, {}
-        return {question: self._agent(question).act(seen) for question, seen in asked.items()}
+        return {request: self._agent(request).act(seen) for request, seen in asked.items()}
 
     def close(self) -> None:
         """Forget the agents."""
         self._agents.clear()
         self._asked.clear()
 
-    def _agent(self, question: ActionRequest) -> Any:
-        """Return who answers: an agent lives as long as its hold on the vehicle."""
-        place, life = (question.row, question.agent_id), (question.episode, question.generation)
-        if place not in self._agents or self._agents[place][0] != life:
-            self._agents[place] = (life, self._build(question.agent_id))
+    def _agent(self, request: ActionRequest) -> Any:
+        """Return the agent of a request; it lives as long as it has the same vehicle."""
+        place, lifetime = (request.row, request.agent_id), (request.episode, request.generation)
+        if place not in self._agents or self._agents[place][0] != lifetime:
+            self._agents[place] = (lifetime, self._build(request.agent_id))
         return self._agents[place][1]

@@ -25,6 +25,7 @@ from smarts.agents.options import (
     Signals,
     Waypoints,
 )
+from smarts.agents.sensors import ALWAYS_ON, SENSORS
 from smarts.agents.types import AgentType
 from smarts.errors import nearest_names, shown
 from smarts.types.actions import ActionSpaceType
@@ -89,13 +90,17 @@ def _understanding(old_names: Mapping[str, str]) -> Callable[[type[Made]], type[
                     remedy=f"{twice[0]!r} is the old name of the same field: leave it out",
                 )
             for name in named:
-                if name not in known and name not in old_names:
+                if name not in known and name not in old_names and name not in SENSORS:
                     raise InterfaceError(
                         f"there is no field {name!r}",
                         place=cls.__name__,
                         remedy=nearest_names(name, [*known, *old_names]),
                     )
-            construct(self, *values, **{old_names.get(name, name): value for name, value in named.items()})
+            fields = {old_names.get(name, name): value for name, value in named.items()}
+            further = {name: fields.pop(name) for name in [*fields] if name not in known}
+            if further:
+                fields["further_sensors"] = tuple((dict(fields.get("further_sensors", ())) | further).items())
+            construct(self, *values, **fields)
 
         cls.__init__ = initialise
         for old, new in old_names.items():
@@ -151,10 +156,17 @@ class AgentInterface:
     flat_tyres: tuple[int, ...] = ()
     """Which tyres are flat from the beginning: 0 front left, 1 front right, 2 rear left, 3 rear right (not in
     the original)."""
+    further_sensors: tuple[tuple[str, Any], ...] = ()
+    """Other sensors of `SENSORS` by name, each True or made with options; given as keywords by their names
+    (not in the original)."""
 
     def __post_init__(self) -> None:
         for name, kind in SENSOR_OPTIONS.items():
             object.__setattr__(self, name, _option(name, getattr(self, name), kind))
+        further = tuple((name, option) for name, option in self.further_sensors if option)
+        for name, option in further:
+            _check_further_sensor(name, option)
+        object.__setattr__(self, "further_sensors", further)
         if self.vehicle_type:
             object.__setattr__(self, "vehicle_class", self.vehicle_type)
         self._check_vehicle()
@@ -240,7 +252,24 @@ class AgentInterface:
     def sensors(self) -> dict[str, Any]:
         """The options of the sensors that are switched on, by field."""
         options = {name: getattr(self, name) for name in SENSOR_OPTIONS}
-        return {name: option for name, option in options.items() if option is not False}
+        return {name: option for name, option in options.items() if option is not False} | dict(
+            self.further_sensors
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the option of a further sensor, False if it is off."""
+        if name in SENSORS and "further_sensors" in self.__dict__:
+            return dict(self.further_sensors).get(name, False)
+        raise AttributeError(f"AgentInterface has no field {name!r}", name=name, obj=self)
+
+
+def _check_further_sensor(name: str, option: object) -> None:
+    if name in ALWAYS_ON or (option is not True and not callable(getattr(option, "bind", None))):
+        raise InterfaceError(
+            f"{name} is {shown(option)}",
+            place=f"AgentInterface.{name}",
+            remedy="leave it out: every agent has it" if name in ALWAYS_ON else "give True or the sensor",
+        )
 
 
 def _is_wheel(value: object) -> bool:

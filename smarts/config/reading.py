@@ -58,6 +58,7 @@ def read_config(
     sources = [*files, *(source for source in given if source is not None)]
     values = reduce(_merged, (source.values for source in sources))
     place = partial(_place, sources)
+    found: Any = None
     try:
         found = model.model_validate(values)
     except ValidationError as error:

@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools
+from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.continuous import LEAST, MOST
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
-
-Bools = NDArray[np.bool_]
+from smarts.types.actions import Actions, CommandMode, Commands
 
 
 class ActuatorDynamic:
     """Passes on throttle and brake in [0, 1] and the rate of steering in locks a second, [-1, 1]."""
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.ActuatorDynamic
+    action_format: ClassVar[ActionFormat] = NumbersFormat(LEAST, MOST)
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         pass

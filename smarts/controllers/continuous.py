@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools
+from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
-
-Bools = NDArray[np.bool_]
+from smarts.types.actions import Actions, CommandMode, Commands
 
 LEAST = (0.0, 0.0, -1.0)
 MOST = (1.0, 1.0, 1.0)
@@ -19,7 +18,8 @@ MOST = (1.0, 1.0, 1.0)
 class Continuous:
     """Passes on throttle and brake in [0, 1] and steering in [-1, 1] of the lock, positive to the left."""
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.Continuous
+    action_format: ClassVar[ActionFormat] = NumbersFormat(LEAST, MOST)
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         pass

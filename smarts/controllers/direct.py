@@ -3,23 +3,48 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
+from smarts.controllers.action_formats import ActionFormat, NumbersFormat, Rejected, numbers_of
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped_half_open
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-
 _PLACE = int(CommandMode.PLACE)
+_TOP_SPEED = 60.0
+"""[m/s]"""
+
+
+class SpeedOrMotion(NumbersFormat):
+    """Acceleration [m/s^2] and yaw rate [rad/s], or a speed [m/s] alone; a third value tells them apart."""
+
+    def remedy(self) -> str:
+        """Return that an element of the space is wanted, or a speed."""
+        return f"{super().remedy()}, or a speed [m/s] alone"
+
+    def parse(self, action: Any, place: str, most_points: int) -> Floats:
+        """Return speed, 0, 1 for a single number, else acceleration, yaw rate, 0; see `ActionFormat`."""
+        if _is_number(action):
+            speed = float(numbers_of(action, (), place, self.remedy))
+            return np.array([min(max(speed, -_TOP_SPEED), _TOP_SPEED), 0.0, 1.0])
+        return np.append(super().parse(action, place, most_points), 0.0)
+
+    def parse_batch(self, values: NDArray) -> Floats | Rejected:
+        """Return acceleration, yaw rate, 0, shape (N, 3); see `ActionFormat`."""
+        parsed = super().parse_batch(values)
+        return parsed if isinstance(parsed, Rejected) else np.pad(parsed, ((0, 0), (0, 1)))
+
+
+def _is_number(action: Any) -> bool:
+    is_array = hasattr(action, "__array__")  # of any library
+    return isinstance(action, int | float | np.number) or (is_array and getattr(action, "ndim", 1) == 0)
 
 
 class Direct:
@@ -31,7 +56,8 @@ class Direct:
         scene: What the controller works in.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.Direct
+    action_format: ClassVar[ActionFormat] = SpeedOrMotion([-10, -np.pi], [10, np.pi])
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         self._move = LateBound(move_directly, scene.world.state)

@@ -15,16 +15,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.controllers.abilities import Abilities
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, wrapped
 from smarts.roads.arrays import Roads
 from smarts.roads.footprints import is_on_road
 from smarts.roads.lane_graph import LaneKind
-
-Floats = NDArray[np.float64]
 
 PLANNED = 1.0
 """`Commands.window` of a plan [m]."""

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Bools
+from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
-
-Bools = NDArray[np.bool_]
+from smarts.types.actions import Actions, CommandMode, Commands
 
 
 class Empty:
     """Lets the vehicle roll on with its steering held."""
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.Empty
+    action_format: ClassVar[ActionFormat] = NumbersFormat([], [])
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         pass

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from smarts.arrays import Bools
 from smarts.controllers.lane_path import next_row, place_on_lane, row_of
 from smarts.geometry.compiling import kernel
@@ -128,11 +125,11 @@ def latch(
     a: int,
     change: int,
     fresh: bool,
-    action_mask: NDArray[np.bool_],
+    action_mask: Bools,
 ) -> tuple[int, float, float]:
     """Take a command to change lanes (1 left, -1 right, 0 none); return row, s, t as `steered_lane` does.
 
-    A command counts when fresh. It is carried out if the agent was told that it is legal: the vehicle steers
+    A command counts when fresh. It is carried out if the action mask allowed it: the vehicle steers
     for the other lane until it is there, or until the opposite command comes before it is half-way. To keep
     the lane meanwhile changes nothing.
     """
@@ -178,7 +175,7 @@ def _command(
     width: float,
     phase: int,
     change: int,
-    action_mask: NDArray[np.bool_],
+    action_mask: Bools,
 ) -> int:
     """Return the lane that a fresh command leads to, -1 if it is not to be carried out."""
     if change == 0 or not action_mask[_LEFT if change > 0 else _RIGHT]:
@@ -224,7 +221,7 @@ def _is_legal(
     t: float,
     change: int,
 ) -> bool:
-    """Tell whether a vehicle may be told to change lanes, or to take a lane change back."""
+    """Tell whether a lane change is legal, or to take one back."""
     agents = state.agents
     lane, slot, world = int(routes.lane[row]), agents.slot[b, a], state.map[b]
     phase = int(agents.change_phase[b, a])

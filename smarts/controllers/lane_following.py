@@ -6,9 +6,10 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
 from smarts.controllers.abilities import Abilities
+from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_path
 from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
@@ -19,13 +20,10 @@ from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands, LaneAction
+from smarts.types.actions import Actions, CommandMode, Commands, LaneAction
 from smarts.types.agent_states import ChangePhase
 from smarts.types.guidance import GuidePhase
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 CHANGE_SPEED = 12.5
 """The most at which a discrete lane change is made [m/s]."""
@@ -134,7 +132,7 @@ def _write_lane_reference(
     t: float,
     cap: float,
     obeys: bool,
-    points: NDArray[np.float64],
+    points: Floats,
 ) -> bool:
     """Write the points along a lane, or near it where it is too tight; tell whether they were planned so."""
     vehicles, agents = state.vehicles, state.agents
@@ -180,7 +178,7 @@ def _speeds(
 
 
 @kernel
-def _change_of(manner: int, values: NDArray[np.float64]) -> int:
+def _change_of(manner: int, values: Floats) -> int:
     """Return the lane change that an action asks for: 1 left, -1 right, 0 none."""
     if manner == BY_SPEED:
         return 1 if values[1] > 0.5 else (-1 if values[1] < -0.5 else 0)
@@ -190,7 +188,7 @@ def _change_of(manner: int, values: NDArray[np.float64]) -> int:
 
 
 @kernel
-def _slow_down(points: NDArray[np.float64], speed: float) -> None:
+def _slow_down(points: Floats, speed: float) -> None:
     """Lower a reference's speeds to those of a steady deceleration from here to standstill."""
     gone = 0.0
     for i in range(len(points)):
@@ -216,7 +214,8 @@ class LaneFollowing:
         scene: What the controller works in.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.LaneWithContinuousSpeed
+    action_format: ClassVar[ActionFormat] = NumbersFormat([0, -1], [60, 1], whole=[1])
+    follows_lanes: ClassVar[bool] = True
     manner: ClassVar[int] = BY_SPEED
 
     def __init__(self, scene: Scene, speeds: Floats | None = None) -> None:

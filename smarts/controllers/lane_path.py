@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at, wrapped
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, find_row, lane_length
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 NEAR_SPACING = 1.0
 """Between the first points of a reference [m]; further on it grows by `GROWTH` from point to point."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.types.world import State
 
@@ -21,7 +21,7 @@ BRAKING = 3.0
 
 
 @kernel
-def heed_leaders(state: State, b: int, slot: int, points: NDArray[np.float64]) -> None:
+def heed_leaders(state: State, b: int, slot: int, points: Floats) -> None:
     """Lower a reference's speeds so that a vehicle which follows it keeps its distance from those ahead."""
     vehicles = state.vehicles
     last = len(points) - 1
@@ -45,7 +45,7 @@ def heed_leaders(state: State, b: int, slot: int, points: NDArray[np.float64]) -
 
 
 @kernel
-def _along(points: NDArray[np.float64], x: float, y: float, heading: float) -> tuple[float, float, float]:
+def _along(points: Floats, x: float, y: float, heading: float) -> tuple[float, float, float]:
     """Return station [m], distance [m] and relative heading [rad] of a pose with respect to a reference.
 
     The station is 0 for what is beside or behind its first point.
@@ -65,7 +65,7 @@ def _along(points: NDArray[np.float64], x: float, y: float, heading: float) -> t
 
 
 @kernel
-def _follow(points: NDArray[np.float64], gap: float, speed: float) -> None:
+def _follow(points: Floats, gap: float, speed: float) -> None:
     """Lower speeds so that the vehicle brakes to `speed` [m/s] within a gap [m]."""
     station = 0.0
     for i in range(len(points)):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Floats
 from smarts.controllers.abilities import Abilities
 from smarts.controllers.lane_path import NEAR_SPACING, limit_speeds, row_of, write_reference
 from smarts.geometry.compiling import kernel
@@ -23,7 +21,7 @@ def write_led_reference(
     abilities: Abilities,
     cap: float,
     obeys: bool,
-    reference: NDArray[np.float64],
+    reference: Floats,
 ) -> None:
     """Write the points that lead a vehicle along the curve of its manoeuvre and on along the lane behind it.
 

@@ -14,21 +14,18 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
+from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.controllers.trajectory_tracking import write_paths
 from smarts.dynamics import layout, vehicle, vehicle_names
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import wrapped
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, Commands
+from smarts.types.actions import Actions, Commands
 from smarts.types.vehicles import VehicleKind
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 OFFSET_WEIGHT = 1.0
 """[1/m^2]"""
@@ -63,7 +60,8 @@ def sharpest_curvatures() -> Floats:
 class ModelPredictive:
     """Tracks a path of x, y, heading, speed with foresight: cuts what the steering cannot follow, early."""
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.MPC
+    action_format: ClassVar[ActionFormat] = PathFormat(columns=(1, 2, 3, 4))
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         state = scene.world.state

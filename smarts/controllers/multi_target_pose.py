@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
-from smarts.controllers.target_pose import TargetPose
-from smarts.types.actions import ActionSpaceType
+from smarts.arrays import Floats
+from smarts.controllers.action_formats import FAR, ActionFormat, NumbersFormat, rejection
+from smarts.controllers.target_pose import TURN, TargetPose
+
+
+class PoseByVehicle(NumbersFormat):
+    """A pose as of `TargetPose`, or a mapping from the agent's one vehicle to it, as in the original."""
+
+    def parse(self, action: Any, place: str, most_points: int) -> Floats:
+        """Return x, y [m], heading [rad], time [s]; see `ActionFormat`."""
+        if isinstance(action, Mapping):
+            if len(action) != 1:
+                problem = f"has poses of {len(action)} vehicles"
+                raise rejection(action, problem, place, "give that of the agent's vehicle")
+            (action,) = action.values()
+        return super().parse(action, place, most_points)
 
 
 class MultiTargetPose(TargetPose):
-    """As `TargetPose`: each of the agent's vehicles has an agent, and its target stands there."""
+    """Drives each of the agent's vehicles to a pose of its own; see `TargetPose`."""
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.MultiTargetPose
+    action_format: ClassVar[ActionFormat] = PoseByVehicle([-FAR, -FAR, -TURN, 0], [FAR, FAR, TURN, 1000])

@@ -5,16 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped_half_open
 from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 BEGIN, TARGET, TIME, STEP, PLAN = 0, 4, 8, 9, 10
 """Columns of a plan: begin and target (each x, y [m], heading [rad], speed [m/s]), time [s], first step."""

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from smarts.types.actions import Actions, ActionSpaceType, Commands
-
-Bools = NDArray[np.bool_]
+from smarts.arrays import Bools
+from smarts.controllers.action_formats import ActionFormat
+from smarts.types.actions import Actions, Commands
 
 
 class Controller(Protocol):
@@ -19,7 +16,11 @@ class Controller(Protocol):
     resets it. A controller is made with the scene that it works in.
     """
 
-    action: ClassVar[ActionSpaceType]
+    action_format: ClassVar[ActionFormat]
+    """What agents of this type give."""
+    follows_lanes: ClassVar[bool]
+    """Whether it writes the agents' target lane and the vehicles' desired speed. Such a controller is made
+    with the largest speeds on each map [m/s], shape (M,), too."""
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the commands of the chosen agents, and nothing of the others.

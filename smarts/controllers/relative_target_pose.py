@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
+from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.target_pose import TargetPose
-from smarts.types.actions import ActionSpaceType
 
 
 class RelativeTargetPose(TargetPose):
@@ -14,5 +16,5 @@ class RelativeTargetPose(TargetPose):
     It does so straight and at one speed, until the agent's next decision. Without one, it stands then.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.RelativeTargetPose
+    action_format: ClassVar[ActionFormat] = NumbersFormat([-6, -6, -np.pi], [6, 6, np.pi])
     relative: ClassVar[bool] = True

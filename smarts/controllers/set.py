@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Floats
 from smarts.controllers import CONTROLLERS
 from smarts.controllers.fallback import FallbackController
 from smarts.controllers.protocol import Controller
@@ -17,13 +17,7 @@ from smarts.types.actions import KINKED, Actions, ActionSpaceType, CommandMode, 
 from smarts.types.agent_states import UNSET, AgentStatus, ChangePhase
 from smarts.types.world import State
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Floats = NDArray[np.float64]
-
 _ACTIVE, _NONE = int(AgentStatus.ACTIVE), int(CommandMode.NONE)
-
-LANE_TYPES = (ActionSpaceType.Lane, ActionSpaceType.LaneWithContinuousSpeed)
 
 
 class ControllerSet:
@@ -43,12 +37,12 @@ class ControllerSet:
         shape = scene.world.agents.slot.shape
         self._commands = Commands.allocate(*shape)
         self._controllers: list[Controller] = []
-        for kind in sorted({ActionSpaceType(kind) for kind in kinds}):
+        in_order = sorted({ActionSpaceType(kind) for kind in kinds})
+        for kind in in_order:
             made = CONTROLLERS[kind.name]
-            is_discrete = kind == ActionSpaceType.Lane
-            self._controllers.append(made(scene, speeds) if is_discrete else made(scene))
+            self._controllers.append(made(scene, speeds) if made.follows_lanes else made(scene))
         self._neutral = FallbackController(scene, speeds)
-        types = np.array([int(controller.action) for controller in self._controllers], np.int8)
+        types = np.array(in_order, np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
         self._group = LateBound(group_by_action_type, scene.world.state, types, self._commands, self._chosen)
 
@@ -60,7 +54,7 @@ class ControllerSet:
             if in_use >> number & 1:
                 chosen = self._chosen[number]
                 controller.command(actions, chosen, out)
-                if controller.action not in LANE_TYPES:
+                if not controller.follows_lanes:
                     self._steer_freely(chosen)
         if in_use >> len(self._controllers):
             self._neutral.command(actions, self._chosen[-1], out)

@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools
+from smarts.controllers.action_formats import FAR, ActionFormat, NumbersFormat
 from smarts.controllers.placing import PLAN, place_by_targets
 from smarts.geometry.binding import LateBound
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, Commands
+from smarts.types.actions import Actions, Commands
 
-Bools = NDArray[np.bool_]
+TURN = 2 * np.pi
+"""The largest magnitude of a target's heading [rad]."""
 
 
 class TargetPose:
@@ -25,7 +27,8 @@ class TargetPose:
         scene: What the controller works in.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.TargetPose
+    action_format: ClassVar[ActionFormat] = NumbersFormat([-FAR, -FAR, -TURN, 0], [FAR, FAR, TURN, 1000])
+    follows_lanes: ClassVar[bool] = False
     relative: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:

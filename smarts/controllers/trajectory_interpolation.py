@@ -6,18 +6,15 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats, Ints
+from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, wrapped_half_open
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 _PLACE, _NONE = int(CommandMode.PLACE), int(CommandMode.NONE)
 
@@ -32,7 +29,8 @@ class TrajectoryInterpolation:
         scene: What the controller works in.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.TrajectoryWithTime
+    action_format: ClassVar[ActionFormat] = PathFormat(columns=(0, 1, 2, 3, 4))
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         begin = np.zeros(scene.world.agents.slot.shape, np.int32)

@@ -6,17 +6,14 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats
+from smarts.controllers.action_formats import ActionFormat, PathFormat
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, ActionSpaceType, CommandMode, Commands
+from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 BRAKING = 3.0
 """Deceleration behind the end of a path [m/s^2]."""
@@ -33,7 +30,8 @@ class TrajectoryTracking:
     the vehicle goes on straight and brakes to a stand.
     """
 
-    action: ClassVar[ActionSpaceType] = ActionSpaceType.Trajectory
+    action_format: ClassVar[ActionFormat] = PathFormat(columns=(1, 2, 3, 4))
+    follows_lanes: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
         self._write = LateBound(write_paths, scene.world.state)

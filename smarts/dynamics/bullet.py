@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.dynamics.layout import BODY_SIZE
 from smarts.dynamics.quiet_pybullet import pybullet
 
@@ -76,7 +77,7 @@ class BulletWorld:
         dt: Sub-step [s].
     """
 
-    def __init__(self, bodies: NDArray[np.float64], dt: float) -> None:
+    def __init__(self, bodies: Floats, dt: float) -> None:
         self._bodies = bodies
         self._motion = bodies.reshape(-1).data.cast("B")
         self._dt = dt

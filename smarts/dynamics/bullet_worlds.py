@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.dynamics.bullet import Box, BulletContact, BulletWorld
+from smarts.arrays import Floats, Longs
+from smarts.dynamics.bullet import Box, BulletWorld
 from smarts.dynamics.free_motion import find_company
 from smarts.geometry.binding import bind
 
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
+Rows = Longs
 
 
 class BulletWorlds:
@@ -34,7 +34,8 @@ class BulletWorlds:
     ) -> None:
         self._cars, self._egos = cars, len(cars) // simulations
         self._worlds = [BulletWorld(bodies, dt) for _ in range(simulations)]
-        self._asked: Sequence[BulletWorld] = ()
+        self.moving: Sequence[BulletWorld] = ()
+        """The worlds that are to advance in this step; their vehicles may touch something."""
         self._with_boxes = np.zeros(simulations, np.bool_)
         self._company = np.zeros(simulations, np.bool_)
         self._outdated = np.zeros(simulations, np.bool_)
@@ -66,7 +67,7 @@ class BulletWorlds:
     def part(self, rows: Rows) -> tuple[Rows, Rows]:
         """Return which vehicles touch nothing in the step that begins, and which may.
 
-        The worlds of these are up to date then, and are those that `substep` advances.
+        The worlds of these are up to date then, and are in `moving`.
 
         Args:
             rows: Vehicles in Bullet that are to move, in ascending order, shape (R,).
@@ -74,23 +75,12 @@ class BulletWorlds:
         simulation = rows // self._egos
         if not self._find_company(rows):
             self._outdated[simulation] = True
-            self._asked = ()
+            self.moving = ()
             return rows, rows[:0]
         may_touch = self._company[simulation]
         numbers = np.unique(simulation[may_touch])
         for number in numbers[self._outdated[numbers]].tolist():
             self._worlds[number].put()
         self._outdated[simulation] = ~may_touch
-        self._asked = [self._worlds[number] for number in numbers.tolist()]
+        self.moving = [self._worlds[number] for number in numbers.tolist()]
         return rows[~may_touch], rows[may_touch]
-
-    def substep(self, velocities: Floats) -> list[BulletContact]:
-        """Advance the vehicles that may touch something by one sub-step, and return who has touched whom.
-
-        Args:
-            velocities: That they are to have, linear and angular, shape (E, 2, 3).
-        """
-        commands = velocities.tolist()
-        for world in self._asked:
-            world.substep(commands)
-        return [touch for world in self._asked for touch in world.touches(commands)]

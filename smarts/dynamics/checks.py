@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.dynamics import layout
 from smarts.errors import SmartsError, UnknownNameError, nearest_names
-
-Floats = NDArray[np.float64]
 
 
 class ControlError(SmartsError):

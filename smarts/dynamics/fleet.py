@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats, Longs
 from smarts.dynamics import chassis, checks, free_motion, layout, readout, single_track
 from smarts.dynamics.bullet import Box, BulletContact
 from smarts.dynamics.bullet_worlds import BulletWorlds
@@ -18,8 +19,6 @@ from smarts.dynamics.layout import MODELS
 from smarts.dynamics.motion import Driver, Motion, Road, Wheels
 from smarts.dynamics.tyre_faults import FLAT_TYRE, TyreFault
 from smarts.geometry.binding import bind
-
-Floats = NDArray[np.float64]
 
 DRY_ASPHALT = 0.9
 """Friction of a road that nobody described."""
@@ -287,7 +286,7 @@ class Fleet:
         self,
         controls: Floats,
         *,
-        simulations: NDArray[np.bool_] | None = None,
+        simulations: Bools | None = None,
         driver: Driver | None = None,
     ) -> Motion:
         """Advance every vehicle by one step and return `motion`.
@@ -320,8 +319,10 @@ class Fleet:
                 self._advance_free(free, substep)
             if touching.size:
                 self._advance_bodies(touching)
-                for touch in self._bullet.substep(self._velocities):
-                    self.touches.append((substep, touch))
+                velocities = self._velocities.tolist()
+                for world in self._bullet.moving:
+                    world.substep(velocities)
+                    self.touches += [(substep, touch) for touch in world.touches(velocities)]
                 self._record_poses(touching, substep)
             self._advance_single_tracks(rows, substep, substep + 1)
         bad = self._show_motion(moving)
@@ -334,16 +335,14 @@ class Fleet:
         """Return what there is to say of a row that is `lost`."""
         return checks.not_finite(row, self._bodies[row], self._road[row])
 
-    def _chosen(
-        self, simulations: NDArray[np.bool_] | None
-    ) -> tuple[NDArray[np.bool_], list[NDArray[np.int64]]]:
+    def _chosen(self, simulations: Bools | None) -> tuple[Bools, list[Longs]]:
         """Return which rows are to move, shape (E,), and the rows of each model."""
         if simulations is None or simulations.all():
             return self._active, self._rows
         chosen = np.repeat(simulations, self._egos)
         return self._active & chosen, [of_model[chosen[of_model]] for of_model in self._rows]
 
-    def _advance_single_tracks(self, rows: Sequence[NDArray[np.int64]], begin: int, end: int) -> None:
+    def _advance_single_tracks(self, rows: Sequence[Longs], begin: int, end: int) -> None:
         """Advance the vehicles that are not in Bullet from one sub-step to before another."""
         _, dynamic, kinematic = rows
         if dynamic.size:

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.dynamics import parameters
 from smarts.dynamics.parameters import (
     AxleParameters,
@@ -253,8 +254,8 @@ def settled_body(
     heading: float,
     speed: float,
     yaw_rate: float,
-    plane: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    plane: Floats,
+) -> Floats:
     """Return the row of a body that rolls on a plane, its suspension settled, its rear axle not sliding.
 
     Args:

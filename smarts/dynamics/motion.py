@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
+from smarts.arrays import Bools, Floats, Longs
 
 
 @dataclass(frozen=True)
@@ -30,7 +27,7 @@ class Motion(NamedTuple):
     The arrays are read-only and overwritten by the next step.
     """
 
-    active: NDArray[np.bool_]
+    active: Bools
     """Whether the row holds a vehicle; the other values of a row without are meaningless. Shape (E,)."""
     substeps: Floats
     """x, y of the footprint's centre [m] and heading [rad] after each sub-step, shape (E, S, 3)."""
@@ -74,6 +71,6 @@ class Wheels:
 class Driver(Protocol):
     """Who changes the controls within a step."""
 
-    def __call__(self, rows: NDArray[np.int64], /) -> None:
+    def __call__(self, rows: Longs, /) -> None:
         """Write the controls of `rows`, the vehicles that move, for the next sub-step; shape (R,)."""
         ...

@@ -1,52 +1,58 @@
-"""Agents as users write them in Python: what they see as objects, through the adapters of their specs."""
+"""The latest observations of agents as objects."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smarts.env.adapters.protocol import AdapterContext
-from smarts.env.observation import Observation, ObservationMaker, Parts
+from smarts.arrays import Bools
+from smarts.observations.context import AdapterContext
+from smarts.sensors.observation import Observation, ObservationMaker
+from smarts.types.agent_states import AgentStatus
 from smarts.types.frame import Frame
 
-Bools = NDArray[np.bool_]
+# A number: to compare with a member of an enumeration takes longer.
+_ACTIVE = int(AgentStatus.ACTIVE)
 
 
 class ObservationCollector:
-    """Keeps what some agents of the only simulation saw last, as objects.
+    """Keeps the latest observations of some agents of the only simulation.
 
     Args:
-        parts: What the simulation was assembled into.
-        served: The agents.
+        context: The agents.
     """
 
-    def __init__(self, parts: Parts, served: AdapterContext) -> None:
+    def __init__(self, context: AdapterContext) -> None:
         self.seen: dict[int, Observation] = {}
-        """By agent."""
-        self._observe = ObservationMaker(parts)
-        self._served = served
-        # Since each agent last looked:
-        self._events = np.zeros(len(served.agents), np.int32)
-        self._touched: list[list[str]] = [[] for _ in served.agents]
+        """By agent_id."""
+        self._make = ObservationMaker(context.scene)
+        self._agent_ids = context.agent_ids.tolist()
+        # Since each agent's latest observation:
+        self._events = dict.fromkeys(self._agent_ids, 0)
+        self._touched: dict[int, list[str]] = {agent_id: [] for agent_id in self._agent_ids}
 
     def collect(self, frame: Frame, is_last: bool) -> None:
-        """See a step, and make the observations of those whose decision ends with it."""
-        settle = self._served.present(frame) if is_last else self._served.ended(frame)
-        self._events |= frame.events.bits[0, self._served.agent_ids]
-        hit = frame.contacts.touching[0, self._served.agent_ids].any(axis=1)
-        for place in np.flatnonzero(hit).tolist():
-            names = self._observe.touched(frame, 0, int(self._served.agent_ids[place]))
-            self._touched[place] = list(dict.fromkeys([*self._touched[place], *names]))
-        for place in np.flatnonzero(settle[0]).tolist():
-            agent_id, events = int(self._served.agent_ids[place]), int(self._events[place])
-            self.seen[agent_id] = self._observe(
-                frame, 0, agent_id, events=events, touched=self._touched[place]
-            )
-            self._events[place], self._touched[place] = 0, []
+        """Process a step, and make the observations of the agents whose decision ends with it."""
+        # Lists: of a few agents, they are faster than arrays.
+        bits, ended = frame.events.bits[0].tolist(), frame.events.just_done[0].tolist()
+        state, is_stepped = frame.world.agents.state[0].tolist(), bool(frame.env_mask[0])
+        if np.count_nonzero(frame.contacts.touching[0]):
+            self._collect_touched(frame)
+        for agent_id in self._agent_ids:
+            self._events[agent_id] |= bits[agent_id]
+            is_active = is_stepped and state[agent_id] == _ACTIVE
+            if ended[agent_id] or (is_last and is_active):
+                events, touched = self._events[agent_id], self._touched[agent_id]
+                self.seen[agent_id] = self._make(frame, 0, agent_id, events=events, touched=touched)
+                self._events[agent_id], self._touched[agent_id] = 0, []
 
     def reset(self, egos: Bools) -> None:
-        """Forget some agents, shape (1, N)."""
-        for place, agent_id in enumerate(self._served.agent_ids.tolist()):
+        """Begin episodes of some agents, shape (1, N)."""
+        for agent_id in self._agent_ids:
             if egos[0, agent_id]:
-                self._events[place], self._touched[place] = 0, []
+                self._events[agent_id], self._touched[agent_id] = 0, []
                 self.seen.pop(agent_id, None)
+
+    def _collect_touched(self, frame: Frame) -> None:
+        for agent_id in self._agent_ids:
+            names = [*self._touched[agent_id], *self._make.touched(frame, 0, agent_id)]
+            self._touched[agent_id] = list(dict.fromkeys(names))

@@ -1,4 +1,4 @@
-"""The RLlib face."""
+"""The RLlib environment."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ from typing import Any
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 from ray.rllib.utils.typing import AgentID
 
-from smarts.env.arrays import EnvSettings
-from smarts.env.not_copied import NotCopied
-from smarts.env.setting_checks import check_instance
-from smarts.env.solo import SoloStep, SoloWorld
+from smarts.agents.checks import check_instance
+from smarts.env.adapter_env import AdapterDictEnv
+from smarts.env.dict_env import StepResult
+from smarts.env.runner import NotCopied
+from smarts.env.settings import ALL, EnvSettings
 from smarts.errors import SmartsError, nearest_names
 from smarts.types.streams import check_seed
 
 _OLD_NAMES = {"agent_specs": "agents"}
 _WITHOUT_EFFECT = ("headless", "sim_name", "num_envs")
-# The last is what `algorithms` tells every environment, for those that are several at once.
+# `algorithms` gives the last one to every environment, for those that hold several simulations.
 
 
-def setting_of(config: Mapping[str, Any]) -> EnvSettings:
-    """Return the setting that an `env_config` describes.
+def settings_of(config: Mapping[str, Any]) -> EnvSettings:
+    """Return the settings that an `env_config` describes.
 
     Raises:
         SmartsError: It has an unknown key; the remedy names the nearest.
     """
     check_instance("env_config", config, Mapping, "a dict, such as {'scenarios': ['loop'], 'agents': 4}")
-    known = [field.name for field in fields(EnvSettings) if field.name != "worlds"]
+    known = [field.name for field in fields(EnvSettings) if field.name != "num_envs"]
     given = {_OLD_NAMES.get(key, key): value for key, value in config.items() if key not in _WITHOUT_EFFECT}
     for key in given:
         if key not in known:
@@ -52,8 +53,7 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
 
     Args:
         config: `scenarios`, `agent_specs` (specs or interfaces by name, or how many agents of the benchmark),
-            `seed`, `action_mask`, and whatever else `smarts.env.arrays.Setting` has. `headless` is without
-            effect.
+            `seed`, `action_mask`, and whatever else `EnvSettings` has. `headless` is without effect.
 
     Raises:
         SmartsError: The configuration is not what it has to be.
@@ -61,11 +61,11 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
 
     def __init__(self, config: Mapping[str, Any]) -> None:
         super().__init__()
-        self._world = SoloWorld(setting_of(config))
-        self.possible_agents: list[AgentID] = [*self._world.possible_agents]
+        self._env = AdapterDictEnv(settings_of(config))
+        self.possible_agents: list[AgentID] = [*self._env.columns]
         self.agents: list[AgentID] = []
-        self.observation_spaces = {**self._world.observation_spaces}
-        self.action_spaces = {**self._world.action_spaces}
+        self.observation_spaces = {**self._env.observation_spaces}
+        self.action_spaces = {**self._env.action_spaces}
 
     def reset(
         self, *, seed: int | None = None, options: dict | None = None
@@ -74,47 +74,45 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
         if seed is not None:
             check_seed(seed, "reset")
         super().reset(seed=seed, options=options)
-        observations, infos = self._world.reset(seed)
+        observations, infos = self._env.reset(seed)
         self.agents = list(observations)
         return {**observations}, {**infos}
 
     def step(self, action_dict: Mapping[Any, Any]) -> tuple[dict, dict, dict, dict, dict]:
         """Carry out a decision.
 
-        Agents that end with it are among `agents` until the next step, as RLlib wants those whose
-        observations it is given to be.
+        Agents that end with it stay in `agents` until the next step, since RLlib expects every agent with an
+        observation there.
 
-        When the episode ends and some of its last agents are only cut short, that is said by
-        `truncated["__all__"]` alone; else by `terminated["__all__"]`. Each info has the outcome.
-
-        Raises:
-            ActionError: An agent is unknown, or an action is not in its space.
-            TrafficError: The traffic engine failed; the next reset works.
+        When the episode ends and some of its last agents are only cut short, `truncated["__all__"]` alone is
+        true; else `terminated["__all__"]`. Each info has the outcome. See `DictEnv.step` for actions and
+        errors.
         """
-        told = self._world.step(action_dict)
-        self.agents = list(told.observations)
-        return told.observations, told.rewards, *_dones(told), told.infos
+        result = self._env.step(action_dict)
+        self.agents = list(result.observations)
+        for name in result.entered:
+            # RLlib takes no reward before an agent's first action.
+            for part in (result.rewards, result.terminated, result.truncated):
+                del part[name]
+        return result.observations, result.rewards, *_dones(result), result.infos
 
     def annotate(self, name: str, values: Mapping[str, Any]) -> None:
-        """Add to the record what agents have to say about their next actions; see `SoloWorld.annotate`."""
-        self._world.annotate(name, values)
+        """Add values to the record of the agents' next decision; see `DictEnv.annotate`."""
+        self._env.annotate(name, values)
 
     def close(self) -> None:
-        """Give back what the simulation holds; may be called again."""
-        self._world.close()
+        """Free the simulation; may be called again."""
+        self._env.close()
 
 
-def _dones(told: SoloStep) -> tuple[dict[AgentID, bool], dict[AgentID, bool]]:
-    """Return what is terminated and truncated, so that RLlib values what those see who are cut short.
+def _dones(result: StepResult) -> tuple[dict[AgentID, bool], dict[AgentID, bool]]:
+    """Return the done flags, so that RLlib bootstraps the last values of agents that are cut short.
 
     `MultiAgentEpisode.add_env_step` (RLlib 2.60) takes all agents for terminated if "__all__" is, or if each
-    agent has a flag of its own. So whoever is cut at the episode's end has none but "__all__".
+    agent has a flag of its own. So agents that are cut short at the episode's end have no flag but "__all__".
     """
-    terminated, truncated = {**told.terminated}, {**told.truncated}
-    is_cut = told.finished and any(truncated.values())
+    terminated, truncated = {**result.terminated}, {**result.truncated}
+    is_cut = result.finished and any(truncated.values())
     if is_cut:
         truncated = dict.fromkeys(truncated, False)
-    return (
-        {**terminated, "__all__": told.finished and not is_cut},
-        {**truncated, "__all__": is_cut},
-    )
+    return {**terminated, ALL: result.finished and not is_cut}, {**truncated, ALL: is_cut}

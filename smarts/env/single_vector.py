@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from smarts.agents.checks import check_truth
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
-from smarts.controllers.action_numbers import refusal
-from smarts.env.adapters.protocol import MASK
-from smarts.env.arrays import ALONE, Adapter, assembled, space_of
-from smarts.env.not_copied import NotCopied
+from smarts.controllers.action_formats import rejection
+from smarts.env.groups import ALONE, assembled, space_of
+from smarts.env.runner import NotCopied
+from smarts.env.settings import EnvOptions
+from smarts.env.single import AGENT
 from smarts.env.vector import VectorHiWayEnv, VectorStep
 from smarts.errors import SmartsError
-from smarts.sim.assembly import Options
+from smarts.observations.action_mask import MASK
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
 
@@ -39,19 +40,14 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
     is the first of the next episode; `infos["final_obs"]` and `infos["final_info"]` hold its last
     observation, mask and outcome. Simulation i plays what world i of `VectorHiWayEnv` does, and simulation 0
     what `SingleHiWayEnv` does. If the traffic of a simulation fails, its episode is truncated with outcome
-    "invalid", reward 0 and the observation before as its last one.
+    "invalid", reward 0 and its previous observation as the last one.
 
     Args:
         num_envs: How many simulations.
         scenarios: Folders, or names of the suite; they are played in a seeded order.
         agent: Its spec (without adapters of its own) or interface; by default, that of the benchmark.
-        seed: Of the run, until `reset` gives another.
-        decision_interval: Steps of 0.1 s from one decision to the next.
-        adapter: Observation and reward: a name of `smarts.env.adapters.ADAPTERS`, or a class.
-        adapter_options: Its options, such as `{"reward": "paper"}`.
-        simulation: Options of the simulation.
-        traffic: The variations of the scenarios' traffic that are played, by default all.
         action_mask: Whether observations hold the mask of the lane actions too, which is in the infos.
+        options: See `EnvSettings`.
 
     Raises:
         SmartsError: A scenario or the agent is not what it has to be.
@@ -65,27 +61,12 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         scenarios: Sequence[str | Path],
         agent: AgentSpec | AgentInterface | None = None,
         *,
-        seed: int = 42,
-        decision_interval: int = 5,
-        adapter: Adapter = "benchmark",
-        adapter_options: Mapping[str, Any] | None = None,
-        simulation: Options | None = None,
-        traffic: Sequence[str] | None = None,
         action_mask: bool = False,
+        **options: Unpack[EnvOptions],
     ) -> None:
         self.closed = True  # what `__del__` finds if the next lines raise
         check_truth("action_mask", action_mask)
-        self._env = VectorHiWayEnv(
-            num_envs,
-            scenarios,
-            1 if agent is None else {"agent-0": agent},
-            seed=seed,
-            decision_interval=decision_interval,
-            adapter=adapter,
-            adapter_options=adapter_options,
-            simulation=simulation,
-            traffic=traffic,
-        )
+        self._env = VectorHiWayEnv(num_envs, scenarios, 1 if agent is None else {AGENT: agent}, **options)
         self.num_envs = num_envs
         (block,) = self._env.spaces.blocks
         self._shows_mask = action_mask and block.masked
@@ -144,7 +125,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         return self._seen, rewards, step.terminated[:, 0].copy(), step.truncated[:, 0] | failed, infos
 
     def close_extras(self, **_: Any) -> None:
-        """Give back what the simulations hold."""
+        """Free the simulations."""
         self._env.close()
 
     def _checked(self, actions: ArrayLike) -> NDArray:
@@ -154,7 +135,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
             values = np.empty(0)
         if values.shape != self.action_space.shape:
             remedy = f"give an array of shape {self.action_space.shape}, such as action_space.sample()"
-            raise refusal(actions, f"is not an action of each of {self.num_envs}", "actions", remedy)
+            raise rejection(actions, f"is not an action of each of {self.num_envs}", "actions", remedy)
         return values
 
     def _observations(self, leaves: Leaves, mask: Bools | None) -> Any:

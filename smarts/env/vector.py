@@ -1,23 +1,23 @@
-"""Many simulations side by side, arrays in and out: the fast face, for learners."""
+"""The vector environment: B simulations stepped together, arrays in and out, for learners."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.agents.checks import check_whole
 from smarts.agents.options import InterfaceError
-from smarts.env.adapters.protocol import MASK
-from smarts.env.arrays import ALONE, Adapter, Agents, ArrayWorlds, EnvSettings, Group, box_of
-from smarts.env.batch import EpisodeKey, Transition
-from smarts.env.not_copied import NotCopied
-from smarts.env.setting_checks import check_whole
+from smarts.env.actions import Own, arrays_of
+from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
+from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
+from smarts.env.settings import Agents, EnvOptions, EnvSettings
 from smarts.errors import SmartsError, TrafficError
-from smarts.sim.assembly import Options
+from smarts.observations.action_mask import MASK
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
@@ -42,11 +42,11 @@ class Block(NamedTuple):
     only one."""
     action: Box | Discrete
     masked: bool
-    """Whether it is said which actions are legal."""
+    """Whether there are action masks."""
 
 
 class Spaces(NamedTuple):
-    """What the environment gives and takes."""
+    """The spaces of all agents."""
 
     blocks: tuple[Block, ...]
     """In column order."""
@@ -59,7 +59,7 @@ class Final(NamedTuple):
     """The last observations of simulations that were reset in a step."""
 
     rows: Ints
-    """Their numbers, shape (K,)."""
+    """Of these simulations, shape (K,)."""
     observations: tuple[Leaves, ...]
     """Per block, shape (K, n, ...)."""
     masks: tuple[Bools | None, ...]
@@ -69,30 +69,30 @@ class Final(NamedTuple):
 
 
 class VectorStep(NamedTuple):
-    """What happened in one decision of all simulations, and where they stand; valid until the next."""
+    """The result of one decision of all simulations, after resets; valid until the next."""
 
     observations: tuple[Leaves, ...]
     """Per block, shape (B, n, ...), after resets. An agent that ended while its simulation goes on has its
     last observation here, and zeros from the next step on."""
     rewards: NDArray[np.float32]
-    """0 for who did not act, shape (B, N)."""
+    """0 for agents that did not act, shape (B, N)."""
     terminated: Bools
     """Ended for good, shape (B, N)."""
     truncated: Bools
     """Cut short, shape (B, N)."""
     alive: Bools
-    """Who acts in the next step, shape (B, N)."""
+    """Agents that act in the next step, shape (B, N)."""
     reset: Bools
-    """Which simulations were reset in this step, shape (B,)."""
+    """Simulations that were reset in this step, shape (B,)."""
     final: Final | None = None
-    """Of those."""
+    """Of the simulations that were reset."""
     masks: tuple[Bools | None, ...] = ()
-    """Per block, which actions are legal, shape (B, n, actions). Of who does not act it is the first one, so
-    that masked logits are not all infinite."""
+    """Per block, which actions are legal, shape (B, n, actions). For agents that do not act it is the first
+    one, so that masked logits are not all infinite."""
     state: None = None
     graph: None = None
     failed: Mapping[int, BaseException] = {}
-    """Simulations whose traffic failed and that were begun anew: the arrays of their step are invalid."""
+    """Simulations whose traffic failed and that were reset: the rest of their step is invalid."""
     metrics: Mapping[int, Mapping[str, float]] = {}
     """Of the simulations that were reset: shares of the agents by outcome, and steps."""
 
@@ -107,12 +107,7 @@ class VectorHiWayEnv(NotCopied):
         scenarios: Folders, or names of the suite; they are played in a seeded order.
         agents: How many agents of the benchmark, or specs or interfaces by name; specs without adapters of
             their own, which would have to be called for each agent.
-        seed: Of the run, until `reset` gives another.
-        decision_interval: Steps of 0.1 s from one decision to the next.
-        adapter: What agents see and are paid for: a name of `smarts.env.adapters.ADAPTERS`, or a class.
-        adapter_options: Its options, such as `{"reward": "paper"}`.
-        simulation: Options of the simulation.
-        traffic: Names of the variations of the scenarios' traffic that are played, by default all.
+        options: See `EnvSettings`.
 
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
@@ -123,46 +118,33 @@ class VectorHiWayEnv(NotCopied):
         num_envs: int,
         scenarios: Sequence[str | Path],
         agents: Agents = 4,
-        *,
-        seed: int = 42,
-        decision_interval: int = 5,
-        adapter: Adapter = "benchmark",
-        adapter_options: Mapping[str, Any] | None = None,
-        simulation: Options | None = None,
-        traffic: Sequence[str] | None = None,
+        **options: Unpack[EnvOptions],
     ) -> None:
-        setting = EnvSettings(
-            scenarios=scenarios,
-            agents=agents,
-            worlds=num_envs,
-            seed=seed,
-            decision_interval=decision_interval,
-            adapter=adapter,
-            adapter_options={} if adapter_options is None else adapter_options,
-            simulation=Options() if simulation is None else simulation,
-            traffic=traffic,
-        )
-        for name, spec in setting.adapted().items():
-            raise InterfaceError(
-                f"agent {name!r} has adapters of its own: {', '.join(sorted(spec.own_adapters))}",
-                place="VectorHiWayEnv",
-                remedy="write them as an array adapter (docs/adapters.md), or use a face that takes dicts",
-            )
+        settings = EnvSettings(scenarios, agents, num_envs, action_mask=False, **options)
+        for name, spec in settings.specs().items():
+            if spec.own_adapters:
+                raise InterfaceError(
+                    f"agent {name!r} has adapters of its own: {', '.join(sorted(spec.own_adapters))}",
+                    place="VectorHiWayEnv",
+                    remedy="write an array adapter (docs/adapters.md), or use an environment by name",
+                )
         self.num_envs = num_envs
-        self._worlds = ArrayWorlds(setting)
-        self.agents = self._worlds.agents
-        self.spaces = Spaces(tuple(_block(group) for group in self._worlds.groups))
-        self._seed = seed
+        assembly, self._groups = make_groups(settings)
+        self._runner = SimulationRunner(
+            assembly, [group.adapter for group in self._groups], period=settings.decision_interval
+        )
+        self.agents = tuple(name for group in self._groups for name in group.agents)
+        self.spaces = Spaces(tuple(_block(group) for group in self._groups))
+        self._seed = settings.seed
         self._world_numbers = np.arange(num_envs)
         self._episodes = np.zeros(num_envs, int)
         self._stride = 0
-        self._nothing = np.zeros((num_envs, len(self.agents)), np.bool_)
-        self._everybody = ~self._nothing
+        self._none = np.zeros((num_envs, len(self.agents)), np.bool_)
 
     @property
     def episodes(self) -> tuple[EpisodeStart, ...]:
         """What is being played in each simulation; nothing before the first reset."""
-        return tuple(start for start in self._worlds.batch.starts if start is not None)
+        return tuple(start for start in self._runner.starts if start is not None)
 
     @property
     def worlds(self) -> Ints:
@@ -178,11 +160,11 @@ class VectorHiWayEnv(NotCopied):
             seed: Of the run from now on.
             worlds: Number of the world that each simulation is, shape (B,); by default 0 to B - 1.
             episode: Number of the episode that each begins with.
-            stride: 0: the episodes of a world follow each other. Else the simulation goes on with the same
+            stride: 0: the episodes of a world follow each other. Else the simulation continues with the same
                 episode of the world that lies `stride` further: a list of worlds is dealt out.
 
         Raises:
-            SmartsError: One of these is not what it has to be.
+            SmartsError: An argument is out of its range.
             TrafficError: A simulation does not begin.
         """
         seed = self._seed if seed is None else seed
@@ -199,17 +181,20 @@ class VectorHiWayEnv(NotCopied):
 
         Args:
             actions: Per block, whole numbers of shape (B, n), or numbers of shape (B, n, k); tensors on a CPU
-                will do, and blocks of one size may be stacked. Those of agents that are not alive do not
-                matter.
+                will do, and blocks of one size may be stacked. Those of agents that are not active are
+                unspecified.
 
         Raises:
-            ActionError: An action is not in the space, or their arrays have not the shapes of the blocks.
+            ActionError: An action is not in the space, or an array has not the shape of its block. No action
+                is taken then.
             TrafficError: A simulation does not begin again.
             SmartsError: The environment was closed, or never reset.
         """
-        self._worlds.batch.check_begun()
-        transition = self._worlds.step(actions, self._everybody)
-        rewards = self._worlds.rewards
+        runner = self._runner
+        runner.check_begun()
+        self._encode(actions)
+        transition = runner.step()
+        rewards = rewards_of(self._groups, transition.acted)
         terminated, truncated = transition.terminated, transition.truncated
         failed = dict(transition.failures)
         over = transition.finished
@@ -219,40 +204,28 @@ class VectorHiWayEnv(NotCopied):
         rows = np.flatnonzero(ended)
         final = self._final(rows) if len(rows) else None
         metrics = {row: self._metrics(row, transition) for row in rows.tolist()}
-        # Before the next episodes begin: what these decisions earned belongs to the last ones.
-        self._worlds.batch.conclude(rewards, self._everybody)
+        # Before the next episodes begin: the rewards of these decisions belong to the last ones.
+        runner.conclude(rewards, ~self._none)
         if over.any():
             self._next_episodes(np.flatnonzero(over))
-        self._worlds.batch.dispatch()
-        return VectorStep(
-            self._observations(),
-            rewards,
-            terminated,
-            truncated,
-            self._worlds.batch.alive,
-            ended,
-            final,
-            self._masks(),
-            failed=failed,
-            metrics=metrics,
-        )
+        return self._result(rewards, terminated, truncated, ended, final, failed, metrics)
 
     def annotate(self, name: str, values: Sequence[NDArray | None]) -> None:
-        """Add to the record what policies have to say about the next step; nothing if nothing is recorded.
+        """Add values to the record of the next step; without a record, a no-op.
 
         Args:
-            name: What it is, such as "probabilities".
-            values: Per block, of each agent, shape (B, n, ...), or None. Those of agents that are not alive
-                do not matter.
+            name: What the values are, such as "probabilities".
+            values: Per block, of each agent, shape (B, n, ...), or None. Those of agents that are not active
+                are ignored.
         """
-        for group, given in zip(self._worlds.groups, values, strict=True):
+        for group, given in zip(self._groups, values, strict=True):
             if given is not None:
                 given = np.asarray(given)
-                everybody = np.zeros((*self._nothing.shape, *given.shape[2:]))
-                everybody[:, group.columns] = given
-                who = self._nothing.copy()
-                who[:, group.columns] = True
-                self._worlds.batch.annotate(name, everybody, who)
+                numbers = np.zeros((*self._none.shape, *given.shape[2:]))
+                numbers[:, group.columns] = given
+                egos = self._none.copy()
+                egos[:, group.columns] = True
+                self._runner.annotate(name, numbers, egos)
 
     def recreate(self, failures: Mapping[int, BaseException]) -> VectorStep:
         """Begin the next episode in some simulations, whatever happened in them."""
@@ -260,8 +233,8 @@ class VectorHiWayEnv(NotCopied):
         return self._so_far()._replace(failed=dict(failures))
 
     def close(self) -> None:
-        """Give back what the simulations hold; may be called again."""
-        self._worlds.batch.close()
+        """Free the simulations; may be called again."""
+        self._runner.close()
 
     def _check_numbers(self, worlds: NDArray, episode: int, stride: int) -> None:
         if worlds.shape != (self.num_envs,) or worlds.dtype.kind not in "iu" or worlds.min() < 0:
@@ -273,16 +246,45 @@ class VectorHiWayEnv(NotCopied):
         check_whole("episode", episode, 0, MOST_EPISODES)
         check_whole("stride", stride, 0, MOST_EPISODES)
 
+    def _encode(self, actions: Sequence[ArrayLike] | NDArray) -> None:
+        """Check all actions, then write those of active agents."""
+        chosen, encoder = self._runner.alive, self._runner.encoder
+        parsed, own = [], []
+        for group, given in zip(self._groups, arrays_of(actions, self._groups, chosen), strict=True):
+            acts = chosen[:, group.columns]
+            if group.encoding is None:
+                parsed.append(encoder.parse_group(group, given, acts))
+            else:
+                own.append(Own(group.encoding, given, acts))
+        encoder.write(parsed, own)
+
     def _so_far(self) -> VectorStep:
-        self._worlds.batch.dispatch()
+        rewards = np.zeros(self._none.shape, np.float32)
+        return self._result(rewards, self._none, self._none, np.zeros(self.num_envs, np.bool_))
+
+    def _result(
+        self,
+        rewards: NDArray[np.float32],
+        terminated: Bools,
+        truncated: Bools,
+        reset: Bools,
+        final: Final | None = None,
+        failed: Mapping[int, BaseException] | None = None,
+        metrics: Mapping[int, Mapping[str, float]] | None = None,
+    ) -> VectorStep:
+        """Ask the social agents for their next actions, and return where the simulations stand."""
+        self._runner.dispatch()
         return VectorStep(
             self._observations(),
-            np.zeros(self._nothing.shape, np.float32),
-            self._nothing,
-            self._nothing,
-            self._worlds.batch.alive,
-            np.zeros(self.num_envs, np.bool_),
-            masks=self._masks(),
+            rewards,
+            terminated,
+            truncated,
+            self._runner.alive,
+            reset,
+            final,
+            self._masks(),
+            failed=failed or {},
+            metrics=metrics or {},
         )
 
     def _next_episodes(self, rows: Ints) -> None:
@@ -298,7 +300,7 @@ class VectorHiWayEnv(NotCopied):
     def _begin(self, rows: Ints) -> None:
         """Begin episodes; where that fails, those after them."""
         try:
-            self._worlds.reset({int(row): self._key(row) for row in rows})
+            self._runner.reset({int(row): self._key(row) for row in rows})
         except TrafficError:
             for row in rows:
                 self._begin_one(int(row))
@@ -307,7 +309,7 @@ class VectorHiWayEnv(NotCopied):
         problems: list[SmartsError] = []
         while len(problems) < MOST_TRIES:
             try:
-                self._worlds.reset({row: self._key(row)})
+                self._runner.reset({row: self._key(row)})
                 return
             except TrafficError as error:
                 problems.append(error)
@@ -320,10 +322,10 @@ class VectorHiWayEnv(NotCopied):
         return EpisodeKey(int(self._world_numbers[row]), int(self._episodes[row]), self._seed)
 
     def _observations(self) -> tuple[Leaves, ...]:
-        return tuple(_leaves(group) for group in self._worlds.groups)
+        return tuple(_leaves(group) for group in self._groups)
 
     def _masks(self) -> tuple[Bools | None, ...]:
-        return tuple(group.action_mask() for group in self._worlds.groups)
+        return tuple(group.action_mask() for group in self._groups)
 
     def _final(self, rows: Ints) -> Final:
         """Return copies: the reset overwrites the observations."""
@@ -340,15 +342,15 @@ class VectorHiWayEnv(NotCopied):
             for outcome in Outcome
             if outcome != Outcome.NONE
         }
-        return {**shares, "steps": float(self._worlds.batch.world.step[row])}
+        return {**shares, "steps": float(self._runner.world.step[row])}
 
 
-def _leaves(group: Group) -> dict[str, NDArray]:
+def _leaves(group: AgentGroup) -> dict[str, NDArray]:
     arrays = {name: array for name, array in group.adapter.observations.items() if name != MASK}
     return {"": arrays[ALONE]} if [*arrays] == [ALONE] else arrays
 
 
-def _block(group: Group) -> Block:
+def _block(group: AgentGroup) -> Block:
     fields = {field.name: field for field in group.adapter.fields if field.name != MASK}
     spaces = {name: box_of(field) for name, field in fields.items()}
     if [*spaces] == [ALONE]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from smarts.arrays import Bools, Floats
 from smarts.geometry.compiling import kernel
 
 Pose = tuple[float, float, float]
@@ -14,7 +15,6 @@ Pose = tuple[float, float, float]
 Gaps = tuple[float, float, float, float]
 Mover = tuple[Pose, float, float, float, float, float]
 """A box under way: pose, half length, half width [m], velocity in x and y [m/s], yaw rate [rad/s]."""
-Floats = NDArray[np.float64]
 
 
 def boxes_overlap(
@@ -24,7 +24,7 @@ def boxes_overlap(
     centre2: ArrayLike,
     heading2: ArrayLike,
     size2: ArrayLike,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return whether two oriented boxes share area, by the separating-axis theorem; touching ones do not.
 
     Args:

@@ -10,9 +10,10 @@ import math
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Angle = TypeVar("Angle", float, NDArray[np.float64])
+from smarts.arrays import Floats
+
+Angle = TypeVar("Angle", float, Floats)
 
 
 def wrap_angle(angle: Angle) -> Angle:
@@ -31,7 +32,7 @@ def compass_from_heading(heading: Angle) -> Angle:
     return (90.0 - heading * (180.0 / math.pi)) % 360.0
 
 
-def rotate(points: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+def rotate(points: Floats, angle: float) -> Floats:
     """Return points of shape (..., 2) turned counter-clockwise about the origin by `angle` [rad]."""
     cosine, sine = math.cos(angle), math.sin(angle)
     return points @ np.array([[cosine, sine], [-sine, cosine]])

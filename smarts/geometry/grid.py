@@ -10,13 +10,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import cell_number
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 
 class Grid(NamedTuple):

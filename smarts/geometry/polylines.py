@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.geometry.frames import wrap_angle
-
-Floats = NDArray[np.float64]
 
 COINCIDENT = 1e-6
 """Vertices closer than this are one vertex [m]."""

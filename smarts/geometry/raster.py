@@ -11,11 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import cell_number, inside_outline, project
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 Pixels = NDArray[np.uint8]
 
 
@@ -155,20 +154,27 @@ def paint_box(
     rightmost = min(columns - 1, math.floor(0.5 * columns - (aside - reach_aside) / resolution))
     for row in range(top, bottom + 1):
         forward = (0.5 * rows - row - 0.5) * resolution - ahead
-        for column in range(leftmost, rightmost + 1):
-            left = (0.5 * columns - column - 0.5) * resolution - aside
-            if (
-                abs(forward * cosine + left * sine) <= half_length
-                and abs(left * cosine - forward * sine) <= half_width
-            ):
-                for channel in range(channels):
-                    view[row, column, channel] = colour[channel]
+        along, across = forward * cosine, forward * sine
+        # A row of a box has no gaps: look for its ends, and fill what lies between.
+        begin, end = leftmost, rightmost
+        while begin <= end:
+            left = (0.5 * columns - begin - 0.5) * resolution - aside
+            if abs(along + left * sine) <= half_length and abs(left * cosine - across) <= half_width:
+                break
+            begin += 1
+        while end > begin:
+            left = (0.5 * columns - end - 0.5) * resolution - aside
+            if abs(along + left * sine) <= half_length and abs(left * cosine - across) <= half_width:
+                break
+            end -= 1
+        for column in range(begin, end + 1):
+            for channel in range(channels):
+                view[row, column, channel] = colour[channel]
 
 
 @kernel
 def cut_view(
     cells: Pixels,
-    first: int,
     rows: int,
     columns: int,
     origin_x: float,
@@ -178,16 +184,15 @@ def cut_view(
     y: float,
     heading: float,
     resolution: float,
-    mask: int,
+    colours: Pixels,
     view: Pixels,
 ) -> None:
-    """Write for each pixel of a view the masked bits of the cell at its centre, 0 outside.
+    """Write for each pixel of a view the colour of the cell at its centre, that of an empty cell outside.
 
     Args:
-        cells: Of several rasters in a row, shape (.,).
-        first: The raster's cell (0, 0).
-        rows: Of the raster, from the south.
-        columns: From the west.
+        cells: Of the raster, from the south by rows from the west, shape (rows * columns,).
+        rows: Of the raster.
+        columns: Of the raster.
         origin_x: Lower left corner of cell (0, 0) [m].
         origin_y: Of the same.
         size: Side of a cell [m].
@@ -195,17 +200,40 @@ def cut_view(
         y: The viewer's [m].
         heading: The viewer's [rad].
         resolution: Side of a pixel [m].
-        mask: The bits that are wanted.
-        view: Written, shape (height, width).
+        colours: Of each value of a cell, shape (values, channels); 1 or 3 channels.
+        view: Written, shape (height, width, channels).
     """
-    height, width = view.shape
+    height, width, channels = view.shape
     cosine, sine = math.cos(heading) * resolution / size, math.sin(heading) * resolution / size
     middle_column, middle_row = (x - origin_x) / size, (y - origin_y) / size
+    west, north, cell = np.empty(width), np.empty(width), np.empty(width, np.int32)
+    for c in range(width):
+        left = 0.5 * width - 0.5 - c
+        west[c], north[c] = left * sine, left * cosine
     for r in range(height):
-        ahead, left = 0.5 * height - r - 0.5, 0.5 * width - 0.5
+        ahead = 0.5 * height - r - 0.5
         across, along = middle_column + ahead * cosine, middle_row + ahead * sine
-        for c in range(width):
-            column = math.floor(across - (left - c) * sine)
-            row = math.floor(along + (left - c) * cosine)
-            inside = 0 <= row < rows and 0 <= column < columns
-            view[r, c] = cells[first + row * columns + column] & mask if inside else 0
+        # The pixels of a row that are inside lie side by side: only the ends are looked for.
+        begin, end = 0, width
+        while begin < end and not (
+            0.0 <= across - west[begin] < columns and 0.0 <= along + north[begin] < rows
+        ):
+            begin += 1
+        while end > begin and not (
+            0.0 <= across - west[end - 1] < columns and 0.0 <= along + north[end - 1] < rows
+        ):
+            end -= 1
+        # Apart from the look-up, so that the compiler makes vector instructions of it.
+        for c in range(begin, end):
+            cell[c] = np.int32(np.floor(along + north[c]) * columns + np.floor(across - west[c]))
+        line = view[r]
+        for channel in range(channels):
+            line[:begin, channel], line[end:, channel] = colours[0, channel], colours[0, channel]
+        # Unsigned: a signed index might be negative, which costs a test.
+        if channels == 3:
+            for c in range(begin, end):
+                value = cells[np.uint32(cell[c])]
+                line[c, 0], line[c, 1], line[c, 2] = colours[value, 0], colours[value, 1], colours[value, 2]
+        else:
+            for c in range(begin, end):
+                line[c, 0] = colours[cells[np.uint32(cell[c])], 0]

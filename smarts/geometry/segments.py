@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
-
-Floats = NDArray[np.float64]
 
 
 @kernel

@@ -3,7 +3,7 @@
 How a traffic engine fits into a step (`Simulation.step`, one layer up):
 
     egos' poses at t + dt are in their rows          (another's: the engine reads these rows)
-    traffic.step(world, rows)                        (its own: the engine writes these rows)
+    traffic.step(env_mask)                            (its own: the engine writes these rows)
 
 The world says who owns a vehicle, and the provider follows: it compares the owner column with what it saw
 last. A hand-over is therefore one write to that column, never a call that could be forgotten, and the

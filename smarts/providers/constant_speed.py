@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import TrafficError
 from smarts.geometry.frames import wrap_angle
 from smarts.providers.lane_paths import LanePaths
@@ -24,8 +25,6 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
-
-Bools, Ints, Floats = NDArray[np.bool_], NDArray[np.int32], NDArray[np.float64]
 
 LENGTH, WIDTH = 5.0, 1.8
 """Of every vehicle [m]."""
@@ -103,7 +102,7 @@ class ConstantSpeed(TrafficEngine):
         vehicles.acceleration[b, v] = vehicles.lateral_speed[b, v] = vehicles.yaw_acceleration[b, v] = 0.0
         self._let_in(env_mask)
 
-    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`: there must be a path close by."""
         return np.where(self._nearest(rows, slots)[0] >= 0, Refusal.NONE, Refusal.OFF_LANES).astype(np.int8)
 

@@ -7,12 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats, Ints
 from smarts.errors import TrafficError
 from smarts.geometry.frames import wrap_angle
 from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.lane_graph import LaneGraph
-
-Ints, Floats = NDArray[np.int32], NDArray[np.float64]
 
 NEAR, ALIGNED = 3.0, np.pi / 4
 """How far a vehicle may be from a path [m], and turned away from it [rad], to be taken for being on it."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
 from smarts.providers.sumo_traffic import SumoTraffic
 from smarts.providers.traffic_engine import TrafficEngine
@@ -15,9 +15,6 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.transfers import Refusal
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 
 
 class SumoEngine(TrafficEngine):
@@ -59,7 +56,7 @@ class SumoEngine(TrafficEngine):
                 failures[row] = error
         self.failures = failures
 
-    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`: SUMO needs a lane under the vehicle."""
         vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
         can_drive = [self._drivers[row].can_accept(slot) for row, slot in vehicles]

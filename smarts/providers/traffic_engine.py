@@ -5,14 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
 from smarts.types.episode import EpisodeStart
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 
 
 class TrafficEngine(Protocol):
@@ -55,7 +50,7 @@ class TrafficEngine(Protocol):
         """
         ...
 
-    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """Return for each vehicle the `Refusal` to drive on with it from where it is; changes nothing.
 
         Args:

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import TrafficError
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.roads.lane_graph import LaneGraph
@@ -15,9 +15,6 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.transfers import Refusal
 from smarts.types.world import World
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 
 
 def traffic_of(names: Sequence[str], world: World, maps: Sequence[LaneGraph]) -> TrafficEngine:
@@ -75,7 +72,7 @@ class EnginesByEpisode(TrafficEngine):
             row: error for engine in self._engines.values() for row, error in engine.failures.items()
         }
 
-    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`."""
         answers = np.full(len(rows), Refusal.NONE, np.int8)
         for name, engine in self._engines.items():

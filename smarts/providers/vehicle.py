@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
 from smarts.dynamics import MODELS, Box, Driver, Fleet, MotionError, vehicle
 from smarts.errors import ActionError, SmartsError
@@ -30,9 +30,6 @@ from smarts.types.transfers import Refusal
 from smarts.types.vehicles import VehicleKind
 from smarts.types.world import World
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-
 SUBSTEPS = 10
 TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
 """The type of `smarts.dynamics` that a kind of vehicle drives like; a trailer does not drive."""
@@ -43,7 +40,7 @@ class FleetVehicles:
 
     The world says which vehicle an agent drives. A vehicle that an agent takes over continues from its row:
     pose, velocity, yaw rate, steering on the circle that it drives. Vehicles that are commanded by poses are
-    not in the fleet; they stand where they are told, and the others collide with them as with traffic.
+    not in the fleet; they stand where commands put them, and the others collide with them as with traffic.
 
     Args:
         world: What is to be read and written.
@@ -134,7 +131,7 @@ class FleetVehicles:
             self._drive(commands, env_mask)
         return self._tracks
 
-    def can_accept(self, rows: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[np.int8]:
+    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """Return for each vehicle the `Refusal` to let an agent drive it: some kinds have no model."""
         can_drive = np.isin(self._world.vehicles.kind[rows, slots], [int(kind) for kind in TYPES])
         return np.where(can_drive, Refusal.NONE, Refusal.KIND).astype(np.int8)

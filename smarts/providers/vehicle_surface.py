@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from smarts.arrays import Bools, Floats, Ints
 from smarts.dynamics import Fleet
 from smarts.dynamics.fleet import DRY_ASPHALT as DRY
 from smarts.geometry.binding import LateBound
@@ -55,13 +55,13 @@ class RoadSurfaces:
         )
         self._look_up = LateBound(look_up_friction)
 
-    def look_up(self, world: World, driven: NDArray[np.bool_], fleet: Fleet) -> None:
+    def look_up(self, world: World, driven: Bools, fleet: Fleet) -> None:
         """Write the friction under the wheels of driven vehicles, shape (B, A), into the fleet's road."""
         given = world.state, self._patches, driven, fleet.wheels.position, fleet.road.friction
         self._look_up.to(*given)()
 
 
-def _rings(area: BaseGeometry) -> list[NDArray[np.float64]]:
+def _rings(area: BaseGeometry) -> list[Floats]:
     """Return the outlines of an area and of its holes."""
     parts = getattr(area, "geoms", [area])
     return [
@@ -72,5 +72,5 @@ def _rings(area: BaseGeometry) -> list[NDArray[np.float64]]:
     ]
 
 
-def _starts(counts: Sequence[int]) -> NDArray[np.int32]:
+def _starts(counts: Sequence[int]) -> Ints:
     return np.cumsum([0, *counts]).astype(np.int32)

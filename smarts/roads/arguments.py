@@ -8,11 +8,9 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import RouteTable
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 NOT_GIVEN: Ints = np.empty(0, np.int32)
 """Stands for lanes or routes that a question has not."""

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smarts.arrays import Bools, Floats, Ints
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import MapError
 from smarts.geometry.binding import bind
 from smarts.roads import footprints, kernels
@@ -204,7 +203,7 @@ class RoadAtlas:
         *,
         kinds: Collection[LaneKind] = ROAD_LANES,
         junctions: bool = True,
-    ) -> NDArray[np.int8]:
+    ) -> Bytes:
         """Return how many corners of each vehicle's footprint are on the road, 0 to 4; see `on_road`."""
         maps = self._maps(maps)
         count = len(maps)

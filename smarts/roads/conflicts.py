@@ -8,10 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from smarts.arrays import Bytes, Floats, Ints
 from smarts.roads.lane_graph import ConflictKind, LaneKind
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 LEAST_OVERLAP = 0.25
 """Lanes that share less area than this only touch, as neighbours in a bend do [m^2]."""
@@ -29,7 +27,7 @@ class LaneAreas:
     width: Floats
     junction: Ints
     """Junction that the lane lies in, -1 for road lanes."""
-    kind: NDArray[np.int8]
+    kind: Bytes
     origin: Ints
     """Road lane from which the junction is entered on this lane, -1 where there is none or several."""
     target: Ints
@@ -42,7 +40,7 @@ class Conflicts:
 
     start: Ints
     lane: Ints
-    kind: NDArray[np.int8]
+    kind: Bytes
     extent: Floats
     other_extent: Floats
 

@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.memory import remembered
 from smarts.roads.routes import CARS, edge_graph
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-Counts = NDArray[np.int8]
+Counts = Bytes
 
 FAR = 100
 """Stands for the number of lane changes where none lead on."""
@@ -168,7 +166,7 @@ def free_corridor(graph: LaneGraph, kinds: frozenset[LaneKind]) -> Corridor:
     return Corridor(lanes, graph.lane_edge, unknown, unknown, start, graph.successor[kept])
 
 
-def _chains(graph: LaneGraph, lanes: Sequence[int], edge: int, usable: NDArray[np.bool_]) -> list[list[int]]:
+def _chains(graph: LaneGraph, lanes: Sequence[int], edge: int, usable: Bools) -> list[list[int]]:
     """Return the ways from the given lanes through the junction to an edge: lanes, both ends included."""
     chains: list[list[int]] = []
     open_chains = [[lane] for lane in reversed(lanes)]

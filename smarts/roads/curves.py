@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at, wrapped
 from smarts.roads.arrays import Roads
 from smarts.roads.kernels import centre_at
-
-Floats = NDArray[np.float64]
 
 PIECES = 64
 """Chords by which lengths along a curve are measured."""

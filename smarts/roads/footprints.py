@@ -7,17 +7,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import inside_outline
 from smarts.roads.arrays import Roads
 from smarts.roads.kernels import END_TOLERANCE, cell_at, is_somewhere, nearest_in_run, place_on
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 
 JOINT = 0.3
 """A point this far beyond the ends of two lanes is between them [m]: 10 degrees at 1.6 m from the middle."""
@@ -93,7 +87,7 @@ def corners_on_road(
     width: Floats,
     mask: int,
     junctions: bool,
-    result: NDArray[np.int8],
+    result: Bytes,
 ) -> None:
     """Write how many of each footprint's four corners are on the road, 0 to 4; shape (E,)."""
     for i in range(len(maps)):

@@ -9,14 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import cell_number, interpolate_angle, project, segment_at
 from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 HEADING_COST = 10.0
 """What a lane of exactly the opposite direction costs among lanes that overlap [m of distance]."""

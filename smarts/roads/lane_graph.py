@@ -19,12 +19,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import MapError, nearest_names
 from smarts.geometry.frames import wrap_angle
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
-Bools = NDArray[np.bool_]
 
 FORMAT = 1
 """Of the saved file; a file of another format is refused and to be built anew."""
@@ -94,7 +91,7 @@ class LaneGraph:
     """Lane of the other direction that may be used for overtaking, -1 where there is none, shape (L,)."""
     is_internal: Bools
     """Whether the lane lies inside a junction, shape (L,)."""
-    kind: NDArray[np.int8]
+    kind: Bytes
     """A `LaneKind`, shape (L,)."""
     signal: Ints
     """Signal that governs entering this junction lane, -1 where none does, shape (L,)."""
@@ -123,7 +120,7 @@ class LaneGraph:
     """CSR of the junction lanes whose traffic may meet this lane's, shape (L + 1,)."""
     conflict_lane: Ints
     """The other lane, shape (C,)."""
-    conflict_kind: NDArray[np.int8]
+    conflict_kind: Bytes
     """A `ConflictKind`, shape (C,)."""
     conflict_extent: Floats
     """Where the lanes' areas overlap along this lane, from and to [m], shape (C, 2)."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Bytes
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import RouteTable
 from smarts.types.traffic import Signal
@@ -13,7 +11,7 @@ _NONE = int(Signal.NONE)
 
 
 @kernel
-def light_ahead(table: RouteTable, here: int, base: int, free: int, signals: NDArray[np.int8]) -> int:
+def light_ahead(table: RouteTable, here: int, base: int, free: int, signals: Bytes) -> int:
     """Return the light at the end of a lane, a `Signal`.
 
     It is that of the lanes that this one leads into along the route; where it leads off the route, of all

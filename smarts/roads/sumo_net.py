@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats, Ints
 from smarts.errors import MapError
 from smarts.geometry import polylines
 from smarts.roads.conflicts import LaneAreas, find_conflicts
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.permissions import lane_kind
-
-Floats = NDArray[np.float64]
 
 POINT_SPACING = 1.0
 """The most that two points of a centreline are apart [m]."""
@@ -146,7 +144,7 @@ class _NetReader:
             junction_xy=np.concatenate(outlines) if outlines else np.empty((0, 2)),
         )
 
-    def _links(self) -> tuple[list[tuple[int, int]], NDArray[np.int32], NDArray[np.int32], tuple[str, ...]]:
+    def _links(self) -> tuple[list[tuple[int, int]], Ints, Ints, tuple[str, ...]]:
         """Return lane-to-lane links, and for each lane the signal and the light that govern entering it."""
         links: set[tuple[int, int]] = set()
         signal = np.full(len(self.lanes), -1, np.int32)
@@ -190,7 +188,7 @@ class _NetReader:
         # ":" junction "_" running number
         return self.junction_number[edge.id[1:].rsplit("_", 1)[0]]
 
-    def _neighbours(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    def _neighbours(self) -> tuple[Ints, Ints]:
         numbers = np.arange(len(self.lanes), dtype=np.int32)
         same_edge = self.lane_edge[1:] == self.lane_edge[:-1]
         left, right = np.full_like(numbers, -1), np.full_like(numbers, -1)
@@ -198,7 +196,7 @@ class _NetReader:
         right[1:][same_edge] = numbers[:-1][same_edge]
         return left, right
 
-    def _opposites(self) -> NDArray[np.int32]:
+    def _opposites(self) -> Ints:
         opposite = np.full(len(self.lanes), -1, np.int32)
         for number, lane in enumerate(self.lanes):
             neighbour = lane.find("neigh")
@@ -206,11 +204,11 @@ class _NetReader:
                 opposite[number] = self.lane_number[neighbour.attrib["lane"]]
         return opposite
 
-    def _roundabouts(self) -> NDArray[np.bool_]:
+    def _roundabouts(self) -> Bools:
         ring = {edge for r in self.root.iterfind("roundabout") for edge in r.get("edges", "").split()}
         return np.array([edge.id in ring for edge in self.edges], np.bool_)
 
-    def _edge_ends(self, end: str) -> NDArray[np.int32]:
+    def _edge_ends(self, end: str) -> Ints:
         return np.array(
             [self.junction_number.get(edge.element.get(end, ""), -1) for edge in self.edges], np.int32
         )
@@ -238,20 +236,18 @@ def _outline(junction: ElementTree.Element) -> Floats:
     return points if len(points) >= 3 and junction.get("type") != "dead_end" else np.empty((0, 2))
 
 
-def _starts(rows: Iterable[Sequence | Floats]) -> NDArray[np.int32]:
+def _starts(rows: Iterable[Sequence | Floats]) -> Ints:
     return np.cumsum([0] + [len(row) for row in rows]).astype(np.int32)
 
 
-def _csr(count: int, pairs: Iterable[tuple[int, int]]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _csr(count: int, pairs: Iterable[tuple[int, int]]) -> tuple[Ints, Ints]:
     """Return start and value arrays of the pairs (row, value), sorted by row and then by value."""
     table = np.array(sorted(pairs), np.int32).reshape(-1, 2)
     counts = np.bincount(table[:, 0], minlength=count)
     return np.concatenate(([0], np.cumsum(counts))).astype(np.int32), table[:, 1].copy()
 
 
-def _outside(
-    inside: NDArray[np.bool_], start: NDArray[np.int32], link: NDArray[np.int32]
-) -> NDArray[np.int32]:
+def _outside(inside: Bools, start: Ints, link: Ints) -> Ints:
     """Follow the links of each lane until they leave the junction; -1 where they end or fork inside it."""
     lanes = np.arange(len(inside), dtype=np.int32)
     single = np.diff(start) == 1

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads
@@ -14,8 +14,6 @@ from smarts.roads.footprints import is_on_road
 from smarts.roads.kernels import centre_at, lane_length
 from smarts.roads.lane_graph import OPPOSITE
 from smarts.roads.waypoints import foot
-
-Floats = NDArray[np.float64]
 
 SPACING = 1.0
 """Between the places that are tried [m]."""

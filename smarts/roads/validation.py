@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping, Set
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.permissions import lane_kind
@@ -181,5 +181,5 @@ def connection_jumps(root: ElementTree.Element) -> list[str]:
     return jumps
 
 
-def _point(lane: ElementTree.Element, number: int) -> NDArray[np.float64]:
+def _point(lane: ElementTree.Element, number: int) -> Floats:
     return np.array([float(value) for value in lane.get("shape", "").split()[number].split(",")[:2]])

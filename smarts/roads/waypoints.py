@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import FARTHEST, centre_at, find_row, lane_length
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int32]
 
 
 class WaypointPaths(NamedTuple):

@@ -1,27 +1,3 @@
 """Sensors: one file each, pure functions of the scene, batched over the agents of all simulations."""
 
-from smarts.registry import Registry
-
-SENSORS = Registry(
-    "sensor",
-    {
-        name: f"smarts.sensors.{name}:{kind}"
-        for name, kind in {
-            "ego_vehicle_state": "EgoVehicleState",
-            "mission": "MissionAndGoal",
-            "via_data": "ViaPoints",
-            "neighborhood_vehicle_states": "NeighborhoodVehicleStates",
-            "waypoint_paths": "WaypointPathsAhead",
-            "lane_positions": "LanePosition",
-            "accelerometer": "AccelerationAndJerk",
-            "signals": "SignalsAhead",
-            "road_waypoints": "RoadWaypointsAround",
-            "drivable_area_grid_map": "DrivableArea",
-            "occupancy_grid_map": "OccupancyGrid",
-            "top_down_rgb": "TopDownRgb",
-            "lidar_point_cloud": "LidarPoints",
-            "occlusion_map": "VisibleArea",
-        }.items()
-    },
-)
-"""Name of the option in `AgentInterface` -> "module:Class" of a `smarts.sensors.protocol.Sensor`."""
+from smarts.agents.sensors import SENSORS as SENSORS

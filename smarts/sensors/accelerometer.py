@@ -3,22 +3,42 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import Accelerometer
+from smarts.arrays import Bools, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import HARDEST, HARDEST_JERK, HARDEST_TURN, HARDEST_TURN_JERK, clipped
+from smarts.sensors.protocol import Readings, Seen, Triple, triple
+from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
+from smarts.types.vehicles import VehicleStates
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+
+class MotionChange(NamedTuple):
+    """Accelerations and jerks in the map frame."""
+
+    linear_acceleration: Triple
+    """[m/s^2]"""
+    angular_acceleration: Triple
+    """[rad/s^2]"""
+    linear_jerk: Triple
+    """[m/s^3]"""
+    angular_jerk: Triple
+    """[rad/s^3]"""
+
+
+class _Out(NamedTuple):
+    linear_acceleration: Singles
+    angular_acceleration: Singles
+    linear_jerk: Singles
+    angular_jerk: Singles
 
 
 @dataclass(frozen=True)
@@ -44,73 +64,59 @@ class AccelerationAndJerk:
             ),
         )
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        now, before = scene.world.vehicles, scene.world.before
-        _observe(
-            agent_ids,
-            observe_mask,
-            scene.world.agents.slot,
-            scene.world.dt,
-            now.generation,
-            now.heading,
-            now.acceleration,
-            now.lateral_acceleration,
-            now.yaw_acceleration,
-            before.generation,
-            before.heading,
-            before.acceleration,
-            before.lateral_acceleration,
-            before.yaw_acceleration,
-            out["linear_acceleration"],
-            out["angular_acceleration"],
-            out["linear_jerk"],
-            out["angular_jerk"],
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        world = scene.world
+        return bind(
+            _observe, world.agents, world.vehicles, world.before, float(world.dt), agent_ids, _Out(**out)
+        )
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> MotionChange:
+        """Return the readings as vectors in space."""
+        return MotionChange(
+            triple(readings["linear_acceleration"]),
+            (0.0, 0.0, float(readings["angular_acceleration"])),
+            triple(readings["linear_jerk"]),
+            (0.0, 0.0, float(readings["angular_jerk"])),
         )
 
 
 @kernel
-def _in_map(heading: float, along: float, across: float) -> tuple[float, float]:
-    """Return the components along x and y of an acceleration along and across a heading."""
-    along, across = clipped(along, HARDEST), clipped(across, HARDEST)
-    cosine, sine = math.cos(heading), math.sin(heading)
+def _in_map(vehicles: VehicleStates, b: int, v: int) -> tuple[float, float]:
+    """Return a vehicle's acceleration along x and y."""
+    along = clipped(vehicles.acceleration[b, v], HARDEST)
+    across = clipped(vehicles.lateral_acceleration[b, v], HARDEST)
+    cosine, sine = math.cos(vehicles.heading[b, v]), math.sin(vehicles.heading[b, v])
     return along * cosine - across * sine, along * sine + across * cosine
 
 
 @kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
+    agents: AgentStates,
+    vehicles: VehicleStates,
+    before: VehicleStates,
     dt: float,
-    generation: Ints,
-    heading: Floats,
-    along: Floats,
-    across: Floats,
-    turn: Floats,
-    generation_before: Ints,
-    heading_before: Floats,
-    along_before: Floats,
-    across_before: Floats,
-    turn_before: Floats,
-    acceleration_out: Singles,
-    turn_out: Singles,
-    jerk_out: Singles,
-    turn_jerk_out: Singles,
+    agent_ids: Ints,
+    out: _Out,
+    observe_mask: Bools,
 ) -> None:
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if not observe_mask[b, g]:
                 continue
-            v = slots[b, agent_ids[g]]
-            x, y = _in_map(heading[b, v], along[b, v], across[b, v])
-            acceleration_out[b, g, 0] = clipped(x, 2 * HARDEST)
-            acceleration_out[b, g, 1] = clipped(y, 2 * HARDEST)
-            turn_out[b, g] = clipped(turn[b, v], HARDEST_TURN)
-            if generation[b, v] == generation_before[b, v]:
-                x_before, y_before = _in_map(heading_before[b, v], along_before[b, v], across_before[b, v])
-                jerk_out[b, g, 0] = clipped((x - x_before) / dt, HARDEST_JERK)
-                jerk_out[b, g, 1] = clipped((y - y_before) / dt, HARDEST_JERK)
-                turn_jerk_out[b, g] = clipped((turn[b, v] - turn_before[b, v]) / dt, HARDEST_TURN_JERK)
+            v = agents.slot[b, agent_ids[g]]
+            x, y = _in_map(vehicles, b, v)
+            turn = vehicles.yaw_acceleration[b, v]
+            out.linear_acceleration[b, g, 0] = clipped(x, 2 * HARDEST)
+            out.linear_acceleration[b, g, 1] = clipped(y, 2 * HARDEST)
+            out.angular_acceleration[b, g] = clipped(turn, HARDEST_TURN)
+            if vehicles.generation[b, v] == before.generation[b, v]:
+                x_before, y_before = _in_map(before, b, v)
+                turn_before = before.yaw_acceleration[b, v]
+                out.linear_jerk[b, g, 0] = clipped((x - x_before) / dt, HARDEST_JERK)
+                out.linear_jerk[b, g, 1] = clipped((y - y_before) / dt, HARDEST_JERK)
+                out.angular_jerk[b, g] = clipped((turn - turn_before) / dt, HARDEST_TURN_JERK)
             else:
-                jerk_out[b, g, 0], jerk_out[b, g, 1], turn_jerk_out[b, g] = 0.0, 0.0, 0.0
+                out.linear_jerk[b, g, 0], out.linear_jerk[b, g, 1] = 0.0, 0.0
+                out.angular_jerk[b, g] = 0.0

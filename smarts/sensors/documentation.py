@@ -6,14 +6,15 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 from pathlib import Path
 
 import numpy as np
 
 from smarts.agents.interface import SENSOR_OPTIONS, AgentInterface
+from smarts.agents.sensors import ALWAYS_ON, SENSORS
 from smarts.agents.types import AgentType
-from smarts.sensors import SENSORS
 from smarts.sensors.bounds import MOST
 from smarts.types.interface import Field
 
@@ -27,7 +28,13 @@ Written by `python -m smarts.sensors.documentation` from the fields that buffers
 Arrays come in one block for all agents with the same options, shape (simulations, agents, *shape). Positions
 are in the map frame, x east, y north; headings are counter-clockwise from +x. What lies beyond the bounds is
 clipped; what is not there is 0, and a count says how much is there. `HiWayEnv` makes objects with the names
-of the original out of these arrays, when somebody looks (`smarts/env/observation.py`).
+of the original out of these arrays when they are first read: each sensor is an attribute of `Observation`
+(`smarts/sensors/observation.py`), whose type its section names.
+
+Another sensor is one file and one line: a class as `smarts/sensors/protocol.py` describes it, and its name in
+`SENSORS` (`smarts/agents/sensors.py`). `AgentInterface(my_sensor=True)` switches it on with its defaults,
+`AgentInterface(my_sensor=MySensor(reach=30.0))` with options of its own. It is then an attribute of
+`Observation`, an array of the observation `raw`, and a section of this page.
 """
 
 
@@ -37,6 +44,8 @@ def sensors_page() -> str:
     for name in SENSORS:
         sensor = SENSORS[name]()
         parts += [f"\n## {name}\n", f"{_first_paragraph(type(sensor))}\n", _options(name)]
+        kind = inspect.signature(sensor.as_object).return_annotation
+        parts += [f"Attribute of `Observation`: `{kind}`.\n"]
         parts += ["| field | shape | type | bounds | unit | meaning |", "|---|---|---|---|---|---|"]
         parts += [_row(field) for field in sensor.fields()]
     return "\n".join(parts) + "\n"
@@ -56,8 +65,10 @@ def _first_paragraph(kind: type) -> str:
 
 
 def _options(name: str) -> str:
-    if name not in SENSOR_OPTIONS:
+    if name in ALWAYS_ON:
         return "Always on.\n"
+    if name not in SENSOR_OPTIONS:
+        return f"Option: `True` or `{SENSORS[name].__name__}(...)`.\n"
     option = SENSOR_OPTIONS[name]
     defaults = ", ".join(
         f"{field.name}={_default(getattr(option(), field.name))}" for field in dataclasses.fields(option)

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import DrivableAreaGridMap
+from smarts.arrays import Bools, Ints, Pixels
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
-from smarts.geometry.raster import cut_view
 from smarts.roads.scene import Scene
-from smarts.sensors.bounds import FARTHEST, clipped
-from smarts.sensors.road_raster import ROAD, RoadRaster, road_raster
+from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, viewer
+from smarts.sensors.protocol import Readings, Seen
+from smarts.sensors.road_raster import ROAD, RoadRaster, paint_road, road_raster
+from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
+from smarts.types.vehicles import VehicleStates
 
 
 @dataclass(frozen=True)
@@ -31,59 +28,37 @@ class DrivableArea:
 
     def fields(self) -> tuple[Field, ...]:
         """Return what is reported."""
-        shape = (self.option.height, self.option.width, 1)
         meaning = "1 on the road; the vehicle in the middle, its front towards row 0"
-        return (
-            Field("data", shape, np.uint8, 0, 1, "", meaning),
-            Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
-        )
+        return grid_fields(self.option.height, self.option.width, 1, 1, meaning)
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        world = scene.world
-        _observe(
-            agent_ids,
-            observe_mask,
-            world.agents.slot,
-            world.map,
-            world.vehicles.position,
-            world.vehicles.heading,
-            road_raster(scene.atlas),
-            self.option.resolution,
-            out["data"],
-        )
-        out["resolution"][observe_mask] = self.option.resolution
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        world, resolution = scene.world, float(self.option.resolution)
+        is_road = (np.arange(16, dtype=np.uint8) & ROAD)[:, None]
+        state = world.agents, world.vehicles, world.map, road_raster(scene.atlas)
+        return bind(_observe, *state, agent_ids, resolution, is_road, GridOut(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> GridMap:
+        """Return the picture."""
+        return grid_map(readings, seen)
 
 
 @kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
+    agents: AgentStates,
+    vehicles: VehicleStates,
     maps: Ints,
-    position: Floats,
-    heading: Floats,
     raster: RoadRaster,
+    agent_ids: Ints,
     resolution: float,
-    views: Pixels,
+    is_road: Pixels,
+    out: GridOut,
+    observe_mask: Bools,
 ) -> None:
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            v, m = slots[b, agent_ids[g]], maps[b]
-            cut_view(
-                raster.cells,
-                raster.first[m],
-                raster.shape[m, 0],
-                raster.shape[m, 1],
-                raster.origin[m, 0],
-                raster.origin[m, 1],
-                raster.size[m],
-                clipped(position[b, v, 0], FARTHEST),
-                clipped(position[b, v, 1], FARTHEST),
-                clipped(heading[b, v], math.pi),
-                resolution,
-                ROAD,
-                views[b, g, :, :, 0],
-            )
+            if observe_mask[b, g]:
+                x, y, heading = viewer(vehicles, b, agents.slot[b, agent_ids[g]])
+                paint_road(raster, maps[b], x, y, heading, resolution, is_road, out.data[b, g])
+                out.resolution[b, g] = resolution

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import (
     FARTHEST,
@@ -21,13 +24,65 @@ from smarts.sensors.bounds import (
     clipped_above,
 )
 from smarts.sensors.heights import vehicle_height
+from smarts.sensors.mission import MissionObservation
+from smarts.sensors.protocol import Readings, Seen, Triple, triple
+from smarts.types.agent_states import AgentStates
+from smarts.types.coordinates import Dimensions, Heading, RefLinePoint
 from smarts.types.interface import Field
+from smarts.types.vehicles import VehicleStates
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+
+class EgoVehicleObservation(NamedTuple):
+    """The agent's own vehicle."""
+
+    id: str
+    position: Triple
+    """Centre of the footprint [m]."""
+    bounding_box: Dimensions
+    heading: Heading
+    speed: float
+    """[m/s]"""
+    steering: float
+    """Of the front wheels, positive to the left [rad]."""
+    yaw_rate: float
+    """[rad/s]"""
+    road_id: str
+    """Of the road that it is on, or that is nearest; "" if there is none."""
+    lane_id: str
+    lane_index: int
+    """0 is the rightmost."""
+    mission: MissionObservation
+    linear_velocity: Triple
+    """In the map frame [m/s]."""
+    angular_velocity: Triple
+    """[rad/s]"""
+    linear_acceleration: Triple | None
+    """In the map frame [m/s^2]; this and the following need the accelerometer."""
+    angular_acceleration: Triple | None
+    """[rad/s^2]"""
+    linear_jerk: Triple | None
+    """In the map frame [m/s^3]."""
+    angular_jerk: Triple | None
+    """[rad/s^3]"""
+    lane_position: RefLinePoint | None = None
+
+    @property
+    def edge_id(self) -> str:
+        """Older name of `road_id`."""
+        return self.road_id
+
+
+class _Out(NamedTuple):
+    position: Floats
+    bounding_box: Singles
+    heading: Singles
+    speed: Singles
+    steering: Singles
+    yaw_rate: Singles
+    linear_velocity: Singles
+    lane: Ints
+    lane_index: Ints
+    distance_travelled: Singles
 
 
 @dataclass(frozen=True)
@@ -50,90 +105,66 @@ class EgoVehicleState:
             Field("distance_travelled", (), np.float32, 0, FARTHEST, "m", "driven since entry"),
         )
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        world, vehicles, roads = scene.world, scene.world.vehicles, scene.atlas.roads
-        _observe(
-            agent_ids,
-            observe_mask,
-            world.agents.slot,
-            world.agents.steering,
-            world.agents.distance_travelled,
-            world.map,
-            vehicles.kind,
-            vehicles.position,
-            vehicles.heading,
-            vehicles.speed,
-            vehicles.lateral_speed,
-            vehicles.yaw_rate,
-            vehicles.length,
-            vehicles.width,
-            vehicles.lane,
-            roads.lane_base,
-            roads.lane_index,
-            out["position"],
-            out["bounding_box"],
-            out["heading"],
-            out["speed"],
-            out["steering"],
-            out["yaw_rate"],
-            out["linear_velocity"],
-            out["lane"],
-            out["lane_index"],
-            out["distance_travelled"],
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        world = scene.world
+        state = world.agents, world.vehicles, scene.atlas.roads, world.map
+        return bind(_observe, *state, agent_ids, _Out(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> EgoVehicleObservation:
+        """Return the vehicle with the agent's mission, and what its other sensors say about it."""
+        yaw_rate = float(readings["yaw_rate"])
+        return EgoVehicleObservation(
+            seen.name,
+            triple(readings["position"]),
+            Dimensions(*triple(readings["bounding_box"])),
+            Heading(float(readings["heading"])),
+            float(readings["speed"]),
+            float(readings["steering"]),
+            yaw_rate,
+            *seen.lane_ids(int(readings["lane"])),
+            int(readings["lane_index"]),
+            seen.mission,
+            triple(readings["linear_velocity"]),
+            (0.0, 0.0, yaw_rate),
+            *(seen.accelerometer or (None, None, None, None)),
+            seen.lane_positions,
         )
 
 
 @kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
-    steering: Floats,
-    distance_travelled: Floats,
+    agents: AgentStates,
+    vehicles: VehicleStates,
+    roads: Roads,
     maps: Ints,
-    kind: Bytes,
-    position: Floats,
-    heading: Floats,
-    speed: Floats,
-    lateral_speed: Floats,
-    yaw_rate: Floats,
-    length: Floats,
-    width: Floats,
-    lane: Ints,
-    lane_base: Ints,
-    lane_index: Ints,
-    position_out: Floats,
-    box_out: Singles,
-    heading_out: Singles,
-    speed_out: Singles,
-    steering_out: Singles,
-    yaw_rate_out: Singles,
-    velocity_out: Singles,
-    lane_out: Ints,
-    lane_index_out: Ints,
-    travelled_out: Singles,
+    agent_ids: Ints,
+    out: _Out,
+    observe_mask: Bools,
 ) -> None:
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if not observe_mask[b, g]:
                 continue
             a = agent_ids[g]
-            v = slots[b, a]
-            position_out[b, g, 0] = clipped(position[b, v, 0], FARTHEST)
-            position_out[b, g, 1] = clipped(position[b, v, 1], FARTHEST)
-            position_out[b, g, 2] = 0.0
-            box_out[b, g, 0] = clipped_above(length[b, v], LARGEST_BOX)
-            box_out[b, g, 1] = clipped_above(width[b, v], LARGEST_BOX)
-            box_out[b, g, 2] = vehicle_height(kind[b, v])
-            heading_out[b, g] = clipped(heading[b, v], math.pi)
-            forward, aside = clipped(speed[b, v], FASTEST), clipped(lateral_speed[b, v], FASTEST)
-            cosine, sine = math.cos(heading_out[b, g]), math.sin(heading_out[b, g])
-            speed_out[b, g] = forward
-            steering_out[b, g] = clipped(steering[b, a], math.pi)
-            yaw_rate_out[b, g] = clipped(yaw_rate[b, v], FASTEST_TURN)
-            velocity_out[b, g, 0] = forward * cosine - aside * sine
-            velocity_out[b, g, 1] = forward * sine + aside * cosine
-            lane_out[b, g] = lane[b, v]
-            lane_index_out[b, g] = lane_index[lane_base[maps[b]] + lane[b, v]] if lane[b, v] >= 0 else 0
-            travelled_out[b, g] = clipped_above(distance_travelled[b, a], FARTHEST)
+            v = agents.slot[b, a]
+            out.position[b, g, 0] = clipped(vehicles.position[b, v, 0], FARTHEST)
+            out.position[b, g, 1] = clipped(vehicles.position[b, v, 1], FARTHEST)
+            out.position[b, g, 2] = 0.0
+            out.bounding_box[b, g, 0] = clipped_above(vehicles.length[b, v], LARGEST_BOX)
+            out.bounding_box[b, g, 1] = clipped_above(vehicles.width[b, v], LARGEST_BOX)
+            out.bounding_box[b, g, 2] = vehicle_height(vehicles.kind[b, v])
+            out.heading[b, g] = clipped(vehicles.heading[b, v], math.pi)
+            forward = clipped(vehicles.speed[b, v], FASTEST)
+            aside = clipped(vehicles.lateral_speed[b, v], FASTEST)
+            cosine, sine = math.cos(out.heading[b, g]), math.sin(out.heading[b, g])
+            out.speed[b, g] = forward
+            out.steering[b, g] = clipped(agents.steering[b, a], math.pi)
+            out.yaw_rate[b, g] = clipped(vehicles.yaw_rate[b, v], FASTEST_TURN)
+            out.linear_velocity[b, g, 0] = forward * cosine - aside * sine
+            out.linear_velocity[b, g, 1] = forward * sine + aside * cosine
+            lane = vehicles.lane[b, v]
+            out.lane[b, g] = lane
+            out.lane_index[b, g] = roads.lane_index[roads.lane_base[maps[b]] + lane] if lane >= 0 else 0
+            out.distance_travelled[b, g] = clipped_above(agents.distance_travelled[b, a], FARTHEST)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import LanePositions
+from smarts.arrays import Bools, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, clipped
+from smarts.sensors.protocol import Readings, Seen, triple
+from smarts.types.agent_states import AgentStates
+from smarts.types.coordinates import RefLinePoint
 from smarts.types.interface import Field
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from smarts.types.vehicles import VehicleStates
 
 
 @dataclass(frozen=True)
@@ -31,27 +31,24 @@ class LanePosition:
         meaning = "along the lane from its begin, to the left of its centreline, above it (always 0)"
         return (Field("lane_position", (3,), np.float32, -FARTHEST, FARTHEST, "m", meaning),)
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        vehicles = scene.world.vehicles
-        _observe(
-            agent_ids,
-            observe_mask,
-            scene.world.agents.slot,
-            vehicles.lane_position,
-            vehicles.lane_offset,
-            out["lane_position"],
-        )
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, out["lane_position"])
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> RefLinePoint:
+        """Return the place."""
+        return RefLinePoint(*triple(readings["lane_position"]))
 
 
 @kernel
 def _observe(
-    agent_ids: Ints, observe_mask: Bools, slots: Ints, s: Floats, t: Floats, result: Singles
+    agents: AgentStates, vehicles: VehicleStates, agent_ids: Ints, out: Singles, observe_mask: Bools
 ) -> None:
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if observe_mask[b, g]:
-                v = slots[b, agent_ids[g]]
-                result[b, g, 0] = clipped(s[b, v], FARTHEST)
-                result[b, g, 1] = clipped(t[b, v], FARTHEST)
-                result[b, g, 2] = 0.0
+                v = agents.slot[b, agent_ids[g]]
+                out[b, g, 0] = clipped(vehicles.lane_position[b, v], FARTHEST)
+                out[b, g, 1] = clipped(vehicles.lane_offset[b, v], FARTHEST)
+                out[b, g, 2] = 0.0

@@ -3,27 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import Lidar
+from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
 from smarts.sensors.heights import vehicle_height
+from smarts.sensors.protocol import Readings, Seen
+from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from smarts.types.vehicles import VehicleStates
 
 ABOVE_ROOF = 0.3
 """Where rays begin [m]."""
+
+LidarPointCloud = tuple[list[Floats], list[bool], list[tuple[Floats, Floats]]]
+"""Points [m], infinite where a ray has no hit; whether each ray has a hit; origin and vector of each."""
+
+
+class _Out(NamedTuple):
+    """Shape (B, G, R, ...), R rays."""
+
+    point: Floats
+    hit: Bytes
+    ray: Singles
 
 
 @dataclass(frozen=True)
@@ -54,25 +64,19 @@ class LidarPoints:
         level = np.cos(up)
         return np.stack((level * np.cos(around), level * np.sin(around), np.sin(up)), axis=-1)
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        vehicles = scene.world.vehicles
-        _observe(
-            agent_ids,
-            observe_mask,
-            scene.world.agents.slot,
-            vehicles.alive,
-            vehicles.kind,
-            vehicles.position,
-            vehicles.heading,
-            vehicles.length,
-            vehicles.width,
-            self.directions(),
-            float(self.option.sensor_params.max_distance),
-            out["point"],
-            out["hit"],
-            out["ray"],
-        )
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        rays = self.directions(), float(self.option.sensor_params.max_distance)
+        return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, *rays, _Out(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> LidarPointCloud:
+        """Return points, hits and rays as lists."""
+        hits = readings["hit"] != 0
+        points = np.where(hits[:, None], readings["point"], np.inf)
+        ego = seen.ego_vehicle_state
+        origin = np.array([*ego.position[:2], ego.bounding_box.height + ABOVE_ROOF])
+        return list(points), hits.tolist(), [(origin, ray) for ray in readings["ray"].astype(np.float64)]
 
 
 @kernel
@@ -103,62 +107,47 @@ def _distance_to_box(x: float, y: float, z: float, dx: float, dy: float, dz: flo
 
 
 @kernel
-def _boxes_within(
-    reach: float,
-    own: int,
-    alive: Bools,
-    kind: Bytes,
-    position: Floats,
-    heading: Floats,
-    length: Floats,
-    width: Floats,
-    boxes: Floats,
-) -> int:
+def _boxes_within(vehicles: VehicleStates, b: int, own: int, reach: float, boxes: Floats) -> int:
     """List the boxes of the other vehicles of one simulation within reach; return how many."""
     count = 0
-    for v in range(len(alive)):
-        if not alive[v] or v == own:
+    for v in range(vehicles.alive.shape[1]):
+        if not vehicles.alive[b, v] or v == own:
             continue
-        long, wide = clipped_above(length[v], LARGEST_BOX), clipped_above(width[v], LARGEST_BOX)
-        apart = math.hypot(position[v, 0] - position[own, 0], position[v, 1] - position[own, 1])
+        long = clipped_above(vehicles.length[b, v], LARGEST_BOX)
+        wide = clipped_above(vehicles.width[b, v], LARGEST_BOX)
+        x, y = vehicles.position[b, v, 0], vehicles.position[b, v, 1]
+        apart = math.hypot(x - vehicles.position[b, own, 0], y - vehicles.position[b, own, 1])
         if apart <= reach + 0.5 * math.hypot(long, wide):
-            direction = clipped(heading[v], math.pi)
-            boxes[count, 0], boxes[count, 1] = position[v, 0], position[v, 1]
+            direction = clipped(vehicles.heading[b, v], math.pi)
+            boxes[count, 0], boxes[count, 1] = x, y
             boxes[count, 2], boxes[count, 3] = math.cos(direction), math.sin(direction)
-            boxes[count, 4], boxes[count, 5], boxes[count, 6] = long, wide, vehicle_height(kind[v])
+            boxes[count, 4], boxes[count, 5] = long, wide
+            boxes[count, 6] = vehicle_height(vehicles.kind[b, v])
             count += 1
     return count
 
 
 @kernel
 def _observe(
+    agents: AgentStates,
+    vehicles: VehicleStates,
     agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
-    alive: Bools,
-    kind: Bytes,
-    position: Floats,
-    heading: Floats,
-    length: Floats,
-    width: Floats,
     directions: Floats,
     reach: float,
-    point_out: Floats,
-    hit_out: Bytes,
-    ray_out: Singles,
+    out: _Out,
+    observe_mask: Bools,
 ) -> None:
-    boxes = np.empty((alive.shape[1], 7))
+    boxes = np.empty((vehicles.alive.shape[1], 7))
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if not observe_mask[b, g]:
                 continue
-            own = slots[b, agent_ids[g]]
-            count = _boxes_within(
-                *(reach, own, alive[b], kind[b], position[b], heading[b], length[b], width[b], boxes)
-            )
-            x, y = clipped(position[b, own, 0], FARTHEST), clipped(position[b, own, 1], FARTHEST)
-            z = vehicle_height(kind[b, own]) + ABOVE_ROOF
-            direction = clipped(heading[b, own], math.pi)
+            own = agents.slot[b, agent_ids[g]]
+            count = _boxes_within(vehicles, b, own, reach, boxes)
+            x = clipped(vehicles.position[b, own, 0], FARTHEST)
+            y = clipped(vehicles.position[b, own, 1], FARTHEST)
+            z = vehicle_height(vehicles.kind[b, own]) + ABOVE_ROOF
+            direction = clipped(vehicles.heading[b, own], math.pi)
             cosine, sine = math.cos(direction), math.sin(direction)
             for ray in range(len(directions)):
                 ahead, left, up = directions[ray]
@@ -166,11 +155,11 @@ def _observe(
                 nearest = -z / up if up < 0.0 else np.inf
                 for box in range(count):
                     nearest = min(nearest, _distance_to_box(x, y, z, dx, dy, up, boxes[box]))
-                ray_out[b, g, ray, 0] = clipped(reach * dx, reach)
-                ray_out[b, g, ray, 1] = clipped(reach * dy, reach)
-                ray_out[b, g, ray, 2] = clipped(reach * up, reach)
+                out.ray[b, g, ray, 0] = clipped(reach * dx, reach)
+                out.ray[b, g, ray, 1] = clipped(reach * dy, reach)
+                out.ray[b, g, ray, 2] = clipped(reach * up, reach)
                 hit = nearest <= reach
-                hit_out[b, g, ray] = hit
-                point_out[b, g, ray, 0] = clipped(x + nearest * dx, FARTHEST) if hit else 0.0
-                point_out[b, g, ray, 1] = clipped(y + nearest * dy, FARTHEST) if hit else 0.0
-                point_out[b, g, ray, 2] = z + nearest * up if hit else 0.0
+                out.hit[b, g, ray] = hit
+                out.point[b, g, ray, 0] = clipped(x + nearest * dx, FARTHEST) if hit else 0.0
+                out.point[b, g, ray, 1] = clipped(y + nearest * dy, FARTHEST) if hit else 0.0
+                out.point[b, g, ray, 2] = z + nearest * up if hit else 0.0

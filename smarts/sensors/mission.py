@@ -1,25 +1,60 @@
-"""Where the agent is bound for."""
+"""Where the agent's mission leads."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
+from smarts.sensors.protocol import Readings, Seen
+from smarts.types.agent_states import AgentStates
+from smarts.types.coordinates import Point
 from smarts.types.interface import Field
-from smarts.types.mission import GoalKind
+from smarts.types.mission import GoalKind, Missions
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Shorts = NDArray[np.int16]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+
+class GoalObservation(NamedTuple):
+    """Where a mission ends."""
+
+    kind: GoalKind
+    position: Point
+    """[m]; the origin if the goal is no place."""
+    radius: float
+    """[m]"""
+
+    def is_specific(self) -> bool:
+        """Return whether the goal is a place."""
+        return self.kind not in (GoalKind.ENDLESS, GoalKind.OFF_MAP)
+
+
+class MissionObservation(NamedTuple):
+    """The agent's goal, and how much of the way is left."""
+
+    goal: GoalObservation
+    route_length: float
+    """From start to goal [m]; 0 if there is no end."""
+    remaining: float
+    """Of the route [m]."""
+    laps: int
+    lap: int
+    """Laps completed."""
+
+
+class _Out(NamedTuple):
+    goal: Bytes
+    goal_position: Floats
+    goal_radius: Singles
+    route_length: Singles
+    remaining: Singles
+    laps: Ints
+    lap: Ints
 
 
 @dataclass(frozen=True)
@@ -41,56 +76,34 @@ class MissionAndGoal:
             Field("lap", (), np.int32, 0, MOST, "", "laps completed"),
         )
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        missions, states = scene.world.missions, scene.world.agents
-        _observe(
-            agent_ids,
-            observe_mask,
-            missions.goal,
-            missions.goal_position,
-            missions.goal_radius,
-            missions.route_length,
-            states.remaining,
-            missions.laps,
-            states.lap,
-            out["goal"],
-            out["goal_position"],
-            out["goal_radius"],
-            out["route_length"],
-            out["remaining"],
-            out["laps"],
-            out["lap"],
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        return bind(_observe, scene.world.agents, scene.world.missions, agent_ids, _Out(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> MissionObservation:
+        """Return the mission."""
+        goal = GoalObservation(
+            GoalKind(int(readings["goal"])),
+            Point(*readings["goal_position"].tolist()),
+            float(readings["goal_radius"]),
         )
+        length, left = float(readings["route_length"]), float(readings["remaining"])
+        return MissionObservation(goal, length, left, int(readings["laps"]), int(readings["lap"]))
 
 
 @kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    goal: Bytes,
-    goal_position: Floats,
-    goal_radius: Floats,
-    route_length: Floats,
-    remaining: Floats,
-    laps: Shorts,
-    lap: Shorts,
-    goal_out: Bytes,
-    goal_position_out: Floats,
-    goal_radius_out: Singles,
-    route_length_out: Singles,
-    remaining_out: Singles,
-    laps_out: Ints,
-    lap_out: Ints,
+    agents: AgentStates, missions: Missions, agent_ids: Ints, out: _Out, observe_mask: Bools
 ) -> None:
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if observe_mask[b, g]:
                 a = agent_ids[g]
-                goal_out[b, g] = goal[b, a]
-                goal_position_out[b, g, 0] = clipped(goal_position[b, a, 0], FARTHEST)
-                goal_position_out[b, g, 1] = clipped(goal_position[b, a, 1], FARTHEST)
-                goal_radius_out[b, g] = clipped_above(goal_radius[b, a], FARTHEST)
-                route_length_out[b, g] = clipped_above(route_length[b, a], FARTHEST)
-                remaining_out[b, g] = clipped_above(remaining[b, a], FARTHEST)
-                laps_out[b, g], lap_out[b, g] = laps[b, a], lap[b, a]
+                out.goal[b, g] = missions.goal[b, a]
+                out.goal_position[b, g, 0] = clipped(missions.goal_position[b, a, 0], FARTHEST)
+                out.goal_position[b, g, 1] = clipped(missions.goal_position[b, a, 1], FARTHEST)
+                out.goal_radius[b, g] = clipped_above(missions.goal_radius[b, a], FARTHEST)
+                out.route_length[b, g] = clipped_above(missions.route_length[b, a], FARTHEST)
+                out.remaining[b, g] = clipped_above(agents.remaining[b, a], FARTHEST)
+                out.laps[b, g], out.lap[b, g] = missions.laps[b, a], agents.lap[b, a]

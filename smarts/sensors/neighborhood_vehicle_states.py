@@ -3,30 +3,57 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import NeighborhoodVehicles
+from smarts.arrays import Bools, Floats, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
 from smarts.sensors.heights import vehicle_height
+from smarts.sensors.nearest import nearest_vehicles
+from smarts.sensors.protocol import Readings, Seen, Triple
+from smarts.types.agent_states import AgentStates
+from smarts.types.coordinates import Dimensions, Heading, RefLinePoint
 from smarts.types.interface import Field
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from smarts.types.vehicles import VehicleStates
 
 
-class _Entries(NamedTuple):
-    """The arrays to be filled, shape (B, G, ...), K vehicles each."""
+class VehicleObservation(NamedTuple):
+    """Another vehicle."""
 
+    id: str
+    position: Triple
+    """Centre of the footprint [m]."""
+    bounding_box: Dimensions
+    heading: Heading
+    speed: float
+    """[m/s]"""
+    road_id: str
+    """Of the road that it is on, or that is nearest; "" if there is none."""
+    lane_id: str
+    lane_index: int
+    """0 is the rightmost."""
+    lane_position: RefLinePoint | None = None
+    interest: bool = False
+    """Whether the scenario marks it."""
+
+    @property
+    def edge_id(self) -> str:
+        """Older name of `road_id`."""
+        return self.road_id
+
+
+class _Out(NamedTuple):
+    """Shape (B, G, ...), K vehicles each."""
+
+    count: Ints  # pyright: ignore[reportIncompatibleMethodOverride]
     slot: Ints
     generation: Ints
     position: Floats
@@ -60,118 +87,84 @@ class NeighborhoodVehicleStates:
             Field("lane_position", (k, 3), np.float32, -FARTHEST, FARTHEST, "m", "along, left of, above it"),
         )
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        vehicles, roads = scene.world.vehicles, scene.atlas.roads
-        radius = self.option.radius
-        _observe(
-            agent_ids,
-            observe_mask,
-            scene.world.agents.slot,
-            scene.world.map,
-            math.inf if radius is None else float(radius),
-            vehicles.alive,
-            vehicles.generation,
-            vehicles.kind,
-            vehicles.position,
-            vehicles.heading,
-            vehicles.speed,
-            vehicles.length,
-            vehicles.width,
-            vehicles.lane,
-            vehicles.lane_position,
-            vehicles.lane_offset,
-            roads.lane_base,
-            roads.lane_index,
-            out["count"],
-            _Entries(**{name: out[name] for name in _Entries._fields}),
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        world, radius = scene.world, self.option.radius
+        state = world.agents, world.vehicles, scene.atlas.roads, world.map
+        return bind(_observe, *state, agent_ids, math.inf if radius is None else float(radius), _Out(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> tuple[VehicleObservation, ...]:
+        """Return the vehicles, nearest first."""
+        # One conversion of each array: single numbers of arrays are slow.
+        count = int(readings["count"])
+        each = {name: array[:count].tolist() for name, array in readings.items() if name != "count"}
+        return tuple(
+            VehicleObservation(
+                name,
+                tuple(each["position"][k]),
+                Dimensions(*each["bounding_box"][k]),
+                Heading(each["heading"][k]),
+                each["speed"][k],
+                *seen.lane_ids(each["lane"][k]),
+                each["lane_index"][k],
+                RefLinePoint(*each["lane_position"][k]),
+            )
+            for k, name in enumerate(seen.neighbors)
         )
 
 
 @kernel
-def _nearest(alive: Bools, position: Floats, self_slot: int, radius: float, found: Ints, far: Floats) -> int:
-    """List the slots of the nearest vehicles of one simulation, as many as there is room; return how many."""
-    count = 0
-    x, y = position[self_slot, 0], position[self_slot, 1]
-    for v in range(len(alive)):
-        if not alive[v] or v == self_slot:
-            continue
-        dx, dy = position[v, 0] - x, position[v, 1] - y
-        square = dx * dx + dy * dy
-        # Also false for what is not a number.
-        if not square <= radius * radius or (count == len(found) and square >= far[count - 1]):
-            continue
-        place = min(count, len(found) - 1)
-        while place > 0 and far[place - 1] > square:
-            found[place], far[place] = found[place - 1], far[place - 1]
-            place -= 1
-        found[place], far[place] = v, square
-        count = min(count + 1, len(found))
-    return count
-
-
-@kernel
-def _clear(entries: _Entries, b: int, g: int, first: int) -> None:
-    for k in range(first, entries.slot.shape[2]):
-        entries.slot[b, g, k] = 0
-        entries.generation[b, g, k] = 0
-        entries.heading[b, g, k] = 0.0
-        entries.speed[b, g, k] = 0.0
-        entries.lane[b, g, k] = 0
-        entries.lane_index[b, g, k] = 0
+def _clear(out: _Out, b: int, g: int, first: int) -> None:
+    for k in range(first, out.slot.shape[2]):
+        out.slot[b, g, k] = 0
+        out.generation[b, g, k] = 0
+        out.heading[b, g, k] = 0.0
+        out.speed[b, g, k] = 0.0
+        out.lane[b, g, k] = 0
+        out.lane_index[b, g, k] = 0
         for axis in range(3):
-            entries.position[b, g, k, axis] = 0.0
-            entries.bounding_box[b, g, k, axis] = 0.0
-            entries.lane_position[b, g, k, axis] = 0.0
+            out.position[b, g, k, axis] = 0.0
+            out.bounding_box[b, g, k, axis] = 0.0
+            out.lane_position[b, g, k, axis] = 0.0
 
 
 @kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
+    agents: AgentStates,
+    vehicles: VehicleStates,
+    roads: Roads,
     maps: Ints,
+    agent_ids: Ints,
     radius: float,
-    alive: Bools,
-    generation: Ints,
-    kind: Bytes,
-    position: Floats,
-    heading: Floats,
-    speed: Floats,
-    length: Floats,
-    width: Floats,
-    lane: Ints,
-    s: Floats,
-    t: Floats,
-    lane_base: Ints,
-    lane_index: Ints,
-    counts: Ints,
-    entries: _Entries,
+    out: _Out,
+    observe_mask: Bools,
 ) -> None:
-    most = entries.slot.shape[2]
-    found, far = np.empty(most, np.int32), np.empty(most)
+    most = out.slot.shape[2]
+    found, squares = np.empty(most, np.int32), np.empty(most)
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if not observe_mask[b, g]:
                 continue
-            count = _nearest(alive[b], position[b], slots[b, agent_ids[g]], radius, found, far)
-            counts[b, g] = count
-            _clear(entries, b, g, count)
+            count = nearest_vehicles(vehicles, b, agents.slot[b, agent_ids[g]], radius, found, squares)
+            out.count[b, g] = count
+            _clear(out, b, g, count)
             for k in range(count):
                 v = found[k]
-                entries.slot[b, g, k] = v
-                entries.generation[b, g, k] = generation[b, v]
-                entries.position[b, g, k, 0] = clipped(position[b, v, 0], FARTHEST)
-                entries.position[b, g, k, 1] = clipped(position[b, v, 1], FARTHEST)
-                entries.position[b, g, k, 2] = 0.0
-                entries.bounding_box[b, g, k, 0] = clipped_above(length[b, v], LARGEST_BOX)
-                entries.bounding_box[b, g, k, 1] = clipped_above(width[b, v], LARGEST_BOX)
-                entries.bounding_box[b, g, k, 2] = vehicle_height(kind[b, v])
-                entries.heading[b, g, k] = clipped(heading[b, v], math.pi)
-                entries.speed[b, g, k] = clipped(speed[b, v], FASTEST)
-                number = lane[b, v]
-                entries.lane[b, g, k] = number
-                entries.lane_index[b, g, k] = lane_index[lane_base[maps[b]] + number] if number >= 0 else 0
-                entries.lane_position[b, g, k, 0] = clipped(s[b, v], FARTHEST)
-                entries.lane_position[b, g, k, 1] = clipped(t[b, v], FARTHEST)
-                entries.lane_position[b, g, k, 2] = 0.0
+                out.slot[b, g, k] = v
+                out.generation[b, g, k] = vehicles.generation[b, v]
+                out.position[b, g, k, 0] = clipped(vehicles.position[b, v, 0], FARTHEST)
+                out.position[b, g, k, 1] = clipped(vehicles.position[b, v, 1], FARTHEST)
+                out.position[b, g, k, 2] = 0.0
+                out.bounding_box[b, g, k, 0] = clipped_above(vehicles.length[b, v], LARGEST_BOX)
+                out.bounding_box[b, g, k, 1] = clipped_above(vehicles.width[b, v], LARGEST_BOX)
+                out.bounding_box[b, g, k, 2] = vehicle_height(vehicles.kind[b, v])
+                out.heading[b, g, k] = clipped(vehicles.heading[b, v], math.pi)
+                out.speed[b, g, k] = clipped(vehicles.speed[b, v], FASTEST)
+                lane = vehicles.lane[b, v]
+                out.lane[b, g, k] = lane
+                index = roads.lane_index[roads.lane_base[maps[b]] + lane] if lane >= 0 else 0
+                out.lane_index[b, g, k] = index
+                out.lane_position[b, g, k, 0] = clipped(vehicles.lane_position[b, v], FARTHEST)
+                out.lane_position[b, g, k, 1] = clipped(vehicles.lane_offset[b, v], FARTHEST)
+                out.lane_position[b, g, k, 2] = 0.0

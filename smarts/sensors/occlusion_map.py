@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import OcclusionMap
+from smarts.arrays import Bools, Floats, Ints
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.raster import place_in_view
 from smarts.roads.scene import Scene
-from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
+from smarts.sensors.bounds import LARGEST_BOX, clipped, clipped_above
+from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, viewer
+from smarts.sensors.protocol import Readings, Seen
+from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
+from smarts.types.vehicles import VehicleStates
 
 
 @dataclass(frozen=True)
@@ -34,30 +34,18 @@ class VisibleArea:
 
     def fields(self) -> tuple[Field, ...]:
         """Return what is reported."""
-        shape = (self.option.height, self.option.width, 1)
         meaning = "1 where the own vehicle can see; it is in the middle, its front towards row 0"
-        return (
-            Field("data", shape, np.uint8, 0, 1, "", meaning),
-            Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
-        )
+        return grid_fields(self.option.height, self.option.width, 1, 1, meaning)
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        vehicles = scene.world.vehicles
-        _observe(
-            agent_ids,
-            observe_mask,
-            scene.world.agents.slot,
-            vehicles.alive,
-            vehicles.position,
-            vehicles.heading,
-            vehicles.length,
-            vehicles.width,
-            self.option.resolution,
-            *_lines_of_sight(self.option),
-            out["data"],
-        )
-        out["resolution"][observe_mask] = self.option.resolution
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        sight = float(self.option.resolution), *_lines_of_sight(self.option)
+        return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, *sight, GridOut(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> GridMap:
+        """Return the picture."""
+        return grid_map(readings, seen)
 
 
 @lru_cache(maxsize=8)
@@ -112,39 +100,37 @@ def _shade(reach: Floats, ahead: float, aside: float, turn: float, length: float
 
 @kernel
 def _observe(
+    agents: AgentStates,
+    vehicles: VehicleStates,
     agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
-    alive: Bools,
-    position: Floats,
-    heading: Floats,
-    length: Floats,
-    width: Floats,
     resolution: float,
     ray: Ints,
     distance: Floats,
-    views: Pixels,
+    out: GridOut,
+    observe_mask: Bools,
 ) -> None:
     rows, columns = ray.shape
     reach = np.empty(_rays(rows, columns))
     corner = 0.5 * resolution * math.hypot(rows, columns)
+    position = vehicles.position
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if not observe_mask[b, g]:
                 continue
-            own = slots[b, agent_ids[g]]
-            x, y = clipped(position[b, own, 0], FARTHEST), clipped(position[b, own, 1], FARTHEST)
-            direction = clipped(heading[b, own], math.pi)
+            own = agents.slot[b, agent_ids[g]]
+            x, y, heading = viewer(vehicles, b, own)
             reach[:] = np.inf
-            for v in range(alive.shape[1]):
-                if not alive[b, v] or v == own:
+            for v in range(vehicles.alive.shape[1]):
+                if not vehicles.alive[b, v] or v == own:
                     continue
-                long = clipped_above(length[b, v], LARGEST_BOX)
-                wide = clipped_above(width[b, v], LARGEST_BOX)
-                ahead, aside = place_in_view(position[b, v, 0], position[b, v, 1], x, y, direction)
+                long = clipped_above(vehicles.length[b, v], LARGEST_BOX)
+                wide = clipped_above(vehicles.width[b, v], LARGEST_BOX)
+                ahead, aside = place_in_view(position[b, v, 0], position[b, v, 1], x, y, heading)
                 if math.hypot(ahead, aside) <= corner + 0.5 * math.hypot(long, wide):
-                    _shade(reach, ahead, aside, clipped(heading[b, v], math.pi) - direction, long, wide)
+                    turn = clipped(vehicles.heading[b, v], math.pi) - heading
+                    _shade(reach, ahead, aside, turn, long, wide)
             for row in range(rows):
                 for column in range(columns):
                     free = reach[ray[row, column]] + resolution
-                    views[b, g, row, column, 0] = distance[row, column] <= free
+                    out.data[b, g, row, column, 0] = distance[row, column] <= free
+            out.resolution[b, g] = resolution

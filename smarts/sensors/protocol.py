@@ -2,37 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Ints
+from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
 from smarts.types.interface import Field
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
+Triple = tuple[float, float, float]
+
+Readings = Mapping[str, NDArray]
+"""One agent's readings of one sensor, by field."""
+
+
+class Seen(Protocol):
+    """The observation that readings become an attribute of; `smarts.sensors.observation.Observation`."""
+
+    graph: LaneGraph
+    """The map."""
+    name: str
+    """Of the agent's vehicle."""
+    neighbors: Sequence[str]
+    """Names of the vehicles in `neighborhood_vehicle_states`."""
+
+    def lane_ids(self, lane: int) -> tuple[str, str]:
+        """Return the ids of a lane's road and of the lane, by its number in the map; empty for -1."""
+        ...
+
+    def __getattr__(self, name: str) -> Any:
+        """Return another sensor's attribute, None if the agent does not have the sensor."""
+        ...
 
 
 class Sensor(Protocol):
-    """Made from its option in the agent's interface; equal options share one sensor and one block of arrays.
+    """Measures something for agents of all simulations at once.
 
-    It remembers nothing: what it needs of the past is in `world.before` and in the agents. Entries of lists
-    (vehicles, paths, points) that are not there are zero, and a count says how many are.
+    It is made from its option in the agent's interface, and is a value: equal options share one sensor and
+    one block of arrays. It has no memory: the past that it needs is in `world.before` and in the agents'
+    states. Entries of lists (vehicles, paths, points) beyond their count are zero.
     """
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what it fills; values lie within the fields' bounds, whatever the world is like."""
+        """Return the fields that it writes; values lie within their bounds, whatever the world is like."""
         ...
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents, and leave the others' as they are.
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that observes: called with `observe_mask`, it writes those agents' readings.
+
+        Entries of agents that are not in the mask stay as they are.
 
         Args:
-            scene: The state to be seen.
+            scene: The state that is observed; its arrays are the same in every step.
             agent_ids: The agents that have this sensor, shape (G,).
-            observe_mask: Which of them are to be served, shape (B, G); each holds a vehicle that is alive.
-            out: Array of each field, shape (B, G, *shape).
+            out: Array of each field, shape (B, G, *shape). The mask has the shape (B, G); each agent in it
+                has a vehicle.
         """
         ...
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> Any:
+        """Return one agent's readings as the attribute of `Observation` that has the sensor's name.
+
+        Args:
+            readings: A copy of the agent's entries.
+            seen: The observation: names of vehicles and lanes, and the other sensors' attributes.
+        """
+        ...
+
+
+def triple(values: NDArray) -> Triple:
+    """Return the components of a vector in the plane or in space."""
+    x, y, *rest = values.tolist()
+    return x, y, rest[0] if rest else 0.0

@@ -6,15 +6,12 @@ import weakref
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smarts.geometry.raster import paint_band, paint_outline
+from smarts.arrays import Floats, Longs, Pixels
+from smarts.geometry.compiling import kernel
+from smarts.geometry.raster import cut_view, paint_band, paint_outline
 from smarts.roads.atlas import ROAD_LANES, RoadAtlas
 from smarts.roads.lane_graph import LaneGraph, LaneKind
-
-Floats = NDArray[np.float64]
-Longs = NDArray[np.int64]
-Pixels = NDArray[np.uint8]
 
 ROAD = 1
 """Bit of cells on a lane for motor vehicles, or inside a junction."""
@@ -58,6 +55,37 @@ def road_raster(atlas: RoadAtlas) -> RoadRaster:
     if atlas not in _known:
         _known[atlas] = _pack([_draw(graph) for graph in atlas.graphs])
     return _known[atlas]
+
+
+@kernel
+def paint_road(
+    raster: RoadRaster,
+    m: int,
+    x: float,
+    y: float,
+    heading: float,
+    resolution: float,
+    colours: Pixels,
+    view: Pixels,
+) -> None:
+    """Write the road around a viewer into all pixels of a view.
+
+    Args:
+        raster: The maps.
+        m: The map.
+        x: The viewer's [m].
+        y: The viewer's [m].
+        heading: The viewer's [rad].
+        resolution: Side of a pixel [m].
+        colours: Of each combination of a cell's bits, shape (16, channels); 1 or 3 channels.
+        view: Written, shape (height, width, channels).
+    """
+    rows, columns = raster.shape[m, 0], raster.shape[m, 1]
+    cells = raster.cells[raster.first[m] : raster.first[m] + rows * columns]
+    origin_x, origin_y = raster.origin[m, 0], raster.origin[m, 1]
+    cut_view(
+        cells, rows, columns, origin_x, origin_y, raster.size[m], x, y, heading, resolution, colours, view
+    )
 
 
 def _pack(pictures: list[tuple[Pixels, Floats, float]]) -> RoadRaster:

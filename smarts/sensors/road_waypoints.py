@@ -1,34 +1,40 @@
-"""Waypoints in all lanes of the road that the agent's vehicle is on, wherever it is bound for."""
+"""Waypoints in all lanes of the road that the agent's vehicle is on, whatever the agent's route."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smarts.agents.options import RoadWaypoints
+from smarts.agents.options import RoadWaypoints as RoadWaypointOption
+from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
 from smarts.roads.arrays import Roads
 from smarts.roads.kernels import centre_at, lane_length, project_on_lanes
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
+from smarts.sensors.protocol import Readings, Seen
 from smarts.sensors.road_links import RoadLinks, road_links
+from smarts.sensors.waypoint import Waypoint, waypoints_of
+from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from smarts.types.vehicles import VehicleStates
 
 
-class _Entries(NamedTuple):
-    """The arrays to be filled, shape (B, G, ...), K lanes of W waypoints each."""
+class RoadWaypoints(NamedTuple):
+    """Waypoints in all lanes of the road."""
+
+    lanes: dict[str, list[list[Waypoint]]]
+    """By the id of the lane that is beside the vehicle; one path for each."""
+
+
+class _Out(NamedTuple):
+    """Shape (B, G, ...), K lanes of W waypoints each."""
 
     lane_count: Ints
     oncoming: Bytes
@@ -52,7 +58,7 @@ class RoadWaypointsAround:
     waypoints follow the way that turns least.
     """
 
-    option: RoadWaypoints = field(default_factory=RoadWaypoints)
+    option: RoadWaypointOption = field(default_factory=RoadWaypointOption)
 
     def fields(self) -> tuple[Field, ...]:
         """Return what is reported."""
@@ -71,21 +77,20 @@ class RoadWaypointsAround:
             Field("lane_offset", (k, w), np.float32, 0, FARTHEST, "m", "along the lane from its begin"),
         )
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        world = scene.world
-        _observe(
-            agent_ids,
-            observe_mask,
-            world.agents.slot,
-            scene.atlas.roads,
-            road_links(scene.atlas),
-            world.map,
-            world.vehicles.position,
-            world.vehicles.lane,
-            self.option.horizon,
-            _Entries(**{name: out[name] for name in _Entries._fields}),
-        )
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        world, atlas = scene.world, scene.atlas
+        state = world.agents, world.vehicles, atlas.roads, road_links(atlas), world.map
+        return bind(_observe, *state, agent_ids, self.option.horizon, _Out(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> RoadWaypoints:
+        """Return the lanes' waypoints."""
+        lanes: dict[str, list[list[Waypoint]]] = {}
+        for number in range(int(readings["lane_count"])):
+            points = waypoints_of(readings, seen, number, int(readings["waypoint_count"][number]))
+            lanes.setdefault(points[int(readings["beside"][number])].lane_id, []).append(points)
+        return RoadWaypoints(lanes)
 
 
 @kernel
@@ -110,19 +115,17 @@ def _one_on(roads: Roads, links: RoadLinks, lane: int, s: float) -> tuple[int, f
 
 
 @kernel
-def _write(
-    roads: Roads, base: int, lane: int, s: float, b: int, g: int, k: int, w: int, entries: _Entries
-) -> None:
+def _write(roads: Roads, base: int, lane: int, s: float, b: int, g: int, k: int, w: int, out: _Out) -> None:
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
     x, y, heading = centre_at(roads, point, s)
-    entries.position[b, g, k, w, 0] = clipped(x, FARTHEST)
-    entries.position[b, g, k, w, 1] = clipped(y, FARTHEST)
-    entries.heading[b, g, k, w] = clipped(heading, math.pi)
-    entries.lane_width[b, g, k, w] = clipped_above(roads.lane_width[lane], LARGEST_BOX)
-    entries.speed_limit[b, g, k, w] = clipped_above(roads.lane_speed[lane], FASTEST)
-    entries.lane[b, g, k, w] = lane - base
-    entries.lane_index[b, g, k, w] = roads.lane_index[lane]
-    entries.lane_offset[b, g, k, w] = clipped_above(s, FARTHEST)
+    out.position[b, g, k, w, 0] = clipped(x, FARTHEST)
+    out.position[b, g, k, w, 1] = clipped(y, FARTHEST)
+    out.heading[b, g, k, w] = clipped(heading, math.pi)
+    out.lane_width[b, g, k, w] = clipped_above(roads.lane_width[lane], LARGEST_BOX)
+    out.speed_limit[b, g, k, w] = clipped_above(roads.lane_speed[lane], FASTEST)
+    out.lane[b, g, k, w] = lane - base
+    out.lane_index[b, g, k, w] = roads.lane_index[lane]
+    out.lane_offset[b, g, k, w] = clipped_above(s, FARTHEST)
 
 
 @kernel
@@ -136,7 +139,7 @@ def _write_lane(
     b: int,
     g: int,
     k: int,
-    entries: _Entries,
+    out: _Out,
 ) -> None:
     """Write the waypoints of one lane and of those before and after it."""
     behind = 0
@@ -147,62 +150,60 @@ def _write_lane(
     at, s = lane, foot
     for step in range(behind):
         at, s = _one_back(roads, links, at, s)
-        _write(roads, base, at, s, b, g, k, behind - 1 - step, entries)
+        _write(roads, base, at, s, b, g, k, behind - 1 - step, out)
     count = behind
     at, s = lane, foot
     while at >= 0 and count <= behind + horizon:
-        _write(roads, base, at, s, b, g, k, count, entries)
+        _write(roads, base, at, s, b, g, k, count, out)
         count += 1
         at, s = _one_on(roads, links, at, s)
-    entries.beside[b, g, k], entries.waypoint_count[b, g, k] = behind, count
+    out.beside[b, g, k], out.waypoint_count[b, g, k] = behind, count
 
 
 @kernel
-def _clear(entries: _Entries, b: int, g: int, k: int, first: int) -> None:
-    entries.position[b, g, k, first:] = 0.0
-    entries.heading[b, g, k, first:] = 0.0
-    entries.lane_width[b, g, k, first:] = 0.0
-    entries.speed_limit[b, g, k, first:] = 0.0
-    entries.lane[b, g, k, first:] = 0
-    entries.lane_index[b, g, k, first:] = 0
-    entries.lane_offset[b, g, k, first:] = 0.0
+def _clear(out: _Out, b: int, g: int, k: int, first: int) -> None:
+    out.position[b, g, k, first:] = 0.0
+    out.heading[b, g, k, first:] = 0.0
+    out.lane_width[b, g, k, first:] = 0.0
+    out.speed_limit[b, g, k, first:] = 0.0
+    out.lane[b, g, k, first:] = 0
+    out.lane_index[b, g, k, first:] = 0
+    out.lane_offset[b, g, k, first:] = 0.0
 
 
 @kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
+    agents: AgentStates,
+    vehicles: VehicleStates,
     roads: Roads,
     links: RoadLinks,
     maps: Ints,
-    position: Floats,
-    lane: Ints,
+    agent_ids: Ints,
     horizon: int,
-    entries: _Entries,
+    out: _Out,
+    observe_mask: Bools,
 ) -> None:
     number, foot, offset = np.empty(1, np.int32), np.empty(1), np.empty(1)
-    most = entries.beside.shape[2]
+    most = out.beside.shape[2]
     for b in range(observe_mask.shape[0]):
         base = roads.lane_base[maps[b]]
         for g in range(observe_mask.shape[1]):
             if not observe_mask[b, g]:
                 continue
-            v, count = slots[b, agent_ids[g]], 0
-            if lane[b, v] >= 0:
-                own = base + lane[b, v]
+            v, count = agents.slot[b, agent_ids[g]], 0
+            position = vehicles.position[b, v : v + 1]
+            if vehicles.lane[b, v] >= 0:
+                own = base + vehicles.lane[b, v]
                 first, last = links.beside_start[own], links.beside_start[own + 1]
                 for entry in range(first, min(last, first + most)):
                     number[0] = links.beside[entry] - base
-                    project_on_lanes(roads, maps[b : b + 1], number, position[b, v : v + 1], foot, offset)
-                    entries.oncoming[b, g, count] = entry - first >= links.own_count[own]
-                    _write_lane(
-                        roads, links, base, links.beside[entry], foot[0], horizon, b, g, count, entries
-                    )
-                    _clear(entries, b, g, count, entries.waypoint_count[b, g, count])
+                    project_on_lanes(roads, maps[b : b + 1], number, position, foot, offset)
+                    out.oncoming[b, g, count] = entry - first >= links.own_count[own]
+                    _write_lane(roads, links, base, links.beside[entry], foot[0], horizon, b, g, count, out)
+                    _clear(out, b, g, count, out.waypoint_count[b, g, count])
                     count += 1
-            entries.lane_count[b, g] = count
+            out.lane_count[b, g] = count
             for k in range(count, most):
-                entries.oncoming[b, g, k] = 0
-                entries.beside[b, g, k], entries.waypoint_count[b, g, k] = 0, 0
-                _clear(entries, b, g, k, 0)
+                out.oncoming[b, g, k] = 0
+                out.beside[b, g, k], out.waypoint_count[b, g, k] = 0, 0
+                _clear(out, b, g, k, 0)

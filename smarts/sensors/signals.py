@@ -2,29 +2,70 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import enum
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import Signals
+from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import find_row, lane_length
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
+from smarts.sensors.nearest import keep_nearest
+from smarts.sensors.protocol import Readings, Seen
+from smarts.types.agent_states import AgentStates
+from smarts.types.coordinates import Point
 from smarts.types.interface import Field
 from smarts.types.traffic import Signal
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from smarts.types.vehicles import VehicleStates
 
 _NONE = int(Signal.NONE)
 _MOST_OPEN = 64
+
+
+class SignalLightState(enum.IntFlag):
+    """What a light shows; numbers are the original's."""
+
+    UNKNOWN = 0
+    OFF = 0
+    STOP = 1
+    CAUTION = 2
+    GO = 4
+
+
+class SignalObservation(NamedTuple):
+    """A traffic light ahead."""
+
+    state: SignalLightState
+    stop_point: Point
+    controlled_lanes: tuple[str, ...]
+    """The lane behind the light, inside the junction."""
+    last_changed: float | None = None
+    """Not known here."""
+
+
+_LIGHTS = {
+    Signal.NONE: SignalLightState.UNKNOWN,
+    Signal.STOP: SignalLightState.STOP,
+    Signal.CAUTION: SignalLightState.CAUTION,
+    Signal.GO: SignalLightState.GO,
+}
+
+
+class _Out(NamedTuple):
+    """Shape (B, G, ...), K lights each."""
+
+    count: Ints  # pyright: ignore[reportIncompatibleMethodOverride]
+    state: Bytes
+    stop_point: Floats
+    distance: Singles
+    lane: Ints
 
 
 @dataclass(frozen=True)
@@ -49,27 +90,24 @@ class SignalsAhead:
             Field("lane", (k,), np.int32, 0, MOST, "", "the lane behind the light, number in the map"),
         )
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        world = scene.world
-        _observe(
-            agent_ids,
-            observe_mask,
-            world.agents.slot,
-            scene.atlas.roads,
-            scene.routes.table,
-            scene.routes.number,
-            world.agents.route_progress,
-            world.map,
-            world.signals,
-            world.vehicles.lane,
-            world.vehicles.lane_position,
-            self.option.lookahead,
-            out["count"],
-            out["state"],
-            out["stop_point"],
-            out["distance"],
-            out["lane"],
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        world, lookahead = scene.world, float(self.option.lookahead)
+        ways = scene.atlas.roads, scene.routes.current, scene.routes.number, world.map
+        return bind(
+            _observe, world.agents, world.vehicles, *ways, world.signals, agent_ids, lookahead, _Out(**out)
+        )
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> tuple[SignalObservation, ...]:
+        """Return the lights, nearest first."""
+        return tuple(
+            SignalObservation(
+                state=_LIGHTS[Signal(int(readings["state"][k]))],
+                stop_point=Point(*readings["stop_point"][k].tolist()),
+                controlled_lanes=(seen.lane_ids(int(readings["lane"][k]))[1],),
+            )
+            for k in range(int(readings["count"]))
         )
 
 
@@ -102,13 +140,8 @@ def _find(
         for entry in range(table.onward_start[row], table.onward_start[row + 1]):
             following = table.onward[entry]
             lane = table.lane[following]
-            if signals[lane - base] != _NONE and not (found == len(lanes) and end >= far[found - 1]):
-                place = min(found, len(lanes) - 1)
-                while place > 0 and far[place - 1] > end:
-                    lanes[place], far[place] = lanes[place - 1], far[place - 1]
-                    place -= 1
-                lanes[place], far[place] = lane, end
-                found = min(found + 1, len(lanes))
+            if signals[lane - base] != _NONE:
+                found = keep_nearest(lanes, far, found, lane, end)
             if open_rows < len(rows):
                 rows[open_rows], begins[open_rows] = following, end
                 open_rows += 1
@@ -117,25 +150,19 @@ def _find(
 
 @kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
+    agents: AgentStates,
+    vehicles: VehicleStates,
     roads: Roads,
     table: RouteTable,
     route: Ints,
-    route_progress: Floats,
     maps: Ints,
     signals: Bytes,
-    lane: Ints,
-    s: Floats,
+    agent_ids: Ints,
     lookahead: float,
-    count_out: Ints,
-    state_out: Bytes,
-    stop_out: Floats,
-    distance_out: Singles,
-    lane_out: Ints,
+    out: _Out,
+    observe_mask: Bools,
 ) -> None:
-    most = state_out.shape[2]
+    most = out.state.shape[2]
     lanes, far = np.empty(most, np.int32), np.empty(most)
     rows, begins = np.empty(_MOST_OPEN, np.int32), np.empty(_MOST_OPEN)
     for b in range(observe_mask.shape[0]):
@@ -143,24 +170,26 @@ def _observe(
             if not observe_mask[b, g]:
                 continue
             a = agent_ids[g]
-            own, base, count = lane[b, slots[b, a]], roads.lane_base[maps[b]], 0
+            v = agents.slot[b, a]
+            own, base, count = vehicles.lane[b, v], roads.lane_base[maps[b]], 0
             if own >= 0:
                 row = -1
                 if route[b, a] >= 0:
-                    row = find_row(table, table.free + route[b, a], base + own, route_progress[b, a])
+                    done = agents.route_progress[b, a]
+                    row = find_row(table, table.free + route[b, a], base + own, done)
                 if row < 0 or table.onward_start[row] == table.onward_start[row + 1]:
                     row = int(table.start[maps[b]] + own)
-                left = lane_length(roads, base + own) - clipped(s[b, slots[b, a]], FARTHEST)
+                left = lane_length(roads, base + own) - clipped(vehicles.lane_position[b, v], FARTHEST)
                 count = _find(roads, table, row, base, left, lookahead, signals[b], rows, begins, lanes, far)
-            count_out[b, g] = count
+            out.count[b, g] = count
             for k in range(count):
                 first = roads.point_start[lanes[k]]
-                state_out[b, g, k] = signals[b, lanes[k] - base]
-                stop_out[b, g, k, 0] = clipped(roads.point_xy[first, 0], FARTHEST)
-                stop_out[b, g, k, 1] = clipped(roads.point_xy[first, 1], FARTHEST)
-                distance_out[b, g, k] = clipped_above(far[k], FARTHEST)
-                lane_out[b, g, k] = lanes[k] - base
-            state_out[b, g, count:] = 0
-            stop_out[b, g, count:] = 0.0
-            distance_out[b, g, count:] = 0.0
-            lane_out[b, g, count:] = 0
+                out.state[b, g, k] = signals[b, lanes[k] - base]
+                out.stop_point[b, g, k, 0] = clipped(roads.point_xy[first, 0], FARTHEST)
+                out.stop_point[b, g, k, 1] = clipped(roads.point_xy[first, 1], FARTHEST)
+                out.distance[b, g, k] = clipped_above(far[k], FARTHEST)
+                out.lane[b, g, k] = lanes[k] - base
+            out.state[b, g, count:] = 0
+            out.stop_point[b, g, count:] = 0.0
+            out.distance[b, g, count:] = 0.0
+            out.lane[b, g, count:] = 0

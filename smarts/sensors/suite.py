@@ -2,63 +2,107 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
+from smarts.agents.sensors import ALWAYS_ON, SENSORS
+from smarts.arrays import Bools, Ints
 from smarts.roads.scene import Scene
-from smarts.sensors import SENSORS
 from smarts.sensors.protocol import Sensor
 from smarts.types.frame import Readings
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-
-EVERYBODY_HAS = ("ego_vehicle_state", "mission", "via_data")
-"""The sensors that are always on."""
+from smarts.types.interface import Field
 
 
-def sensors_of(interface: AgentInterface, wanted: Collection[str] | None = None) -> dict[str, Sensor]:
+def sensors_of(interface: AgentInterface, names: Collection[str] | None = None) -> dict[str, Sensor]:
     """Return the sensors of an agent by name, made from the options of its interface.
 
     Args:
         interface: Of the agent.
-        wanted: Names of those that somebody looks at, None for all.
+        names: Of the sensors that are read, None for all.
     """
-    options = interface.sensors
+    options = dict.fromkeys(ALWAYS_ON, True) | interface.sensors
     return {
-        name: SENSORS[name](options[name]) if name in options else SENSORS[name]()
+        name: _made(name, options[name])
         for name in SENSORS
-        if (name in options or name in EVERYBODY_HAS) and (wanted is None or name in wanted)
+        if name in options and (names is None or name in names)
     }
+
+
+def _made(name: str, option: Any) -> Sensor:
+    """Return the sensor for an option: True, the sensor itself, or what the class takes."""
+    if option is True:
+        return SENSORS[name]()
+    return option if hasattr(option, "bind") else SENSORS[name](option)
+
+
+class Block(Mapping[str, NDArray]):
+    """The arrays of a sensor's fields, in one piece of memory, so that they are copied at once.
+
+    Args:
+        fields: Of the sensor.
+        shape: Of simulations and agents.
+    """
+
+    def __init__(self, fields: Sequence[Field], shape: tuple[int, int]) -> None:
+        sizes = [int(np.prod((*shape, *field.shape))) * np.dtype(field.dtype).itemsize for field in fields]
+        # Each array begins on a cache line of its own.
+        begins = [*accumulate((-(-size // 64) * 64 for size in sizes), initial=0)]
+        self._memory = np.zeros(begins[-1], np.uint8)
+        self._layout = {
+            field.name: ((*shape, *field.shape), field.dtype, begin)
+            for field, begin in zip(fields, begins, strict=False)
+        }
+        self._arrays: dict[str, NDArray] = {}
+
+    def copy(self) -> Block:
+        """Return a copy."""
+        made = Block.__new__(Block)
+        made._memory, made._layout, made._arrays = self._memory.copy(), self._layout, {}
+        return made
+
+    def __getitem__(self, name: str) -> NDArray:
+        """Return a field's array, made when it is first asked for."""
+        if name not in self._arrays:
+            shape, dtype, begin = self._layout[name]
+            self._arrays[name] = np.ndarray(shape, dtype, self._memory, begin)
+        return self._arrays[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._layout)
+
+    def __len__(self) -> int:
+        return len(self._layout)
 
 
 @dataclass(frozen=True)
 class _Group:
-    """AgentStates whose sensors are equal, with the arrays that they share."""
+    """Agents whose sensors are equal, with the arrays that they share."""
 
     name: str
     """In `Readings`."""
-    sensor: Sensor
     agent_ids: Ints
-    wanted: Bools
+    observe_mask: Bools
     """Buffer that groups of the same agents share, shape (B, G)."""
-    block: Mapping[str, NDArray]
+    block: Block
+    observe: Callable[[Bools], object]
 
 
 class SensorSuite:
-    """Observes the agents that are wanted; an implementation of `smarts.sim.stages.Sensors`.
+    """Observes agents; an implementation of `smarts.sim.stages.Sensors`.
 
     In the readings, the block of a sensor has its name; where agents have the same sensor with other options,
     the second group has its name and ":2", and so on. Groups are in the order of their first agents.
 
     Args:
         scene: What is to be observed.
-        interfaces: Of the agent in each agent, None for an agent without sensors, shape (A,).
-        looked_at: Names of the sensors that somebody looks at, by agent; all of those that are not in it.
+        interfaces: Of each agent, None for an agent without sensors, shape (A,).
+        looked_at: Names of the sensors that are read, by agent; all of the agents that are not in it.
     """
 
     def __init__(
@@ -67,36 +111,26 @@ class SensorSuite:
         interfaces: Sequence[AgentInterface | None],
         looked_at: Mapping[int, Collection[str]] | None = None,
     ) -> None:
-        self._scene = scene
-        self._groups = _groups(interfaces, looked_at or {}, scene.world.worlds)
-        buffers = {id(group.wanted): (group.agent_ids, group.wanted) for group in self._groups}
-        self._wanted = tuple(buffers.values())
+        self._groups = _groups(scene, interfaces, looked_at or {})
+        masks = {id(group.observe_mask): (group.agent_ids, group.observe_mask) for group in self._groups}
+        self._masks = tuple(masks.values())
         self._readings = Readings(
             {group.name: group.block for group in self._groups},
             {group.name: group.agent_ids for group in self._groups},
         )
-        self._places = {
-            (group.name.partition(":")[0], int(agent_id)): (group.name, column)
-            for group in self._groups
-            for column, agent_id in enumerate(group.agent_ids)
-        }
 
     def observe(self, observe_mask: Bools) -> Readings:
-        """Return the readings of the wanted agents, shape (B, A)."""
-        for agents, buffer in self._wanted:
-            np.take(observe_mask, agents, axis=1, out=buffer)
+        """Return the readings of the agents in the mask, shape (B, A)."""
+        for agent_ids, mask in self._masks:
+            np.take(observe_mask, agent_ids, axis=1, out=mask)
         if np.count_nonzero(observe_mask):
             for group in self._groups:
-                group.sensor.observe(self._scene, group.agent_ids, group.wanted, group.block)
+                group.observe(group.observe_mask)
         return self._readings
-
-    def place(self, sensor: str, agent_id: int) -> tuple[str, int] | None:
-        """Return the block and the column in it of an agent's sensor, None if the agent does not have it."""
-        return self._places.get((sensor, agent_id))
 
 
 def _groups(
-    interfaces: Sequence[AgentInterface | None], looked_at: Mapping[int, Collection[str]], worlds: int
+    scene: Scene, interfaces: Sequence[AgentInterface | None], looked_at: Mapping[int, Collection[str]]
 ) -> list[_Group]:
     """Return the groups, those of one sensor after each other, in the order of the registry."""
     agents: dict[str, dict[Sensor, list[int]]] = {name: {} for name in SENSORS}
@@ -104,16 +138,21 @@ def _groups(
         made = sensors_of(interface, looked_at.get(agent_id)) if interface else {}
         for name, sensor in made.items():
             agents[name].setdefault(sensor, []).append(agent_id)
+    worlds = scene.world.worlds
     members_of = {tuple(members) for groups in agents.values() for members in groups.values()}
-    wanted = {members: np.zeros((worlds, len(members)), np.bool_) for members in members_of}
-    return [
-        _Group(
-            name=name if number == 1 else f"{name}:{number}",
-            sensor=sensor,
-            agent_ids=np.array(members, np.int32),
-            wanted=wanted[tuple(members)],
-            block={field.name: field.allocate(worlds, len(members)) for field in sensor.fields()},
-        )
-        for name, groups in agents.items()
-        for number, (sensor, members) in enumerate(groups.items(), start=1)
-    ]
+    masks = {members: np.zeros((worlds, len(members)), np.bool_) for members in members_of}
+    groups = []
+    for name, by_sensor in agents.items():
+        for number, (sensor, members) in enumerate(by_sensor.items(), start=1):
+            agent_ids = np.array(members, np.int32)
+            block = Block(sensor.fields(), (worlds, len(members)))
+            groups.append(
+                _Group(
+                    name if number == 1 else f"{name}:{number}",
+                    agent_ids,
+                    masks[tuple(members)],
+                    block,
+                    sensor.bind(scene, agent_ids, block),
+                )
+            )
+    return groups

@@ -2,54 +2,67 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import RGB
+from smarts.arrays import Bools, Ints, Pixels
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
-from smarts.geometry.raster import cut_view, paint_box, place_in_view
 from smarts.roads.scene import Scene
-from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
-from smarts.sensors.road_raster import CENTRE_LINE, DIVIDER, PATH, ROAD, RoadRaster, road_raster
+from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, paint_vehicle, viewer
+from smarts.sensors.protocol import Readings, Seen
+from smarts.sensors.road_raster import (
+    CENTRE_LINE,
+    DIVIDER,
+    PATH,
+    ROAD,
+    RoadRaster,
+    paint_road,
+    road_raster,
+)
+from smarts.types.agent_states import AgentStates
 from smarts.types.colors import SceneColors
 from smarts.types.interface import Field
-from smarts.types.vehicles import Owner
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
+from smarts.types.vehicles import Owner, VehicleStates
 
 _AGENT = int(Owner.AGENT)
 _GROUND = (26, 32, 26)
 _WALK = (52, 52, 48)
-_FINE = 0.4
-"""Side of the largest pixels that show lines [m]."""
+FINE = 0.4
+"""Side of the largest pixels that show lines [m]: of lines finer than a pixel only specks would be left."""
 
 
 def _levels(colour: SceneColors) -> list[int]:
     return [round(255 * channel) for channel in colour.value[:3]]
 
 
+def road_colours(
+    centre_line: object, divider: object, road: object, path: object, ground: object, *, lines: bool
+) -> Pixels:
+    """Return the colour of each combination of a cell's bits, shape (16, channels).
+
+    Args:
+        centre_line: Its levels, one for each channel.
+        divider: Of the line between lanes.
+        road: Of lanes and junctions.
+        path: Of sidewalks, bicycle lanes and shoulders.
+        ground: Of everything else.
+        lines: Whether lines are drawn.
+    """
+    layers = [(CENTRE_LINE, centre_line), (DIVIDER, divider), (ROAD, road), (PATH, path)]
+    drawn = layers if lines else layers[2:]
+    levels = [next((level for bit, level in drawn if bits & bit), ground) for bits in range(16)]
+    return np.array(levels, np.uint8)
+
+
 @cache
-def _palette() -> Pixels:
-    """Return the colour of each combination of a cell's bits, shape (16, 3)."""
-    colours = np.zeros((16, 3), np.uint8)
-    for bits in range(16):
-        layers = (
-            (CENTRE_LINE, _levels(SceneColors.EdgeDivider)),
-            (DIVIDER, _levels(SceneColors.LaneDivider)),
-            (ROAD, _levels(SceneColors.Road)),
-            (PATH, _WALK),
-        )
-        colours[bits] = next((colour for bit, colour in layers if bits & bit), _GROUND)
-    return colours
+def _colours(*, lines: bool) -> Pixels:
+    line, divider = _levels(SceneColors.EdgeDivider), _levels(SceneColors.LaneDivider)
+    return road_colours(line, divider, _levels(SceneColors.Road), _WALK, _GROUND, lines=lines)
 
 
 @cache
@@ -67,127 +80,62 @@ class TopDownRgb:
 
     def fields(self) -> tuple[Field, ...]:
         """Return what is reported."""
-        shape = (self.option.height, self.option.width, 3)
         meaning = "red, green, blue; the own vehicle in the middle, its front towards row 0"
-        return (
-            Field("data", shape, np.uint8, 0, 255, "", meaning),
-            Field("resolution", (), np.float32, 0, FARTHEST, "m", "side of a pixel"),
-        )
+        return grid_fields(self.option.height, self.option.width, 3, 255, meaning)
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        world, vehicles = scene.world, scene.world.vehicles
-        paint_scene(
-            agent_ids,
-            observe_mask,
-            world.agents.slot,
-            world.map,
-            vehicles.alive,
-            vehicles.owner,
-            vehicles.position,
-            vehicles.heading,
-            vehicles.length,
-            vehicles.width,
-            road_raster(scene.atlas),
-            _palette(),
-            _vehicle_colours(),
-            self.option.resolution,
-            out["data"],
-        )
-        out["resolution"][observe_mask] = self.option.resolution
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        resolution = float(self.option.resolution)
+        colours = _colours(lines=resolution <= FINE), _vehicle_colours()
+        return bind_picture(scene, agent_ids, resolution, *colours, GridOut(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> GridMap:
+        """Return the picture."""
+        return grid_map(readings, seen)
 
 
-@kernel
-def _paint_road(
-    raster: RoadRaster,
-    m: int,
-    x: float,
-    y: float,
-    heading: float,
-    resolution: float,
-    palette: Pixels,
-    bits: Pixels,
-    view: Pixels,
-) -> None:
-    cut_view(
-        raster.cells,
-        raster.first[m],
-        raster.shape[m, 0],
-        raster.shape[m, 1],
-        raster.origin[m, 0],
-        raster.origin[m, 1],
-        raster.size[m],
-        x,
-        y,
-        heading,
-        resolution,
-        # Of lines finer than a pixel only specks would be left.
-        ROAD | PATH | (DIVIDER | CENTRE_LINE if resolution <= _FINE else 0),
-        bits,
-    )
-    for row in range(view.shape[0]):
-        for column in range(view.shape[1]):
-            for channel in range(view.shape[2]):
-                view[row, column, channel] = palette[bits[row, column], channel]
-
-
-@kernel
-def paint_scene(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
-    maps: Ints,
-    alive: Bools,
-    owner: Bytes,
-    position: Floats,
-    heading: Floats,
-    length: Floats,
-    width: Floats,
-    raster: RoadRaster,
-    palette: Pixels,
-    colours: Pixels,
-    resolution: float,
-    views: Pixels,
-) -> None:
-    """Paint what is around the wanted agents' vehicles.
+def bind_picture(
+    scene: Scene, agent_ids: Ints, resolution: float, road: Pixels, boxes: Pixels, out: GridOut
+) -> Callable[[Bools], object]:
+    """Return the function that paints road and vehicles around the agents in its mask.
 
     Args:
+        scene: The state that is observed.
         agent_ids: The agents, shape (G,).
-        observe_mask: Whose views to paint, shape (B, G).
-        slots: Of each agent's vehicle, shape (B, A).
-        maps: Map of each simulation, shape (B,).
-        alive: Shape (B, V), as the columns of `VehicleStates` that follow.
-        owner: An `Owner`.
-        position: [m], shape (B, V, 2).
-        heading: [rad]
-        length: [m]
-        width: [m]
-        raster: The maps.
-        palette: Colour of each combination of a cell's bits, shape (16, channels).
-        colours: Of traffic, of other agents, and of the own vehicle, shape (3, channels).
         resolution: Side of a pixel [m].
-        views: Written, shape (B, G, height, width, channels).
+        road: The result of `road_colours`.
+        boxes: Colours of traffic, of other agents, and of the own vehicle, shape (3, channels).
+        out: Written.
     """
-    bits = np.empty((views.shape[2], views.shape[3], 1), np.uint8)
+    world = scene.world
+    state = world.agents, world.vehicles, world.map, road_raster(scene.atlas)
+    return bind(_observe, *state, agent_ids, resolution, road, boxes, out)
+
+
+@kernel
+def _observe(
+    agents: AgentStates,
+    vehicles: VehicleStates,
+    maps: Ints,
+    raster: RoadRaster,
+    agent_ids: Ints,
+    resolution: float,
+    road: Pixels,
+    boxes: Pixels,
+    out: GridOut,
+    observe_mask: Bools,
+) -> None:
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if not observe_mask[b, g]:
                 continue
-            own = slots[b, agent_ids[g]]
-            x, y = clipped(position[b, own, 0], FARTHEST), clipped(position[b, own, 1], FARTHEST)
-            direction = clipped(heading[b, own], math.pi)
-            _paint_road(raster, maps[b], x, y, direction, resolution, palette, bits[:, :, 0], views[b, g])
-            for v in range(alive.shape[1]):
-                if not alive[b, v]:
-                    continue
-                ahead, aside = place_in_view(position[b, v, 0], position[b, v, 1], x, y, direction)
-                paint_box(
-                    views[b, g],
-                    resolution,
-                    ahead,
-                    aside,
-                    clipped(heading[b, v], math.pi) - direction,
-                    clipped_above(length[b, v], LARGEST_BOX),
-                    clipped_above(width[b, v], LARGEST_BOX),
-                    colours[2 if v == own else 1 if owner[b, v] == _AGENT else 0],
-                )
+            own = agents.slot[b, agent_ids[g]]
+            x, y, heading = viewer(vehicles, b, own)
+            view = out.data[b, g]
+            paint_road(raster, maps[b], x, y, heading, resolution, road, view)
+            for v in range(vehicles.alive.shape[1]):
+                if vehicles.alive[b, v]:
+                    kind = 2 if v == own else 1 if vehicles.owner[b, v] == _AGENT else 0
+                    paint_vehicle(vehicles, b, v, x, y, heading, resolution, boxes[kind], view)
+            out.resolution[b, g] = resolution

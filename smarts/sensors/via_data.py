@@ -2,30 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smarts.agents.options import Vias
+from smarts.agents.options import Vias as ViaOption
+from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, MOST, clipped, clipped_above
+from smarts.sensors.nearest import keep_nearest
+from smarts.sensors.protocol import Readings, Seen
+from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
+from smarts.types.mission import Missions
+from smarts.types.vehicles import VehicleStates
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+
+class ViaPoint(NamedTuple):
+    """A point to pass on the way."""
+
+    position: tuple[float, float]
+    """[m]"""
+    lane_index: int
+    road_id: str
+    required_speed: float
+    """[m/s]"""
+    hit: bool
+    """Whether it has been passed."""
+
+
+class Vias(NamedTuple):
+    """The via points near the vehicle, nearest first."""
+
+    near_via_points: tuple[ViaPoint, ...]
+
+    @property
+    def hit_via_points(self) -> tuple[ViaPoint, ...]:
+        """Those that have been passed."""
+        return tuple(point for point in self.near_via_points if point.hit)
+
+
+class _Out(NamedTuple):
+    """Shape (B, G, ...), K points each."""
+
+    count: Ints  # pyright: ignore[reportIncompatibleMethodOverride]
+    position: Floats
+    lane: Ints
+    lane_index: Ints
+    required_speed: Singles
+    hit: Bytes
 
 
 @dataclass(frozen=True)
 class ViaPoints:
     """The via points near the vehicle, nearest first, those that it has passed included."""
 
-    option: Vias = field(default_factory=Vias)
+    option: ViaOption = field(default_factory=ViaOption)
 
     def fields(self) -> tuple[Field, ...]:
         """Return what is reported."""
@@ -39,94 +76,68 @@ class ViaPoints:
             Field("hit", (k,), np.int8, 0, 1, "", "1 if it has been passed, in laps in this one"),
         )
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        world, roads = scene.world, scene.atlas.roads
-        missions = world.missions
-        _observe(
-            agent_ids,
-            observe_mask,
-            world.agents.slot,
-            world.map,
-            world.vehicles.position,
-            missions.via_count,
-            missions.via_position,
-            missions.via_lane,
-            missions.via_speed,
-            world.agents.via_hit,
-            roads.lane_base,
-            roads.lane_index,
-            self.option.acquisition_range,
-            out["count"],
-            out["position"],
-            out["lane"],
-            out["lane_index"],
-            out["required_speed"],
-            out["hit"],
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        world, reach = scene.world, float(self.option.acquisition_range)
+        state = world.agents, world.vehicles, world.missions, scene.atlas.roads, world.map
+        return bind(_observe, *state, agent_ids, reach, _Out(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> Vias:
+        """Return the points."""
+        return Vias(
+            tuple(
+                ViaPoint(
+                    position=(float(readings["position"][k, 0]), float(readings["position"][k, 1])),
+                    lane_index=int(readings["lane_index"][k]),
+                    road_id=seen.lane_ids(int(readings["lane"][k]))[0],
+                    required_speed=float(readings["required_speed"][k]),
+                    hit=bool(readings["hit"][k]),
+                )
+                for k in range(int(readings["count"]))
+            )
         )
 
 
 @kernel
-def _nearest(vias: Floats, count: int, x: float, y: float, reach: float, order: Ints, far: Floats) -> int:
-    """List the points within reach, nearest first, as many as there is room; return how many."""
-    found = 0
-    for via in range(count):
-        dx, dy = vias[via, 0] - x, vias[via, 1] - y
-        square = dx * dx + dy * dy
-        if not square <= reach * reach or (found == len(order) and square >= far[found - 1]):
-            continue
-        place = min(found, len(order) - 1)
-        while place > 0 and far[place - 1] > square:
-            order[place], far[place] = order[place - 1], far[place - 1]
-            place -= 1
-        order[place], far[place] = via, square
-        found = min(found + 1, len(order))
-    return found
-
-
-@kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
+    agents: AgentStates,
+    vehicles: VehicleStates,
+    missions: Missions,
+    roads: Roads,
     maps: Ints,
-    position: Floats,
-    via_count: Bytes,
-    via_position: Floats,
-    via_lane: Ints,
-    via_speed: Floats,
-    via_hit: Bools,
-    lane_base: Ints,
-    lane_index: Ints,
+    agent_ids: Ints,
     reach: float,
-    count_out: Ints,
-    position_out: Floats,
-    lane_out: Ints,
-    lane_index_out: Ints,
-    speed_out: Singles,
-    hit_out: Bytes,
+    out: _Out,
+    observe_mask: Bools,
 ) -> None:
-    most = lane_out.shape[2]
+    most = out.lane.shape[2]
     order, far = np.empty(most, np.int32), np.empty(most)
     for b in range(observe_mask.shape[0]):
         for g in range(observe_mask.shape[1]):
             if not observe_mask[b, g]:
                 continue
-            a = agent_ids[g]
-            x, y = position[b, slots[b, a], 0], position[b, slots[b, a], 1]
-            count = _nearest(via_position[b, a], via_count[b, a], x, y, reach, order, far)
-            count_out[b, g] = count
+            a, count = agent_ids[g], 0
+            v = agents.slot[b, a]
+            for via in range(missions.via_count[b, a]):
+                dx = missions.via_position[b, a, via, 0] - vehicles.position[b, v, 0]
+                dy = missions.via_position[b, a, via, 1] - vehicles.position[b, v, 1]
+                square = dx * dx + dy * dy
+                if square <= reach * reach:
+                    count = keep_nearest(order, far, count, via, square)
+            out.count[b, g] = count
             for k in range(count):
                 via = order[k]
-                position_out[b, g, k, 0] = clipped(via_position[b, a, via, 0], FARTHEST)
-                position_out[b, g, k, 1] = clipped(via_position[b, a, via, 1], FARTHEST)
-                lane = via_lane[b, a, via]
-                lane_out[b, g, k] = lane
-                lane_index_out[b, g, k] = lane_index[lane_base[maps[b]] + lane] if lane >= 0 else 0
-                speed_out[b, g, k] = clipped_above(via_speed[b, a, via], FASTEST)
-                hit_out[b, g, k] = via_hit[b, a, via]
-            position_out[b, g, count:] = 0.0
-            lane_out[b, g, count:] = 0
-            lane_index_out[b, g, count:] = 0
-            speed_out[b, g, count:] = 0.0
-            hit_out[b, g, count:] = 0
+                out.position[b, g, k, 0] = clipped(missions.via_position[b, a, via, 0], FARTHEST)
+                out.position[b, g, k, 1] = clipped(missions.via_position[b, a, via, 1], FARTHEST)
+                lane = missions.via_lane[b, a, via]
+                out.lane[b, g, k] = lane
+                index = roads.lane_index[roads.lane_base[maps[b]] + lane] if lane >= 0 else 0
+                out.lane_index[b, g, k] = index
+                out.required_speed[b, g, k] = clipped_above(missions.via_speed[b, a, via], FASTEST)
+                out.hit[b, g, k] = agents.via_hit[b, a, via]
+            out.position[b, g, count:] = 0.0
+            out.lane[b, g, count:] = 0
+            out.lane_index[b, g, count:] = 0
+            out.required_speed[b, g, count:] = 0.0
+            out.hit[b, g, count:] = 0

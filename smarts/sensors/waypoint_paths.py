@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.options import Waypoints
+from smarts.arrays import Bools, Floats, Ints, Singles
+from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.guide import is_led, write_led_path
@@ -18,23 +19,20 @@ from smarts.roads.lane_graph import LaneKind
 from smarts.roads.scene import Scene
 from smarts.roads.waypoints import WaypointPaths, write_waypoints
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
+from smarts.sensors.protocol import Readings, Seen
+from smarts.sensors.waypoint import Waypoint, waypoints_of
+from smarts.types.agent_states import AgentStates
 from smarts.types.guidance import Guidance
 from smarts.types.interface import Field
-from smarts.types.vehicles import VehicleKind
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+from smarts.types.vehicles import VehicleKind, VehicleStates
 
 _CAR_LANES = 1 << LaneKind.CAR
 _BUS_LANES = 1 << LaneKind.CAR | 1 << LaneKind.BUS
 _BUS, _COACH = int(VehicleKind.BUS), int(VehicleKind.COACH)
 
 
-class _Entries(NamedTuple):
-    """The arrays to be filled, shape (B, G, ...), K paths of W waypoints each."""
+class _Out(NamedTuple):
+    """Shape (B, G, ...), K paths of W waypoints each."""
 
     path_count: Ints
     waypoint_count: Ints
@@ -75,45 +73,35 @@ class WaypointPathsAhead:
             Field("lane_offset", (k, w), np.float32, 0, FARTHEST, "m", "along the lane from its begin"),
         )
 
-    def observe(self, scene: Scene, agent_ids: Ints, observe_mask: Bools, out: Mapping[str, NDArray]) -> None:
-        """Write the readings of the wanted agents."""
-        world = scene.world
-        _observe(
-            agent_ids,
-            observe_mask,
-            world.agents.slot,
-            scene.atlas.roads,
-            scene.routes.table,
-            scene.routes.number,
-            world.agents.route_progress,
-            world.map,
-            world.vehicles.kind,
-            world.vehicles.position,
-            world.vehicles.lane,
-            world.guidance,
-            self.option.spacing,
-            _Entries(**{name: out[name] for name in _Entries._fields}),
-        )
+    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
+        """Return the function that writes the readings of the agents in its mask."""
+        world, spacing = scene.world, float(self.option.spacing)
+        ways = scene.atlas.roads, scene.routes.current, scene.routes.number, world.map
+        state = world.agents, world.vehicles, *ways, world.guidance
+        return bind(_observe, *state, agent_ids, spacing, _Out(**out))
+
+    @staticmethod
+    def as_object(readings: Readings, seen: Seen) -> list[list[Waypoint]]:
+        """Return the paths, from the right to the left."""
+        counts = readings["waypoint_count"][: int(readings["path_count"])].tolist()
+        return [waypoints_of(readings, seen, path, count) for path, count in enumerate(counts)]
 
 
 @kernel
 def _observe(
-    agent_ids: Ints,
-    observe_mask: Bools,
-    slots: Ints,
+    agents: AgentStates,
+    vehicles: VehicleStates,
     roads: Roads,
     table: RouteTable,
     route: Ints,
-    route_progress: Floats,
     maps: Ints,
-    kind: Bytes,
-    position: Floats,
-    lane: Ints,
     guide: Guidance,
+    agent_ids: Ints,
     spacing: float,
-    entries: _Entries,
+    out: _Out,
+    observe_mask: Bools,
 ) -> None:
-    most, lookahead = entries.heading.shape[2], entries.heading.shape[3]
+    most, lookahead = out.heading.shape[2], out.heading.shape[3]
     shape = (1, most, lookahead)
     paths = WaypointPaths(
         np.zeros(1, np.int32),
@@ -132,10 +120,11 @@ def _observe(
             if not observe_mask[b, g]:
                 continue
             a = agent_ids[g]
-            v = slots[b, a]
-            hint[0] = route_progress[b, a]
-            mask = _BUS_LANES if kind[b, v] == _BUS or kind[b, v] == _COACH else _CAR_LANES
-            if is_led(guide, b, a) and lane[b, v] >= 0:
+            v = agents.slot[b, a]
+            hint[0] = agents.route_progress[b, a]
+            lane, kind = vehicles.lane[b, v], vehicles.kind[b, v]
+            mask = _BUS_LANES if kind in (_BUS, _COACH) else _CAR_LANES
+            if is_led(guide, b, a) and lane >= 0:
                 write_led_path(
                     roads,
                     table,
@@ -143,9 +132,9 @@ def _observe(
                     b,
                     a,
                     maps[b],
-                    (position[b, v, 0], position[b, v, 1], lane[b, v]),
+                    (vehicles.position[b, v, 0], vehicles.position[b, v, 1], lane),
                     route[b, a],
-                    route_progress[b, a],
+                    hint[0],
                     mask,
                     spacing,
                     paths,
@@ -155,8 +144,8 @@ def _observe(
                     roads,
                     table,
                     maps[b : b + 1],
-                    position[b, v : v + 1],
-                    lane[b, v : v + 1],
+                    vehicles.position[b, v : v + 1],
+                    vehicles.lane[b, v : v + 1],
                     route[b, a : a + 1],
                     hint,
                     mask,
@@ -165,30 +154,30 @@ def _observe(
                 )
             if guide.speed[b, a] > 0.0:
                 paths.speed_limit[:] = guide.speed[b, a]
-            _copy(paths, entries, b, g)
+            _copy(paths, out, b, g)
 
 
 @kernel
-def _copy(paths: WaypointPaths, entries: _Entries, b: int, g: int) -> None:
-    """Copy one vehicle's paths into its entries, within their bounds."""
+def _copy(paths: WaypointPaths, out: _Out, b: int, g: int) -> None:
+    """Copy one vehicle's paths into its readings, within their bounds."""
     count = paths.path_count[0]
-    entries.path_count[b, g] = count
-    for k in range(entries.heading.shape[2]):
+    out.path_count[b, g] = count
+    for k in range(out.heading.shape[2]):
         length = paths.waypoint_count[0, k] if k < count else 0
-        entries.waypoint_count[b, g, k] = length
+        out.waypoint_count[b, g, k] = length
         for w in range(length):
-            entries.position[b, g, k, w, 0] = clipped(paths.position[0, k, w, 0], FARTHEST)
-            entries.position[b, g, k, w, 1] = clipped(paths.position[0, k, w, 1], FARTHEST)
-            entries.heading[b, g, k, w] = clipped(paths.heading[0, k, w], math.pi)
-            entries.lane_width[b, g, k, w] = clipped_above(paths.width[0, k, w], LARGEST_BOX)
-            entries.speed_limit[b, g, k, w] = clipped_above(paths.speed_limit[0, k, w], FASTEST)
-            entries.lane[b, g, k, w] = paths.lane[0, k, w]
-            entries.lane_index[b, g, k, w] = paths.lane_index[0, k, w]
-            entries.lane_offset[b, g, k, w] = clipped_above(paths.lane_offset[0, k, w], FARTHEST)
-        entries.position[b, g, k, length:] = 0.0
-        entries.heading[b, g, k, length:] = 0.0
-        entries.lane_width[b, g, k, length:] = 0.0
-        entries.speed_limit[b, g, k, length:] = 0.0
-        entries.lane[b, g, k, length:] = 0
-        entries.lane_index[b, g, k, length:] = 0
-        entries.lane_offset[b, g, k, length:] = 0.0
+            out.position[b, g, k, w, 0] = clipped(paths.position[0, k, w, 0], FARTHEST)
+            out.position[b, g, k, w, 1] = clipped(paths.position[0, k, w, 1], FARTHEST)
+            out.heading[b, g, k, w] = clipped(paths.heading[0, k, w], math.pi)
+            out.lane_width[b, g, k, w] = clipped_above(paths.width[0, k, w], LARGEST_BOX)
+            out.speed_limit[b, g, k, w] = clipped_above(paths.speed_limit[0, k, w], FASTEST)
+            out.lane[b, g, k, w] = paths.lane[0, k, w]
+            out.lane_index[b, g, k, w] = paths.lane_index[0, k, w]
+            out.lane_offset[b, g, k, w] = clipped_above(paths.lane_offset[0, k, w], FARTHEST)
+        out.position[b, g, k, length:] = 0.0
+        out.heading[b, g, k, length:] = 0.0
+        out.lane_width[b, g, k, length:] = 0.0
+        out.speed_limit[b, g, k, length:] = 0.0
+        out.lane[b, g, k, length:] = 0
+        out.lane_index[b, g, k, length:] = 0
+        out.lane_offset[b, g, k, length:] = 0.0

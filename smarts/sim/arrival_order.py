@@ -1,4 +1,4 @@
-"""Tickets: the order in which agents arrive at a junction."""
+"""The order in which agents arrive at a junction."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DONE = int(AgentStatus.DONE)
 
 @kernel
 def assign_arrival_order(state: State, roads: Roads, routes: RouteTable, row: int) -> None:
-    """Let agents draw tickets for the next junction on their routes; write the agents' tickets.
+    """Write `arrival_number` and `arrival_junction` of the agents in one simulation.
 
     An agent draws one when it comes near, keeps it until it is through, and has none on the way to a junction
     far off. Among those who hold one for the same junction, a lower number came earlier; of agents who come
@@ -52,7 +52,7 @@ def assign_arrival_order(state: State, roads: Roads, routes: RouteTable, row: in
 
 @kernel
 def _next_number(state: State, row: int, junction: int) -> int:
-    """Return the number after those of all who hold a ticket for a junction."""
+    """Return the number after those of all agents that have one for a junction."""
     highest = -1
     for agent_id in range(state.agents.arrival_number.shape[1]):
         if state.agents.arrival_junction[row, agent_id] == junction:
@@ -66,7 +66,7 @@ def _next_junction(
 ) -> tuple[int, float]:
     """Return the junction that the agent is in, else the next on its route, and how far it is [m].
 
-    Off its route, the agent goes on to the junction that it has a ticket for.
+    Off its route, the agent keeps the junction that it has a number for.
     """
     lane = lane_of(state, roads, state.vehicles, row, state.agents.slot[row, agent_id])
     here = corridor_row(state, routes, row, agent_id, lane)

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.rules import agent_rules, alive_rules
 from smarts.arrays import Bools
+from smarts.controllers import action_format
 from smarts.controllers.action_masks import ActionMasker
 from smarts.controllers.set import ControllerSet
 from smarts.dynamics import vehicle
@@ -38,7 +37,7 @@ from smarts.sim.simulation import Simulation, Stages
 from smarts.sim.starts import Shape
 from smarts.sim.transfer_rules import HandoverRules
 from smarts.sstudio.built import BuiltScenario
-from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.actions import Actions
 from smarts.types.agent_states import agent_names
 from smarts.types.frame import Frame
 from smarts.types.interface import AgentRules
@@ -47,10 +46,6 @@ from smarts.types.world import World
 
 if TYPE_CHECKING:
     from smarts.sim.recorder import EpisodeRecorder
-
-PATH_ACTIONS = (ActionSpaceType.Trajectory, ActionSpaceType.MPC, ActionSpaceType.TrajectoryWithTime)
-"""Agents that act by one of these need room for paths."""
-
 
 LONGEST_SUBSTEP = 0.02
 """Of the vehicles' dynamics [s]; made for 0.01."""
@@ -261,7 +256,7 @@ def _shape(interface: AgentInterface) -> Shape:
 
 
 def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
-    has_paths = bool(np.isin(rules.action, PATH_ACTIONS).any())
+    has_paths = any(action_format(int(kind)).has_path for kind in rules.action)
     actions = Actions.allocate(worlds, len(rules.action), options.path if has_paths else 0)
     actions.kind[:] = rules.action
     return actions
@@ -270,7 +265,7 @@ def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
 def _recorder(scene: Scene, options: Options) -> EpisodeRecorder | None:
     if options.record is None:
         return None
-    # Only who records has to wait for pyarrow.
+    # Only recording runs wait for pyarrow.
     from smarts.sim.recorder import EpisodeRecorder
 
     return EpisodeRecorder(scene, Path(options.record))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Floats, Ints
 from smarts.geometry.binding import LateBound
 from smarts.geometry.boxes import Pose, box_gaps, contact_direction, facing
 from smarts.geometry.compiling import kernel
@@ -16,11 +16,6 @@ from smarts.types.events import Contacts
 from smarts.types.tracks import Tracks
 from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State, World
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
 
 FRONT, LEFT, REAR, RIGHT = range(4)
 
@@ -144,7 +139,7 @@ def _held_apart(
     """
     if tracks.touched[row, agent_id, other] == 0:
         return -1, 0.0
-    # Who has come into the slot within the step was not there.
+    # A vehicle that came into the slot within the step was not there.
     if before.alive[row, other] and before.generation[row, other] == now.generation[row, other]:
         return tracks.touched[row, agent_id, other] - 1, tracks.touch_speed[row, agent_id, other]
     return -1, 0.0
@@ -281,7 +276,7 @@ def _clip(
         pose, pose2 = _between(path, substep, when), _between(path2, substep, when)
         gap = max(box_gaps(pose, size[0], size[1], pose2, size2[0], size2[1]))
         if gap < 0.0:
-            # Who overlapped when it began has been told so in the sub-step before.
+            # An overlap at its begin was reported in the sub-step before.
             return when if when > 0.0 else 1.0
         when += max(gap / nearing, SHORTEST_LOOK)
     return 1.0

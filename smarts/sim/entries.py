@@ -7,8 +7,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools
 from smarts.errors import MapError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.roads.agent_routes import AgentRoutes
@@ -22,8 +22,6 @@ from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.mission import GoalKind
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
-
-Bools = NDArray[np.bool_]
 
 
 class Entries:
@@ -48,7 +46,7 @@ class Entries:
         return episode.agents if episode else ()
 
     def reset(self, row: int, start: EpisodeStart) -> None:
-        """Give the missions of an episode out, in an empty simulation, and let in who enters at once."""
+        """Assign an episode's missions in an empty simulation; let in the agents that enter at once."""
         world = self._world
         self.episodes[row] = start
         self.pending.discard(row)
@@ -65,12 +63,12 @@ class Entries:
                 self.pending.add(row)
 
     def clear_way(self, row: int) -> None:
-        """Make room for those who are in at the beginning; everybody has been located."""
+        """Clear traffic that blocks agents' spawns; requires map matching."""
         for slot in np.flatnonzero(self._world.vehicles.owner[row] == Owner.AGENT).tolist():
             self._clear_around(row, slot)
 
     def enter(self, env_mask: Bools) -> None:
-        """Let in those whose time has come, and send on those who have just taken a vehicle over."""
+        """Let in the agents whose time has come; give routes to those that have just taken over a vehicle."""
         world = self._world
         state = world.agents.state
         for row in sorted(row for row in self.pending if env_mask[row]):

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats, Ints
 from smarts.types.agent_states import UNSET
 from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS
 from smarts.types.events import Outcome
 
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
 Rows = Mapping[str, Sequence[Any] | NDArray]
 
 

@@ -48,7 +48,7 @@ _TIME_OUT = int(Event.REACHED_MAX_EPISODE_STEPS)
 _VIA_HIT, _LAP_COMPLETED = int(Event.VIA_HIT), int(Event.LAP_COMPLETED)
 
 AT_JOINT = 0.5
-"""Who is on another road now, and was within this of its road's end, has come over that end [m]."""
+"""A vehicle that is on another road now, and was within this of its road's end, came over that end [m]."""
 _AT_END = 0.01
 """Located within this of a lane's end, a vehicle has left it there [m]; places are clipped to the lane."""
 
@@ -203,9 +203,9 @@ def _rests(
 
 @kernel
 def _has_to_wait(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
-    """Tell whether a vehicle waits near a red light, behind one that stands, or for those who cross its path.
+    """Tell whether a vehicle waits near a red light, behind one that stands, or for crossing vehicles.
 
-    Who waits so does not rest. The first of a queue at a green light or at a crossing does while nobody comes
+    Waiting is not resting. The first of a queue at a green light or a crossing rests while no vehicle comes
     (`yields_to_stream`); as soon as it has moved, or is gone, the next is the first.
     """
     now, slot = state.vehicles, state.agents.slot[row, agent_id]

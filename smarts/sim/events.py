@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.rules import AliveRule
-from smarts.arrays import Shorts
+from smarts.arrays import Bools, Ints, Shorts
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
@@ -22,9 +21,6 @@ from smarts.types.events import Contacts, Event, Events, Outcome
 from smarts.types.interface import AgentRules
 from smarts.types.world import State
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-
 _COLLISION = int(Event.COLLISION)
 _AGENTS_ALIVE, _INTEREST = int(Event.AGENTS_ALIVE_DONE), int(Event.INTEREST_DONE)
 _INVALID = int(Outcome.INVALID)
@@ -33,7 +29,7 @@ _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
 class Interest(Protocol):
-    """Knows which vehicles matter to whom."""
+    """Knows which vehicles matter to which agent."""
 
     def is_gone(self, env_mask: Bools) -> Bools:
         """Return for which agents no vehicle of interest is left, shape (B, A)."""
@@ -41,7 +37,7 @@ class Interest(Protocol):
 
 
 class AliveColumns(NamedTuple):
-    """R `AliveRule`s: the agent (R,), who is counted (R, A), how many there must be (R,)."""
+    """R `AliveRule`s: the agent (R,), the agents that are counted (R, A), how many must be left (R,)."""
 
     agent_id: Ints
     counted: Bools
@@ -51,7 +47,7 @@ class AliveColumns(NamedTuple):
 class AgentEvents:
     """Judges each agent by the rules of its agent.
 
-    All events are told in every step, whether or not they end the agent's episode. What ends it decides the
+    Every step reports all events, whether or not they end the agent's episode. What ends it decides the
     outcome; several endings in one step are put in order by `smarts.sim.outcomes`.
 
     Args:
@@ -181,7 +177,7 @@ def detect_events(
 
 @kernel
 def _miss_others(state: State, rules: AgentRules, alive: AliveColumns, row: int, bits: Ints) -> None:
-    """Add the events of those who have too few others left, when all that has happened so far is counted."""
+    """Add the events of agents that have too few others left, after all that happened so far."""
     agents = state.agents
     for rule in range(len(alive.agent_id)):
         left = 0

@@ -6,15 +6,13 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smarts.agents.criteria import InterestDoneCriteria
 from smarts.agents.interface import AgentInterface
+from smarts.arrays import Bools
 from smarts.sim.entries import Entries
 from smarts.sim.schedule import Schedule
 from smarts.types.world import World
-
-Bools = NDArray[np.bool_]
 
 
 class NamedInterest:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Bools
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads
@@ -19,10 +17,8 @@ from smarts.types.guidance import GuidePhase
 from smarts.types.mission import TaskKind
 from smarts.types.world import State
 
-Bools = NDArray[np.bool_]
-
 STRAYED = 6.0
-"""So far off the curve an agent is led no longer, and begins anew [m]."""
+"""This far off the curve an agent begins its task again [m]."""
 
 _NONE, _CUT_IN = int(TaskKind.NONE), int(TaskKind.CUT_IN)
 _FREE, _MANOEUVRE, _OVER = int(GuidePhase.FREE), int(GuidePhase.MANOEUVRE), int(GuidePhase.OVER)
@@ -30,7 +26,7 @@ _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
 class Manoeuvres:
-    """Writes `world.guidance`; a part of the locator stage, which has just said where everybody is.
+    """Writes `world.guidance`; part of the map-matching stage, after vehicles are matched.
 
     Args:
         scene: The world, its maps and the agents' routes.

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
@@ -19,11 +19,6 @@ from smarts.roads.kernels import (
 from smarts.roads.scene import Scene
 from smarts.types.mission import GoalKind
 from smarts.types.world import State
-
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
 
 FARTHEST_STEP = 10.0
 """How far a vehicle may come in one step: at 100 m/s in 0.1 s [m]."""

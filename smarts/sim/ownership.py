@@ -11,22 +11,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart
 from smarts.types.transfers import NO_TRANSFERS, Refusal, Transfers
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-
 
 class Driver(Protocol):
     """What ownership asks of a provider before it hands over a vehicle."""
 
-    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """Return for each vehicle the `Refusal` to drive on with it from where it is; changes nothing."""
         ...
 
@@ -92,7 +89,7 @@ class Ownership:
             if not (accepted and self._carry_out(transfer))
         ]
 
-    def _answers(self, pending: Transfers) -> NDArray[np.int8]:
+    def _answers(self, pending: Transfers) -> Bytes:
         """Return what the new owners answer to transfers, shape (T,); each is asked once for all of its."""
         answers = np.full(len(pending), Refusal.NONE, np.int8)
         changes = pending["to_owner"] != pending["from_owner"]

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from smarts.arrays import Bools, Floats, Ints
 from smarts.errors import TrafficError
 from smarts.geometry.binding import LateBound
 from smarts.roads.lane_graph import LaneGraph
@@ -34,10 +35,6 @@ from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, TABLE,
 from smarts.types.events import Outcome
 from smarts.types.frame import Frame
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
-
 _CUT_SHORT = "reset or closed before its end"
 _OVERLAP = "vehicles overlapped at the start"
 
@@ -51,7 +48,7 @@ _TABLES = (
 
 @dataclass
 class _Episode:
-    """What is known of an episode that goes on."""
+    """What is known of an unfinished episode."""
 
     start: EpisodeStart
     graph: LaneGraph
@@ -162,7 +159,7 @@ class EpisodeRecorder:
         """Write what is left, and end; may be called again.
 
         Raises:
-            RecordError: An episode could not be written, and nobody has been told.
+            RecordError: An episode could not be written, and no call has raised it.
         """
         try:
             for row in range(len(self._episodes)):
@@ -171,7 +168,7 @@ class EpisodeRecorder:
             try:
                 self._thread.close()
             finally:
-                # After a failure nobody writes these to their end.
+                # After a failure these stay unfinished.
                 for writer in self._unfinished:
                     writer.abandon()
                 self._unfinished.clear()

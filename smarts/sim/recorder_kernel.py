@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.types.actions import Actions
 from smarts.types.agent_states import AgentStates, AgentStatus
@@ -27,10 +27,6 @@ FOR_A_WHILE = 15.0
 VEHICLE_ROWS, AGENT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS = range(5)
 """Columns of `Buffers.used`."""
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.int8]
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float64]
 
 _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE), int(AgentStatus.DONE)
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools
 from smarts.errors import SmartsError
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
@@ -32,8 +32,6 @@ from smarts.types.frame import Frame
 from smarts.types.tracks import Tracks
 from smarts.types.world import State, World
 
-Bools = NDArray[np.bool_]
-
 _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
@@ -54,8 +52,8 @@ class Stages:
     recorder: Recorder
 
 
-def void(world: World, events: Events, row: int) -> None:
-    """End the episode of one simulation for all of its agents, without counting it."""
+def invalidate(world: World, events: Events, row: int) -> None:
+    """End the episode of one simulation for all of its agents, and mark it invalid."""
     agents = world.agents
     there = (agents.state[row] == AgentStatus.ACTIVE) | (agents.state[row] == AgentStatus.SHADOWING)
     agents.state[row, there] = AgentStatus.DONE
@@ -100,7 +98,7 @@ class Simulation:
 
         Returns:
             What happened. Where traffic failed, or a vehicle's command or motion is not finite, the frame's
-            `failures` say so, and the episode is void: its agents are done, and the simulation is to be
+            `failures` say so, and the episode is invalid: its agents are done, and the simulation is to be
             reset. The others have made the step.
         """
         world, stages = self.world, self._stages
@@ -121,7 +119,7 @@ class Simulation:
         # Before the sensors: the last observation of an agent is of the step that ended it.
         events = stages.events.detect(contacts, env_mask)
         for row in failures:
-            void(world, events, row)
+            invalidate(world, events, row)
         stages.ownership.submit(stages.transfer_rules.propose(events, env_mask))
         seen = self._see(env_mask, observe_mask, events.just_done)
         readings = stages.sensors.observe(seen)

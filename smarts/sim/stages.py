@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.errors import SmartsError
 from smarts.types.actions import Actions, Commands
 from smarts.types.episode import EpisodeStart
@@ -20,9 +18,6 @@ from smarts.types.events import Contacts, Events
 from smarts.types.frame import Frame, Readings
 from smarts.types.tracks import Tracks
 from smarts.types.transfers import Transfers
-
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 
 
 class EntryRules(Protocol):
@@ -65,7 +60,7 @@ class Vehicles(Protocol):
         """Move them by one step; return how."""
         ...
 
-    def can_accept(self, rows: Ints, slots: Ints) -> NDArray[np.int8]:
+    def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """Return for each vehicle the `Refusal` to let an agent drive on with it."""
         ...
 

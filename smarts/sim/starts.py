@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.arrays import Floats
 from smarts.errors import MapError, ScenarioError
 from smarts.geometry.boxes import boxes_overlap
 from smarts.roads.atlas import ROAD_LANES
@@ -244,9 +245,7 @@ def _take_over(placed: PlacedMission, roads: LaneGraph, place: str) -> TakeOver 
     )
 
 
-def _trap_areas(
-    tactic: t.TrapEntryTactic, placed: PlacedMission, roads: LaneGraph
-) -> tuple[NDArray[np.float64], ...]:
+def _trap_areas(tactic: t.TrapEntryTactic, placed: PlacedMission, roads: LaneGraph) -> tuple[Floats, ...]:
     zone = tactic.zone
     if zone is None:
         lane = placed.start.lane

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.geometry.segments import inside_outline
 from smarts.sim.entries import Entries
 from smarts.types.agent_states import UNSET, AgentStatus
@@ -18,8 +18,6 @@ from smarts.types.transfers import NO_TRANSFERS, Reason, Refusal, Transfers, tra
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int32]
 Row = tuple[int, int, int, int, int, int, int, int]
 
 UNHARMED = (Outcome.GOAL, Outcome.TIME_OUT, Outcome.NOT_MOVING, Outcome.OTHER, Outcome.MISSED_GOAL)
@@ -35,12 +33,10 @@ class HandoverRules:
         can_take: `can_accept` of the provider of agents' vehicles.
     """
 
-    def __init__(
-        self, world: World, entries: Entries, can_take: Callable[[Ints, Ints], NDArray[np.int8]]
-    ) -> None:
+    def __init__(self, world: World, entries: Entries, can_take: Callable[[Ints, Ints], Bytes]) -> None:
         self._world, self._entries = world, entries
         self._can_take = can_take
-        # Simulations in which a vehicle may still be there after its agent, since nobody wanted it.
+        # Simulations in which a vehicle may be left that no provider accepted.
         self._unsettled: set[int] = set()
         # What the triggers of conditions remember, by simulation and agent, of the episode that it is for.
         self._memory: dict[tuple[int, int], tuple[int, MutableMapping[Any, float]]] = {}

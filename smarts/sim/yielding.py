@@ -1,10 +1,10 @@
-"""Yielding: who stands at a junction because others cross its path. Compiled, for one vehicle."""
+"""Yielding: standing at a junction because others cross one's path. Compiled, for one vehicle."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import lane_length
@@ -13,9 +13,9 @@ from smarts.types.traffic import Signal
 from smarts.types.world import State
 
 NEAR_LINE = 8.0
-"""Who stands at a stop line has its front bumper at most this far before it [m]."""
+"""A vehicle at a stop line has its front bumper at most this far before it [m]."""
 STREAM_TIME = 3.0
-"""Who reaches one's path within this time, at the speed it has, is waited for [s]."""
+"""A vehicle waits for others that reach its path within this time at their speed [s]."""
 
 _MOST_WAYS = 32
 _MOST_MEETINGS = 128
@@ -64,8 +64,8 @@ def _meetings_ahead(
     agent_id: int,
     lane: int,
     front: float,
-    lanes: NDArray[np.int32],
-    extents: NDArray[np.float64],
+    lanes: Ints,
+    extents: Floats,
 ) -> int:
     """List where others meet the way through the junction: their lanes, from and to [m]; return how many."""
     here = corridor_row(state, routes, row, agent_id, lane)
@@ -105,8 +105,8 @@ def _comes(
     routes: RouteTable,
     row: int,
     other: int,
-    lanes: NDArray[np.int32],
-    extents: NDArray[np.float64],
+    lanes: Ints,
+    extents: Floats,
 ) -> bool:
     """Tell whether a moving vehicle is within one of some stretches of lanes, or reaches one soon."""
     lane = lane_of(state, roads, state.vehicles, row, other)

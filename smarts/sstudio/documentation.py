@@ -112,7 +112,7 @@ my_scenario: ... edges, ... lanes, traffic busy; ...
   .../my_scenario/build/...
 ```
 
-Names and defaults of fields are the original's; where a field is new, or means something else here, it is said.
+Names and defaults of fields are the original's; a field that is new, or means something else here, says so.
 """
 
 

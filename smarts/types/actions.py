@@ -1,4 +1,4 @@
-"""What agents ask for, and what their vehicles are told to do."""
+"""Agents' actions, and the commands that vehicles carry out."""
 
 from __future__ import annotations
 
@@ -16,31 +16,39 @@ PATH_COLUMNS = 5
 
 
 class ActionSpaceType(enum.IntEnum):
-    """How an agent acts; names and numbers are the original's."""
+    """How an agent acts, and which controller carries it out; names and numbers are the original's."""
 
-    Continuous = 0
+    controller: str
+    """The controller as "module:Class"."""
+
+    def __new__(cls, number: int, controller: str) -> ActionSpaceType:  # noqa: D102
+        kind = int.__new__(cls, number)
+        kind._value_, kind.controller = number, controller
+        return kind
+
+    Continuous = 0, "smarts.controllers.continuous:Continuous"
     """Throttle, brake, steering."""
-    Lane = 1
+    Lane = 1, "smarts.controllers.lane_actions:LaneActions"
     """A `LaneAction`."""
-    ActuatorDynamic = 2
+    ActuatorDynamic = 2, "smarts.controllers.actuator_dynamic:ActuatorDynamic"
     """Throttle, brake, rate of steering [1/s]."""
-    LaneWithContinuousSpeed = 3
+    LaneWithContinuousSpeed = 3, "smarts.controllers.lane_following:LaneFollowing"
     """Target speed [m/s], lane change: -1 right, 0, 1 left."""
-    TargetPose = 4
+    TargetPose = 4, "smarts.controllers.target_pose:TargetPose"
     """x, y [m], heading [rad], time until there [s]."""
-    Trajectory = 5
+    Trajectory = 5, "smarts.controllers.trajectory_tracking:TrajectoryTracking"
     """A path of x, y, heading, speed, to be tracked."""
-    MultiTargetPose = 6
+    MultiTargetPose = 6, "smarts.controllers.multi_target_pose:MultiTargetPose"
     """A target pose for each vehicle of the agent."""
-    MPC = 7
+    MPC = 7, "smarts.controllers.model_predictive:ModelPredictive"
     """A path of x, y, heading, speed, to be tracked by model-predictive control."""
-    TrajectoryWithTime = 8
+    TrajectoryWithTime = 8, "smarts.controllers.trajectory_interpolation:TrajectoryInterpolation"
     """A path of time, x, y, heading, speed, to be followed exactly."""
-    Direct = 9
+    Direct = 9, "smarts.controllers.direct:Direct"
     """Speed [m/s], or acceleration [m/s^2] and yaw rate [rad/s]."""
-    Empty = 10
+    Empty = 10, "smarts.controllers.empty:Empty"
     """Nothing."""
-    RelativeTargetPose = 11
+    RelativeTargetPose = 11, "smarts.controllers.relative_target_pose:RelativeTargetPose"
     """Changes of x, y [m] and heading [rad], to be reached in one step."""
 
 
@@ -90,7 +98,7 @@ class Actions(NamedTuple):
 
 
 class CommandMode(enum.IntEnum):
-    """How a vehicle is told where to go."""
+    """How a command moves a vehicle."""
 
     NONE = 0
     """Not at all: it rolls on."""

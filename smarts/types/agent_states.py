@@ -1,4 +1,4 @@
-"""AgentStates: an agent's hold on a vehicle, and all that the step remembers of it."""
+"""Agents as arrays: which vehicle each drives, and all that the step remembers of it."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from smarts.arrays import Bools, Bytes, Floats, Ints, Shorts
 
 
 class AgentStatus(enum.IntEnum):
-    """What is going on in an agent."""
+    """What an agent does now."""
 
     VACANT = 0
-    """Nobody is expected, or the agent's episode is over."""
+    """The agent is not in this episode, or its episode is over."""
     WAITING = 1
-    """An agent is to enter: at a time, or into a vehicle that drives into its trap."""
+    """The agent enters later: at a time, or into a vehicle that drives into its trap."""
     SHADOWING = 2
-    """An agent observes a vehicle that another drives."""
+    """The agent observes a vehicle that another drives."""
     ACTIVE = 3
-    """An agent drives its vehicle."""
+    """The agent drives its vehicle."""
     DONE = 4
-    """The agent's episode ended in this step; its vehicle leaves its hands at the beginning of the next."""
+    """The agent's episode ended in this step; it gives up its vehicle at the beginning of the next."""
 
 
 class ChangePhase(enum.IntEnum):
@@ -41,7 +41,7 @@ class ChangePhase(enum.IntEnum):
 
 
 UNSET = -1
-"""Of a slot, lane, junction, ticket or step: there is none."""
+"""Of a slot, lane, junction, arrival number or step: none."""
 
 _UNSET_WHEN_EMPTY = frozenset(
     {"slot", "agent", "target_lane", "off_route_since", "arrival_number", "arrival_junction", "entry_step"}
@@ -62,7 +62,7 @@ class AgentStates(NamedTuple):
     generation: Ints
     """The vehicle's generation; with the slot, the vehicle itself."""
     agent: Shorts
-    """Which agent sits here; several agents may be one agent's."""
+    """Number of the agent in its episode, -1 for none."""
     entry_step: Ints
     """Step of the episode in which the agent entered, -1 before."""
     period: Shorts
@@ -117,7 +117,7 @@ class AgentStates(NamedTuple):
     arrival_number: Ints
     """Place in the order of arrival at the junction ahead, -1 without one."""
     arrival_junction: Ints
-    """The junction that the ticket is for."""
+    """The junction that the number is for."""
 
     @classmethod
     def allocate(cls, worlds: int, agents: int, vias: int = 0) -> AgentStates:
@@ -162,12 +162,12 @@ class AgentStates(NamedTuple):
         return made
 
     def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
-        """Forget all that was in agents of one simulation."""
+        """Forget all of some agents of one simulation."""
         for name, column in self._asdict().items():
             column[row, agent_id] = UNSET if name in _UNSET_WHEN_EMPTY else 0
         self.period[row, agent_id] = 1
 
 
 def agent_names(count: int) -> tuple[str, ...]:
-    """Return the names of agents that nobody has named."""
+    """Return default names."""
     return tuple(f"agent-{number}" for number in range(count))

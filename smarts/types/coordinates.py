@@ -9,11 +9,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from smarts.arrays import Floats
 from smarts.geometry.frames import heading_from_compass, wrap_angle
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    pass
 
 
 class Dimensions(NamedTuple):
@@ -37,12 +37,12 @@ class Point(NamedTuple):
     z: float = 0.0
 
     @classmethod
-    def from_np_array(cls, array: NDArray[np.float64]) -> Point:
+    def from_np_array(cls, array: Floats) -> Point:
         """Return the point of an array of two or three coordinates."""
         return cls(*(float(coordinate) for coordinate in array))
 
     @property
-    def as_np_array(self) -> NDArray[np.float64]:
+    def as_np_array(self) -> Floats:
         """The coordinates, shape (3,)."""
         import numpy as np
 
@@ -84,7 +84,7 @@ class Heading(float):
         """Return how far this heading is to the left of another."""
         return Heading(self - other)
 
-    def direction_vector(self) -> NDArray[np.float64]:
+    def direction_vector(self) -> Floats:
         """Return the unit vector that points this way, shape (2,)."""
         import numpy as np
 

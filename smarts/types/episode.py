@@ -7,9 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from smarts.arrays import Floats
 from smarts.types.mission import AgentMission
 from smarts.types.traffic import DEFAULT_ENGINE, TrafficFiles
 from smarts.types.vehicles import VehicleKind
@@ -27,7 +25,7 @@ class EntryCondition(Protocol):
 class TakeOver:
     """Which vehicle of traffic an agent waits for, to go on with it."""
 
-    areas: Sequence[NDArray[np.float64]] = ()
+    areas: Sequence[Floats] = ()
     """Outlines of the places where a vehicle's front must be, each of shape (., 2) [m]; empty: anywhere."""
     vehicle: str = ""
     """Its public name; "" for any."""

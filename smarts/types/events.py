@@ -53,7 +53,7 @@ TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID)
 
 
 class Contacts(NamedTuple):
-    """Who touched whom in a step, shape (B, A), refilled in place."""
+    """Contacts of agents' vehicles in a step, shape (B, A), refilled in place."""
 
     partner: Ints
     """Slot of the first vehicle that the agent's vehicle touched, -1 for none."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
 from numpy.typing import NDArray
 
-from smarts.arrays import Bools
+from smarts.arrays import Bools, Ints
 from smarts.errors import SmartsError
 from smarts.types.actions import Actions, Commands
 from smarts.types.episode import EpisodeStart
@@ -25,7 +24,7 @@ class Readings:
 
     blocks: Mapping[str, Mapping[str, NDArray]]
     """Sensor -> field -> array of shape (B, G, ...), G the agents that have the sensor."""
-    agent_ids: Mapping[str, NDArray[np.int32]]
+    agent_ids: Mapping[str, Ints]
     """Sensor -> the agent of each column, shape (G,)."""
 
 
@@ -40,14 +39,14 @@ class Frame:
     actions: Actions | None
     """What was asked for, on the state before; None in the frame of a reset."""
     commands: Commands | None
-    """What the vehicles were told; None in the frame of a reset."""
+    """What the vehicles carried out; None in the frame of a reset."""
     contacts: Contacts
     events: Events
-    """Of this step alone; whoever steps several times in a decision joins them."""
+    """Of this step alone; a caller that steps several times per decision joins them."""
     observe_mask: Bools
     """Whose readings are of this step, shape (B, A)."""
     readings: Readings
     failures: Mapping[int, SmartsError] = field(default_factory=dict)
-    """Simulations whose traffic or vehicles failed in this step: void episodes, whose next reset works."""
+    """Simulations whose traffic or vehicles failed in this step: invalid episodes, whose next reset works."""
     starts: Mapping[int, EpisodeStart] = field(default_factory=dict)
     """In the frame of a reset: the episodes that begin, by row."""

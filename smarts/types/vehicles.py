@@ -12,7 +12,7 @@ from smarts.arrays import Bools, Bytes, Floats, Ints
 
 
 class Owner(enum.IntEnum):
-    """Who decides how a vehicle moves: a number in the simulation's table of providers.
+    """Which provider moves a vehicle: a number in the simulation's table of providers.
 
     These are the numbers that every simulation has; further traffic providers get the numbers after them, so
     a provider takes for its own only the rows that carry its own number.
@@ -65,7 +65,7 @@ class VehicleStates(NamedTuple):
     width: Floats
     """Of the footprint [m]."""
     lane: Ints
-    """Index into the map's lanes: the one that the vehicle is on, or the nearest; -1 where nobody looked."""
+    """Index into the map's lanes: the one that the vehicle is on, or the nearest; -1 if unknown."""
     lane_position: Floats
     """Arc length of the vehicle's centre along its lane [m]; below 0 while it is on the lane before."""
     desired_speed: Floats

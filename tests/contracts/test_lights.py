@@ -7,9 +7,10 @@ import pytest
 import sumolib
 
 from smarts.env import VectorHiWayEnv
-from smarts.env.adapters.situation import LIGHT
+from smarts.observations.lists import feature_list
 from smarts.sstudio.build import build_scenario
 
+LIGHT = feature_list("benchmark").layout(4)["light"].start
 TOLD = {"r": -1.0, "y": -0.5, "u": -0.5, "o": -0.5, "O": -0.5, "s": -0.5, "g": 1.0, "G": 1.0}
 OPENNESS = {0.0: 0, -1.0: 1, -0.5: 2, 1.0: 3}
 """Of several lights that of the way on which most may go counts."""
@@ -31,7 +32,7 @@ def light_at_the_end(connections, edge, state_of):
 
 def test_agents_are_told_what_sumo_shows_at_the_end_of_their_lane(city):
     net = sumolib.net.readNet(str(build_scenario("city").directory / "map.net.xml"))
-    now, batch, told = city.reset(), city._worlds.batch, Counter()
+    now, batch, told = city.reset(), city._runner, Counter()
     world = batch.world
     state_of = batch.simulation._stages.traffic._drivers[0]._library.trafficlight.getRedYellowGreenState
     for _ in range(60):

@@ -1,4 +1,4 @@
-"""What cannot be is refused by every face in the same words.
+"""Every environment API raises the same error for the same mistake.
 
 What is no action is, and nothing of that step is taken in; so is to copy an environment.
 """
@@ -15,7 +15,7 @@ from smarts.errors import ActionError, SmartsError
 
 NAN, INF = float("nan"), float("inf")
 LANE, PEDALS = ActionSpaceType.Lane, ActionSpaceType.Continuous
-FACES = ("hiway", "parallel", "rllib", "single", "vector")
+APIS = ("hiway", "parallel", "rllib", "single", "vector")
 GOOD = {LANE: 1, PEDALS: (1.0, 0.0, 0.0)}
 NEVER = [None, "fast", b"0", {}, [], True, 1j, 10**400, object(), np.datetime64("2026-01-01"), np.ma.masked]
 BAD = {
@@ -26,7 +26,7 @@ REMEDIES = {LANE: "give 0 to 3: keep_lane, slow_down, ", PEDALS: r"give an eleme
 FIRST, SECOND = "agent-0", "agent-1"
 
 
-def make(face, kind):
+def make(api, kind):
     """Return an environment whose first agent acts in a way, beside another one unless it is alone."""
     agents = {name: AgentInterface(action=kind) for name in (FIRST, SECOND)}
     makers = {
@@ -36,27 +36,26 @@ def make(face, kind):
         "single": lambda: SingleHiWayEnv(["loop"], agents[FIRST], adapter="raw"),
         "vector": lambda: VectorHiWayEnv(1, ["loop"], agents, adapter="raw"),
     }
-    return makers[face]()
+    return makers[api]()
 
 
-@pytest.fixture(scope="module", params=[(face, kind) for face in FACES for kind in GOOD])
-def faced(request):
+@pytest.fixture(scope="module", params=[(api, kind) for api in APIS for kind in GOOD])
+def made_env(request):
     env = make(*request.param)
     env.reset(seed=1)
     yield *request.param, env
     env.close()
 
 
-def batch_of(env):
-    owner = getattr(env, "_world", env)
-    return owner._batch if hasattr(owner, "_batch") else owner._worlds.batch
+def runner_of(env):
+    return env._runner if hasattr(env, "_runner") else env._env.runner
 
 
-def step(face, kind, env, action):
+def step(api, kind, env, action):
     """Let the last agent do what is right, and the first one something else."""
-    if face == "single":
+    if api == "single":
         return env.step(action)
-    if face == "vector":
+    if api == "vector":
         block = np.empty((1, 2), object)
         block[0, 0], block[0, 1] = action, GOOD[kind]
         return env.step([block if kind == LANE else block.tolist()])
@@ -64,53 +63,53 @@ def step(face, kind, env, action):
 
 
 @pytest.mark.filterwarnings("error")
-def test_one_error_for_what_is_no_action(faced):
-    face, kind, env = faced
-    batch = batch_of(env)
+def test_one_error_for_what_is_no_action(made_env):
+    api, kind, env = made_env
+    runner = runner_of(env)
     for bad in BAD[kind]:
         with pytest.raises(ActionError) as caught:
-            step(face, kind, env, bad)
+            step(api, kind, env, bad)
         # Arrays of different lengths are refused as a whole, for they are no arrays.
-        is_whole = face == "vector" and caught.value.place == f"actions of {FIRST}, {SECOND}"
+        is_whole = api == "vector" and caught.value.place == f"actions of {FIRST}, {SECOND}"
         assert is_whole or caught.value.place == f"action of {FIRST!r}", bad
         assert caught.value.remedy
         if not is_whole:
             with pytest.raises(ActionError, match=REMEDIES[kind]):
                 raise caught.value
-        if face != "vector":
+        if api != "vector":
             assert str(bad)[:20] in caught.value.problem or repr(bad)[:20] in caught.value.problem
         assert len(str(caught.value)) < 500
-        assert not batch.actions.fresh.any()
-        assert batch.world.step[0] == 0
+        assert not runner.actions.fresh.any()
+        assert runner.world.step[0] == 0
 
 
 @pytest.mark.parametrize("nothing", [None, 0, "keep_lane", {1}])
-def test_one_error_for_what_are_no_actions(faced, nothing):
-    face, _, env = faced
-    if face == "single":
+def test_one_error_for_what_are_no_actions(made_env, nothing):
+    api, _, env = made_env
+    if api == "single":
         return  # It takes one action.
     with pytest.raises(ActionError) as caught:
         env.step(nothing)
     assert caught.value.place.startswith("actions")
-    assert repr(nothing) in caught.value.problem or face == "vector"
+    assert repr(nothing) in caught.value.problem or api == "vector"
     assert caught.value.remedy.startswith("give a")
-    assert batch_of(env).world.step[0] == 0
+    assert runner_of(env).world.step[0] == 0
 
 
-@pytest.mark.parametrize("face", FACES)
-def test_what_float32_does_not_hold_is_clipped_by_all(face):
-    env = make(face, PEDALS)
+@pytest.mark.parametrize("api", APIS)
+def test_what_float32_does_not_hold_is_clipped_by_all(api):
+    env = make(api, PEDALS)
     try:
         env.reset(seed=1)
-        step(face, PEDALS, env, [1e39, 0, -1e39])
-        np.testing.assert_array_equal(batch_of(env).actions.values[0, 0, :3], [1, 0, -1])
+        step(api, PEDALS, env, [1e39, 0, -1e39])
+        np.testing.assert_array_equal(runner_of(env).actions.values[0, 0, :3], [1, 0, -1])
     finally:
         env.close()
 
 
 @pytest.mark.parametrize("copied", [pickle.dumps, copy.copy, copy.deepcopy])
-def test_environments_stay_where_they_are(faced, copied):
+def test_environments_stay_where_they_are(made_env, copied):
     with pytest.raises(SmartsError, match="neither pickled nor copied") as caught:
-        copied(faced[2])
-    assert caught.value.place == type(faced[2]).__name__
+        copied(made_env[2])
+    assert caught.value.place == type(made_env[2]).__name__
     assert "hand over what makes it" in caught.value.remedy

@@ -17,6 +17,6 @@ def test_every_name_leads_to_a_part(registry):
         assert isinstance(registry[name], type), name
 
 
-def test_controllers_say_what_they_are_for():
-    for name in CONTROLLERS:
-        assert CONTROLLERS[name].action is ActionSpaceType[name]
+def test_every_action_type_has_a_controller_of_its_own():
+    assert [*CONTROLLERS] == [*ActionSpaceType.__members__]
+    assert len({CONTROLLERS[name] for name in CONTROLLERS}) == len(CONTROLLERS)

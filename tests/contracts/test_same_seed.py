@@ -24,7 +24,7 @@ def hashes(worlds):
     try:
         env.reset(SEED, np.array(worlds))
         decisions, episodes = np.zeros(len(worlds), int), [0] * len(worlds)
-        state = env._worlds.batch.world
+        state = env._runner.world
         for _ in range(DECISIONS):
             now = env.step([np.array([_actions(*pair) for pair in zip(worlds, decisions, strict=True)])])
             decisions += 1

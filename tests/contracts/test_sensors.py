@@ -1,16 +1,25 @@
 """Every sensor: in bounds whatever the world is like, the same in any batch, serving only who asks."""
 
 import importlib
+import sys
+from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface, AgentType
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import SENSOR_OPTIONS
+from smarts.agents.options import InterfaceError
+from smarts.agents.sensors import ALWAYS_ON
+from smarts.env import HiWayEnv, VectorHiWayEnv
 from smarts.roads.scene import Scene
 from smarts.sensors import SENSORS
+from smarts.sensors.bounds import FARTHEST
 from smarts.sensors.documentation import PAGE, sensors_page
-from smarts.sensors.suite import EVERYBODY_HAS, SensorSuite
+from smarts.sensors.suite import SensorSuite
+from smarts.types.interface import Field
 from smarts.types.mission import AgentMission, Via
 from smarts.types.traffic import Signal
 from tests import maps
@@ -48,7 +57,7 @@ def observe(sensor, scene, wanted, filled_with=0):
     out = {field.name: field.allocate(scene.world.worlds, len(AGENT_STATES)) for field in sensor.fields()}
     for array in out.values():
         array[:] = filled_with
-    sensor.observe(scene, AGENT_STATES, np.array(wanted), out)
+    sensor.bind(scene, AGENT_STATES, out)(np.array(wanted))
     return out
 
 
@@ -115,7 +124,7 @@ def test_sensors_are_values(sensor):
 
 
 def test_every_option_has_its_sensor():
-    assert set(SENSORS) == {*SENSOR_OPTIONS, *EVERYBODY_HAS}
+    assert set(SENSORS) == {*SENSOR_OPTIONS, *ALWAYS_ON}
     for name, option in SENSOR_OPTIONS.items():
         assert SENSORS[name](option()) == SENSORS[name]()
 
@@ -125,10 +134,77 @@ def test_kernels_are_compiled_once():
     interface = AgentInterface.from_type(AgentType.Full, occlusion_map=True)
     SensorSuite(scene, [interface, interface, None, None]).observe(np.eye(2, 4) > 0)
     for name in SENSORS:
-        kernel = "paint_scene" if name == "top_down_rgb" else "_observe"
-        observing = getattr(importlib.import_module(f"smarts.sensors.{name}"), kernel)
-        assert len(observing.signatures) == 1, name
+        observing = importlib.import_module(f"smarts.sensors.{name}")._observe
+        assert not observing.signatures, name
+        assert len(observing.callee.signatures) == 1, name
 
 
 def test_the_documentation_is_of_these_sensors():
     assert PAGE.read_text() == sensors_page(), "run: python -m smarts.sensors.documentation"
+
+
+@dataclass(frozen=True)
+class Odometer:
+    """How far the vehicle has been driven."""
+
+    unit: float = 1.0
+
+    def fields(self):
+        return (Field("distance", (), np.float32, 0, FARTHEST, "m", "driven since entry"),)
+
+    def bind(self, scene, agent_ids, out):
+        def observe(observe_mask):
+            distance = scene.world.agents.distance_travelled[:, agent_ids] / self.unit
+            out["distance"][observe_mask] = distance[observe_mask]
+
+        return observe
+
+    @staticmethod
+    def as_object(readings, seen) -> float:
+        return float(readings["distance"])
+
+
+@pytest.fixture
+def odometer(monkeypatch):
+    """The line that adds a sensor, for a test."""
+    module = ModuleType("an_odometer")
+    module.Odometer = Odometer
+    monkeypatch.setitem(sys.modules, "an_odometer", module)
+    monkeypatch.setitem(SENSORS._places, "odometer", "an_odometer:Odometer")
+
+
+def test_a_new_sensor_is_one_file_and_one_line(odometer):
+    interface = AgentInterface(odometer=True)
+    assert interface.sensors["odometer"] is True
+    assert interface.replace(odometer=Odometer(1000.0)).odometer == Odometer(1000.0)
+    assert AgentInterface().odometer is False
+    env = HiWayEnv(["loop"], {"a": interface, "b": AgentInterface()}, seed=1)
+    try:
+        env.reset()
+        for _ in range(5):
+            seen, *_ = env.step({})
+        assert seen["a"].odometer == pytest.approx(seen["a"].distance_travelled)
+        assert seen["b"].odometer is None
+        assert "odometer" in dir(seen["a"])
+    finally:
+        env.close()
+    arrays = VectorHiWayEnv(1, ["loop"], {"a": benchmark_interface(odometer=Odometer(10.0))}, adapter="raw")
+    try:
+        assert "odometer/distance" in arrays.spaces.blocks[0].observation
+        for now in [arrays.reset(1), *(arrays.step([np.zeros((1, 1), int)]) for _ in range(3))]:
+            odometers = now.observations[0]
+        driven = odometers["ego_vehicle_state/distance_travelled"]
+        np.testing.assert_allclose(odometers["odometer/distance"], driven / 10.0, rtol=1e-6)
+    finally:
+        arrays.close()
+    page = sensors_page()
+    assert "## odometer" in page
+    assert "| distance | scalar | float32 |" in page
+
+
+@pytest.mark.parametrize("option", [3, "far"])
+def test_options_that_are_no_sensor(odometer, option):
+    with pytest.raises(InterfaceError) as raised:
+        AgentInterface(odometer=option)
+    assert raised.value.place == "AgentInterface.odometer"
+    assert str(option) in str(raised.value)

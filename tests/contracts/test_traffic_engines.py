@@ -333,14 +333,14 @@ def test_two_engines_share_a_simulation(case, second):
         one.world.clear(0)
         half = dataclasses.replace(one.start(), limit=LIMIT // 2)
         one.engine.reset({0: half})
-        other.reset(one.world, {0: one.start(episode=1)})
+        other.reset({0: one.start(episode=1)})
         counts = []
         for _ in range(100):
             one.world.advance(one.all)
             for engine, foreign in ((one.engine, OTHER), (other, Owner.TRAFFIC)):
                 slots = one.owned(0, foreign)
                 before = one.vehicles.position[0, slots].copy()
-                engine.step(one.world, one.all)
+                engine.step(one.all)
                 assert not engine.failures
                 assert (one.vehicles.owner[0, slots] == foreign).all()
                 assert (one.vehicles.position[0, slots] == before).all()

@@ -18,7 +18,7 @@ PLAY = """
     import numpy as np
     from smarts.agents import AgentInterface, AgentSpec, AgentType
     from smarts import env as faces
-    from smarts.env.adapters.benchmark import benchmark_interface
+    from smarts.agents.benchmark import benchmark_interface
     from smarts.sim.assembly import Options
 
     face, end, record = sys.argv[1:]

@@ -4,7 +4,7 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 from algorithms.joint.env import AgentBlock, FinalStep, JointSpaces, JointStep
-from smarts.env.setting_checks import check_whole
+from smarts.agents.checks import check_whole
 from smarts.env.vector import MOST_EPISODES
 from smarts.types.streams import check_seed
 

@@ -23,7 +23,7 @@ def speeds(env, actions, decisions):
     found = []
     try:
         env.reset(3)
-        world = env._worlds.batch.world
+        world = env._runner.world
         for _ in range(decisions):
             slot = world.agents.slot[0, 0]
             found.append(float(world.vehicles.speed[0, slot]))
@@ -64,7 +64,7 @@ def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine
         try:
             env.reset(3)
             assert [start.engine for start in env.episodes] == [engine or "SUMO"]
-            world = env._worlds.batch.world
+            world = env._runner.world
             social = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)
             before = world.vehicles.speed[0, social].copy()
             assert len(social) > 0

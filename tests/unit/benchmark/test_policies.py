@@ -19,8 +19,8 @@ from benchmark.running.environments import environment
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
 from benchmark.running.testing import EVALUATION_SEED
 from benchmark.running.training import algorithm_of
+from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.env.adapters.benchmark import benchmark_interface
 from smarts.errors import ActionError
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
 

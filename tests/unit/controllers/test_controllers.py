@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from smarts.controllers import CONTROLLERS
-from smarts.controllers.lane_actions import lane_action_number
+from smarts.controllers import CONTROLLERS, action_space
+from smarts.controllers.lane_actions import LaneFormat
 from smarts.errors import ActionError
 from smarts.types.actions import ActionSpaceType, CommandMode
 from smarts.types.vehicles import VehicleKind
@@ -27,18 +27,22 @@ def straight(rig):
 
 @pytest.mark.parametrize("kind", T)
 def test_every_action_type_has_a_controller(kind):
-    assert CONTROLLERS[kind.name].action == kind
+    made = CONTROLLERS[kind.name]
+    assert made.action_format.space() == action_space(kind)
+    assert isinstance(made.follows_lanes, bool)
 
 
 @pytest.mark.parametrize(("given", "number"), [("keep_lane", 0), ("change_lane_left", 2), (3, 3), (1.0, 1)])
 def test_lane_actions_by_name_or_number(given, number):
-    assert lane_action_number(given) == number
+    assert LaneFormat().parse(given, "", 0) == number
 
 
 @pytest.mark.parametrize("given", ["change_left", "", 4, -1, 1.5, None, True, float("nan")])
 def test_unknown_lane_actions_are_refused(given):
-    with pytest.raises(ActionError, match=r"lane action|keep_lane, slow_down"):
-        lane_action_number(given, agent="ego")
+    with pytest.raises(ActionError) as caught:
+        LaneFormat().parse(given, "action of 'ego'", 0)
+    assert caught.value.place == "action of 'ego'"
+    assert repr(given) in caught.value.problem
 
 
 class TestContinuous:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from smarts.agents import AgentInterface
+from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, RLlibHiWayEnv, VectorHiWayEnv
-from smarts.env.adapters.benchmark import benchmark_interface
-from smarts.env.adapters.reward import RewardWeights, given_weights
-from smarts.env.arrays import EnvSettings
+from smarts.env.settings import EnvSettings
 from smarts.errors import SmartsError
+from smarts.rewards.weights import RewardWeights, given_weights
 from smarts.sim.assembly import Options
 from smarts.types.streams import check_seed
 
@@ -34,8 +34,8 @@ LANER = benchmark_interface()
         ({"decision_interval": "5"}, "decision_interval is '5'"),
         ({"decision_interval": 0}, "decision_interval is 0"),
         ({"decision_interval": 101}, "whole number from 1 to 100"),
-        ({"worlds": 0}, "num_envs is 0"),
-        ({"worlds": 1.5}, "num_envs is 1.5"),
+        ({"num_envs": 0}, "num_envs is 0"),
+        ({"num_envs": 1.5}, "num_envs is 1.5"),
         ({"simulation": {"dt": 0.1}}, "simulation is {'dt': 0.1}"),
         ({"adapter": "benchmrk"}, "did you mean 'benchmark'"),
         ({"adapter": int}, "the adapter is <class 'int'>"),

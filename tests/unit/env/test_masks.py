@@ -8,9 +8,9 @@ from gymnasium.spaces import Box, Dict, Discrete
 
 from algorithms.joint.adapter import JointVector
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.env.adapters.benchmark import benchmark_interface
 
 RIGHT = 3
 SEED = 3

@@ -9,9 +9,10 @@ import pytest
 from smarts.agents import ActionSpaceType, Agent, AgentInterface, AgentPolicy, DoneCriteria
 from smarts.agents.acting import InProcess
 from smarts.agents.options import InterfaceError
-from smarts.env.batch import Batch, EpisodeKey, SocialAgents
-from smarts.env.observation import ObservationMaker
+from smarts.env.runner import EpisodeKey, SimulationRunner
+from smarts.env.social_agents import SocialAgents
 from smarts.errors import ActionError, ScenarioError
+from smarts.sensors.observation import ObservationMaker
 from smarts.sim.assembly import assemble
 from smarts.sstudio.build import build_scenario
 from smarts.types.agent_states import AgentStatus
@@ -64,19 +65,19 @@ class Played:
         parts = assemble(scenarios, [LANER] * egos, others={"social": social})
         self.parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, change))
         names = [*(f"agent-{number}" for number in range(egos)), "social"]
-        others = SocialAgents(acting, ObservationMaker(parts), names, deadline=0.25)
-        self.batch = Batch(self.parts, [], period=period, others=others)
+        others = SocialAgents(acting, ObservationMaker(parts.scene), names, deadline=0.25)
+        self.runner = SimulationRunner(self.parts, [], period=period, others=others)
         self.world, self.agent_id = parts.simulation.world, egos
 
     def reset(self, episode=0):
-        self.batch.reset({0: EpisodeKey(0, episode, 42)})
-        self.batch.dispatch()
+        self.runner.reset({0: EpisodeKey(0, episode, 42)})
+        self.runner.dispatch()
 
     def step(self, steps=1):
         told = []
         for _ in range(steps):
-            told.append(self.batch.step())
-            self.batch.dispatch()
+            told.append(self.runner.step())
+            self.runner.dispatch()
         return told[-1]
 
     @property
@@ -94,7 +95,7 @@ def play():
 
     yield make
     for one in made:
-        one.batch.close()
+        one.runner.close()
 
 
 def beside(agents):
@@ -154,20 +155,20 @@ def test_answers_that_are_late_or_of_the_past_are_dropped(play):
     played.reset()
     (first,) = answers.asked
     played.step()
-    assert played.batch.late == 1
+    assert played.runner.late == 1
     answers.ready = {first: "change_lane_left"}
     played.step()
-    assert not played.batch.actions.given[0, SOCIAL]
+    assert not played.runner.actions.given[0, SOCIAL]
     answers.ready = {answers.asked[-1]: "slow_down"}
     played.step()
-    assert played.batch.actions.given[0, SOCIAL]
-    assert played.batch.actions.values[0, SOCIAL, 0] == 1
+    assert played.runner.actions.given[0, SOCIAL]
+    assert played.runner.actions.values[0, SOCIAL, 0] == 1
     assert set(answers.deadlines) == {0.25}
     last = answers.asked[-1]
     played.reset(1)
     answers.ready = {last: "keep_lane"}
     played.step()
-    assert not played.batch.actions.given[0, SOCIAL], "an answer of the last episode"
+    assert not played.runner.actions.given[0, SOCIAL], "an answer of the last episode"
 
 
 def test_a_bad_answer_names_the_agent(play):
@@ -307,13 +308,13 @@ def _turning(played):
 def test_where_all_wait_time_goes_on_until_somebody_is_there(play):
     played = play(Answers(), trap(agent_id=EGO))
     played.reset()
-    assert played.batch.alive[0, EGO]
+    assert played.runner.alive[0, EGO]
     assert played.world.step[0] > 0
     assert played.world.vehicles.home[0, played.world.agents.slot[0, EGO]] == Owner.TRAFFIC
 
 
 def test_where_nobody_ever_comes_the_error_says_so(play, monkeypatch):
-    monkeypatch.setattr("smarts.env.batch.PATIENCE", 100)
+    monkeypatch.setattr("smarts.env.runner.MAX_ENTRY_WAIT", 100)
 
     def never(agents):
         return (dataclasses.replace(agents[0], take_over=TakeOver(vehicle="no such", patience=np.inf)),)

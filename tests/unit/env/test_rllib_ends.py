@@ -4,8 +4,8 @@ import pytest
 from ray.rllib.env.multi_agent_episode import MultiAgentEpisode
 
 from smarts.agents import AgentInterface, AgentSpec
+from smarts.agents.benchmark import benchmark_interface
 from smarts.env import HiWayEnv, RLlibHiWayEnv
-from smarts.env.adapters.benchmark import benchmark_interface
 
 
 def played(limits, drive=0):

@@ -5,9 +5,10 @@ import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
 from smarts.agents import ActionSpaceType, AgentSpec
+from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.env.adapters.benchmark import BenchmarkAdapter, benchmark_interface
+from smarts.env.array_adapters import ObservationAndReward
 from smarts.errors import ActionError, UnknownNameError
 
 PLAIN = benchmark_interface()
@@ -120,17 +121,17 @@ def test_vector_refuses_python_adapters_by_name():
         VectorHiWayEnv(1, ["loop"], {"a": PLAIN, "b": ADAPTED})
 
 
-class Doubled(BenchmarkAdapter):
-    """The benchmark's, twice as dear."""
+class Doubled(ObservationAndReward):
+    """The benchmark's, with twice the reward."""
 
-    def __init__(self, served, interface, *, factor=2.0, **options):
-        super().__init__(served, interface, **options)
-        self._factor, self._paid = factor, self.rewards
-        self.rewards = np.zeros_like(self._paid)
+    def __init__(self, context, interface, *, factor=2.0):
+        super().__init__(context, "benchmark", "benchmark")
+        self._factor, self._plain = factor, self.rewards
+        self.rewards = np.zeros_like(self._plain)
 
     def collect(self, frame, is_last):
         super().collect(frame, is_last)
-        self.rewards[:] = self._factor * self._paid
+        self.rewards[:] = self._factor * self._plain
 
 
 def test_a_class_serves_all_agents(closing):

@@ -82,12 +82,44 @@ def test_boxes_that_cannot_be_painted():
 
 def test_a_view_is_cut_out_as_the_viewer_is_turned():
     cells = np.arange(100, dtype=np.uint8)
-    view = np.zeros((4, 2), np.uint8)
-    picture = cells.reshape(10, 10)
-    cut_view(cells, 0, 10, 10, 100.0, 50.0, 1.0, 105.0, 55.0, math.pi / 2, 1.0, 255, view)
+    view = np.zeros((4, 2, 1), np.uint8)
+    picture, raster = cells.reshape(10, 10, 1), (cells, 10, 10, 100.0, 50.0, 1.0)
+    same = cells[:, None]
+    cut_view(*raster, 105.0, 55.0, math.pi / 2, 1.0, same, view)
     # North is up: rows from the south are turned about.
     assert (view == picture[3:7, 4:6][::-1]).all()
-    cut_view(cells, 0, 10, 10, 100.0, 50.0, 1.0, 105.0, 55.0, 0.0, 1.0, 255, view)
-    assert (view == picture[4:6, 3:7].T[::-1, ::-1]).all()
-    cut_view(cells, 0, 10, 10, 100.0, 50.0, 1.0, 1e7, -1e7, 0.0, 1.0, 255, view)
+    cut_view(*raster, 105.0, 55.0, 0.0, 1.0, same, view)
+    assert (view == picture[4:6, 3:7].transpose(1, 0, 2)[::-1, ::-1]).all()
+    cut_view(*raster, 1e7, -1e7, 0.0, 1.0, same, view)
     assert not view.any()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_a_view_shows_the_cell_at_the_centre_of_each_pixel(channels):
+    generator = np.random.Generator(np.random.Philox(1))
+    cells = generator.integers(0, 16, (30, 40)).astype(np.uint8)
+    colours = generator.integers(0, 256, (16, channels)).astype(np.uint8)
+    view = np.zeros((24, 20, channels), np.uint8)
+    for _ in range(20):
+        x, y, heading = *generator.uniform(-2.0, 22.0, 2), generator.uniform(-math.pi, math.pi)
+        cut_view(cells.ravel(), 30, 40, 0.0, 0.0, 0.5, x, y, heading, 0.7, colours, view)
+        ahead = (12 - np.arange(24) - 0.5)[:, None] * 0.7
+        left = (10 - np.arange(20) - 0.5)[None, :] * 0.7
+        column = np.floor((x + ahead * math.cos(heading) - left * math.sin(heading)) / 0.5).astype(int)
+        row = np.floor((y + ahead * math.sin(heading) + left * math.cos(heading)) / 0.5).astype(int)
+        inside = (row >= 0) & (row < 30) & (column >= 0) & (column < 40)
+        shown = np.where(inside, cells[np.clip(row, 0, 29), np.clip(column, 0, 39)], 0)
+        assert (view == colours[shown]).mean() > 0.99  # centres on the edges of cells may go either way
+
+
+def test_a_box_covers_the_pixels_whose_centres_lie_in_it():
+    generator = np.random.Generator(np.random.Philox(2))
+    for _ in range(50):
+        view = np.zeros((24, 30, 1), np.uint8)
+        ahead, aside, turn = *generator.uniform(-10, 10, 2), generator.uniform(-7, 7)
+        paint_box(view, 0.5, ahead, aside, turn, 5.0, 1.8, np.ones(1, np.uint8))
+        forward = (12 - np.arange(24) - 0.5)[:, None] * 0.5 - ahead
+        left = (15 - np.arange(30) - 0.5)[None, :] * 0.5 - aside
+        along = np.abs(forward * math.cos(turn) + left * math.sin(turn))
+        across = np.abs(left * math.cos(turn) - forward * math.sin(turn))
+        assert (view[..., 0] == ((along <= 2.5) & (across <= 0.9))).all()

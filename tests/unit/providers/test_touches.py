@@ -16,7 +16,7 @@ def leave_nobody_out(driven):
     """Let a stage give Bullet everybody but the vehicle in slot 0, which is its own, in every step."""
     boxed, alive = driven.vehicles._boxed, driven.world.vehicles.alive
 
-    def find(in_bullet, rows):
+    def find(env_mask):
         boxed[:, 1:] = alive[:, 1:]
         return True
 

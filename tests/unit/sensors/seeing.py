@@ -39,5 +39,5 @@ def seen(sensor, made, agent_id=0):
     out = {field.name: field.allocate(made.world.worlds, 1) for field in sensor.fields()}
     wanted = np.zeros((made.world.worlds, 1), np.bool_)
     wanted[0] = True
-    sensor.observe(scene_of(made), np.array([agent_id], np.int32), wanted, out)
+    sensor.bind(scene_of(made), np.array([agent_id], np.int32), out)(wanted)
     return {name: array[0, 0] for name, array in out.items()}

@@ -3,7 +3,8 @@
 import numpy as np
 
 from smarts.agents import AgentInterface, AgentType, NeighborhoodVehicles, Waypoints
-from smarts.sensors.suite import EVERYBODY_HAS, SensorSuite, sensors_of
+from smarts.agents.sensors import ALWAYS_ON
+from smarts.sensors.suite import SensorSuite, sensors_of
 from tests.unit.sensors.seeing import STRAIGHT_ON, at_crossing, scene_of
 from tests.worlds import Car
 
@@ -27,7 +28,7 @@ def wanted(*agents):
 def test_sensors_are_those_of_the_interface():
     interface = AgentInterface.from_type(AgentType.Laner, waypoints=Waypoints(5))
     sensors = sensors_of(interface)
-    assert set(sensors) == {*EVERYBODY_HAS, "waypoint_paths", "accelerometer", "lane_positions"}
+    assert set(sensors) == {*ALWAYS_ON, "waypoint_paths", "accelerometer", "lane_positions"}
     assert sensors["waypoint_paths"].option == Waypoints(5)
 
 
@@ -45,14 +46,6 @@ def test_equal_options_share_a_block():
     assert readings.blocks["neighborhood_vehicle_states"]["count"].tolist() == [[0, 0]]
     assert readings.blocks["neighborhood_vehicle_states:2"]["count"].tolist() == [[2]]
     assert readings.blocks["ego_vehicle_state"]["speed"].tolist() == [[1, 2, 3]]
-
-
-def test_places_of_readings():
-    _, suite = suite_of(NEAR, FAR, NEAR, None)
-    assert suite.place("neighborhood_vehicle_states", 2) == ("neighborhood_vehicle_states", 1)
-    assert suite.place("neighborhood_vehicle_states", 1) == ("neighborhood_vehicle_states:2", 0)
-    assert suite.place("accelerometer", 1) is None
-    assert suite.place("mission", 3) is None
 
 
 def test_only_the_wanted_are_served():

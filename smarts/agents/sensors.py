@@ -1,0 +1,33 @@
+"""The sensors that interfaces can switch on."""
+
+from __future__ import annotations
+
+from smarts.registry import Registry
+
+SENSORS = Registry(
+    "sensor",
+    {
+        name: f"smarts.sensors.{name}:{kind}"
+        for name, kind in {
+            "ego_vehicle_state": "EgoVehicleState",
+            "mission": "MissionAndGoal",
+            "via_data": "ViaPoints",
+            "neighborhood_vehicle_states": "NeighborhoodVehicleStates",
+            "waypoint_paths": "WaypointPathsAhead",
+            "lane_positions": "LanePosition",
+            "accelerometer": "AccelerationAndJerk",
+            "signals": "SignalsAhead",
+            "road_waypoints": "RoadWaypointsAround",
+            "drivable_area_grid_map": "DrivableArea",
+            "occupancy_grid_map": "OccupancyGrid",
+            "top_down_rgb": "TopDownRgb",
+            "lidar_point_cloud": "LidarPoints",
+            "occlusion_map": "VisibleArea",
+        }.items()
+    },
+)
+"""Name of a field of `AgentInterface`, and of an attribute of `Observation` -> "module:Class" of a
+`smarts.sensors.protocol.Sensor`. A name beyond the original's fields is a keyword of `AgentInterface` too."""
+
+ALWAYS_ON = ("ego_vehicle_state", "mission", "via_data")
+"""The sensors that every agent has."""

@@ -1,0 +1,228 @@
+"""Formats of actions: what agents of each action type give, and how it is checked and written into `Actions`.
+
+A controller declares the format of its type in its own file: a `NumbersFormat`, a `PathFormat`, or a class
+of its own. The environments read it from there (`smarts.controllers.action_format`).
+
+Axis letters: N actions, K numbers of an action, C columns and P points of a path.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from gymnasium.spaces import Box, Space
+from numpy.typing import NDArray
+
+from smarts.arrays import Floats
+from smarts.errors import ActionError, shown
+from smarts.types.actions import Actions
+
+Places = tuple[Any, Any]
+"""Rows of simulations and ids of agents, as an index of `Actions`: two numbers, or two arrays of shape
+(N,)."""
+
+FAR = 1e6
+"""The largest coordinate of an action [m]."""
+PATH_POINTS = 32
+"""The points of a path in an action space; agents by name may give fewer or more."""
+
+
+class Rejected(NamedTuple):
+    """Why the first bad one of several actions is rejected."""
+
+    first: int
+    """Of the action."""
+    problem: str
+
+
+class ActionFormat(Protocol):
+    """What agents of one action type give.
+
+    `parse` and `parse_batch` check in full and write nothing; what they return is finite and within the
+    bounds, and `write` cannot fail. So a caller parses the actions of all agents before it writes any.
+    """
+
+    has_path: bool
+    """Whether `write` needs `Actions.path`."""
+
+    def space(self) -> Space:
+        """Return a new Gymnasium space of the actions."""
+        ...
+
+    def remedy(self) -> str:
+        """Return what errors tell the caller to give."""
+        ...
+
+    def parse(self, action: Any, place: str, most_points: int) -> Floats:
+        """Return the numbers of one action as users give it.
+
+        Args:
+            action: The action.
+            place: Where errors say that it was given.
+            most_points: Of a path: how many `Actions.path` has room for.
+
+        Raises:
+            ActionError: The action is not of this format, or not finite.
+        """
+        ...
+
+    def parse_batch(self, values: NDArray) -> Floats | Rejected:
+        """Return the numbers of N elements of the space, or why one is rejected; `values` is numeric."""
+        ...
+
+    def write(self, parsed: Floats, places: Places, out: Actions) -> None:
+        """Write what `parse` has returned for one place, or `parse_batch` for N."""
+        ...
+
+
+class NumbersFormat:
+    """K numbers within bounds, which out-of-range numbers are clipped to.
+
+    Args:
+        low: The least values, shape (K,).
+        high: The largest, shape (K,).
+        whole: Columns that are rounded to whole numbers.
+    """
+
+    has_path = False
+
+    def __init__(self, low: Sequence[float], high: Sequence[float], whole: Sequence[int] = ()) -> None:
+        self._low, self._high = np.array(low, np.float64), np.array(high, np.float64)
+        self._shape, self._whole = (len(low),), list(whole)
+
+    def space(self) -> Box:
+        """Return a new `Box` of shape (K,)."""
+        return Box(self._low.astype(np.float32), self._high.astype(np.float32), dtype=np.float32)
+
+    def remedy(self) -> str:
+        """Return that an element of the space is wanted."""
+        return f"give an element of {self.space()}"
+
+    def parse(self, action: Any, place: str, most_points: int) -> Floats:
+        """Return K numbers; see `ActionFormat`. An action of no numbers may be anything."""
+        if not self._shape[0]:
+            return self._low
+        return self._clip(numbers_of(action, self._shape, place, self.remedy))
+
+    def parse_batch(self, values: NDArray) -> Floats | Rejected:
+        """Return numbers of shape (N, K); see `ActionFormat`."""
+        return _first_infinite(values) or self._clip(values)
+
+    def write(self, parsed: Floats, places: Places, out: Actions) -> None:
+        """Write the first columns of `Actions.values`."""
+        out.values[(*places, slice(parsed.shape[-1]))] = parsed
+
+    def _clip(self, values: NDArray) -> Floats:
+        clipped = np.minimum(np.maximum(values, self._low), self._high)
+        if self._whole:
+            clipped[..., self._whole] = np.round(clipped[..., self._whole])
+        return clipped
+
+
+class PathFormat:
+    """A path as C columns of 1 to P points each.
+
+    Numbers are clipped, since what follows a path works with their squares and products, which must not
+    overflow.
+
+    Args:
+        columns: Which columns of `Actions.path` (time, x, y, heading, speed) are given, shape (C,).
+    """
+
+    has_path = True
+    _LIMITS = np.array([1000.0, FAR, FAR, 1000.0, 100.0])
+    """The largest magnitudes of time [s], x, y [m], heading [rad] and speed [m/s]."""
+
+    def __init__(self, columns: Sequence[int]) -> None:
+        self._columns = list(columns)
+        self._limits = self._LIMITS[self._columns, None]
+
+    def space(self) -> Box:
+        """Return a new `Box` of shape (C, PATH_POINTS)."""
+        limits = np.repeat(self._limits, PATH_POINTS, axis=1).astype(np.float32)
+        return Box(-limits, limits, dtype=np.float32)
+
+    def remedy(self) -> str:
+        """Return that an element of the space is wanted."""
+        return f"give an element of {self.space()}"
+
+    def parse(self, action: Any, place: str, most_points: int) -> Floats:
+        """Return a path of shape (C, P); see `ActionFormat`."""
+
+        def remedy() -> str:
+            return f"give {len(self._columns)} columns of 1 to {most_points} points each"
+
+        try:
+            shape = np.shape(action)
+        except ValueError as error:
+            raise rejection(action, "has columns that differ in length", place, remedy) from error
+        if len(shape) != 2 or shape[0] != len(self._columns) or not 0 < shape[1] <= most_points:
+            raise rejection(action, f"is of shape {shape}", place, remedy)
+        return self._clip(numbers_of(action, shape, place, remedy))
+
+    def parse_batch(self, values: NDArray) -> Floats | Rejected:
+        """Return paths of shape (N, C, P); see `ActionFormat`."""
+        return _first_infinite(values) or self._clip(values)
+
+    def write(self, parsed: Floats, places: Places, out: Actions) -> None:
+        """Write paths of P points, and their length."""
+        points = parsed.shape[-1]
+        for source, column in enumerate(self._columns):
+            out.path[(*places, slice(points), column)] = parsed[..., source, :]
+        out.path_length[places] = points
+
+    def _clip(self, values: NDArray) -> Floats:
+        return np.clip(values, -self._limits, self._limits)
+
+
+def numbers_of(action: Any, shape: tuple[int, ...], place: str, remedy: str | Callable[[], str]) -> Floats:
+    """Return an action as finite numbers.
+
+    None, truth values, texts, bytes and dates are rejected, which NumPy would turn into numbers.
+
+    Args:
+        action: A number, or what NumPy makes an array of.
+        shape: That of the result; a list of one number stands for that number, and the other way round.
+        place: Where errors say that it was given.
+        remedy: What errors tell the caller to give; called only for an error.
+
+    Raises:
+        ActionError: The action is not made of numbers, of another shape, or not finite.
+    """
+    cause, values = None, None
+    try:
+        values = _as_floats(action)
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+        cause = error
+    if values is None:
+        raise rejection(action, "is not made of numbers", place, remedy) from cause
+    if values.size != math.prod(shape):
+        raise rejection(action, f"is of shape {values.shape}, not {shape}", place, remedy)
+    if not np.isfinite(values).all():
+        raise rejection(action, "is not finite", place, remedy)
+    return values.reshape(shape)
+
+
+def rejection(action: Any, problem: str, place: str, remedy: str | Callable[[], str]) -> ActionError:
+    """Return the error for an action; its text is short, however large the action is."""
+    advice = remedy if isinstance(remedy, str) else remedy()
+    return ActionError(f"{shown(action, 100)} {problem}", place=place, remedy=advice)
+
+
+def _as_floats(given: Any) -> Floats | None:
+    """Return numbers as float64, None if anything among them is not a number."""
+    values = np.asarray(given)
+    is_number = values.dtype.kind in "iuf" or (values.dtype.kind == "O" and all(map(_is_real, values.flat)))
+    return values.astype(np.float64) if is_number and not np.ma.is_masked(given) else None
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _first_infinite(values: NDArray) -> Rejected | None:
+    is_bad = ~np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
+    return Rejected(int(np.argmax(is_bad)), "is not finite") if is_bad.any() else None

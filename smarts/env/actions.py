@@ -1,0 +1,212 @@
+"""The way of agents' actions into a simulation: all are checked before any is written.
+
+Every environment API uses it. The format of an action is that of the agent's action type, which its
+controller declares, unless the agents' array adapter is an `ActionEncoding` too.
+
+Axis letters: B simulations, A agents, G agents of a group, N chosen actions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smarts.arrays import Bools, Floats
+from smarts.controllers import action_format
+from smarts.controllers.action_formats import (
+    ActionFormat,
+    Places,
+    Rejected,
+    numbers_of,
+    rejection,
+)
+from smarts.env.groups import ActionEncoding, AgentGroup
+from smarts.errors import ActionError
+from smarts.types.actions import Actions
+
+_LARGEST_WHOLE = 2**53
+"""Above it, float64 does not hold every whole number."""
+
+
+class Parsed(NamedTuple):
+    """Checked actions of one format, which only have to be written."""
+
+    format: ActionFormat
+    numbers: Floats
+    places: Places
+
+
+class Own(NamedTuple):
+    """Actions for an adapter's own encoding."""
+
+    encoding: ActionEncoding
+    given: NDArray
+    """Shape (B, G, ...)."""
+    chosen: Bools
+    """Shape (B, G)."""
+
+
+class ActionEncoder:
+    """Checks agents' actions, and writes them into the buffers of a simulation.
+
+    Args:
+        actions: The buffers, with the action types of all agents.
+        action_mask: Which lane actions are legal now, shape (B, A, 4).
+    """
+
+    def __init__(self, actions: Actions, action_mask: Bools) -> None:
+        self._actions, self._action_mask = actions, action_mask
+        self._most_points = actions.path.shape[2]
+
+    def parse(self, agent: str, action: Any, row: int, agent_id: int) -> Parsed:
+        """Check one agent's action, given as users do: numbers, a lane action's name, a tuple of columns.
+
+        Args:
+            agent: Its name, for errors.
+            action: The action.
+            row: Its simulation.
+            agent_id: The agent.
+
+        Raises:
+            ActionError: The action is not of the agent's type, or not finite.
+        """
+        found = action_format(int(self._actions.kind[row, agent_id]))
+        return Parsed(found, found.parse(action, place_of(agent), self._most_points), (row, agent_id))
+
+    def parse_group(self, group: AgentGroup, given: NDArray, chosen: Bools) -> Parsed:
+        """Check the chosen agents' actions, given as an array of shape (B, G, ...).
+
+        Raises:
+            ActionError: An action is not finite, or not one of a discrete space.
+        """
+        rows, columns = np.nonzero(chosen)
+        found = action_format(group.kind)
+        numbers = found.parse_batch(given[rows, columns])
+        if isinstance(numbers, Rejected):
+            row, column = int(rows[numbers.first]), int(columns[numbers.first])
+            place = place_of(group.agents[column], row if len(chosen) > 1 else None)
+            raise rejection(given[row, column].tolist(), numbers.problem, place, found.remedy)
+        return Parsed(found, numbers, (rows, group.agent_ids[columns]))
+
+    def write(self, parsed: Iterable[Parsed], own: Sequence[Own] = ()) -> None:
+        """Write actions, and mark them as fresh.
+
+        Raises:
+            ActionError: An adapter's own encoding has refused an action. Nothing is written then.
+        """
+        actions = self._actions
+        if own:
+            with _restored_on_error(actions):
+                for encoding, given, chosen in own:
+                    encoding.encode(given, chosen, actions)
+        for each in parsed:
+            each.format.write(each.numbers, each.places, actions)
+            actions.action_mask[each.places] = self._action_mask[each.places]
+            actions.given[each.places] = actions.fresh[each.places] = True
+
+
+@contextmanager
+def _restored_on_error(actions: Actions) -> Iterator[None]:
+    """Put back what an encoding has written if it raises."""
+    kept = [column.copy() for column in actions]
+    try:
+        yield
+    except BaseException:
+        for column, before in zip(actions, kept, strict=True):
+            np.copyto(column, before)
+        raise
+
+
+def place_of(agent: str, row: int | None = None) -> str:
+    """Return what errors call an agent's action, in one of several simulations."""
+    return f"action of {agent!r}" + ("" if row is None else f" in simulation {row}")
+
+
+def own_remedy(group: AgentGroup) -> str:
+    """Return what errors tell the caller to give a group's agents."""
+    if group.encoding is None:
+        return action_format(group.kind).remedy()
+    return f"give an element of {group.action}"
+
+
+def element_of(group: AgentGroup, agent: str, action: Any) -> NDArray:
+    """Return one agent's action as an element of its adapter's own space, in that space's type.
+
+    Raises:
+        ActionError: It is not made of finite numbers of the space's shape, or of whole ones where these are
+            wanted.
+    """
+    place, space = place_of(agent), group.action
+    values = numbers_of(action, space.shape or (), place, lambda: own_remedy(group))
+    dtype: Any = np.dtype(space.dtype)
+    if dtype.kind not in "iu":
+        limits = np.finfo(dtype)
+        return np.clip(values, limits.min, limits.max).astype(dtype)
+    limits = np.iinfo(dtype)
+    within = np.clip(values, limits.min, min(limits.max, _LARGEST_WHOLE))
+    if (within != np.round(values)).any():
+        raise rejection(action, "is not made of whole numbers", place, lambda: own_remedy(group))
+    return within.astype(dtype)
+
+
+def arrays_of(actions: Any, groups: Sequence[AgentGroup], chosen: Bools) -> list[NDArray]:
+    """Return numeric arrays of shape (B, G, ...) for each group; entries where `~chosen` are unspecified.
+
+    Args:
+        actions: A list of an array for each group, or groups of one size stacked; of any array library.
+        groups: In the order of the columns.
+        chosen: Which egos' actions are wanted, shape (B, E).
+
+    Raises:
+        ActionError: There are not as many arrays as groups, or one has not its group's shape, or holds what
+            is no number.
+    """
+    remedy = f"give an array for each of {len(groups)} blocks of agents"
+    blocks = _blocks(actions)
+    if blocks is None:
+        raise rejection(actions, "is not a list of arrays", "actions", remedy)
+    if len(blocks) != len(groups):
+        raise ActionError(f"actions of {len(blocks)} blocks of agents", place="actions", remedy=remedy)
+    return [
+        _numeric(group, given, chosen[:, group.columns]) for group, given in zip(groups, blocks, strict=True)
+    ]
+
+
+def _blocks(actions: Any) -> Sequence[ArrayLike] | NDArray | None:
+    """Return what is given for each group, None if that is no list."""
+    if isinstance(actions, Sequence):
+        return actions
+    if not hasattr(actions, "__array__"):
+        return None
+    try:
+        values = np.asarray(actions)
+    except (TypeError, ValueError, RuntimeError):
+        return None
+    return values if values.ndim else None
+
+
+def _numeric(group: AgentGroup, given: ArrayLike, chosen: Bools) -> NDArray:
+    wanted = (len(chosen), len(group.agents), *(group.action.shape or ()))
+
+    def refused(problem: str) -> ActionError:
+        place = f"actions of {', '.join(group.agents)}"
+        return rejection(given, problem, place, f"give an array of shape {wanted}")
+
+    try:
+        values = np.asarray(given)
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
+        raise refused("is not an array") from error
+    if values.shape != wanted:
+        raise refused(f"is of shape {values.shape}")
+    if values.dtype.kind in "iuf":
+        return values
+    # An entry is no number, or too large for an array: the error names its agent.
+    each, values = np.asarray(given, object), np.zeros(wanted)
+    for row, column in np.argwhere(chosen).tolist():
+        place = place_of(group.agents[column], row if len(chosen) > 1 else None)
+        values[row, column] = numbers_of(each[row, column], wanted[2:], place, lambda: own_remedy(group))
+    return values

@@ -1,0 +1,176 @@
+"""The dict environment of agents with array adapters, with adapters of their specs on top."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box, Dict, Space
+
+from smarts.agents.options import InterfaceError
+from smarts.env.actions import Own, Parsed, element_of
+from smarts.env.dict_env import DictEnv, StepResult
+from smarts.env.groups import AgentGroup, make_groups, rewards_of
+from smarts.env.observation_collector import ObservationCollector
+from smarts.env.runner import SimulationRunner, Transition
+from smarts.env.settings import EnvSettings
+from smarts.observations.action_mask import MASK
+from smarts.observations.context import AdapterContext
+from smarts.sensors.observation import Observation
+from smarts.sim.assembly import Assembly
+from smarts.types.actions import ActionSpaceType
+
+
+class AdapterDictEnv(DictEnv):
+    """One simulation whose agents have the settings' array adapter.
+
+    Where an agent's spec has adapters of its own, these come on top: its observation adapter gets an
+    `Observation` object instead of the arrays; its reward and info adapters get that object and the array
+    adapter's reward; its action adapter returns whatever `HiWayEnv` takes.
+
+    Args:
+        settings: With one simulation.
+
+    Raises:
+        InterfaceError: A spec has an observation adapter without the space that it leads to.
+    """
+
+    def __init__(self, settings: EnvSettings) -> None:
+        assembly, self._groups = make_groups(settings)
+        adapters = [group.adapter for group in self._groups]
+        runner = SimulationRunner(assembly, adapters, period=settings.decision_interval)
+        names = [name for group in self._groups for name in group.agents]
+        super().__init__(runner, names, settings.interfaces(), settings.specs(), settings.seed)
+        self._places = {
+            name: (number, place)
+            for number, group in enumerate(self._groups)
+            for place, name in enumerate(group.agents)
+        }
+        self._encoded = {
+            name
+            for name, (number, _) in self._places.items()
+            if self._groups[number].encoding is not None and not self._has_own(name, "action")
+        }
+        self._rewards, self._masks = [0.0] * len(names), [None] * len(self._groups)
+        self._checked: set[str] = set()
+        self._collector = self._collect_objects(assembly)
+        self.observation_spaces = {name: self._observation_space(name) for name in self.columns}
+        self.action_spaces = {name: self._action_space(name) for name in self.columns}
+
+    def _has_own(self, name: str, adapter: str) -> bool:
+        return adapter in self.specs[name].own_adapters
+
+    def _group(self, name: str) -> AgentGroup:
+        return self._groups[self._places[name][0]]
+
+    def _collect_objects(self, assembly: Assembly) -> ObservationCollector | None:
+        """Return a listener that makes observations for the agents with adapters of their own."""
+        names = [name for name in self.columns if self.specs[name].own_adapters]
+        if not names:
+            return None
+        agent_ids = np.array([self.columns[name] for name in names], np.int32)
+        context = AdapterContext(
+            assembly.scene, tuple(names), agent_ids, ActionSpaceType.Empty, self.runner.period, max_steps=0
+        )
+        collector = ObservationCollector(context)
+        self.runner.listen(collector)
+        return collector
+
+    def _observation_space(self, name: str) -> Space:
+        if not self._has_own(name, "observation"):
+            return self._group(name).observation
+        space = self.specs[name].observation_space
+        if not isinstance(space, Space):
+            raise InterfaceError(
+                f"agent {name!r} has an observation adapter, and its observation_space is {space!r}",
+                place="AgentSpec.observation_space",
+                remedy="give the Gymnasium space of what the adapter returns, or use HiWayEnv",
+            )
+        return space
+
+    def _action_space(self, name: str) -> Space:
+        space = self.specs[name].action_space if self._has_own(name, "action") else None
+        return self._group(name).action if space is None else space
+
+    def _parse(self, actions: Mapping[str, Any]) -> tuple[list[Parsed], list[Own]]:
+        """Check the actions of active agents, those in an adapter's own encoding apart."""
+        parsed, _ = super()._parse({n: a for n, a in actions.items() if n not in self._encoded})
+        own = []
+        for group in self._groups if self._encoded else ():
+            if group.encoding is None:
+                continue
+            given = np.zeros((1, len(group.agents), *(group.action.shape or ())), group.action.dtype)
+            chosen = np.zeros((1, len(group.agents)), np.bool_)
+            for place, name in enumerate(group.agents):
+                if name in actions and name in self._encoded and self.runner.alive[0, self.columns[name]]:
+                    given[0, place] = element_of(group, name, actions[name])
+                    chosen[0, place] = True
+            own.append(Own(group.encoding, given, chosen))
+        return parsed, own
+
+    def _step_result(self, transition: Transition) -> StepResult:
+        self._rewards = rewards_of(self._groups, transition.acted)[0].tolist()
+        self._read_masks()
+        return super()._step_result(transition)
+
+    def _first_infos(self, agents: Collection[str]) -> dict[str, Any]:
+        self._read_masks()
+        return {name: self._with_mask(name, {}) for name in agents}
+
+    def _reward_and_info(self, name: str, acted: bool, info: dict[str, Any]) -> tuple[Any, Any]:
+        reward, spec = self._rewards[self.columns[name]], self.specs[name]
+        if not spec.own_adapters:
+            return reward, self._with_mask(name, info)
+        seen = self._object(name)
+        info["score"] = float(self.runner.world.agents.distance_travelled[0, self.columns[name]])
+        adapted = spec.info_adapter(seen, reward, info)
+        return spec.reward_adapter(seen, reward) if acted else reward, self._with_mask(name, adapted)
+
+    def _read_masks(self) -> None:
+        self._masks = [group.action_mask() for group in self._groups]
+
+    def _with_mask(self, name: str, info: Any) -> Any:
+        """Return an info with the mask of the agent's actions, if it has one and the info is a mapping."""
+        number, place = self._places[name]
+        mask = self._masks[number]
+        if mask is None or self._has_own(name, "action") or not isinstance(info, Mapping):
+            return info
+        # As `Discrete.sample(mask)` takes it.
+        return {**info, MASK: mask[0, place].astype(np.int8)}
+
+    def _observation(self, name: str) -> Any:
+        if self._has_own(name, "observation"):
+            seen = self.specs[name].observation_adapter(self._object(name))
+            self._check_seen(name, seen)
+            return seen
+        number, place = self._places[name]
+        return self._groups[number].observe(0, place)
+
+    def _check_seen(self, name: str, seen: Any) -> None:
+        """Raise if the first observation that an adapter returns is not in the agent's space."""
+        if name in self._checked:
+            return
+        space = self.observation_spaces[name]
+        if not _is_in(space, seen):
+            raise InterfaceError(
+                f"the observation adapter of agent {name!r} returns what is not in its space: {seen!r}",
+                place="AgentSpec.observation_space",
+                remedy=f"let it return an element of {space}, or give the space of what it returns",
+            )
+        self._checked.add(name)
+
+    def _object(self, name: str) -> Observation:
+        # There is a collector if any agent has adapters.
+        return self._collector.seen[self.columns[name]]  # type: ignore[union-attr]
+
+
+def _is_in(space: Space, seen: Any) -> bool:
+    """Return whether a space has an observation, whose numbers may be more precise than the space's."""
+    if isinstance(space, Dict) and isinstance(seen, dict):
+        spaces = space.spaces
+        return seen.keys() == spaces.keys() and all(_is_in(spaces[name], seen[name]) for name in spaces)
+    if isinstance(space, Box) and isinstance(seen, np.ndarray):
+        are_floats = seen.dtype.kind == space.dtype.kind == "f"
+        seen = seen.astype(space.dtype) if are_floats else seen
+    return space.contains(seen)

@@ -1,0 +1,196 @@
+"""Groups of egos with equal spaces, each with the array adapter that makes their observations and rewards.
+
+Axis letters: B simulations, E egos, G egos of a group.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from gymnasium.spaces import Box, Dict, Space
+from numpy.typing import NDArray
+
+from smarts.agents.interface import AgentInterface
+from smarts.arrays import Bools, Ints
+from smarts.controllers import action_space
+from smarts.env.adapters import ArrayAdapter
+from smarts.env.settings import EnvSettings
+from smarts.observations.action_mask import MASK
+from smarts.observations.context import AdapterContext
+from smarts.roads.scene import Scene
+from smarts.sim.assembly import Assembly
+from smarts.types.actions import Actions, ActionSpaceType
+from smarts.types.interface import Field
+
+ALONE = "observation"
+"""Name of a field that is the whole observation where it is the only one."""
+
+
+class ActionEncoding(Protocol):
+    """How an array adapter's agents act, if not as their action type says; both members are the adapter's."""
+
+    action_space: Space
+
+    def encode(self, given: NDArray, chosen: Bools, out: Actions) -> None:
+        """Check the chosen agents' actions, and write them: numbers, `given`, `fresh` and `action_mask`.
+
+        Args:
+            given: Elements of the space, shape (B, G, ...); entries where `~chosen` are unspecified.
+            chosen: Which agents act, shape (B, G); the others keep the lasting part of their last action.
+            out: Written, shape (B, A).
+
+        Raises:
+            ActionError: An action is not finite or not in the space; names agent and value.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class AgentGroup:
+    """Egos with equal spaces, in consecutive columns."""
+
+    agents: tuple[str, ...]
+    agent_ids: Ints
+    """Shape (G,)."""
+    columns: slice
+    """Of the egos."""
+    adapter: ArrayAdapter
+    fields: tuple[Field, ...]
+    """What an observation of one of them by name consists of."""
+    observation: Space
+    """A Box if that is the field "observation" alone, else a Dict."""
+    action: Space
+    kind: ActionSpaceType
+    """How their interfaces say that they act."""
+    encoding: ActionEncoding | None = None
+    """The adapter, if it is an `ActionEncoding` too."""
+
+    def observe(self, row: int, place: int) -> Any:
+        """Return a copy of one agent's observation, an element of the space `observation`."""
+        arrays = {field.name: self.adapter.observations[field.name] for field in self.fields}
+        # Without the ellipsis a field of a single number would not be an array.
+        return assembled({name: array[row, place, ...].copy() for name, array in arrays.items()})
+
+    def action_mask(self) -> Bools | None:
+        """Return which discrete actions are legal, shape (B, G, actions), None if the adapter does not say.
+
+        Where none is, as for agents that do not act, it is the first one: masked logits stay finite.
+        """
+        mask = self.adapter.observations.get(MASK)
+        if mask is None:
+            return None
+        action_mask = mask.astype(np.bool_)
+        action_mask[..., 0] |= ~action_mask.any(axis=-1)
+        return action_mask
+
+
+def make_groups(settings: EnvSettings) -> tuple[Assembly, tuple[AgentGroup, ...]]:
+    """Return the simulations, and their egos by groups, which are in the order of their first members.
+
+    Raises:
+        SmartsError: A scenario or an agent is not what it has to be.
+    """
+    # An adapter made by a function may read every sensor.
+    sensors = getattr(settings.adapter_class, "sensors", None)
+    grouped = _grouped(settings.interfaces(), None if settings.observes_sensors else sensors)
+    flat = {name: interface for members in grouped for name, interface in members.items()}
+    assembly = settings.assemble(flat, sensors)
+    groups, first = [], 0
+    for members in grouped:
+        groups.append(_group(members, first, assembly.scene, settings))
+        first += len(members)
+    return assembly, tuple(groups)
+
+
+def rewards_of(groups: Sequence[AgentGroup], acted: Bools) -> NDArray[np.float32]:
+    """Return the rewards of the last decision, 0 for egos that did not act, shape (B, E)."""
+    rewards = np.concatenate([group.adapter.rewards for group in groups], axis=1, dtype=np.float32)
+    rewards *= acted
+    return rewards
+
+
+def box_of(field: Field) -> Box:
+    """Return the space of a field."""
+    # Plain numbers: Box takes neither enumerations nor numpy's.
+    dtype: Any = field.dtype
+    return Box(float(field.low), float(field.high), field.shape, dtype)
+
+
+def assembled(parts: Mapping[str, Any]) -> Any:
+    """Return the parts of an observation as one: "observation" itself if it is alone, else a tree of dicts.
+
+    A part named "a/b" is "b" in a dict of its own, "a".
+    """
+    if [*parts] == [ALONE]:
+        return parts[ALONE]
+    tree: dict[str, Any] = {}
+    for full_name, part in parts.items():
+        *path, name = full_name.split("/")
+        inner = tree
+        for step in path:
+            inner = inner.setdefault(step, {})
+        inner[name] = part
+    return tree
+
+
+def space_of(tree: Space | Mapping[str, Any]) -> Space:
+    """Return the space of what `assembled` makes, out of what it makes of the parts' spaces."""
+    return tree if isinstance(tree, Space) else Dict({name: space_of(part) for name, part in tree.items()})
+
+
+def _grouped(
+    interfaces: Mapping[str, AgentInterface], sensors: Collection[str] | None
+) -> list[dict[str, AgentInterface]]:
+    """Return the agents that one adapter can serve together."""
+    groups: dict[Any, dict[str, AgentInterface]] = {}
+    for name, interface in interfaces.items():
+        observed = tuple(
+            (sensor, option)
+            for sensor, option in interface.sensors.items()
+            if sensors is None or sensor in sensors
+        )
+        key = (interface.action, interface.max_episode_steps, observed)
+        groups.setdefault(key, {})[name] = interface
+    return list(groups.values())
+
+
+def _group(
+    members: Mapping[str, AgentInterface], first: int, scene: Scene, settings: EnvSettings
+) -> AgentGroup:
+    columns = slice(first, first + len(members))
+    context = context_of(scene, members, first, settings.decision_interval)
+    interface = next(iter(members.values()))
+    adapter = settings.make_adapter(context, interface)
+    fields = tuple(field for field in adapter.fields if settings.action_mask or field.name != MASK)
+    encoding: Any = adapter if hasattr(adapter, "encode") else None
+    # One object for all agents of a group: PettingZoo asks for it, and learners compare by identity.
+    return AgentGroup(
+        tuple(members),
+        context.agent_ids,
+        columns,
+        adapter,
+        fields,
+        observation=space_of(assembled({field.name: box_of(field) for field in fields})),
+        action=action_space(context.action) if encoding is None else encoding.action_space,
+        kind=context.action,
+        encoding=encoding,
+    )
+
+
+def context_of(
+    scene: Scene, members: Mapping[str, AgentInterface], first: int, period: int
+) -> AdapterContext:
+    """Return what an adapter has to know of egos that act alike, the first of which is in column `first`."""
+    interface = next(iter(members.values()))
+    return AdapterContext(
+        scene=scene,
+        agents=tuple(members),
+        agent_ids=np.arange(first, first + len(members), dtype=np.int32),
+        action=ActionSpaceType.Empty if interface.action is None else interface.action,
+        period=period,
+        max_steps=interface.max_episode_steps or 0,
+        interfaces=tuple(members.values()),
+    )

@@ -1,0 +1,381 @@
+"""The loop around the step: decisions that last several steps, episodes, and their listeners.
+
+Axis letters: B simulations, A agents, E egos.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, NoReturn, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smarts.agents.checks import check_instance
+from smarts.arrays import Bools, Bytes, Ints
+from smarts.env.actions import ActionEncoder
+from smarts.env.social_agents import SocialAgentRequests, SocialAgents
+from smarts.errors import ScenarioError, SmartsError
+from smarts.geometry.binding import bind
+from smarts.geometry.compiling import kernel
+from smarts.sim.assembly import Assembly
+from smarts.types.agent_states import AgentStatus
+from smarts.types.episode import EpisodeStart
+from smarts.types.frame import Frame
+
+# A number: to compare an array with a member of an enumeration takes three times as long.
+_ACTIVE = int(AgentStatus.ACTIVE)
+
+MAX_ENTRY_WAIT = 6000
+"""Steps without any ego after which a simulation gives up."""
+
+
+class NotCopied:
+    """Refuses to be pickled and copied: an environment stays in the process that made it."""
+
+    def __reduce__(self) -> NoReturn:
+        raise SmartsError(
+            "an environment can be neither pickled nor copied: the state of SUMO and Bullet is not Python's",
+            place=type(self).__name__,
+            remedy="hand over what makes it, such as functools.partial(HiWayEnv, ...), and make it there: "
+            "with the same seed it plays the same episodes",
+        )
+
+
+class StepListener(Protocol):
+    """Is shown every step: an array adapter, or what makes observations as objects."""
+
+    def collect(self, frame: Frame, is_last: bool) -> object:
+        """Take in one step of a decision, or a reset; `is_last` if the decision ends with it."""
+        ...
+
+    def reset(self, egos: Bools) -> None:
+        """Forget what is remembered of these egos, shape (B, E)."""
+        ...
+
+
+class EpisodeKey(NamedTuple):
+    """Identifies an episode; the schedule makes it out of this."""
+
+    world: int
+    episode: int
+    seed: int | None = None
+
+
+@dataclass(frozen=True)
+class Transition:
+    """The result of one decision of the egos, shape (B, E); arrays are valid until the next one."""
+
+    acted: Bools
+    """Egos that were active when the decision began. Only these have rewards and endings: an ego that has
+    entered later and ended before its first decision is recorded, but the user has never seen it."""
+    events: Ints
+    """`Event` bits of all its steps."""
+    outcome: Bytes
+    """An `Outcome`."""
+    terminated: Bools
+    """Ended for good, among `acted`."""
+    truncated: Bools
+    """Cut short, among `acted`."""
+    finished: Bools
+    """Simulations whose episode is over, shape (B,)."""
+    failures: Mapping[int, SmartsError]
+    """Simulations whose traffic failed: their decision is invalid, and they are to be reset."""
+
+
+class SimulationRunner:
+    """Advances B simulations together, one decision of their egos at a time.
+
+    All egos decide every `period` steps, counted from the beginning of the episode; an ego that enters in
+    between decides from the next time on, and keeps its lane until then. A simulation whose last agent has
+    ended stands still until it is reset. One in which all egos are still to enter is stepped on until one
+    has entered.
+
+    Args:
+        assembly: The simulations, and what belongs to them.
+        listeners: Are shown every step.
+        period: Steps from one decision of the egos to the next.
+        others: The agents that are not the user's.
+    """
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        listeners: Sequence[StepListener],
+        *,
+        period: int = 1,
+        others: SocialAgents | None = None,
+    ) -> None:
+        self.simulation, self.actions, self.scene = assembly.simulation, assembly.actions, assembly.scene
+        self.world = self.simulation.world
+        self.period = period
+        self.starts: list[EpisodeStart | None] = [None] * self.world.worlds
+        """The present episode of each simulation."""
+        self.encoder = ActionEncoder(self.actions, self.world.agents.action_mask)
+        """Takes the agents' actions."""
+        self._schedule, self._recorder = assembly.schedule, assembly.recorder
+        self._listeners = tuple(listeners)
+        self._requests = None if others is None else SocialAgentRequests(others, self.world, self.encoder)
+        worlds, egos = self.world.worlds, self.world.egos
+        shape = (worlds, egos)
+        self.running = np.zeros(worlds, np.bool_)
+        """Simulations whose episode is not over, shape (B,)."""
+        self.alive = np.zeros(shape, np.bool_)
+        """Egos that decide now, shape (B, E)."""
+        self._every = np.ones(worlds, np.bool_)
+        self._state = self.world.agents.state[:, :egos]
+        self._observe_mask = np.zeros(self.world.agents.state.shape, np.bool_)
+        self._ended = np.zeros(shape, np.bool_)
+        self._acted = np.zeros(shape, np.bool_)
+        self._events = np.zeros(shape, np.int32)
+        self._terminated = np.zeros(shape, np.bool_)
+        self._truncated = np.zeros(shape, np.bool_)
+        self._failures: dict[int, SmartsError] = {}
+        self._decided = np.zeros(worlds, np.int32)  # steps of the states that the last decisions were made on
+        self._seen = np.zeros_like(self._observe_mask)  # agents whose readings are of now
+        self._frame: Frame | None = None
+        self._closed = False
+        due = self.world.agents.next_due, self.world.step, egos, self._observe_mask
+        self._choose_observed = bind(choose_observed, *due)
+        self._join = bind(join_events, self._events, self._terminated, self._truncated, self.running)
+
+    @property
+    def late(self) -> int:
+        """Answers of social agents that did not come in time."""
+        return 0 if self._requests is None else self._requests.late
+
+    def listen(self, listener: StepListener) -> None:
+        """Show every step to one more listener."""
+        self._listeners = (*self._listeners, listener)
+
+    def reset(self, episodes: Mapping[int, EpisodeKey]) -> None:
+        """Begin episodes in some simulations, by row.
+
+        Raises:
+            SmartsError: The environment was closed.
+            TrafficError: The traffic engine refused.
+            ScenarioError: No ego enters.
+        """
+        self._refuse_closed()
+        starts = {
+            row: self._schedule.start(key.world, key.episode, key.seed) for row, key in episodes.items()
+        }
+        for row, start in starts.items():
+            self.starts[row] = start
+        rows = np.zeros(self.world.worlds, np.bool_)
+        rows[list(episodes)] = True
+        for mask in (self.running, self.alive, self._ended, self.actions.given, self.actions.fresh):
+            mask[rows] = False
+        if self._requests is not None:
+            self._requests.forget(rows)
+        for listener in self._listeners:
+            listener.reset(np.repeat(rows[:, None], self.world.egos, axis=1))
+        frame = self._keep(self.simulation.reset(starts))
+        self.running[rows] = True
+        self.world.agents.period[rows, : self.world.egos] = self.period
+        for listener in self._listeners:
+            listener.collect(frame, True)
+        self._find_alive()
+        waiting = rows & ~self.alive.any(axis=1)
+        if waiting.any():
+            self.step(waiting)
+
+    def step(self, env_mask: Bools | None = None) -> Transition:
+        """Carry out a decision of the egos, which is in `actions`, in the simulations that run.
+
+        Args:
+            env_mask: Which of them make the step, shape (B,); by default all.
+
+        Raises:
+            ScenarioError: No ego enters.
+        """
+        env_mask = self._every if env_mask is None else env_mask
+        pending, waited = env_mask & self.running, 0
+        self._begin_decision(env_mask)
+        while pending.any():
+            for number in range(self.period):
+                is_last = number == self.period - 1
+                if self._requests is not None:
+                    self._requests.gather()
+                self._choose_observed(is_last)
+                frame = self.simulation.step(self.actions, pending, self._observe_mask)
+                if not self._take(frame, is_last, pending):
+                    break
+            pending = self._without_agents(env_mask, waited)
+            waited += self.period
+        self._find_alive()
+        self._ended[env_mask] = (self._terminated | self._truncated)[env_mask]
+        return Transition(
+            self._acted,
+            self._events,
+            self.world.agents.outcome[:, : self.world.egos],
+            self._terminated & self._acted,
+            self._truncated & self._acted,
+            ~self.running,
+            dict(self._failures),
+        )
+
+    def check_begun(self) -> None:
+        """Raise if there is nothing to step.
+
+        Raises:
+            SmartsError: The environment was closed, or a simulation was never reset.
+        """
+        self._refuse_closed()
+        for row, start in enumerate(self.starts):
+            if start is None:
+                problem = f"simulation {row} has no episode to step"
+                raise SmartsError(problem, place="step", remedy="call reset() first")
+
+    def annotate(self, name: str, values: ArrayLike, egos: Bools) -> None:
+        """Add values to the record of the egos' next decision; without a record, a no-op.
+
+        Args:
+            name: What the values are.
+            values: Of each ego, shape (B, E, ...).
+            egos: Which egos have one, shape (B, E); only those of active egos are recorded.
+
+        Raises:
+            InterfaceError: The name is not a text.
+        """
+        check_instance("name", name, str, "a text, such as 'probabilities'")
+        if self._recorder is not None:
+            self._recorder.annotate(name, values, egos & self.alive)
+
+    def conclude(self, rewards: NDArray, has_reward: Bools) -> None:
+        """Record the rewards of the last decision, and let the episodes that ended with it be written.
+
+        Args:
+            rewards: As the user gets them, shape (B, E).
+            has_reward: Which egos have one that is a number, shape (B, E); only those that acted are
+                recorded.
+        """
+        if self._recorder is None:
+            return
+        has_reward = has_reward & self._acted
+        has_reward[list(self._failures)] = False
+        self._recorder.annotate("reward", rewards, has_reward, self._decided)
+        self._recorder.finish(~self.running)
+
+    def dispatch(self) -> None:
+        """Ask the social agents whose decision is due; the last call before the user's turn."""
+        if self._requests is not None and self._frame is not None:
+            self._requests.dispatch(self._frame, self._seen & self.running[:, None])
+
+    def close(self) -> None:
+        """Free the simulations and the social agents; may be called again."""
+        self._closed = True
+        self.running[:] = False
+        if self._requests is not None:
+            self._requests.close()
+        self.simulation.close()
+
+    def _refuse_closed(self) -> None:
+        if self._closed:
+            raise SmartsError(
+                "the environment was closed", place=type(self).__name__, remedy="make another one"
+            )
+
+    def _begin_decision(self, env_mask: Bools) -> None:
+        """Forget the last decision of some simulations, and the egos that ended with it."""
+        ended = self._ended & env_mask[:, None]
+        if ended.any():
+            for listener in self._listeners:
+                listener.reset(ended)
+        acts = self.alive & env_mask[:, None]
+        self._acted[env_mask] = acts[env_mask]
+        self._decided[env_mask] = self.world.step[env_mask]
+        for sums in (self._events, self._terminated, self._truncated):
+            sums[env_mask] = 0
+        self._failures.clear()
+        next_due = self.world.agents.next_due[:, : self.world.egos]
+        due_then = np.broadcast_to((self.world.step + self.period)[:, None], next_due.shape)
+        np.copyto(next_due, due_then, where=acts)
+
+    def _take(self, frame: Frame, is_last: bool, pending: Bools) -> int:
+        """Take in a step of a decision; return how many simulations are to make the next one."""
+        self._keep(frame)
+        self.actions.fresh[:] = False
+        for listener in self._listeners:
+            listener.collect(frame, is_last)
+        self._failures.update(frame.failures)
+        events = frame.events
+        left = self._join(events.bits, events.terminated, events.truncated, events.finished, pending)
+        if not is_last:
+            self.dispatch()
+        return left
+
+    def _keep(self, frame: Frame) -> Frame:
+        """Keep a frame; readings of simulations that are not in it stay those of their last frame."""
+        self._frame = frame
+        np.copyto(self._seen, frame.observe_mask, where=frame.env_mask[:, None])
+        return frame
+
+    def _without_agents(self, env_mask: Bools, waited: int) -> Bools:
+        """Return which of some simulations run without any ego, all being still to enter, shape (B,).
+
+        Raises:
+            ScenarioError: They have waited too long.
+        """
+        waiting = env_mask & self.running & ~(self._state == _ACTIVE).any(axis=1)
+        if waited >= MAX_ENTRY_WAIT and waiting.any():
+            row = int(np.argmax(waiting))
+            agents = np.flatnonzero(self._state[row] == AgentStatus.WAITING).tolist()
+            raise ScenarioError(
+                f"no agent has entered simulation {row} within {MAX_ENTRY_WAIT * self.world.dt:g} s",
+                place=f"episode {self.world.episode[row]}, agents {agents}",
+                remedy="give their missions earlier start times, or traps with a time limit",
+            )
+        return waiting
+
+    def _find_alive(self) -> None:
+        np.logical_and(self._state == _ACTIVE, self.running[:, None], out=self.alive)
+
+
+@kernel
+def choose_observed(next_due: Ints, step: Ints, egos: int, observe_mask: Bools, is_last: bool) -> None:
+    """Write which agents the coming step observes: egos after the last of a decision, others when due."""
+    for b in range(observe_mask.shape[0]):
+        for a in range(observe_mask.shape[1]):
+            observe_mask[b, a] = is_last if a < egos else next_due[b, a] <= step[b] + 1
+
+
+@kernel
+def join_events(
+    bits: Ints,
+    terminated: Bools,
+    truncated: Bools,
+    running: Bools,
+    new_bits: Ints,
+    new_terminated: Bools,
+    new_truncated: Bools,
+    finished: Bools,
+    pending: Bools,
+) -> int:
+    """Add one step's events of the egos to those of the decision.
+
+    Args:
+        bits: Of the decision, shape (B, E), written, as `terminated` and `truncated`.
+        terminated: See `Events`.
+        truncated: See `Events`.
+        running: Simulations whose episode is not over, shape (B,), written.
+        new_bits: Of the step, shape (B, A), as `new_terminated` and `new_truncated`.
+        new_terminated: See `Events`.
+        new_truncated: See `Events`.
+        finished: Simulations whose episode has ended with the step, shape (B,).
+        pending: Simulations that make the decision, shape (B,), written.
+
+    Returns:
+        How many simulations are to make the next step of it.
+    """
+    left = 0
+    for b in range(len(finished)):
+        for a in range(bits.shape[1]):
+            bits[b, a] |= new_bits[b, a]
+            terminated[b, a] |= new_terminated[b, a]
+            truncated[b, a] |= new_truncated[b, a]
+        if finished[b]:
+            running[b] = pending[b] = False
+        left += pending[b]
+    return left

@@ -1,0 +1,191 @@
+"""Observations as lists of features: by name in `observations.yaml`, as a dict, or as a `FeatureList`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from smarts.agents.checks import check_whole
+from smarts.errors import SmartsError, nearest_names
+from smarts.observations import FEATURES
+from smarts.observations.context import AdapterContext
+from smarts.observations.feature import Feature
+from smarts.registry import guarded, is_own_name
+
+_FILE = Path(__file__).with_name("observations.yaml")
+_KEYS = ("base", "frames", "stacked", "features")
+MOST_FRAMES = 100
+
+
+@dataclass(frozen=True)
+class FeatureChoice:
+    """A feature of a list."""
+
+    source: str | type[Feature]
+    """A name of `FEATURES`, or a user's own: "module:Class", or the class itself."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """For errors and layouts."""
+        return self.source if isinstance(self.source, str) else self.source.__name__
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the feature is a user's."""
+        return not isinstance(self.source, str) or is_own_name(self.source)
+
+    def kind(self) -> type[Feature]:
+        """Return the class.
+
+        Raises:
+            UnknownNameError: There is no such feature.
+            OwnCodeError: It is not importable, or not a feature.
+        """
+        return FEATURES[self.source] if isinstance(self.source, str) else self.source
+
+    def make(self, context: AdapterContext) -> Feature:
+        """Return the feature of some agents.
+
+        Raises:
+            SmartsError: It has no such option, or an option is not possible.
+            OwnCodeError: It is the user's own and raises.
+        """
+        kind = self.kind()
+        known = [*inspect.signature(kind).parameters][1:]
+        for option in self.options:
+            if option not in known:
+                raise SmartsError(
+                    f"the feature {self.name!r} has no option {option!r}",
+                    place="observation",
+                    remedy=nearest_names(str(option), known),
+                )
+        made: Any = guarded(kind, f"the feature {self.name!r}") if self.is_own else kind
+        return made(context, **self.options)
+
+
+@dataclass(frozen=True)
+class FeatureList:
+    """What agents observe."""
+
+    stacked: tuple[FeatureChoice, ...] = ()
+    """Kept for the last `frames` decisions, oldest first; at first, all are the first decision's."""
+    features: tuple[FeatureChoice, ...] = ()
+    """Of the last decision alone, behind the stacked ones."""
+    frames: int = 3
+
+    def __post_init__(self) -> None:
+        check_whole("frames", self.frames, 1, MOST_FRAMES, "observation")
+        for each in (*self.stacked, *self.features):
+            each.kind()
+
+    def plus(self, stacked: Sequence[Any] = (), features: Sequence[Any] = ()) -> FeatureList:
+        """Return the list with more features at the ends.
+
+        Args:
+            stacked: Names, own classes, or dicts of a name and its options.
+            features: The same.
+        """
+        return replace(
+            self,
+            stacked=(*self.stacked, *map(_choice, stacked)),
+            features=(*self.features, *map(_choice, features)),
+        )
+
+    @property
+    def needs_equal_sensors(self) -> bool:
+        """Whether agents need the same sensors to be observed together."""
+        return any(each.kind().needs_equal_sensors for each in (*self.stacked, *self.features))
+
+    def layout(self, agents: int) -> dict[str, slice]:
+        """Return where each feature's numbers are in the vector of one of some agents; newest frame only."""
+        places, begin = {}, 0
+        for choices, frames in ((self.stacked, self.frames), (self.features, 1)):
+            kinds = [(each.name, each.kind()) for each in choices]
+            sizes = {name: kind.size_for(agents) for name, kind in kinds if kind.in_vector}
+            begin += (frames - 1) * sum(sizes.values())
+            for name, size in sizes.items():
+                places[name] = slice(begin, begin + size)
+                begin += size
+        return places
+
+
+Observed = str | FeatureList | Mapping[str, Any]
+"""A name of `observations.yaml`, a `FeatureList`, or a dict: {"base": "benchmark", "stacked": ["image"]}."""
+
+
+def feature_list(given: Observed) -> FeatureList:
+    """Return the features that a name, a dict or a list stands for.
+
+    Raises:
+        SmartsError: There is no such observation, key or feature; the remedy names the nearest.
+    """
+    if isinstance(given, FeatureList):
+        return given
+    if isinstance(given, str):
+        return _named(given)
+    if not isinstance(given, Mapping):
+        raise SmartsError(
+            f"{given!r} is not an observation",
+            place="observation",
+            remedy="give a name, a dict, or FeatureList(...)",
+        )
+    for key in given:
+        if key not in _KEYS:
+            raise SmartsError(
+                f"there is no key {key!r}", place="observation", remedy=nearest_names(str(key), _KEYS)
+            )
+    base = feature_list(given["base"]) if "base" in given else FeatureList()
+    made = base.plus(_sequence(given, "stacked"), _sequence(given, "features"))
+    return replace(made, frames=given["frames"]) if "frames" in given else made
+
+
+def observation_names() -> list[str]:
+    """Return the names of `observations.yaml`."""
+    return [*_file()]
+
+
+@cache
+def _file() -> Mapping[str, Any]:
+    return yaml.safe_load(_FILE.read_text())
+
+
+def _named(name: str) -> FeatureList:
+    if name not in _file():
+        raise SmartsError(
+            f"there is no observation {name!r}",
+            place="observation",
+            remedy=nearest_names(name, _file()),
+        )
+    return feature_list(_file()[name])
+
+
+def _sequence(given: Mapping[str, Any], key: str) -> Sequence[Any]:
+    names = given.get(key, ())
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise SmartsError(
+            f"{key} is {names!r}", place="observation", remedy="give a list of features: [goal, speed]"
+        )
+    return names
+
+
+def _choice(given: Any) -> FeatureChoice:
+    if isinstance(given, FeatureChoice):
+        return given
+    if isinstance(given, str) or (isinstance(given, type) and issubclass(given, Feature)):
+        return FeatureChoice(given)
+    if isinstance(given, Mapping) and len(given) == 1:
+        ((name, options),) = given.items()
+        if isinstance(name, str) and isinstance(options, Mapping):
+            return FeatureChoice(name, dict(options))
+    raise SmartsError(
+        f"{given!r} is not a feature",
+        place="observation",
+        remedy="give a name, or a name and its options: {image: {size: 64}}",
+    )

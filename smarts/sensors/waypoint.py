@@ -1,0 +1,57 @@
+"""Waypoints as objects, for the sensors that report some."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from smarts.arrays import Floats
+from smarts.sensors.protocol import Readings, Seen
+from smarts.types.coordinates import Heading
+
+
+class Waypoint(NamedTuple):
+    """A point on the centreline of a lane."""
+
+    pos: Floats
+    """[m], shape (2,)."""
+    heading: Heading
+    lane_id: str
+    lane_width: float
+    """[m]"""
+    speed_limit: float
+    """[m/s]"""
+    lane_index: int
+    """0 is the rightmost."""
+    lane_offset: float
+    """Along the lane from its begin [m]."""
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """Return x, y [m] and heading [rad]."""
+        return float(self.pos[0]), float(self.pos[1]), float(self.heading)
+
+    def relative_heading(self, heading: float) -> Heading:
+        """Return how far the waypoint points to the left of a heading [rad]."""
+        return Heading(self.heading - heading)
+
+    def signed_lateral_error(self, position: Floats | tuple[float, ...]) -> float:
+        """Return how far to the left of the waypoint's line a position is [m]."""
+        x, y = position[0] - self.pos[0], position[1] - self.pos[1]
+        return float(y * math.cos(self.heading) - x * math.sin(self.heading))
+
+    def dist_to(self, position: Floats | tuple[float, ...]) -> float:
+        """Return the distance to a position [m]."""
+        return math.hypot(position[0] - self.pos[0], position[1] - self.pos[1])
+
+
+def waypoints_of(readings: Readings, seen: Seen, path: int, count: int) -> list[Waypoint]:
+    """Return the first waypoints of a path, out of arrays of shape (paths, waypoints, ...)."""
+    names = ("heading", "lane", "lane_width", "speed_limit", "lane_index", "lane_offset")
+    # One conversion of each array: single numbers of arrays are slow.
+    columns = (readings[name][path, :count].tolist() for name in names)
+    lane_ids = seen.graph.lane_ids
+    return [
+        Waypoint(position, Heading(heading), lane_ids[lane], *others)
+        for position, heading, lane, *others in zip(readings["position"][path, :count], *columns, strict=True)
+    ]

@@ -1,0 +1,286 @@
+"""The faces that speak of agents by name: who is told what, and what they may ask for."""
+
+import itertools
+
+import gymnasium
+import numpy as np
+import pytest
+
+from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec, AgentType, DoneCriteria
+from smarts.agents.options import InterfaceError
+from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, hiway_parallel_env
+from smarts.errors import ActionError, SmartsError
+from smarts.sim.assembly import Options
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+
+LANER = AgentInterface.from_type(AgentType.Laner, max_episode_steps=400)
+
+
+@pytest.fixture
+def closing():
+    made = []
+
+    def keep(env):
+        made.append(env)
+        return env
+
+    yield keep
+    for env in made:
+        env.close()
+
+
+def specs(*names, interface=LANER, **adapters):
+    return {name: AgentSpec(interface=interface, **adapters) for name in names}
+
+
+def test_a_loop_that_acts_for_all_it_has_observations_of(closing):
+    """As in the paper's multi-agent example: the last observations still get an action."""
+    env = closing(HiWayEnv(["intersection"], specs("a", "b", "c", "d")))
+    observations, _ = env.reset(seed=3)
+    ended, steps = {}, 0
+    terminated = {"__all__": False}
+    while not terminated["__all__"]:
+        observations, _, terminated, truncated, infos = env.step(dict.fromkeys(observations, "keep_lane"))
+        steps += 1
+        for name in observations:
+            assert name not in ended, "an agent was told of after its end"
+            if terminated[name] or truncated[name]:
+                ended[name] = infos[name]["outcome"]
+    assert set(ended) == {"a", "b", "c", "d"}
+    assert steps < 450
+    assert env.step({"a": "keep_lane"})[0] == {}
+
+
+def test_what_was_closed_or_never_reset_is_not_stepped(closing):
+    for env in (
+        closing(HiWayEnv(["loop"], specs("a"))),
+        closing(hiway_parallel_env(["loop"], specs("a"))),
+        closing(RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": specs("a")})),
+    ):
+        with pytest.raises(SmartsError, match="no episode"):
+            env.step({"a": 0})
+        env.reset()
+        env.close()
+        for call in (lambda env=env: env.step({"a": 0}), env.reset):
+            with pytest.raises(SmartsError, match="was closed"):
+                call()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda **options: HiWayEnv(["loop"], specs("a"), **options),
+        lambda **options: hiway_parallel_env(["loop"], specs("a"), **options),
+        lambda **options: SingleHiWayEnv(["loop"], LANER, **options),
+        lambda **options: RLlibHiWayEnv({"scenarios": ["loop"], "agent_specs": specs("a"), **options}),
+    ],
+)
+def test_only_the_traffic_that_was_asked_for(tmp_path, make):
+    env = make(traffic=["random_social_vehicles"], simulation=Options(record=tmp_path))
+    for _ in range(3):
+        env.reset()
+    env.close()
+    played = [RecordedEpisode(folder).facts["traffic"] for folder in episodes_in(tmp_path)]
+    assert played == ["random_social_vehicles"] * 3
+    with pytest.raises(SmartsError, match="no_such"):
+        make(traffic=["no_such"])
+
+
+def test_tyres_are_those_of_the_interface(closing):
+    def end(**tyres):
+        interface = AgentInterface(action=ActionSpaceType.Continuous, **tyres)
+        env = closing(HiWayEnv(["loop"], specs("a", interface=interface)))
+        env.reset(seed=1)
+        for _ in range(15):
+            seen, *_ = env.step({"a": (1.0, 0.0, 0.0)})
+        return seen["a"].ego_vehicle_state
+
+    sound, flat, linear = end(), end(flat_tyres=(0,)), end(tyre_model="linear")
+    assert flat.speed < sound.speed - 0.05
+    # What rolls harder on the left pulls to the left.
+    assert np.sin(float(flat.heading) - float(sound.heading)) > 1e-3
+    assert linear.position != sound.position
+
+
+def test_seeds_and_episodes(closing):
+    env = closing(HiWayEnv(["intersection", "double_merge"], specs("a", "b"), seed=5))
+
+    def start(**options):
+        observations, _ = env.reset(**options)
+        return tuple(observations["a"].ego_vehicle_state.position[:2])
+
+    first, second = start(), start()
+    assert first != second
+    assert [start(seed=5), start(), start(seed=6) != first] == [first, second, True]
+
+
+def test_adapters_of_the_spec(closing):
+    adapters = {
+        "observation_adapter": lambda observation: observation.ego_vehicle_state.speed,
+        "action_adapter": lambda action: {"go": "keep_lane", "stop": "slow_down"}[action],
+        "reward_adapter": lambda observation, reward: (observation.ego_vehicle_state.speed, reward),
+        "info_adapter": lambda observation, reward, info: {"score": info["score"], "reward": reward},
+    }
+    env = closing(HiWayEnv(["loop"], specs("a", **adapters)))
+    observations, _ = env.reset()
+    total = 0.0
+    for _ in range(40):
+        observations, rewards, _, _, infos = env.step({"a": "go"})
+        speed, metres = rewards["a"]
+        assert observations["a"] == speed
+        total += metres
+        assert infos["a"]["reward"] == metres
+    assert infos["a"]["score"] > 10.0
+    for _ in range(80):
+        observations, *_ = env.step({"a": "stop"})
+    assert observations["a"] < 0.1
+
+
+def test_metres_of_the_route_add_up(closing):
+    env = closing(HiWayEnv(["two_way"], specs("a")))
+    env.reset()
+    remaining = [env._env.runner.world.agents.remaining[0, 0]]
+    total = 0.0
+    for _ in range(30):
+        rewards = env.step({"a": 0})[1]
+        total += rewards["a"]
+    remaining.append(env._env.runner.world.agents.remaining[0, 0])
+    assert total == pytest.approx(remaining[0] - remaining[1], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("kind", "action"),
+    [
+        (ActionSpaceType.Lane, "keep_left"),
+        (ActionSpaceType.Lane, 7),
+        (ActionSpaceType.Lane, None),
+        (ActionSpaceType.Continuous, (0.5, float("nan"), 0.0)),
+        (ActionSpaceType.Continuous, (0.5, 0.0)),
+        (ActionSpaceType.Continuous, "fast"),
+        (ActionSpaceType.LaneWithContinuousSpeed, (float("inf"), 0)),
+        (ActionSpaceType.Trajectory, ([1.0], [1.0, 2.0], [0.0], [1.0])),
+        (ActionSpaceType.Trajectory, ([], [], [], [])),
+        (ActionSpaceType.TrajectoryWithTime, np.full((5, 10), np.nan)),
+    ],
+)
+def test_bad_actions_are_refused_by_name_and_do_no_harm(closing, kind, action):
+    env = closing(HiWayEnv(["loop"], specs("a", interface=LANER.replace(action=kind))))
+    env.reset()
+    with pytest.raises(ActionError, match="a"):
+        env.step({"a": action})
+    observations, *_ = env.step({})
+    assert np.isfinite(observations["a"].ego_vehicle_state.speed)
+
+
+def test_unknown_agents_are_refused(closing):
+    env = closing(HiWayEnv(["loop"], specs("anna")))
+    env.reset()
+    with pytest.raises(ActionError, match="did you mean 'anna'"):
+        env.step({"ana": "keep_lane"})
+
+
+def test_actions_out_of_range_are_clipped(closing):
+    interface = LANER.replace(action=ActionSpaceType.Continuous)
+    far = closing(HiWayEnv(["loop"], specs("a", interface=interface)))
+    near = closing(HiWayEnv(["loop"], specs("a", interface=interface)))
+    for env, throttle in ((far, 1e9), (near, 1.0)):
+        env.reset(seed=1)
+        for _ in range(10):
+            seen, *_ = env.step({"a": (throttle, 0.0, 0.0)})
+        env.speed = seen["a"].ego_vehicle_state.speed
+    assert far.speed == near.speed
+
+
+def test_an_agent_without_an_action_goes_on(closing):
+    env = closing(HiWayEnv(["loop"], specs("a", "b")))
+    env.reset(seed=1)
+    for _ in range(30):
+        observations, *_ = env.step({"a": "keep_lane"})
+    assert observations["b"].ego_vehicle_state.speed > 1.0
+
+
+def test_pettingzoo_names_who_is_there(closing):
+    env = closing(hiway_parallel_env(["intersection"]))
+    observations, _ = env.reset(seed=2)
+    assert env.agents == list(observations) == env.possible_agents
+    while env.agents:
+        acting = list(env.agents)
+        observations, rewards, terminated, truncated, _ = env.step(dict.fromkeys(acting, 0))
+        assert set(observations) == set(rewards) == set(terminated) == set(truncated)
+        assert set(acting) <= set(observations)
+        left = {name for name in observations if not (terminated[name] or truncated[name])}
+        assert set(env.agents) == left
+    assert env.step({}) == ({}, {}, {}, {}, {})
+
+
+def test_observations_lie_in_their_spaces(closing):
+    for adapter in ("benchmark", "raw"):
+        interface = LANER.replace(neighborhood_vehicle_states=True)
+        env = closing(hiway_parallel_env(["intersection"], {"a": interface, "b": interface}, adapter=adapter))
+        observations, _ = env.reset(seed=2)
+        for _ in range(40):
+            for name, seen in observations.items():
+                assert env.observation_space(name).contains(seen)
+            observations, *_ = env.step(dict.fromkeys(env.agents, 0))
+
+
+def test_agents_with_different_interfaces_side_by_side(closing):
+    mixed = {
+        "lane": LANER,
+        "pedals": LANER.replace(action=ActionSpaceType.Continuous, neighborhood_vehicle_states=True),
+        "lane again": LANER,
+    }
+    env = closing(hiway_parallel_env(["two_way"], mixed, adapter="raw"))
+    assert env.possible_agents == list(mixed)
+    observations, _ = env.reset(seed=1)
+    assert "neighborhood_vehicle_states" in observations["pedals"]
+    assert "neighborhood_vehicle_states" not in observations["lane again"]
+    before = {name: seen["ego_vehicle_state"]["speed"] for name, seen in observations.items()}
+    for _ in range(6):
+        observations, *_ = env.step({"lane": 1, "pedals": np.array([1.0, 0.0, 0.0]), "lane again": 1})
+    after = {name: seen["ego_vehicle_state"]["speed"] for name, seen in observations.items()}
+    assert after["pedals"] > before["pedals"] + 1.0
+    assert after["lane"] < max(before["lane"], 0.2)
+    assert after["lane again"] < max(before["lane again"], 0.2)
+
+
+def test_a_single_agent_is_asked_to_reset_when_it_is_over(closing):
+    env = closing(SingleHiWayEnv(["two_way"]))
+    with pytest.raises(SmartsError, match="reset"):
+        env.step(0)
+    env.reset(seed=1)
+    for _ in itertools.count():
+        *_, terminated, truncated, info = env.step(0)
+        if terminated or truncated:
+            break
+    assert info["outcome"]
+    with pytest.raises(ActionError, match="reset"):
+        env.step(0)
+
+
+@pytest.mark.parametrize(
+    ("config", "named"),
+    [({"scenarioz": []}, "scenarios"), ({"agent_spec": {}}, "agent_specs"), ({"seeed": 1}, "seed")],
+)
+def test_unknown_settings_are_refused_with_the_nearest(config, named):
+    with pytest.raises(SmartsError, match=named):
+        RLlibHiWayEnv({"scenarios": ["loop"], **config})
+
+
+def test_agents_without_an_interface_are_refused():
+    with pytest.raises(InterfaceError, match="interface of agent 'a'"):
+        gymnasium.make("smarts.env:hiway-v0", scenarios=["loop"], agent_specs={"a": AgentSpec()})
+
+
+def test_nobody_is_refused():
+    with pytest.raises(InterfaceError, match="no agents"):
+        HiWayEnv(["loop"], {})
+
+
+def test_the_benchmark_adapter_serves_other_actions_without_a_mask(closing):
+    pedals = LANER.replace(action=ActionSpaceType.Continuous, done_criteria=DoneCriteria())
+    env = closing(hiway_parallel_env(["loop"], {"a": pedals}))
+    observations, infos = env.reset(seed=1)
+    assert env.action_space("a").shape == (3,)
+    assert env.observation_space("a").contains(observations["a"])
+    assert "action_mask" not in infos["a"]

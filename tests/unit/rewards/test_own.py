@@ -1,0 +1,123 @@
+"""Rewards of one's own: what they are called with, and what their values become."""
+
+import numpy as np
+import pytest
+
+from smarts.env import VectorHiWayEnv
+from smarts.errors import OwnCodeError
+from smarts.rewards.own import RewardStep
+from smarts.types.events import Outcome
+
+HERE = __file__
+
+
+def play(reward, decisions=60, adapter="benchmark", agents=2, scenario="loop"):
+    """Drive two simulations of lane-keeping agents; yield which agents acted, and the step's result."""
+    env = VectorHiWayEnv(2, [scenario], agents, adapter=adapter, adapter_options={"reward": reward}, seed=5)
+    try:
+        alive = env.reset(5).alive.copy()
+        for _ in range(decisions):
+            step = env.step([np.zeros((2, agents), np.int64)])
+            yield alive, step._replace(rewards=step.rewards.copy())  # which the next step writes over
+            alive = step.alive.copy()
+    finally:
+        env.close()
+
+
+def one(step: RewardStep):
+    return np.ones(step.driving.shape)
+
+
+@pytest.mark.parametrize("adapter", ["benchmark", "raw"])
+def test_a_decision_is_worth_the_sum_of_its_steps(adapter):
+    seen = 0
+    for alive, step in play(one, adapter=adapter):
+        went_on = alive & ~(step.terminated | step.truncated)
+        assert (step.rewards[went_on] == 5.0).all()
+        ended = step.terminated | step.truncated
+        assert ((step.rewards[ended] >= 1.0) & (step.rewards[ended] <= 5.0)).all()
+        assert (step.rewards[~alive] == 0.0).all()
+        seen += int(went_on.sum())
+    assert seen > 50
+
+
+class Metres:
+    """What was driven since the step before, by a memory of its own."""
+
+    def __init__(self):
+        self.before = None
+
+    def reset(self, agents):
+        if self.before is not None:
+            self.before[agents] = np.nan
+
+    def __call__(self, step):
+        now = step.distance_travelled
+        if self.before is None:
+            self.before = np.full(now.shape, np.nan)
+        gone = np.where(step.driving, now - self.before, 0.0)
+        self.before = np.where(step.driving, now, self.before)
+        # The first step after the entry is the first that is asked for, and has nothing before it.
+        return np.nan_to_num(gone, nan=0.0) + 0.0 * step.speed
+
+
+def speed_times_dt(step):
+    return step.speed * step.dt
+
+
+def test_numbers_are_of_the_same_vehicles():
+    by_speed, by_distance = (
+        np.array([step.rewards for _, step in play(reward, 20)]) for reward in (speed_times_dt, Metres)
+    )
+    # Distance is summed from positions, of which one more is before the first step.
+    assert np.allclose(by_speed[1:], by_distance[1:], atol=0.35)
+    assert by_speed[1:].max() > 2.0
+
+
+class NothingMore:
+    weights = "paper"
+
+    def __call__(self, step):
+        return 0.0
+
+
+class PaperAndGoal:
+    weights = {"goal": 2.0}  # noqa: RUF012
+
+    def __call__(self, step):
+        return 3.0 * (step.outcome == Outcome.GOAL) - 7.0 * (step.outcome == Outcome.COLLISION)
+
+
+def test_weights_are_added():
+    paper, own = (
+        np.array([step.rewards for _, step in play(reward, 60)]) for reward in ("paper", NothingMore)
+    )
+    assert paper.any()
+    np.testing.assert_array_equal(own, paper)
+    weighted, both = (
+        np.array([step.rewards for _, step in play(reward, 160, agents=4, scenario="two_way")])
+        for reward in ({"goal": 5.0, "collision": -7.0}, PaperAndGoal)
+    )
+    assert {*np.unique(weighted)} >= {-7.0, 0.0, 5.0}
+    np.testing.assert_array_equal(both, weighted)
+
+
+def raises(step):
+    return step.no_such_thing
+
+
+@pytest.mark.parametrize(
+    ("reward", "said"),
+    [
+        (lambda step: np.ones(7), r"an array of shape \(7,\).*\n.*shape \(2, 2\)"),
+        (lambda step: np.full((2, 2), np.inf), "is inf for 'agent-0'"),
+        (lambda step: "much", "returns an array of shape"),
+        (raises, "AttributeError"),
+    ],
+)
+def test_what_is_no_reward_is_named(reward, said):
+    with pytest.raises(OwnCodeError, match=said) as caught:
+        [*play(reward, 2)]
+    if reward is raises:
+        line = raises.__code__.co_firstlineno + 1
+        assert caught.value.place == f"{HERE}:{line}"
