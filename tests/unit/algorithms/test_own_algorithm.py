@@ -1,4 +1,4 @@
-"""The algorithm of `examples/nightly/q_learner.py`, which the documents show, is what it says."""
+"""The algorithm of `examples/nightly/q_learner.py`, which docs/algorithms_inside.md shows."""
 
 import importlib
 from pathlib import Path
