@@ -123,9 +123,7 @@ def _wish(now: Mapping[str, Floats], mask: NDArray[np.bool_]) -> int | None:
     return change if mask[change] else None
 
 
-def _most_speed(
-    others: Floats, wish: int | None, arrival: float, ahead: float, number: NDArray
-) -> float:
+def _most_speed(others: Floats, wish: int | None, arrival: float, ahead: float, number: NDArray) -> float:
     """Return the highest speed before a junction, and while a lane change is due [m/s]."""
     most = JUNCTION_SPEED if arrival >= 0.0 else np.inf
     if wish is None or ahead >= OVERDUE:

@@ -14,7 +14,7 @@ from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import NDArray
 
 from smarts.agents.interface import AgentInterface
-from smarts.arrays import Bools, Ints
+from smarts.arrays import Bools, Ints, Singles
 from smarts.controllers import action_space
 from smarts.env.adapters import ArrayAdapter
 from smarts.env.settings import EnvSettings
@@ -105,7 +105,7 @@ def make_groups(settings: EnvSettings) -> tuple[Assembly, tuple[AgentGroup, ...]
     return assembly, tuple(groups)
 
 
-def rewards_of(groups: Sequence[AgentGroup], acted: Bools) -> NDArray[np.float32]:
+def rewards_of(groups: Sequence[AgentGroup], acted: Bools) -> Singles:
     """Return the rewards of the last decision, 0 for egos that did not act, shape (B, E)."""
     rewards = np.concatenate([group.adapter.rewards for group in groups], axis=1, dtype=np.float32)
     rewards *= acted

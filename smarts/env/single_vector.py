@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from smarts.agents.checks import check_truth
 from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
+from smarts.arrays import Bools, Bytes, Floats
 from smarts.controllers.action_formats import rejection
 from smarts.env.groups import ALONE, assembled, space_of
 from smarts.env.runner import NotCopied
@@ -26,7 +27,6 @@ from smarts.observations.action_mask import MASK
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
 
-Bools = NDArray[np.bool_]
 Leaves = Mapping[str, NDArray]
 
 _INVALID = Outcome.INVALID.name.lower()
@@ -78,7 +78,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._seen: Any = None
-        self._mask: NDArray[np.int8] | None = None
+        self._mask: Bytes | None = None
         self.closed = False
 
     def reset(
@@ -103,7 +103,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         self._mask = self._mask_of(step.masks[0])
         return self._seen, self._infos()
 
-    def step(self, actions: ArrayLike) -> tuple[Any, NDArray[np.float64], Bools, Bools, dict[str, Any]]:
+    def step(self, actions: ArrayLike) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
         """Carry out a decision in all simulations, and reset those whose episode ends with it.
 
         Args:
@@ -145,7 +145,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
             parts[MASK] = mask[:, 0].astype(np.int8)
         return assembled(parts)
 
-    def _mask_of(self, mask: Bools | None) -> NDArray[np.int8] | None:
+    def _mask_of(self, mask: Bools | None) -> Bytes | None:
         return None if mask is None else mask[:, 0].astype(np.int8)
 
     def _infos(self) -> dict[str, Any]:

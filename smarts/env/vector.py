@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smarts.agents.checks import check_whole
 from smarts.agents.options import InterfaceError
+from smarts.arrays import Bools, Singles
 from smarts.env.actions import Own, arrays_of
 from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
 from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
@@ -22,7 +23,6 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.events import Outcome
 from smarts.types.streams import check_seed
 
-Bools = NDArray[np.bool_]
 Ints = NDArray[np.integer]
 Leaves = Mapping[str, NDArray]
 
@@ -74,7 +74,7 @@ class VectorStep(NamedTuple):
     observations: tuple[Leaves, ...]
     """Per block, shape (B, n, ...), after resets. An agent that ended while its simulation goes on has its
     last observation here, and zeros from the next step on."""
-    rewards: NDArray[np.float32]
+    rewards: Singles
     """0 for agents that did not act, shape (B, N)."""
     terminated: Bools
     """Ended for good, shape (B, N)."""
@@ -264,7 +264,7 @@ class VectorHiWayEnv(NotCopied):
 
     def _result(
         self,
-        rewards: NDArray[np.float32],
+        rewards: Singles,
         terminated: Bools,
         truncated: Bools,
         reset: Bools,
