@@ -25,6 +25,7 @@ def run_page(page: Path) -> bool:
         sys.path.insert(0, folder)
         try:
             for block, output, seconds in Page(page, Path(folder)).run(nightly=True):
+                output = output.replace(folder, ".")
                 if output:
                     print(
                         f"{block.place} ({seconds:.0f} s of CPU)\n{indent(output.rstrip(), '    ')}",

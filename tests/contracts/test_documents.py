@@ -85,3 +85,11 @@ def test_the_site_builds_without_a_warning_and_loads_nothing_from_the_network(tm
     pages = [*tmp_path.rglob("*.html")]
     assert tmp_path / "index.html" in pages
     assert not [page for page in pages if LOADED.search(page.read_text())]
+
+
+def test_the_last_nightly_run_was_of_all_pages_that_train_and_nothing_failed():
+    output = (ROOT / "results" / "nightly.txt").read_text()
+    nightly = {block.page for block in BLOCKS if block.note.startswith("nightly")}
+    assert nightly
+    assert not [page for page in nightly if f"\n## {page.relative_to(ROOT)}\n" not in output]
+    assert output.rstrip().endswith(" 0 failed")
