@@ -55,7 +55,8 @@ class JointAlgorithm(Algorithm):
         """Name the algorithm in its config."""
         super().__init_subclass__(**kwargs)
         if "config_class" in vars(cls):
-            cls.config_class.algorithm_class = cls
+            # A function: Ray walks the attributes of a class, without end where classes name each other.
+            cls.config_class.algorithm_class = staticmethod(lambda: cls)
 
     @classmethod
     def get_default_config(cls) -> JointConfig:

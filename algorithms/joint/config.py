@@ -37,13 +37,14 @@ class JointConfig(AlgorithmConfig):
 
     algorithm: str
     algorithm_class: ClassVar[Any] = None
-    """The `JointAlgorithm` of which this is the config; set by that class."""
+    """Returns the `JointAlgorithm` of which this is the config; set by that class."""
     interchangeable: ClassVar[tuple[str, ...]] = ()
     """Settings of networks that a checkpoint may be restored under another value of."""
 
     def __init__(self, algo_class: type | None = None) -> None:
-        super().__init__(algo_class or self.algorithm_class)
-        self.env_runner_cls = self.algorithm_class.runner_class
+        algorithm = self.algorithm_class()
+        super().__init__(algo_class or algorithm)
+        self.env_runner_cls = algorithm.runner_class
         self.env_runners(num_envs_per_env_runner=8, batch_mode="truncate_episodes")
         # RLlib's default mapping cannot be called without its own runner; ours lies in the JointSpec.
         self.multi_agent(policies={"shared"}, policy_mapping_fn=_unused_mapping)  # type: ignore[arg-type]

@@ -92,7 +92,7 @@ def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monk
 
 
 @pytest.mark.parametrize(
-    ("needed", "problem"),
+    ("needed", "named"),
     [
         ({}, []),
         ({"env_runners": 5}, []),

@@ -32,7 +32,7 @@ training: {sharing: all, rollout_fragment_length: 16}
 environment: {agents: 2}
 budget: {agent_steps: 12000}
 evaluation: {episodes: 3, modes: [greedy, sampled], validations: 2, validation_episodes: 2}
-reference: [parked]
+scripted: [parked]
 resources: {num_envs_per_env_runner: 2, parallel: 1}
 """
 
@@ -102,10 +102,10 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     assert table.groupby("mode").size().to_dict() == {"greedy": 6, "sampled": 6}  # 3 episodes of 2 agents
     assert table.attrs["episodes"] == {"measured": 6, "invalid": 0, "incomplete": 0, "corrupted": {}}
     assert not (run / "episodes").exists()
-    parked = read_table(root / "reference/parked/loop/no_social_vehicles/episodes.parquet")
+    parked = read_table(root / "scripted/parked/loop/no_social_vehicles/episodes.parquet")
     rates = compute(parked, metrics=["completion_rate"])
     assert rates["value"].tolist() == [0.0]
-    # The reference begins its episodes as the trained policy does.
+    # The scripted policy begins its episodes as the trained policy does.
     starts = ["world", "agent", "start_x", "start_y", "start_speed"]
     greedy = table.query("mode == 'greedy'")
     assert np.array_equal(greedy[starts].to_numpy(), parked[starts].to_numpy())

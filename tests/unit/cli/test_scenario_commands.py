@@ -117,7 +117,7 @@ def test_show_draws_a_map_without_a_scenario_file(tiny):
         (["build", "intersektion"], "did you mean 'intersection'"),
         (["build"], "no scenario is named"),
         (["build", "loop", "--all"], "both names and --all"),
-        (["show", "TINY", "--out", "picture.bmpx"], "no picture format"),
+        (["show", "TINY", "--out", "picture.bmpx"], "picture.bmpx"),
         (["run", "TINY", "--traffic", "bussy"], "did you mean 'busy'"),
         (["build", "TINY@dense"], "dense"),
         (["run", "TINY", "--seconds", "-1"], "--seconds"),

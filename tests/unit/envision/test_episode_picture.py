@@ -271,8 +271,8 @@ def test_what_ffmpeg_says_is_passed_on(episode, tmp_path, monkeypatch):
         *((("--out", "a.png", "--at", time), f"no {time} s") for time in ("nan", "inf", "1e+300")),
         *((("--out", "a.gif", option, "nan"), "no nan s") for option in ("--begin", "--end")),
         (("--out", "a.gif", "--speed", "inf"), "the speed is inf"),
-        (("--out", "a.gif", "--at", "1"), "--at says nothing of a .gif"),
-        (("--out", "a.png", "--begin", "0", "--every", "3"), "--begin, --every say nothing of a .png"),
+        (("--out", "a.gif", "--at", "1"), "--at has no effect on a .gif"),
+        (("--out", "a.png", "--begin", "0", "--every", "3"), "--begin, --every have no effect on a .png"),
     ],
 )
 def test_what_cannot_be_drawn(episode, tmp_path, monkeypatch, arguments, message):
