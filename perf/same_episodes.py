@@ -48,10 +48,21 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-RENAMES: dict[str, str] = {}
+RENAMES: dict[str, str] = {
+    "void": "invalid",
+    "is_void": "is_invalid",
+    "seat": "agent_id",
+    "seats": "agent_states",
+    "partner_seat": "partner_agent_id",
+    "legal": "action_mask",
+    "ticket": "arrival_number",
+    "travelled": "distance_travelled",
+    "route_done": "route_progress",
+    "sumo_seed": "traffic_seed",
+}
 """Old name -> new name of fields, keys, columns, tables, keywords, texts; both trees are read by the new."""
-IGNORED: set[str] = set()
-"""New names of fields, keys and columns that are not compared, each with its reason behind it."""
+IGNORED: set[str] = {"version", "program", "traffic_engine"}
+"""New names of fields and columns that are not compared: they name the program, or older records lack them."""
 PLACES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("AgentInterface", "ActionSpaceType", "NeighborhoodVehicles"), ("smarts.agents",)),
     **dict.fromkeys(("DrivableAreaGridMap", "OGM", "RGB", "OcclusionMap"), ("smarts.agents",)),
