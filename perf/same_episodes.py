@@ -62,7 +62,7 @@ RENAMES: dict[str, str] = {
 }
 """Old name -> new name of fields, keys, columns, tables, keywords, texts; both trees are read by the new."""
 IGNORED: set[str] = {"version", "program", "traffic_engine"}
-"""New names of fields and columns that are not compared: they name the program, or older records lack them."""
+"""New names of fields and columns that are not compared: they name the program; older records lack some."""
 PLACES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("AgentInterface", "ActionSpaceType", "NeighborhoodVehicles"), ("smarts.agents",)),
     **dict.fromkeys(("DrivableAreaGridMap", "OGM", "RGB", "OcclusionMap"), ("smarts.agents",)),
