@@ -136,7 +136,8 @@ def test_kernels_are_compiled_once():
     for name in SENSORS:
         observing = importlib.import_module(f"smarts.sensors.{name}")._observe
         assert not observing.signatures, name
-        assert len(observing.callee.signatures) == 1, name
+        # None where the bound kernel comes from the cache on disk.
+        assert len(observing.callee.signatures) <= 1, name
 
 
 def test_the_documentation_is_of_these_sensors():
