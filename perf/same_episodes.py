@@ -61,7 +61,7 @@ RENAMES: dict[str, str] = {
     "sumo_seed": "traffic_seed",
 }
 """Old name -> new name of fields, keys, columns, tables, keywords, texts; both trees are read by the new."""
-IGNORED: set[str] = {"version", "program", "traffic_engine"}
+IGNORED: set[str] = {"version", "program", "traffic_engine", "interface"}
 """New names of fields and columns that are not compared: they name the program; older records lack some."""
 PLACES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("AgentInterface", "ActionSpaceType", "NeighborhoodVehicles"), ("smarts.agents",)),

@@ -50,7 +50,8 @@ class Gaps(NamedTuple):
 def gaps_in(state: State, roads: Roads, b: int, slot: int, lane: int) -> Gaps:
     """Return the gaps that a vehicle has, or would have beside where it is, in a lane.
 
-    In the lane is who drives along and touches it, or the straight lines on which it goes on beyond its ends.
+    A vehicle counts as in the lane if it drives along it and its footprint overlaps the lane, which is
+    extended straight beyond both ends.
     """
     vehicles = state.vehicles
     x, y = vehicles.position[b, slot]
@@ -79,7 +80,7 @@ def gaps_in(state: State, roads: Roads, b: int, slot: int, lane: int) -> Gaps:
 
 @kernel
 def may_follow(speed: float, leader_speed: float, gap: float, delay: float) -> bool:
-    """Tell whether a vehicle may be made to follow another.
+    """Return whether a vehicle may be made to follow another.
 
     Args:
         speed: Of who follows [m/s].

@@ -87,7 +87,7 @@ class Run:
         interface = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=LIMIT)
         parts = assemble([build_scenario("intersection")], [interface] * EGOS, worlds=WORLDS)
         self.parts, self.simulation, self.actions = parts, parts.simulation, parts.actions
-        self.recorder = EpisodeRecorder(parts.scene, folder)
+        self.recorder = EpisodeRecorder(parts.scene, folder, parts.pool)
         self.log = Log(self.recorder)
         self.simulation._stages = dataclasses.replace(self.simulation._stages, recorder=self.log)
 
