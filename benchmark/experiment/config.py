@@ -92,7 +92,7 @@ def _distinct(values: Iterable[Any]) -> Any:
     values = tuple(values)
     twice = sorted({str(value) for value in values if values.count(value) > 1})
     if twice:
-        raise UnfitError(f"{', '.join(twice)} there twice", "name each once")
+        raise UnfitError(f"{', '.join(twice)} is there twice", "name each once")
     return values
 
 

@@ -15,7 +15,7 @@ from benchmark.experiment.config import Evaluation, TrainingTask, name_of
 from benchmark.experiment.runs import Run, run_from
 from benchmark.metrics import read_table
 from benchmark.results.files import FormatError, ResultsError
-from benchmark.results.run_folder import RunFolder
+from benchmark.results.run_folder import RunFolder, changed_code
 from benchmark.running.cluster import start_ray
 from benchmark.running.importing import named_own_code
 from benchmark.running.played import scenario_digests
@@ -68,6 +68,8 @@ def evaluate_checkpoint(
         build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
             run.task_setting.environment.agents
         )
+    for name in changed_code(folder.read_config(), trained.content()):
+        print(f"note: {path}: the code of {name!r} has changed since this run", file=sys.stderr)
     if run.task_setting.traffic == trained.task_setting.traffic:
         for name in folder.changed_scenarios(scenario_digests(run.task_setting)):
             print(f"note: {path}: the scenario {name!r} has changed since this run", file=sys.stderr)

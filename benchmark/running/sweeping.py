@@ -27,7 +27,7 @@ from benchmark.experiment.checks import DRAWS
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, completed, runs_of
 from benchmark.results.files import FORMAT, ResultsError, locked, read_mapping, write_json, write_whole
-from benchmark.results.run_folder import RunFolder, with_common_imports
+from benchmark.results.run_folder import RunFolder, changed_code, comparable
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
 from benchmark.running.experiment import check_task_settings, interrupted, resumable
@@ -100,9 +100,14 @@ def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
     content = {"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")}
     if not file.exists():
         write_json(file, content)
-    elif not _is_same_search(_completed(read_mapping(file)), _completed(content)):
+        return
+    before, now = _completed(read_mapping(file)), _completed(content)
+    if not _is_same_search(before, now):
+        changed = changed_code(*(each.get("run") or {} for each in (before, now)))
         raise ResultsError(
-            "here is a search with another config",
+            "here is a search with another config"
+            if not changed
+            else f"here is a search with other code: {', '.join(changed)} has changed since",
             place=str(file),
             remedy="give the experiment another name or --out, or remove the folder to start again",
         )
@@ -111,7 +116,7 @@ def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
 def _is_same_search(there: Mapping[str, Any], here: Mapping[str, Any]) -> bool:
     """Return whether two contents of search.json are of one search; further imports do not count."""
     one, other = (content.get("run") or {} for content in (there, here))
-    runs = with_common_imports(one, other), with_common_imports(other, one)
+    runs = comparable(one, other), comparable(other, one)
     return {**there, "run": runs[0]} == {**here, "run": runs[1]}
 
 
