@@ -228,6 +228,18 @@ class RunFolder:
 
         replace_folder(folder, fill)
 
+    def kept(self, checkpoint: str) -> Path:
+        """Return the folder of the "last" or "best" checkpoint.
+
+        Raises:
+            ResultsError: There is none.
+        """
+        folder = self.checkpoint if checkpoint == "last" else self.best
+        if folder.exists():
+            return folder
+        problem = f"the run has no {checkpoint} checkpoint"
+        raise ResultsError(problem, place=str(self.path), remedy="train it further")
+
     def training_state(self) -> dict[str, Any] | None:
         """Return the state of training at the last checkpoint, None without one.
 
@@ -279,14 +291,16 @@ def comparable(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str
 
 def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     """Return the values that differ, in words."""
-    one, two = _flat(there), _flat(here)
+    one, two = flat_values(there), flat_values(here)
     names = [name for name in {**one, **two} if one.get(name, UNSET) != two.get(name, UNSET)]
     return ", ".join(f"{name} ({one.get(name, UNSET)}, here {two.get(name, UNSET)})" for name in names)
 
 
-def _flat(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+def flat_values(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     """Return the values of sections under names like "budget.minutes"."""
     found: dict[str, Any] = {}
     for name, value in content.items():
-        found |= _flat(value, f"{above}{name}.") if isinstance(value, dict) else {f"{above}{name}": value}
+        found |= (
+            flat_values(value, f"{above}{name}.") if isinstance(value, dict) else {f"{above}{name}": value}
+        )
     return found
