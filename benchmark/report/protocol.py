@@ -60,9 +60,8 @@ def _cell(run: RunResult) -> tuple[str, str]:
 
 def described(protocols: Sequence[str]) -> list[str]:
     """Return what each protocol says; with several, only what is not the same in all."""
-    flat = [
-        {name: _shown(value) for name, value in flat_values(json.loads(each)).items()} for each in protocols
-    ]
+    flat = [flat_values(json.loads(each)) for each in protocols]
+    flat = [{name: "none" if value is None else str(value) for name, value in each.items()} for each in flat]
     names = sorted({name for each in flat for name in each})
     if len(flat) > 1:
         names = [name for name in names if len({each.get(name) for each in flat}) > 1]
