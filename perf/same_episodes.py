@@ -58,6 +58,7 @@ RENAMES: dict[str, str] = {
     "ticket": "arrival_number",
     "travelled": "distance_travelled",
     "route_done": "route_progress",
+    "adapter": "observation",
     "sumo_seed": "traffic_seed",
 }
 """Old name -> new name of fields, keys, columns, tables, keywords, texts; both trees are read by the new."""

@@ -108,8 +108,8 @@ def _check_own_code(experiment: Experiment) -> None:
         SpaceError: An algorithm does not handle the actions or observations.
     """
     given = experiment.environment
-    names = [name for name in (given.adapter, given.options.get("reward")) if isinstance(name, str)]
-    features = feature_list(given.options.get("observation", {}))
+    names = [name for name in (given.adapter, given.reward) if isinstance(name, str)]
+    features = feature_list(given.observation)
     own_features = [each for each in (*features.stacked, *features.features) if each.is_own]
     if not own_features and not any(map(is_own_name, names)):
         return
@@ -117,7 +117,7 @@ def _check_own_code(experiment: Experiment) -> None:
     from benchmark.running.environments import try_environment
 
     spaces = try_environment(task_settings_of(experiment)[0])
-    if is_own_name(given.adapter) or own_features:
+    if given.adapter is not None or own_features:
         for algorithm in experiment.algorithms:
             CONFIGS[algorithm]().check(JointSpec.build(spaces))
 
