@@ -65,7 +65,7 @@ class InProcess:
         self._asked.update(observations)
 
     def gather(self, deadline: float) -> Mapping[ActionRequest, Any]:
-        """Let every agent decide that has a request; there is no deadline, so that runs can be repeated."""
+        """Return the actions of all requests; the deadline is ignored, so that runs can be repeated."""
         asked, self._asked = self._asked, {}
         return {request: self._agent(request).act(seen) for request, seen in asked.items()}
 

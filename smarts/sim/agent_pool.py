@@ -85,6 +85,7 @@ class AgentPool:
         """All agents of each simulation's episode, by number."""
         self.holds: list[list[Hold]] = [[] for _ in range(worlds)]
         """The holds of each simulation's episode, in order."""
+        self._names: list[set[str]] = [set() for _ in range(worlds)]
         self._column_of: list[dict[int, int]] = [{} for _ in range(worlds)]
         self._refused: list[set[int]] = [set() for _ in range(worlds)]
         self._cleared: list[_Cleared] = []
@@ -151,7 +152,7 @@ class AgentPool:
                 place=start.scenario,
                 remedy="give further agents an interface of the pool: AgentStart(interface=...)",
             )
-        self.starts[row] = [*start.agents]
+        self.starts[row], self._names[row] = [*start.agents], set(names)
         self.holds[row] = []
         self._column_of[row].clear()
         self._refused[row].clear()
@@ -170,11 +171,11 @@ class AgentPool:
             ScenarioError: The agent needs what the run has no room for.
         """
         self._check(start, is_ego=False)
-        names = {each.name for each in self.starts[row]}
         name, count = start.name, 1
-        while name in names:
+        while name in self._names[row]:
             count += 1
             name = f"{start.name}~{count}"
+        self._names[row].add(name)
         self.starts[row].append(replace(start, name=name))
         return len(self.starts[row]) - 1
 

@@ -81,7 +81,7 @@ def plan_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
 
 @kernel
 def pace_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
-    """Write the speed of an agent that is going over: a tenth faster than the other, but for who is ahead."""
+    """Write the speed during a cut-in: 1.1 times the target vehicle's, limited by the leader ahead."""
     vehicles, guidance = state.vehicles, state.guidance
     slot, target = state.agents.slot[b, a], guidance.target[b, a]
     pace = max(guidance.speed[b, a], SLOWEST)

@@ -61,7 +61,7 @@ class Ownership:
         vehicles.position[row, slot] = x, y
         vehicles.speed[row, slot] = start.speed
         vehicles.route[row, slot] = self._world.missions.route[row, agent_id]
-        self._sit(row, agent_id, slot, AgentStatus.ACTIVE)
+        self._give(row, agent_id, slot, AgentStatus.ACTIVE)
         return slot
 
     def submit(self, transfers: Transfers) -> None:
@@ -111,7 +111,7 @@ class Ownership:
                 return False
         from_agent, owner = int(transfer["from_agent"]), int(transfer["to_owner"])
         if from_agent not in (UNSET, to_agent):
-            self._rise(row, from_agent)
+            self._release(row, from_agent)
         if owner == Owner.NOBODY:
             self._world.registry.dismiss(row, slot)
         else:
@@ -127,7 +127,7 @@ class Ownership:
             vehicles.route[row, slot] = UNSET
         if agent_id != UNSET:
             state = AgentStatus.ACTIVE if owner == Owner.AGENT else AgentStatus.SHADOWING
-            self._sit(row, agent_id, slot, state)
+            self._give(row, agent_id, slot, state)
             if owner == Owner.AGENT:
                 vehicles.route[row, slot] = self._world.missions.route[row, agent_id]
 
@@ -157,7 +157,8 @@ class Ownership:
         is_handed_out = not is_pooled or agents.state[row, to_agent] != AgentStatus.VACANT
         return is_handed_out and agents.slot[row, to_agent] == UNSET
 
-    def _sit(self, row: int, agent_id: int, slot: int, state: AgentStatus) -> None:
+    def _give(self, row: int, agent_id: int, slot: int, state: AgentStatus) -> None:
+        """Give a vehicle to an agent, which enters or becomes its driver."""
         agents, vehicles = self._world.agents, self._world.vehicles
         agents.slot[row, agent_id] = slot
         agents.generation[row, agent_id] = vehicles.generation[row, slot]
@@ -167,7 +168,8 @@ class Ownership:
         agents.last_moved_position[row, agent_id] = vehicles.position[row, slot]
         agents.last_moved_step[row, agent_id] = self._world.step[row]
 
-    def _rise(self, row: int, agent_id: int) -> None:
+    def _release(self, row: int, agent_id: int) -> None:
+        """Take the vehicle from an agent, whose column is vacant then."""
         agents = self._world.agents
         agents.slot[row, agent_id] = UNSET
         agents.state[row, agent_id] = AgentStatus.VACANT

@@ -133,7 +133,7 @@ class EpisodeRecorder:
         Args:
             name: What it is, such as "probabilities" or "reward".
             values: Numbers of each agent, shape (B, N, ...), N at most A.
-            agent_ids: Whose count, shape (B, N).
+            agent_ids: Mask of the agents whose values are recorded, shape (B, N).
             step: Step of the state on which each simulation's decision was made, shape (B,); by default now,
                 which is right for what is said before the step.
         """
@@ -262,7 +262,7 @@ class EpisodeRecorder:
             self._thread.submit(lambda: writer.append(name, _by_name(name, rows)))
 
     def _finish(self, row: int) -> None:
-        """Have the episode of a simulation written, if there is one."""
+        """Queue the rest of a simulation's episode, if it has one, to be written."""
         episode, self._episodes[row] = self._episodes[row], None
         if episode is None:
             return

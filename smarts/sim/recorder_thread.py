@@ -11,7 +11,7 @@ from smarts.errors import RecordError
 Job = Callable[[], object]
 
 _MOST_WAITING = 64
-"""Jobs; whoever is faster than the disk waits for it from then on."""
+"""Queued jobs; `submit` blocks beyond this."""
 
 
 class WriterThread:

@@ -17,7 +17,7 @@ LATERAL = 2.0
 SLOW_ENOUGH = 0.5
 """How much faster than that one may begin the turn [m/s]."""
 SIGHT = 100.0
-"""How far ahead to look for a place to turn where there is none here [m]."""
+"""How far ahead to look for a place to turn [m]."""
 BRAKING = 1.5
 """With which to slow down towards it [m/s^2]."""
 
