@@ -276,6 +276,32 @@ def test_a_spare_agent_takes_a_vehicle_that_a_transfer_gives_it(play):
     assert world.agents.state[0, SOCIAL] == AgentStatus.VACANT
 
 
+def test_an_agent_is_asked_in_the_step_in_which_it_enters_whoever_had_its_column(play):
+    """Two agents in one column, the second in the step in which the first goes; the first decides seldom."""
+    answers, built = Answers(), []
+    played = play(answers)
+    played.reset()
+    world, ownership = played.world, played.parts.ownership
+    first, second = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)[:2].tolist()
+    ownership.submit(transfers([taking(played, first)]))
+    played.step()
+    world.agents.period[0, SOCIAL] = 50
+    world.agents.next_due[0, SOCIAL] = 51
+    played.step(5)
+    generation = int(world.vehicles.generation[0, first])
+    release = Transfer(0, first, generation, Owner.AGENT, SOCIAL, Owner.TRAFFIC, -1, Reason.RELEASE)
+    ownership.submit(transfers([taking(played, second), release]))
+    played.step()
+    assert played.slot == second
+    asked = [(request.name, request.step) for request in answers.asked]
+    assert asked == [("social", 1), ("social~2", 7)]
+    assert len({request.hold for request in answers.asked}) == 2
+    host = InProcess(lambda request: built.append(request.name) or AgentPolicy.from_function(str))
+    host.dispatch(dict.fromkeys(answers.asked, "seen"))
+    assert [*host.gather(0.0).values()] == ["seen", "seen"]
+    assert built == ["social", "social~2"], "each agent has a policy of its own"
+
+
 def test_a_vehicle_taken_in_a_bend_is_where_sumo_had_it_and_stays_in_its_lane(play):
     """SUMO has both bumpers on the lane's middle: a chord, its middle inside the arc by length^2 / 8 R.
 
