@@ -342,7 +342,7 @@ def finish(experiment, root):
 def test_a_run_of_other_own_code_is_refused_and_kept(write, tmp_path):
     file = write(
         "algorithms: [ppo]\nseeds: [1]\nmetrics: ['own_v:LONG']\nevaluation: {episodes: 1, modes: [greedy]}\n"
-        "environment: {options: {reward: 'own_w:speed'}}\n",
+        "environment: {reward: 'own_w:speed'}\n",
         own_v=METRIC,
         own_w="def speed(step):\n    return step.speed\n",
     )
