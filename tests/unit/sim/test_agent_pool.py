@@ -204,15 +204,57 @@ def test_a_refused_transfer_holds_no_column(make):
     assert parts.pool.refused.tolist() == [[0]]
 
 
+def test_an_agent_that_observes_a_vehicle_first_keeps_its_column_when_it_drives(make):
+    parts = make(pool=[PooledAgents(LANER, 1)])
+    parts.simulation.reset({0: first_start(parts, traffic=True)})
+    agents, slot = parts.simulation.world.agents, driven_by_traffic(parts, 0)[0]
+    take = announced(parts, 0, slot)
+    parts.ownership.submit(transfers([take._replace(to_owner=Owner.TRAFFIC, reason=Reason.SHADOW)]))
+    frame = step(parts)
+    assert (agents.state[0, 1], agents.slot[0, 1]) == (AgentStatus.SHADOWING, slot)
+    assert frame.observe_mask[0, 1]
+    serial = parts.pool.serial[0, 1]
+    parts.ownership.submit(transfers([take._replace(from_agent=1, to_agent=1, number=UNSET)]))
+    step(parts)
+    assert (agents.state[0, 1], agents.slot[0, 1]) == (AgentStatus.ACTIVE, slot)
+    assert parts.pool.serial[0, 1] == serial
+    assert parts.pool.name(0, 1) == "social"
+
+
+def test_a_mission_is_its_agents_alone(make):
+    """The agent after it in the column has no route, and none of the mission's goals."""
+    parts = make(pool=[PooledAgents(LANER, 1)])
+    start, pose = first_start(parts, traffic=False), second_pose()
+    agent = dataclasses.replace(start.agents[0], name="first", interface=0, pose=pose)
+    parts.simulation.reset({0: dataclasses.replace(start, agents=(*start.agents, agent))})
+    world, routes = parts.simulation.world, parts.scene.routes
+    assert routes.route(0, 1) == agent.mission.route
+    assert world.missions.goal_lane[0, 1] == agent.mission.goal_lane
+    slot = int(world.agents.slot[0, 1])
+    leave = released(parts, 0, 1)._replace(to_owner=Owner.NOBODY, reason=Reason.LEAVE)
+    parts.ownership.submit(transfers([leave]))
+    step(parts)
+    assert not world.vehicles.alive[0, slot]
+    parts.simulation._stages.entries.waiting[0].append(
+        parts.pool.announce(0, dataclasses.replace(agent, mission=AgentMission()))
+    )
+    step(parts)
+    assert world.agents.slot[0, 1] >= 0
+    assert routes.route(0, 1) == ()
+    assert routes.number[0].tolist() == [0, -1]
+    assert world.missions.goal_lane[0, 1] == -1
+    assert world.agents.on_route[0, 1], "without a route an agent counts as on its route"
+    assert world.agents.route_progress[0, 1] == 0.0
+
+
 def test_agents_that_start_later_get_their_column_when_they_enter(make):
     """Two agents in turn in one column; a third waits until it is free."""
-    short = LANER.replace(max_episode_steps=10)
+    short = LANER.replace(max_episode_steps=10, done_criteria=DoneCriteria(off_route=False))
     parts = make(pool=[PooledAgents(short, 1)])
-    start, pose = first_start(parts, traffic=False), second_pose()
-    times = {"a": 0.0, "b": 2.0, "c": 2.5}
+    start, poses = first_start(parts, traffic=False), [second_pose(), second_pose(2)]
     others = [
         dataclasses.replace(start.agents[0], name=name, interface=0, pose=pose, entry_time=time)
-        for name, time in times.items()
+        for name, pose, time in (("a", poses[0], 0.0), ("b", poses[0], 2.0), ("c", poses[1], 2.5))
     ]
     parts.simulation.reset({0: dataclasses.replace(start, agents=(*start.agents, *others))})
     world, seen = parts.simulation.world, []
@@ -226,11 +268,11 @@ def test_agents_that_start_later_get_their_column_when_they_enter(make):
     assert [hold[:2] for hold in parts.pool.holds[0]] == [(0, 0), (1, 1), (2, 1), (3, 1)]
 
 
-def second_pose():
-    """Return where the second ego of the scenario begins, far from the first."""
-    parts = assembled([LANER] * 2)
+def second_pose(number=1):
+    """Return where the second ego of the scenario begins, or another, far from the first."""
+    parts = assembled([LANER] * 3)
     try:
-        return first_start(parts, traffic=False).agents[1].pose
+        return first_start(parts, traffic=False).agents[number].pose
     finally:
         parts.simulation.close()
 
@@ -354,7 +396,8 @@ def test_an_agent_drives_as_if_nobody_had_held_its_column_before(make, kind, mod
         done_criteria=DoneCriteria(off_road=False, off_route=False, collision=False),
     )
     stands = LANER.replace(action=ActionSpaceType.LaneWithContinuousSpeed)
-    parts = make([stands], [PooledAgents(interface, 1)], worlds=2)
+    # Seven simulations, so that their arrays are known by their shape; two of them are played.
+    parts = make([stands], [PooledAgents(interface, 1)], worlds=7)
     start, pose = first_start(parts, traffic=False), second_pose()
     via = Via(pose[:2], 0, 30.0, 5.0)
     social = dataclasses.replace(start.agents[0], name="first", interface=0, pose=pose)
@@ -379,28 +422,28 @@ def test_an_agent_drives_as_if_nobody_had_held_its_column_before(make, kind, mod
         values = ROUGH[kind](number)
         actions.values[active, 1, : len(values)] = values
         actions.action_mask[active, 1] = True
-        step(parts)
+        step(parts, [0, 1])
         if number == 30:
-            assert active.tolist() == [True, False]
+            assert active[:2].tolist() == [True, False]
         if number == 60:
             assert not active.any()
             assert world.agents.outcome[0, 1] == Outcome.TIME_OUT
-    assert (world.agents.state[:, 1] == AgentStatus.ACTIVE).all()
-    assert (world.agents.entry_step[:, 1] == 81).all()
+    assert (world.agents.state[:2, 1] == AgentStatus.ACTIVE).all()
+    assert (world.agents.entry_step[:2, 1] == 81).all()
     assert parts.pool.name(0, 1) == parts.pool.name(1, 1) == "second"
     compared = 0
-    for leading in ((2,), (4,)):
+    for leading in ((7,), (14,)):
         found = {}
         every_array(parts, "", found, set(), leading)
         for path, array in found.items():
-            halves = array.reshape(2, -1)
-            if not np.array_equal(halves[0], halves[1], equal_nan=array.dtype.kind == "f"):
-                assert path.endswith(SCRATCH), path
+            first, other = array.reshape(7, -1)[:2]
+            is_float = array.dtype.kind == "f"
+            assert path.endswith(SCRATCH) or np.array_equal(first, other, equal_nan=is_float), path
             compared += 1
     assert compared > 200
 
 
-SCRATCH = (".pool.serial",)
+SCRATCH = ("pool.serial",)
 """May differ: a count of the holds."""
 
 
