@@ -256,7 +256,6 @@ CALLS_ON_A_VEHICLE = {
     "set_fault": lambda fleet, row: fleet.set_fault(row, 0),
     "set_assistance": lambda fleet, row: fleet.set_assistance(row, abs=False, traction_control=False),
     "body": lambda fleet, row: fleet.body(row),
-    "put_body": lambda fleet, row: fleet.put_body(row, np.zeros(13)),
 }
 
 
@@ -293,13 +292,3 @@ def test_a_wheel_that_there_is_not(wheel):
         fleet.spawn(0, "passenger", (0.0, 0.0), 0.0)
         with pytest.raises(ControlError, match=f"row 0: there is no wheel {wheel}"):
             fleet.set_fault(0, wheel)
-
-
-def test_only_a_body_in_bullet_can_be_put_elsewhere():
-    with Fleet(1, 2) as fleet:
-        for row, model in enumerate(("bullet", "dynamic")):
-            fleet.spawn(row, "passenger", (0.0, 9.0 * row), 0.0, model=model)
-        with pytest.raises(ControlError, match="model 'dynamic'"):
-            fleet.put_body(1, fleet.body(1))
-        with pytest.raises(ControlError, match="nan"):
-            fleet.put_body(0, np.full(13, np.nan))

@@ -8,12 +8,12 @@ import pytest
 import sumo
 
 from smarts.errors import MapError
-from smarts.roads.atlas import RoadAtlas
 from smarts.roads.compile import MapNotes, compile_map
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.routes import shortest_route
 from smarts.roads.sources import find_map_source
 from smarts.roads.sumo_net import read_net
+from tests.road_queries import RoadQueries
 
 from . import maps
 
@@ -251,7 +251,7 @@ def test_a_net_without_lanes_inside_junctions_that_needs_none(tmp_path):
     graph = read_net(out)
     assert notes == MapNotes()
     assert shortest_route(graph, "one", "two") == ("one", "two")
-    atlas = RoadAtlas([graph])
+    atlas = RoadQueries([graph])
     table = atlas.route_table([(0, ("one", "two"))])
     world = np.zeros(1, np.int32)
     paths = atlas.waypoints(table, world, np.array([[45.0, 0.0]]), world, world, lookahead=12)
