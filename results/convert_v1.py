@@ -4,7 +4,7 @@ OLD is the folder of an experiment or a run, or a store of recorded episodes; it
 Names change, numbers do not:
 
 - folder and YAML key `reference` -> `scripted`, policy `yielder` -> `gap_acceptance`
-- YAML key `copies` -> `num_envs_per_env_runner`
+- YAML keys `copies` -> `num_envs_per_env_runner`, `longest_life` -> `longest_trajectory`
 - columns `is_void` -> `is_invalid`, `travelled` -> `distance_travelled`, outcome `void` -> `invalid`
 - tables and columns of recorded episodes, see `EPISODE_TABLES` and `EPISODE_COLUMNS`
 """
@@ -25,7 +25,11 @@ from smarts.errors import SmartsError
 
 FORMAT = 2
 POLICIES = {"yielder": "gap_acceptance"}
-CONFIG_KEYS = {"reference": "scripted", "copies": "num_envs_per_env_runner"}
+CONFIG_KEYS = {
+    "reference": "scripted",
+    "copies": "num_envs_per_env_runner",
+    "longest_life": "longest_trajectory",
+}
 TABLE_COLUMNS = {"is_void": "is_invalid", "travelled": "distance_travelled"}
 OUTCOMES = {"void": "invalid"}
 EPISODE_TABLES = {"seats": "agent_states"}
