@@ -241,13 +241,17 @@ def _mission_window(built: BuiltScenario, margin: float = 12.0) -> tuple[float, 
 
 
 def _legend(pictures: Sequence[Picture]) -> list[Patch]:
-    """Explain what is in the pictures, and nothing else."""
+    """Return an entry for each kind of thing in the pictures; random routes are not drawn."""
     scenarios = [built.scenario for built, _, _ in pictures]
     traffics = [(built.scenario.traffic or {})[name] for built, name, _ in pictures if name]
     flows = [*chain.from_iterable(traffic.flows for traffic in traffics)]
     kinds = _social_kinds(pictures)
     entries = {
-        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(s.ego_missions for s in scenarios),
+        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(
+            start_pose(built.roads(), mission)
+            for built, _, _ in pictures
+            for mission in expand(built.scenario.ego_missions or ())
+        ),
         Patch(facecolor=CAR, label="car"): bool(kinds - set(LARGE_VEHICLES)),
         Patch(facecolor=BUS, label="bus"): bool(kinds & {VehicleKind.BUS, VehicleKind.COACH}),
         Patch(facecolor=TRUCK, label="truck"): bool(kinds & {VehicleKind.TRUCK, VehicleKind.TRAILER}),

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.survey import FULL, density, flow, mission_routes
+from perf.scenario_traffic import FULL, density, flow, mission_routes
 from smarts.envision.route_lines import CAR_LENGTH, pose_on_map, route_line, start_pose
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario, suite

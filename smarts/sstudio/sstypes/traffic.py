@@ -41,8 +41,7 @@ class Flow(Described):
     end: float = 1 * 60 * 60
     """When the last one departs at the latest [s]."""
     actors: Mapping[TrafficActor, float] = field(default_factory=dict)
-    """The drivers, with weights: an actor's share is its weight over the sum of all.
-    At least one."""
+    """Required: the drivers with their weights; an actor's share is its weight over the sum of all."""
     randomly_spaced: bool = False
     """Whether departures are a Poisson process instead of evenly spaced."""
     repeat_route: bool = False

@@ -9,6 +9,7 @@ from smarts.errors import MapError
 from smarts.roads import packing
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.sumo_net import read_net
+from tests.raising import raises
 from tests.road_queries import RoadQueries
 
 from . import maps
@@ -85,12 +86,12 @@ def test_a_route_on_a_map_that_there_is_not(atlas, world):
 
 
 def test_a_route_without_edges(atlas):
-    with pytest.raises(MapError, match="route 1 of the table: a route without edges"):
+    with raises(MapError, "route 1 of the table"):
         atlas.route_table([(0, ("west_in",)), (0, ())])
 
 
 def test_a_route_on_a_road_closed_to_its_lanes_users(atlas):
-    with pytest.raises(MapError, match="edge 'west_in' has no lane of kind RAIL"):
+    with raises(MapError, values=["west_in", "RAIL"]):
         atlas.route_table([(0, ("west_in",))], frozenset({LaneKind.RAIL}))
 
 
@@ -110,7 +111,7 @@ def test_eighty_lanes_in_one_place_are_all_considered(compile_to):
 
 def test_more_lanes_in_one_place_than_kernels_have_room_for(cross, monkeypatch):
     monkeypatch.setattr(packing, "MOST_CANDIDATES", 10)
-    with pytest.raises(MapError, match=r"on the map: \d+ lanes overlap within 6 m; at most 10 may"):
+    with raises(MapError, "on the map", values=[10]):
         RoadQueries([cross])
 
 
