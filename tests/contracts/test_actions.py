@@ -25,14 +25,15 @@ SCENARIO = textwrap.dedent(
     from smarts.sstudio import types as t
 
     missions = [
-        t.Mission(t.Route(begin=("east_half", lane, 30 * place), end=("west_half", lane, 200)))
+        t.Mission(t.Route(begin=("east_half", lane, 30 * place + offset), end=("west_half", lane, 200)))
+        for offset in (0, 15)
         for lane in range(3)
         for place in range(1, 5)
     ]
     gen_scenario(t.Scenario(ego_missions=missions), output_dir=Path(__file__).parent)
     """
 )
-"""The loop's map, with a mission for each type."""
+"""The loop's map, with a mission for each type, and a dozen more."""
 
 
 def path(kind, state):
@@ -48,7 +49,7 @@ def path(kind, state):
 
 
 def good(kind, state):
-    """Return an action that drives on."""
+    """Return an action that drives on; of other types the first value at its bound, the others 0."""
     x, y, heading = *state.position[:2], float(state.heading)
     ahead = (x + 2.0 * np.cos(heading), y + 2.0 * np.sin(heading), heading, 0.4)
     actions = {
@@ -62,7 +63,10 @@ def good(kind, state):
         ActionSpaceType.Empty: None,
         ActionSpaceType.RelativeTargetPose: (0.5 * np.cos(heading), 0.5 * np.sin(heading), 0.0),
     }
-    return actions[kind] if kind in actions else path(kind, state)
+    if kind in actions or is_path(kind):
+        return actions[kind] if kind in actions else path(kind, state)
+    space: Any = action_space(kind)
+    return np.clip([space.high[0], *[0.0] * (shape(kind)[0] - 1)], space.low, space.high)
 
 
 def shape(kind) -> tuple[int, ...]:
