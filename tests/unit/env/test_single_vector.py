@@ -20,8 +20,8 @@ STEERED = AgentInterface(action=ActionSpaceType.Continuous, max_episode_steps=40
 KINDS = {
     "benchmark": {},
     "mask": {"action_mask": True},
-    "pictures": {"adapter_options": {"image": True, "image_size": 8}},
-    "raw": {"agent": STEERED, "adapter": "raw"},
+    "pictures": {"observation": {"base": "benchmark", "stacked": [{"image": {"size": 8}}]}},
+    "raw": {"agent": STEERED, "observation": "raw"},
 }
 
 
