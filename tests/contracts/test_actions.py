@@ -1,5 +1,6 @@
 """Every way of acting, through `HiWayEnv`: what works, what is refused by name, what is made of it."""
 
+import math
 import shutil
 import textwrap
 from pathlib import Path
@@ -18,22 +19,21 @@ KINDS = tuple(ActionSpaceType)
 NAN = float("nan")
 POINTS = np.arange(1.0, 11.0)
 SCENARIO = textwrap.dedent(
-    """
+    f"""
     from pathlib import Path
 
     from smarts.sstudio import gen_scenario
     from smarts.sstudio import types as t
 
     missions = [
-        t.Mission(t.Route(begin=("east_half", lane, 30 * place + offset), end=("west_half", lane, 200)))
-        for offset in (0, 15)
+        t.Mission(t.Route(begin=("east_half", lane, 30 * place), end=("west_half", lane, 200)))
+        for place in range(1, {1 + math.ceil(len(KINDS) / 3)})
         for lane in range(3)
-        for place in range(1, 5)
     ]
     gen_scenario(t.Scenario(ego_missions=missions), output_dir=Path(__file__).parent)
     """
 )
-"""The loop's map, with a mission for each type, and a dozen more."""
+"""The loop's map, with a mission for each type."""
 
 
 def path(kind, state):
