@@ -18,6 +18,7 @@ from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import TakeOver
 from smarts.types.events import Outcome
 from smarts.types.vehicles import Owner
+from tests.raising import raises
 
 EGOS = 2
 
@@ -169,7 +170,7 @@ def stepped(parts, rows):
 
 @pytest.mark.parametrize("dt", [0.0, 0.25, 1.0, math.nan])
 def test_steps_that_are_too_long_are_refused(dt):
-    with pytest.raises(SmartsError, match=rf"step of {dt}"):
+    with raises(SmartsError, "Options.dt", values=[dt]):
         Options(dt=dt)
 
 
@@ -231,11 +232,11 @@ def test_traffic_is_told_of_egos_before_the_first_step(three):
 
 
 def test_names_must_fit(scenarios):
-    with pytest.raises(InterfaceError, match="2 interfaces, and the names 'a'"):
+    with raises(InterfaceError, "assemble", values=[2, "'a'"]):
         assemble(scenarios, [interface()] * 2, agents=["a"])
-    with pytest.raises(InterfaceError, match="'a', 'a'"):
+    with raises(InterfaceError, "assemble", values=["'a', 'a'"]):
         assemble(scenarios, [interface()] * 2, agents=["a", "a"])
-    with pytest.raises(ScenarioError, match="5 egos"):
+    with raises(ScenarioError, "ego_missions", values=[5]):
         assemble(scenarios, [interface()] * 5)
 
 
