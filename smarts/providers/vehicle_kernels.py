@@ -224,17 +224,18 @@ def find_touchable(state: State, motion: Motion, groups: AgentGroups, boxed: Boo
     for b in range(env_mask.shape[0]):
         if not env_mask[b]:
             continue
+        count = _end_of(in_bullet[b])
         for v in range(vehicles.alive.shape[1]):
             slack = SLACK + (STAYS if boxed[b, v] else 0.0)
             boxed[b, v] = False
             is_other = vehicles.alive[b, v]
-            for a in range(slot.shape[1]):
+            for a in range(count):
                 if in_bullet[b, a] and slot[b, a] == v:
                     is_other = False
             if not is_other:
                 continue
             one = _mover(vehicles, b, v)
-            for a in range(slot.shape[1]):
+            for a in range(count):
                 if not in_bullet[b, a]:
                     continue
                 within = slack + motion.overhang[b * slot.shape[1] + a]
@@ -242,6 +243,15 @@ def find_touchable(state: State, motion: Motion, groups: AgentGroups, boxed: Boo
                     boxed[b, v] = any_found = True
                     break
     return any_found
+
+
+@kernel
+def _end_of(chosen: Bools) -> int:
+    """Return one more than the last chosen index, 0 without one: the columns behind it are mostly vacant."""
+    for a in range(len(chosen) - 1, -1, -1):
+        if chosen[a]:
+            return a + 1
+    return 0
 
 
 @kernel
