@@ -86,15 +86,13 @@ def _without_bad_connections(root: ElementTree.Element) -> list[str]:
     links = 0
     for junction in root.iterfind("junction"):
         is_direct = junction.get("type") == "direct"
+        names, end_name = (direct, "linkedRoad") if is_direct else (bad, "connectingRoad")
         for connection in junction.findall("connection"):
-            begin = connection.get("incomingRoad")
-            end = connection.get("linkedRoad" if is_direct else "connectingRoad")
-            if not is_direct and {begin, end} <= roads:
-                continue
-            junction.remove(connection)
-            name = f"junction '{junction.get('id')}', road '{begin}' to '{end}'"
-            (direct if is_direct else bad).append(name)
-            links += 0 if is_direct else len(connection.findall("laneLink"))
+            begin, end = connection.get("incomingRoad"), connection.get(end_name)
+            if is_direct or not {begin, end} <= roads:
+                junction.remove(connection)
+                names.append(f"junction '{junction.get('id')}', road '{begin}' to '{end}'")
+                links += 0 if is_direct else len(connection.findall("laneLink"))
     told = (
         f"left out {len(bad)} connections with {links} lane links, whose roads do not exist: {listed(bad)}",
         f"left out {len(direct)} connections of direct junctions, where netconvert guesses the lanes' links: "

@@ -170,15 +170,15 @@ def connection_jumps(root: ElementTree.Element) -> list[str]:
         for lane in edge.iter("lane")
     }
     junctions = {edge.get("id"): edge.get("to", "") for edge in roads}
-    jumps = []
-    for connection in root.iter("connection"):
+
+    def jumps(connection: ElementTree.Element) -> bool:
         source = ends.get((connection.get("from"), connection.get("fromLane")))
         target = ends.get((connection.get("to"), connection.get("toLane")))
         if connection.get("via") is not None or source is None or target is None:
-            continue
-        if np.hypot(*(target[0] - source[1])) > WIDEST_GAP:
-            jumps.append(junctions[connection.get("from")])
-    return jumps
+            return False
+        return bool(np.hypot(*(target[0] - source[1])) > WIDEST_GAP)
+
+    return [junctions[each.get("from")] for each in root.iter("connection") if jumps(each)]
 
 
 def _point(lane: ElementTree.Element, number: int) -> Floats:
