@@ -55,7 +55,7 @@ IMAGES |= {"top_down_rgb": "RGB", "occlusion_map": "OcclusionMap"}
 SHORT = ("step_count", "steps_completed", "elapsed_sim_time", "events", "distance_travelled", "neighbors")
 SHORT += ("under_this_agent_control", "ego_vehicle_state", "via_data", "signals")
 LONG = ("neighborhood_vehicle_states", "waypoint_paths", "road_waypoints", "lidar_point_cloud")
-RESULT = ("observations", "rewards", "terminated", "truncated", "infos")
+RESULT: tuple[str, ...] = ("observations", "rewards", "terminated", "truncated", "infos")
 PROGRAM = {"version", "program"}
 """Columns of recorded episodes that name the program."""
 OFTEN, PERIOD, SEED = 10, 5, 7
@@ -219,7 +219,7 @@ def play_vector(case: Case, random: np.random.Generator, record: str | None = No
 
     is_raw = case["api"] == "arrays"
     egos, count, period = AGENTS.get(case["scenario"], 3), *((2, 1) if is_raw else (4, PERIOD))
-    options: dict[str, Any] = {"adapter": "raw", "traffic": TRAFFIC} if is_raw else {}
+    options: dict[str, Any] = {"observation": "raw", "traffic": TRAFFIC} if is_raw else {}
     agents = egos if case["action"] == "Lane" and not is_raw else interfaces(case)
     keywords = {"seed": SEED, "decision_interval": period, "simulation": Options(record=record)}
     env = VectorHiWayEnv(count, [case["scenario"]], agents, **keywords, **options)
@@ -404,7 +404,9 @@ def cases_of(given: argparse.Namespace) -> list[Case]:
         found += [("record", scenario, drawn[0], max(steps // 2, 20))]
     one = "intersection" if "intersection" in scenarios else scenarios[0]
     found += [(api, one, "Lane", 200) for api in ("pettingzoo", "rllib", "single")]
-    cases = [dict(zip(("api", "scenario", "action", "steps"), each, strict=True)) for each in found]
+    cases: list[Case] = [
+        dict(zip(("api", "scenario", "action", "steps"), each, strict=True)) for each in found
+    ]
     return [case for case in cases if case["api"] in given.apis]
 
 

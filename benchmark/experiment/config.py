@@ -174,11 +174,15 @@ class Environment(Section):
     """Learning agents in each simulation."""
     decision_interval: Annotated[int, Field(ge=1, le=50)] = 5
     """Simulation steps of 0.1 s from one decision to the next."""
-    adapter: str = "benchmark"
-    """What agents observe and do: a name of smarts.env.adapters, or module:Class of an own adapter."""
-    options: dict[str, Any] = Field(default_factory=dict)
-    """Options of the adapter, such as `reward: paper`, `reward: {goal: 1, collision: -1}`, or
-    `reward: module:Class`, a class or function of one's own."""
+    observation: str | list[Any] | dict[str, Any] = "benchmark"
+    """What agents observe: a name of smarts/observations/observations.yaml, or a list or dict of features."""
+    reward: str | dict[str, Any] | None = None
+    """A name of smarts/rewards/rewards.yaml, weights such as `{goal: 1, collision: -1}`, or module:Class, a
+    class or function of one's own; null: the reward that goes with the observation."""
+    adapter: str | None = None
+    """module:Class of one's own that makes observations, rewards and perhaps the encoding of actions."""
+    adapter_options: dict[str, Any] = Field(default_factory=dict)
+    """Keywords of the own adapter."""
     action: ActionName = "Lane"
     """How agents act: a name of ActionSpaceType. Lane is discrete, all others are continuous."""
     vehicle: VehicleName = "generic_sedan"

@@ -12,7 +12,6 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from benchmark.experiment.checks import option_names
 from benchmark.experiment.config import Environment
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import TaskSetting
@@ -21,7 +20,6 @@ from benchmark.metrics.table import COUNTS
 from benchmark.running.importing import named_own_code
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
-from smarts.env.adapters import ADAPTERS
 from smarts.env.vector import VectorHiWayEnv
 from smarts.registry import import_own
 from smarts.sim.assembly import Options
@@ -54,7 +52,7 @@ def environment(
         max_episode_steps: Of each agent, by default the benchmark's.
 
     Raises:
-        SmartsError: A scenario cannot be built, or an option is wrong.
+        SmartsError: A scenario cannot be built, or the agents' observation or reward.
     """
     given = task_setting.environment
     import_own(task_setting.imports)
@@ -64,8 +62,11 @@ def environment(
         list(scenarios or task_setting.task.scenarios),
         agents=dict.fromkeys(agent_names(given.agents), interface_of(given).replace(**limit)),
         decision_interval=given.decision_interval,
+        observation=given.observation,
+        reward=given.reward,
+        discount=discount,
         adapter=given.adapter,
-        adapter_options={**_discounted(given.adapter, discount), **given.options},
+        adapter_options=given.adapter_options,
         simulation=Options(record=record, friction=given.friction, traffic_engine=given.traffic_engine),
         traffic=[task_setting.traffic],
     )
@@ -80,13 +81,6 @@ def interface_of(given: Environment) -> AgentInterface:
         tyre_model=given.tyre_model,
         flat_tyres=given.flat_tyres,
     )
-
-
-def _discounted(adapter: str, discount: float | None) -> dict[str, float]:
-    """Return the option that tells an adapter the learner's discount, if it wants to know."""
-    if discount is None or "discount" not in option_names(ADAPTERS[adapter]):
-        return {}
-    return {"discount": discount}
 
 
 def try_own_code(task_setting: TaskSetting) -> Any:

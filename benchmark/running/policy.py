@@ -126,13 +126,13 @@ class Policy:
         return self._by_name(self._choose(self._step_of({only: observations}, {only: infos})))[only]
 
     def attach(self, env: HiWayEnv) -> None:
-        """Observe a `HiWayEnv`, whose observations are objects, through the adapter of the training.
+        """Observe a `HiWayEnv`, whose observations are objects, with the observation of the training.
 
         Its agents' names, sensors, actions and `decision_interval` must be those of the training.
 
         Raises:
             ActionError: Its agents have other names.
-            SmartsError: The adapter cannot serve them.
+            SmartsError: Its agents do not fit the observation.
         """
         if tuple(env.agent_ids) != self.agents:
             raise ActionError(
@@ -141,7 +141,12 @@ class Policy:
                 remedy=f"the policy was trained for {[*self.agents]}, in this order",
             )
         given = self._run.task_setting.environment
-        self._attached = env.watch(given.adapter, given.options)
+        self._attached = env.watch(
+            given.observation,
+            given.reward,
+            adapter=given.adapter,
+            adapter_options=given.adapter_options,
+        )
         self.reset()
 
     def _choose(self, now: Any) -> tuple[NDArray, ...]:
@@ -296,13 +301,13 @@ def _fill(name: str, seen: Any, rows: Mapping[str, NDArray]) -> None:
             raise ActionError(
                 f"the observation of {name!r} has no {leaf or 'observation'!r}",
                 place="Policy.act",
-                remedy="use the adapter and options of the training",
+                remedy="use the observation of the training",
             ) from error
         if array.shape != row.shape:
             raise ActionError(
                 f"{leaf or 'observation'!r} of {name!r} has the shape {array.shape}, not {row.shape}",
                 place="Policy.act",
-                remedy="use the number of agents, the adapter and the options of the training",
+                remedy="use the number of agents and the observation of the training",
             )
         row[...] = array
 

@@ -145,7 +145,10 @@ def test_has_a_page(name):
     assert "**Numbers.**" in text
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "city"])
+@pytest.mark.parametrize(
+    "name",
+    [n if n == "loop" else pytest.param(n, marks=pytest.mark.slow) for n in NAMES if n != "city"],
+)
 def test_is_full_of_traffic_from_the_start(name):
     full = density(build_scenario(name), episodes=8)
     least = LEAST_AROUND_EGOS.get(name, LEAST_ELSEWHERE)

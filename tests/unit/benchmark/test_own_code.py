@@ -188,9 +188,9 @@ class Anonymous(PPOConfig):
         ("algorithms=['own_k:Anonymous']", "own_k.py: ", "has no `entry`"),
         ("environment.adapter='own_q:Waits'", "own_q.py: ", "has no method 'collect'"),
         ("environment.adapter='own_n:NONE'", "own_n.py: ", "neither a class nor a function"),
-        ("environment.options={reward: 'own_n:NONE'}", "own_n.py: ", "neither a function"),
-        ("environment.options={reward: 'own_q:Waits'}", "own_q.py: ", "neither a function"),
-        ("environment.options={reward: 'not_there:A'}", "", "there is no module 'not_there'"),
+        ("environment.reward='own_n:NONE'", "own_n.py: ", "neither a function"),
+        ("environment.reward='own_q:Waits'", "own_q.py: ", "neither a function"),
+        ("environment.reward='not_there:A'", "", "there is no module 'not_there'"),
     ],
 )
 def test_what_is_none_is_one_message_with_file_and_line(write, folder, change, place, said):
@@ -258,10 +258,11 @@ def test_physics_and_actions_are_checked(tmp_path, change, said):
 def test_a_policy_that_needs_the_benchmarks_observation(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text(
-        f"algorithms: [ppo]\n{HEAD}environment: {{adapter: raw}}\nscripted: [gap_acceptance, parked]\n"
+        f"algorithms: [ppo]\n{HEAD}environment: {{observation: raw}}\nscripted: [gap_acceptance, parked]\n"
     )
     (problem,) = problems_of(file)
-    assert "scripted[0]: 'gap_acceptance' looks at the observation of adapter 'benchmark'" in problem
+    assert "scripted[0]: 'gap_acceptance'" in problem
+    assert "'raw'" in problem
 
 
 def test_experiments_made_in_python_are_checked_like_files(folder):
@@ -270,18 +271,18 @@ def test_experiments_made_in_python_are_checked_like_files(folder):
     checked = check_whole(Experiment(name="x", scripted=["own_python:Waits"], **given))
     assert checked.scripted == ("own_python:Waits",)
     bad = Experiment(
-        scripted=["own_python:Wait"], training={"lr": 2.0}, environment={"options": {"rewrd": 1}}, **given
+        scripted=["own_python:Wait"], training={"lr": 2.0}, environment={"reward": {"gaol": 1}}, **given
     )
     with pytest.raises(ConfigError) as caught:
         check_whole(bad)
     said = str(caught.value)
-    for each in ("name: is missing", "did you mean 'Waits'", "training.lr: 2.0; ", "no such option"):
+    for each in ("name: is missing", "did you mean 'Waits'", "training.lr: 2.0; ", "gaol"):
         assert each in said
 
 
 def test_an_experiment_made_in_python_names_its_own_code():
     given = {"algorithms": ["ppo"], "tasks": ["loop"]}
-    reward = {"options": {"reward": lambda step: step.speed}}
+    reward = {"reward": {"terms": lambda step: step.speed}}
     with pytest.raises(ConfigError, match="'module:Class'"):
         check_whole(Experiment(name="x", environment=reward, **given))
 
@@ -341,7 +342,7 @@ def finish(experiment, root):
 def test_a_run_of_other_own_code_is_refused_and_kept(write, tmp_path):
     file = write(
         "algorithms: [ppo]\nseeds: [1]\nmetrics: ['own_v:LONG']\nevaluation: {episodes: 1, modes: [greedy]}\n"
-        "environment: {options: {reward: 'own_w:speed'}}\n",
+        "environment: {reward: 'own_w:speed'}\n",
         own_v=METRIC,
         own_w="def speed(step):\n    return step.speed\n",
     )

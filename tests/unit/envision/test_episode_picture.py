@@ -217,6 +217,7 @@ def test_what_is_damaged_is_told_from_what_is_not_there(episode, tmp_path):
     assert missing.remedy.startswith("bring the file back")
 
 
+@pytest.mark.slow
 def test_names_that_are_not_utf8(episode, tmp_path):
     store = tmp_path / os.fsdecode(b"epis\xf6der")
     shutil.copytree(episode.folder.parent, store)
@@ -291,6 +292,7 @@ def test_what_is_no_episode(episode, tmp_path):
     assert episode.folder.name in several
 
 
+@pytest.mark.slow
 def test_no_display_is_needed(episode, tmp_path):
     code = "import sys; from benchmark.cli import app; app(sys.argv[1:])"
     command = [sys.executable, "-c", code, "render", str(episode.folder), "--out", str(tmp_path / "a.png")]

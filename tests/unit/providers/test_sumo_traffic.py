@@ -122,6 +122,7 @@ print(digest(world, TrafficFiles(Path(sys.argv[2]), (Path(sys.argv[3]),), (), 10
 """
 
 
+@pytest.mark.slow
 def test_two_processes_agree_over_a_thousand_steps(world, country):
     files = country.road(warm_up=10.0)
     root = Path(__file__).resolve().parents[3]

@@ -297,6 +297,7 @@ def start_build(folder):
 
 
 class TestProcesses:
+    @pytest.mark.slow
     @pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.slow)])
     def test_several_at_once(self, scenario_folder, count):
         folder = scenario_folder()
