@@ -199,7 +199,7 @@ class _Files:
 
     def __init__(self) -> None:
         self.log = -1
-        """What SUMO says of errors. An anonymous file, one for each start: nothing stays behind when the
+        """SUMO's log of errors. An anonymous file, one for each start: nothing stays behind when the
         process is killed, and a forked child does not write into its parent's."""
         self.inputs: dict[str, int] = {}
 

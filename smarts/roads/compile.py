@@ -91,12 +91,12 @@ _GENERATED_COMMENT = re.compile(rb"<!-- generated on .*?-->\s*", re.DOTALL)
 
 
 class MapNotes(NamedTuple):
-    """What the user of a compiled map should know."""
+    """Notes for the user of a compiled map."""
 
     remarks: tuple[str, ...] = ()
-    """What netconvert warned about, and which roads a foreign map has that cars do not use."""
+    """Warnings of netconvert, and the roads of a foreign map that cars do not use."""
     warnings: tuple[str, ...] = ()
-    """What was left out of the map because it is broken, or had to be built again."""
+    """Parts of the map that are broken and were dropped, or were built again."""
 
 
 def compile_map(source: MapSource, out: Path) -> MapNotes:

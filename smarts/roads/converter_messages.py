@@ -8,13 +8,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 SHOWN = 3
-"""How many messages of one kind are repeated in full."""
+"""Messages of one kind that are shown in full."""
 NAMED = 20
-"""How many of the parts that were left out are named."""
+"""Dropped parts that are named."""
 
 _VARYING = re.compile(r"'[^']*'|-?\d+(?:\.\d+)?")
 _LOSSES = ("While setting connections: ",)
-"""How warnings begin that report a link as lost."""
+"""Beginnings of warnings that report a dropped link."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class ConverterMessages:
     """The messages of one run, in their order, repeated ones included."""
 
     errors: tuple[str, ...]
-    """What made the tool fail or, where it ignores errors, what it left out."""
+    """Causes of failure or, with `ignore-errors`, dropped parts."""
     warnings: tuple[str, ...]
 
     @classmethod

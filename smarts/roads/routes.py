@@ -17,7 +17,7 @@ Cost = Literal["length", "time"]
 
 
 class EdgeGraph:
-    """Which road edges lead into which for a user of lanes of certain kinds, and at what cost."""
+    """The successors of road edges for users of some kinds of lanes, with costs."""
 
     def __init__(self, graph: LaneGraph, kinds: frozenset[LaneKind], cost: Cost) -> None:
         usable = np.isin(graph.kind, list(kinds))
@@ -27,7 +27,7 @@ class EdgeGraph:
             min((float(lane_cost[lane]) for lane in graph.edge_lanes(edge) if usable[lane]), default=np.inf)
             for edge in edges
         ]
-        """Of driving each edge; infinite where no lane is usable."""
+        """Cost of each edge; infinite where no lane is usable."""
         self.onward: list[dict[int, float]] = [{} for _ in edges]
         """For each edge the edges that follow it, with the least cost of the junction between."""
         for lane in np.flatnonzero(usable & ~graph.is_internal):

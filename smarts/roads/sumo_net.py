@@ -19,7 +19,7 @@ from smarts.roads.permissions import lane_kind
 POINT_SPACING = 1.0
 """The most that two points of a centreline are apart [m]."""
 DEFAULT_LANE_WIDTH = 3.2
-"""What SUMO takes where a lane names no width [m]."""
+"""SUMO's default lane width [m]."""
 
 DIRECTED = 0.1
 """A line shorter than this has no direction, since its points are rounded to 1 cm [m]."""

@@ -1,4 +1,4 @@
-"""Where a vehicle can turn round: out of a lane into one that leads back, over road all the way; compiled."""
+"""Kernels that find where a vehicle can make a U-turn into an opposite lane, over road all the way."""
 
 from __future__ import annotations
 

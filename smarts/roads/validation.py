@@ -15,7 +15,7 @@ from smarts.roads.permissions import lane_kind
 from smarts.roads.sources import MapSource
 
 WIDEST_GAP = 5.0
-"""How far lanes may be apart that lead into each other without a lane inside the junction [m].
+"""Largest gap between lanes that are connected without a lane inside the junction [m].
 
 Old nets have such connections in the middle of straight roads, some to the lane beside.
 """

@@ -67,9 +67,9 @@ class PlacedMission:
     mission: t.AnyMission
     """The mission in the scenario."""
     start: LanePoint
-    """Of the front bumper."""
+    """Place of the front bumper."""
     pose: tuple[float, float, float]
-    """Of the vehicle's centre at the start, x, y [m] and heading [rad]."""
+    """Pose of the vehicle's centre at the start: x, y [m], heading [rad]."""
     speed: float
     """At the start [m/s]."""
     goal: LanePoint | None
@@ -89,7 +89,7 @@ class _Draft:
     route: t.Route | None
     lane: int
     s: float
-    """Of the front bumper, as the scenario says [m]."""
+    """Arc length of the front bumper in the scenario [m]."""
     where: str
 
 

@@ -19,11 +19,11 @@ from typing import Any
 from smarts.types.condition_state import ConditionState
 
 Memory = MutableMapping["Condition", float]
-"""When each trigger's clock started [s]. Equal triggers share a clock, since they see the same."""
+"""Start of each trigger's clock [s]. Equal triggers share a clock."""
 
 
 class ConditionOperator(enum.IntEnum):
-    """How two conditions are combined."""
+    """Operators on two conditions."""
 
     CONJUNCTION = enum.auto()
     """Both hold."""
@@ -131,7 +131,7 @@ class LiteralCondition(Condition):
     """Always the same."""
 
     literal: ConditionState
-    """What it evaluates to."""
+    """The result."""
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Return the literal."""
@@ -202,7 +202,7 @@ class OffRoadCondition(SubjectCondition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """Where the subject is on the road."""
+        """The subject's place on the road."""
         return ConditionRequires.current_actor_road_status
 
 
@@ -250,7 +250,7 @@ class NegatedCondition(Condition):
     """Holds when the inner condition does not."""
 
     inner_condition: Condition
-    """What must not hold."""
+    """The condition to negate."""
 
     def __post_init__(self) -> None:
         _check_evaluable(self.inner_condition)
@@ -262,7 +262,7 @@ class NegatedCondition(Condition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """What the inner condition requires."""
+        """The inner condition's facts."""
         return self.inner_condition.requires
 
 
@@ -288,7 +288,7 @@ class CompoundCondition(Condition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """What either condition requires."""
+        """Both conditions' facts."""
         return self.first_condition.requires | self.second_condition.requires
 
 
@@ -331,11 +331,11 @@ class ExpireTrigger(Condition):
     """The inner condition until a time, then `expired_state`."""
 
     inner_condition: Condition
-    """What counts until then."""
+    """The result until then."""
     time: float
-    """When it expires [s]."""
+    """Time of expiry [s]."""
     expired_state: ConditionState = ConditionState.EXPIRED
-    """What counts afterwards."""
+    """The result afterwards."""
     relative: bool = False
     """Whether the clock starts with the first evaluation."""
     own_memory: dict[Condition, float] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -356,7 +356,7 @@ class ExpireTrigger(Condition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """The time, and what the inner condition requires."""
+        """The time and the inner condition's facts."""
         return self.inner_condition.requires | ConditionRequires.time
 
 
@@ -365,13 +365,13 @@ class ConditionTrigger(Condition):
     """Switches to `triggered_state` after the inner condition was met and a delay has passed."""
 
     inner_condition: Condition
-    """What sets it off."""
+    """The condition that starts the clock."""
     delay_seconds: float
-    """How long after the inner condition was first met [s]."""
+    """Delay after the inner condition was first met [s]."""
     untriggered_state: ConditionState = ConditionState.BEFORE
-    """What counts until then."""
+    """The result until then."""
     triggered_state: ConditionState = ConditionState.TRUE
-    """What counts afterwards."""
+    """The result afterwards."""
     persistent: bool = False
     """Whether the inner condition must hold afterwards, too."""
     own_memory: dict[Condition, float] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -404,5 +404,5 @@ class ConditionTrigger(Condition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """The time, and what the inner condition requires."""
+        """The time and the inner condition's facts."""
         return self.inner_condition.requires | ConditionRequires.time

@@ -11,4 +11,4 @@ MISSING = sys.maxsize
 
 BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET = "base", "max", "random"
 NAMED_OFFSETS = (BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET)
-"""What an offset along a lane may be instead of a number: its begin, its end, anywhere on it."""
+"""Named offsets along a lane: its begin, its end, a random one."""

@@ -14,7 +14,7 @@ from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFF
 from smarts.sstudio.sstypes.drawing import drawing
 
 SEAM = 0.3
-"""By how much a lane's strip is wider than the lane, so that neighbouring strips overlap [m]."""
+"""Excess width of a lane's strip, so that neighbouring strips overlap [m]."""
 
 
 def rectangle(centre: tuple[float, float], size: tuple[float, float], rotation: float) -> Polygon:
