@@ -15,6 +15,7 @@ import importlib.machinery
 import importlib.util
 import os
 import re
+import shutil
 import sys
 import tempfile
 import threading
@@ -334,11 +335,7 @@ def _copied(original: Path) -> IO[bytes]:
             raise
         file = tempfile.TemporaryFile()  # noqa: SIM115
     try:
-        with open(original, "rb") as source:
-            size = os.fstat(source.fileno()).st_size
-            done = 0
-            while done < size:
-                done += os.sendfile(file.fileno(), source.fileno(), done, size - done)
+        shutil.copyfile(original, _FILE.format(file.fileno()))
     except OSError as error:
         file.close()
         if _is_used_up(error):

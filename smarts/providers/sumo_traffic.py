@@ -27,15 +27,9 @@ from smarts.types.world import World
 SPAWN_MARGIN = (10.0, 1.0)
 """Kept free of traffic around a vehicle that enters: before and behind it, and on either side [m]."""
 
-_KINDS = {
-    "bus": VehicleKind.BUS,
-    "coach": VehicleKind.COACH,
-    "truck": VehicleKind.TRUCK,
-    "delivery": VehicleKind.TRUCK,
-    "trailer": VehicleKind.TRAILER,
-    "motorcycle": VehicleKind.MOTORCYCLE,
-    "moped": VehicleKind.MOTORCYCLE,
-}
+_KINDS = {kind.name.lower(): kind for kind in VehicleKind}
+_KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
+"""`VehicleKind` of SUMO's vehicle classes; others are passenger cars."""
 
 _LIGHTS = np.full(256, Signal.NONE, np.int8)
 _LIGHTS[list(b"rR")] = Signal.STOP

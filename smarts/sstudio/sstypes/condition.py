@@ -181,7 +181,7 @@ class DependeeActorCondition(Condition):
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look the road user up in `actor_ids`."""
-        return ConditionState.TRUE if self.actor_id in facts["actor_ids"] else ConditionState.FALSE
+        return _truth(self.actor_id in facts["actor_ids"])
 
     @property
     def requires(self) -> ConditionRequires:
@@ -215,8 +215,7 @@ class VehicleTypeCondition(SubjectCondition):
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look at `current_actor_state.vehicle_config_type`."""
-        kind = facts["current_actor_state"].vehicle_config_type
-        return ConditionState.TRUE if kind == self.vehicle_type else ConditionState.FALSE
+        return _truth(facts["current_actor_state"].vehicle_config_type == self.vehicle_type)
 
 
 @dataclass(frozen=True)
@@ -230,13 +229,16 @@ class VehicleSpeedCondition(SubjectCondition):
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look at `current_actor_state.speed`."""
-        speed = facts["current_actor_state"].speed
-        return ConditionState.TRUE if self.low <= speed <= self.high else ConditionState.FALSE
+        return _truth(self.low <= facts["current_actor_state"].speed <= self.high)
 
     @classmethod
     def loitering(cls, abs_error: float = 0.01) -> VehicleSpeedCondition:
         """Return the condition that the subject stands, to within `abs_error` [m/s]."""
         return cls(low=-abs_error, high=abs_error)
+
+
+def _truth(holds: bool) -> ConditionState:
+    return ConditionState.TRUE if holds else ConditionState.FALSE
 
 
 def _check_evaluable(*conditions: Condition) -> None:
@@ -257,8 +259,7 @@ class NegatedCondition(Condition):
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Turn the inner result round."""
-        met = self.inner_condition.evaluate(memory=memory, **facts)
-        return ConditionState.FALSE if met else ConditionState.TRUE
+        return _truth(not self.inner_condition.evaluate(memory=memory, **facts))
 
     @property
     def requires(self) -> ConditionRequires:
@@ -295,29 +296,20 @@ class CompoundCondition(Condition):
 def _conjunction(first: ConditionState, second: ConditionState) -> ConditionState:
     if first and second:
         return ConditionState.TRUE
-    either = first | second
-    for state in (ConditionState.EXPIRED, ConditionState.BEFORE):
-        if state in either:
-            return state
-    return ConditionState.FALSE
+    worst = (state for state in (ConditionState.EXPIRED, ConditionState.BEFORE) if state in first | second)
+    return next(worst, ConditionState.FALSE)
 
 
 def _disjunction(first: ConditionState, second: ConditionState) -> ConditionState:
-    either = first | second
-    for state in (ConditionState.TRUE, ConditionState.BEFORE):
-        if state in either:
-            return state
-    return first & second & ConditionState.EXPIRED
-
-
-def _implication(first: ConditionState, second: ConditionState) -> ConditionState:
-    return ConditionState.TRUE if second or not first else ConditionState.FALSE
+    best = (state for state in (ConditionState.TRUE, ConditionState.BEFORE) if state in first | second)
+    return next(best, first & second & ConditionState.EXPIRED)
 
 
 _COMBINED = {
     ConditionOperator.CONJUNCTION: _conjunction,
     ConditionOperator.DISJUNCTION: _disjunction,
-    ConditionOperator.IMPLICATION: _implication,
+    # A first condition that does not hold has decided already.
+    ConditionOperator.IMPLICATION: lambda first, second: _truth(bool(second)),
 }
 _DECIDED_BY_FIRST = {
     ConditionOperator.CONJUNCTION: lambda first: first if ConditionState.EXPIRED in first else None,
