@@ -1,13 +1,13 @@
-"""What a vehicle does whose agent has not acted yet."""
+"""The controller of agents that have not acted yet."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from smarts.controllers.lane_following import NEUTRAL, LaneFollowing
+from smarts.controllers.lane_following import FALLBACK, LaneFollowing
 
 
 class FallbackController(LaneFollowing):
-    """Keeps its lane within the limit, and does not drive into the vehicle ahead."""
+    """Keeps the lane within the speed limit, and the distance to the vehicle ahead."""
 
-    manner: ClassVar[int] = NEUTRAL
+    command_type: ClassVar[int] = FALLBACK
