@@ -66,7 +66,7 @@ class ControllerSet:
         return out
 
     def _clear_lane_targets(self, chosen: Bools) -> None:
-        """Reset lane changes, and set `desired_speed` to the lane's limit, for agents without lane control."""
+        """Reset lane changes and set `desired_speed` to the lane's limit, for agents without lane control."""
         world = self._scene.world
         agents, vehicles = world.agents, world.vehicles
         row, agent_id = np.nonzero(chosen)

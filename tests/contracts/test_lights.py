@@ -34,7 +34,7 @@ def test_agents_are_told_what_sumo_shows_at_the_end_of_their_lane(city):
     net = sumolib.net.readNet(str(build_scenario("city").directory / "map.net.xml"))
     now, batch, told = city.reset(), city._runner, Counter()
     world = batch.world
-    state_of = batch.simulation._stages.traffic._drivers[0]._library.trafficlight.getRedYellowGreenState
+    state_of = batch.simulation._stages.traffic._simulations[0]._library.trafficlight.getRedYellowGreenState
     for _ in range(60):
         agents, graph = world.agents, batch.scene.atlas.graphs[int(world.map[0])]
         for agent in np.flatnonzero(now.alive[0] & agents.on_route[0]).tolist():

@@ -73,7 +73,7 @@ class Rig:
         return self
 
     def log(self, steps, *columns, slot=0):
-        """Step, and return columns of the first simulation's vehicle after each step, (steps, columns, ...)."""
+        """Step, and return columns of the first simulation's vehicle after each step."""
         found = []
         for _ in range(steps):
             self.step()
@@ -81,7 +81,7 @@ class Rig:
         return np.array(found)
 
     def track(self, steps, slot=0):
-        """Step, and return the position of the first simulation's vehicle after each step, shape (steps, 2)."""
+        """Step, and return the first simulation's position after each step, shape (steps, 2)."""
         return np.array([self.step().world.vehicles.position[0, slot].copy() for _ in range(steps)])
 
     @property

@@ -84,7 +84,7 @@ def wide_road():
 @pytest.mark.parametrize("kind", [CAR, TRUCK])
 @pytest.mark.parametrize("degrees", [40.0, 60.0, 90.0])
 def test_a_plan_is_nearly_as_close_to_a_corner_as_possible(wide_road, kind, degrees):
-    """The smallest possible maximum offset is R tan(turn / 4)^2, outside and inside: two tangents and an arc."""
+    """The smallest possible offset is R tan(turn / 4)^2, outside and inside: two tangents and an arc."""
     turn = math.radians(degrees)
     points = corner(turn, before=14.0)
     pose = points[0, 0], 0.0, 0.0
