@@ -1,17 +1,22 @@
-"""Convert results of format 1 to format 2: `python results/convert_v1.py OLD NEW`.
+"""Convert results to the names of today: `python results/convert_v1.py OLD NEW`.
 
 OLD is the folder of an experiment or a run, or a store of recorded episodes; it stays. NEW is created.
 Names change, numbers do not:
 
 - folder and YAML key `reference` -> `scripted`, policy `yielder` -> `gap_acceptance`
-- YAML key `copies` -> `num_envs_per_env_runner`
+- YAML keys `copies` -> `num_envs_per_env_runner`, `longest_life` -> `longest_trajectory`
+- YAML keys `adapter`, `options` of `environment` -> `observation`, `reward`; those of own adapters `adapter`,
+  `adapter_options`
 - columns `is_void` -> `is_invalid`, `travelled` -> `distance_travelled`, outcome `void` -> `invalid`
 - tables and columns of recorded episodes, see `EPISODE_TABLES` and `EPISODE_COLUMNS`
+
+Results of format 2 may have old YAML keys; of these, only the keys change.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -25,7 +30,16 @@ from smarts.errors import SmartsError
 
 FORMAT = 2
 POLICIES = {"yielder": "gap_acceptance"}
-CONFIG_KEYS = {"reference": "scripted", "copies": "num_envs_per_env_runner"}
+CONFIG_KEYS = {
+    "reference": "scripted",
+    "copies": "num_envs_per_env_runner",
+    "longest_life": "longest_trajectory",
+}
+COMMANDS = {
+    r"environment\.options\.(reward|observation)=": r"environment.\1=",
+    r"environment\.adapter=(benchmark|paper|raw)\b": r"environment.observation=\1",
+}
+"""Patterns of overrides in commands."""
 TABLE_COLUMNS = {"is_void": "is_invalid", "travelled": "distance_travelled"}
 OUTCOMES = {"void": "invalid"}
 EPISODE_TABLES = {"seats": "agent_states"}
@@ -46,22 +60,19 @@ def convert(old: Path, new: Path) -> None:
     """Write a converted copy of a folder.
 
     Raises:
-        SmartsError: There is no such folder or nothing of format 1 in it, or the new one exists already.
+        SmartsError: There is no such folder or no old name in it, or the new one exists already.
     """
     if not old.is_dir():
         raise SmartsError("there is no such folder", place=str(old))
     if new.exists():
         raise SmartsError("exists already", place=str(new), remedy="name a new folder")
-    for name in ("command.json", "run.json"):
-        if (old / name).exists() and json.loads((old / name).read_text()).get("format") == FORMAT:
-            raise SmartsError("is of format 2 already", place=str(old))
     partial = new.with_name(f".partial-{new.name}")
     shutil.rmtree(partial, ignore_errors=True)
     shutil.copytree(old, partial)
     try:
         found = [_convert_file(file) for file in sorted(partial.rglob("*")) if file.is_file()]
         if not any(found):
-            raise SmartsError("nothing of format 1 is in it", place=str(old))
+            raise SmartsError("there is nothing to convert in it", place=str(old))
         _rename_folders(partial)
         partial.rename(new)
     finally:
@@ -77,31 +88,38 @@ def _rename_folders(root: Path) -> None:
 
 
 def _convert_file(file: Path) -> bool:
-    """Convert a file in place; return whether it was of format 1."""
+    """Convert a file in place; return whether it has changed."""
     if file.suffix == ".parquet":
         return _convert_parquet(file)
     if file.name == "config.yaml":
-        content = _renamed(yaml.safe_load(file.read_text(encoding="utf-8")))
-        file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-        return True
-    if file.name not in ("run.json", "experiment.json", "command.json"):
+        given = yaml.safe_load(file.read_text(encoding="utf-8"))
+        content = _renamed(given)
+        if content != given:
+            file.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        return content != given
+    if file.name not in ("run.json", "experiment.json", "command.json", "search.json"):
         return False
-    content = _renamed(json.loads(file.read_text(encoding="utf-8")))
+    given = json.loads(file.read_text(encoding="utf-8"))
+    content = _renamed(given)
     if (
         file.name == "command.json" and "parts" not in content
     ):  # of the first versions, which kept one command
         experiment = json.loads((file.parent / "experiment.json").read_text(encoding="utf-8"))
         content["parts"] = [{**content, "experiment": _renamed(experiment)}]
     if file.name != "experiment.json":
-        content = {"format": FORMAT, **content}
-    file.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    return True
+        content = {"format": FORMAT, **content} | {"format": FORMAT}
+    if content != given:
+        file.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return content != given
 
 
 def _renamed(content: Any) -> Any:
     """Return the content of a JSON or YAML file with new keys and policies."""
     if isinstance(content, dict):
-        return {CONFIG_KEYS.get(key, key): _renamed(value) for key, value in content.items()}
+        content = {CONFIG_KEYS.get(key, key): _renamed(value) for key, value in content.items()}
+        if isinstance(content.get("environment"), dict):
+            content["environment"] = _converted_environment(content["environment"])
+        return content
     if isinstance(content, list):
         return [_renamed(value) for value in content]
     if not isinstance(content, str):
@@ -111,7 +129,38 @@ def _renamed(content: Any) -> Any:
     if content.startswith("smarts-bench "):  # a command that made the results
         for old, new in (*CONFIG_KEYS.items(), *POLICIES.items()):
             content = content.replace(old, new)
+        for old, new in COMMANDS.items():
+            content = re.sub(old, new, content)
     return content
+
+
+def _converted_environment(section: dict[str, Any]) -> dict[str, Any]:
+    """Return a section `environment` with the observation and the reward of its adapter."""
+    name, options = section.get("adapter"), {**section.get("options", {})}
+    if "options" not in section and (name is None or ":" in name):
+        return section
+    name = name or "benchmark"
+    kept = {key: value for key, value in section.items() if key not in ("adapter", "options")}
+    observation = options.pop("observation", name if ":" not in name else "benchmark")
+    size, resolution = options.pop("image_size", 64), options.pop("image_resolution", 1.0)
+    if name == "benchmark":
+        if "reward" not in options and _base(observation) != "benchmark":
+            options["reward"] = "benchmark"  # that of the adapter, whatever the observation
+        if options.pop("image", False):
+            is_default = (size, resolution) == (64, 1.0)
+            image = "image" if is_default else {"image": {"size": size, "resolution": resolution}}
+            observation = {"base": observation, "stacked": [image]}
+    kept |= {"observation": observation, "reward": options.pop("reward", None)}
+    if ":" in name:
+        kept["adapter"] = name
+    return {**kept, "adapter_options": options} if options else kept
+
+
+def _base(observation: Any) -> Any:
+    """Return the name of the observation that another one is based on."""
+    while isinstance(observation, dict):
+        observation = observation.get("base", "benchmark")
+    return observation
 
 
 def _convert_parquet(file: Path) -> bool:

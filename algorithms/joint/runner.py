@@ -296,7 +296,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
             raise SpaceError(
                 f"the environment has {given.spaces}, the policies were made for {self.spec.spaces}",
                 place=type(given).__name__,
-                remedy="evaluate with the agents, adapter and options of the training",
+                remedy="evaluate with the agents and the observation of the training",
             )
         return env
 

@@ -1,4 +1,4 @@
-"""What the models of experiment files cannot see: ranges of settings, adapters' options, scenarios' names.
+"""What the models of experiment files cannot see: ranges of settings, features and rewards, scenarios' names.
 
 The checks look at values as files give them. What does not fit the models is left to them.
 """
@@ -6,8 +6,7 @@ The checks look at values as files give them. What does not fit the models is le
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from inspect import Parameter, signature
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from itertools import chain
 from math import inf
 from typing import Any
@@ -21,9 +20,6 @@ from smarts.registry import Registry, import_own, is_own_name
 from smarts.types.agent_states import agent_names
 
 Values = Mapping[str, Any]
-ADAPTER_NAMES = ("benchmark", "paper", "raw")
-"""Adapters whose agents have the action space of `environment.action`."""
-BY_NAME = (Parameter.KEYWORD_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
 DRAWS = ("uniform", "loguniform", "randint")
 """What a search may draw from: all with a lower and an upper bound, whole ones without the upper one."""
 
@@ -44,7 +40,7 @@ def check_experiment(values: Values) -> Iterator[Fault]:
     yield from _searched(sound)
     yield from _actions(sound)
     yield from _tyres(_section(values, "environment"))
-    yield from _adapter(_section(values, "environment"))
+    yield from _observed(_section(values, "environment"))
     yield from _scenarios(values)
 
 
@@ -135,15 +131,17 @@ def _known_algorithms(values: Values) -> list[str]:
 def _actions(values: Values) -> Iterator[Fault]:
     """Yield algorithms and scripted policies that cannot act as the environment's agents do."""
     environment = _section(values, "environment")
-    action, adapter = environment.get("action", "Lane"), environment.get("adapter", "benchmark")
-    if adapter in ADAPTER_NAMES:  # actions of an own adapter are known when it is made
+    action, observation = environment.get("action", "Lane"), environment.get("observation", "benchmark")
+    if environment.get("adapter") is None:  # actions of an own adapter are known when it is made
         yield from _unfit_algorithms(_known_algorithms(values), action)
     for number, name in enumerate(_texts(values.get("scripted"))):
         if name in SCRIPTED_POLICIES and not is_own_name(name) and action != "Lane":
             text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
             yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
-        if name == "gap_acceptance" and adapter in ("paper", "raw"):
-            text = f"{name!r} looks at the observation of adapter 'benchmark', not of {adapter!r}"
+        if name == "gap_acceptance" and observation in ("paper", "raw"):
+            text = (
+                f"{name!r} reads the observation 'benchmark', and environment.observation is {observation!r}"
+            )
             yield Fault(("scripted", number), text, "remove it")
 
 
@@ -231,45 +229,37 @@ def _ends(given: Any) -> list[tuple[tuple[str | int, ...], Any]]:
     return [((kind, 0), float(low)), ((kind, 1), float(high))]
 
 
-def _adapter(environment: Values) -> Iterator[Fault]:
-    name, options = environment.get("adapter", "benchmark"), _section(environment, "options")
-    if not isinstance(name, str) or not environment.keys() & {"adapter", "options"}:
-        return  # loading Gymnasium for the names of adapters takes a quarter of the time of all checks
-    from smarts.env.adapters import ADAPTERS  # here: reports need no environments
+def _observed(environment: Values) -> Iterator[Fault]:
+    """Yield what is wrong with observation, reward and own adapter; loads the simulation if one is given."""
+    if "options" in environment:
+        remedy = (
+            "write observation: and reward: themselves; a picture is a feature of the observation: "
+            "{base: benchmark, stacked: [image]}"
+        )
+        yield Fault(("environment", "options"), "there are no options of an observation", remedy)
+    if environment.keys() & {"adapter", "adapter_options"}:
+        from smarts.env.adapters import adapter_class  # here: reports need no environments
 
-    if not options and name in ADAPTERS:
-        return  # loading an adapter takes half a second
+        try:
+            adapter_class(environment.get("adapter"), environment.get("adapter_options"))
+        except SmartsError as error:
+            yield Fault(("environment", "adapter"), *_words(error))
+    if environment.get("observation", "benchmark") != "benchmark":
+        from smarts.observations.lists import feature_list
+
+        yield from _refused("observation", feature_list, environment)
+    if environment.get("reward") is not None:
+        from smarts.rewards.own import check_reward
+
+        yield from _refused("reward", check_reward, environment)
+
+
+def _refused(key: str, check: Callable[[Any], object], environment: Values) -> Iterator[Fault]:
     try:
-        known = option_names(ADAPTERS[name])
+        check(environment[key])
     except SmartsError as error:
-        yield Fault(("environment", "adapter"), *_words(error))
-        return
-    for option in sorted(options.keys() - set(known)):
-        remedy = nearest_names(option, known)
-        yield Fault(("environment", "options", option), f"adapter {name!r} has no such option", remedy)
-    from smarts.observations.lists import feature_list
-    from smarts.rewards.own import check_reward
-
-    for option, check in (("reward", check_reward), ("observation", feature_list)):
-        if option in options and option in known:
-            try:
-                check(options[option])
-            except SmartsError as error:
-                yield Fault(("environment", "options", option), *_words(error))
-
-
-def option_names(adapter: Any) -> list[str]:
-    """Return the options that an adapter takes, those of its base classes too if it hands on what it gets."""
-    found: dict[str, None] = {}
-    for kind in getattr(adapter, "__mro__", (adapter,)):
-        parameters = [*signature(kind).parameters.values()]
-        named = [each.name for each in parameters if each.kind in BY_NAME]
-        # The agents and their interface come first, by name or among others.
-        takes_rest = any(each.kind == each.VAR_POSITIONAL for each in parameters)
-        found |= dict.fromkeys(named if takes_rest else named[2:])
-        if all(each.kind != each.VAR_KEYWORD for each in parameters):
-            break
-    return [*found]
+        problem, remedy = _words(error)
+        yield Fault(("environment", key), problem.removeprefix(f"{key}: "), remedy)
 
 
 def _scenarios(values: Values) -> Iterator[Fault]:

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticSerializationError
@@ -92,7 +92,7 @@ def _distinct(values: Iterable[Any]) -> Any:
     values = tuple(values)
     twice = sorted({str(value) for value in values if values.count(value) > 1})
     if twice:
-        raise UnfitError(f"{', '.join(twice)} there twice", "name each once")
+        raise UnfitError(f"{', '.join(twice)} is there twice", "name each once")
     return values
 
 
@@ -174,11 +174,15 @@ class Environment(Section):
     """Learning agents in each simulation."""
     decision_interval: Annotated[int, Field(ge=1, le=50)] = 5
     """Simulation steps of 0.1 s from one decision to the next."""
-    adapter: str = "benchmark"
-    """What agents observe and do: a name of smarts.env.adapters, or module:Class of an own adapter."""
-    options: dict[str, Any] = Field(default_factory=dict)
-    """Options of the adapter, such as `reward: paper`, `reward: {goal: 1, collision: -1}`, or
-    `reward: module:Class`, a class or function of one's own."""
+    observation: str | list[Any] | dict[str, Any] = "benchmark"
+    """What agents observe: a name of smarts/observations/observations.yaml, or a list or dict of features."""
+    reward: str | dict[str, Any] | None = None
+    """A name of smarts/rewards/rewards.yaml, weights such as `{goal: 1, collision: -1}`, or module:Class, a
+    class or function of one's own; null: the reward that goes with the observation."""
+    adapter: str | None = None
+    """module:Class of one's own that makes observations, rewards and perhaps the encoding of actions."""
+    adapter_options: dict[str, Any] = Field(default_factory=dict)
+    """Keywords of the own adapter."""
     action: ActionName = "Lane"
     """How agents act: a name of ActionSpaceType. Lane is discrete, all others are continuous."""
     vehicle: VehicleName = "generic_sedan"
@@ -284,6 +288,11 @@ class Experiment(Section):
     """Scripted policies that are tested in the same way and shown below the table: names, or module:Class."""
     resources: Resources = Resources()
     tune: Tune | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **values: Any) -> None:
+            """Take values as a file has them: lists, names and dicts; each is checked when it is given."""
 
     def settings_of(self, algorithm: str) -> dict[str, Any]:
         """Return the settings of an algorithm that the file gives.

@@ -29,7 +29,9 @@ def kernel_users() -> Mapping[str, Callable[[], None]]:
     """Return short runs of everything that has kernels, by name."""
     runs: dict[str, Callable[[], None]] = {
         "benchmark observation": _benchmark,
-        "image and the paper's reward": partial(_benchmark, {"image": True, "reward": "paper"}),
+        "image and the paper's reward": partial(
+            _benchmark, observation={"base": "benchmark", "stacked": ["image"]}, reward="paper"
+        ),
         "recording and metrics": _measured,
         "all sensors": partial(_drive, AgentInterface.from_type(AgentType.Full, occlusion_map=True)),
     }
@@ -42,8 +44,8 @@ def kernel_users() -> Mapping[str, Callable[[], None]]:
     return runs
 
 
-def _benchmark(options: Mapping[str, Any] | None = None) -> None:
-    env = VectorHiWayEnv(1, [SCENARIO], adapter_options=options)
+def _benchmark(**options: Any) -> None:
+    env = VectorHiWayEnv(1, [SCENARIO], **options)
     with closing(env):
         env.reset(seed=1)
         for _ in range(STEPS):

@@ -1,7 +1,7 @@
 """Scripted policies: what is reached without learning.
 
 A scripted policy has the observations and actions of learned ones. Those of this package read the vector of
-adapter "benchmark", its action mask and the four lane actions.
+observation "benchmark", its action mask and the four lane actions.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class ScriptedPolicy(Protocol):
         """Return an action of the action space; of lane actions an allowed one, 0 to 3.
 
         Args:
-            observation: The agent's: the vector of adapter "benchmark", or a dict of arrays by name if the
-                adapter has several.
+            observation: The agent's: the vector "benchmark", or a dict of arrays by name if there are
+                several.
             mask: Allowed lane actions, shape (4,); all True with other action spaces.
         """
         ...

@@ -186,7 +186,7 @@ def _actions(drivers: Sequence[ScriptedPolicy], now: VectorStep, env: VectorHiWa
 def _observation(driver: ScriptedPolicy, seen: Mapping[str, NDArray]) -> Any:
     """Return a policy's observation: the only array, or a dict of arrays.
 
-    The policies of this package read the vector of adapter "benchmark" and ignore other arrays.
+    The policies of this package read the vector of observation "benchmark" and ignore other arrays.
     """
     if [*seen] == [""]:
         return seen[""]

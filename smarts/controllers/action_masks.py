@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from smarts.arrays import Bools
-from smarts.controllers.lane_changes import write_action_masks
+from smarts.controllers.lane_changes import write_action_mask
 from smarts.geometry.binding import bind
 from smarts.roads.scene import Scene
 
@@ -21,6 +21,6 @@ class ActionMasker:
 
     def __init__(self, scene: Scene) -> None:
         self.write: Callable[[Bools], None] = bind(
-            write_action_masks, scene.world.state, scene.atlas.roads, scene.routes.current
+            write_action_mask, scene.world.state, scene.atlas.roads, scene.routes.current
         )
         """Writes the masks of all agents in the simulations of `env_mask`, shape (B,)."""

@@ -191,7 +191,7 @@ def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
 
 
 @kernel
-def write_action_masks(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
+def write_action_mask(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
     """Write `action_mask` of all agents in the simulations of `env_mask`; see `ActionMasker`."""
     agents = state.agents
     for b in range(len(env_mask)):

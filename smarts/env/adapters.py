@@ -1,14 +1,22 @@
-"""Adapters: an observation and a reward of some agents, as environments use them."""
+"""Array adapters: the observations and rewards of some agents, as environments use them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import inspect
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
+from smarts.agents.checks import check_instance
+from smarts.agents.options import InterfaceError
 from smarts.arrays import Bools, Singles
-from smarts.registry import Registry
+from smarts.observations.arrays import ArrayObservation
+from smarts.observations.context import AdapterContext
+from smarts.observations.lists import Observed, feature_list
+from smarts.registry import adopted, is_own_name
+from smarts.rewards.own import Reward, make_rewards
 from smarts.types.frame import Frame
 from smarts.types.interface import Field
 
@@ -18,7 +26,8 @@ class ArrayAdapter(Protocol):
 
     A decision lasts several steps, each of which the adapter gets as a frame. Sums over agents or time are
     taken in a fixed order (kernels, not numpy reductions, whose order depends on B). An adapter is made by a
-    call with `AdapterContext`, the agents' interface, and its own options.
+    call with an `AdapterContext`, the environment's `observation`, `reward` and `discount`, and the
+    environment's `adapter_options` by name.
     """
 
     sensors: ClassVar[Collection[str] | None]
@@ -45,6 +54,84 @@ class ArrayAdapter(Protocol):
         ...
 
 
+Adapter = str | Callable[..., ArrayAdapter]
+"""A class or function that makes an `ArrayAdapter`, or its "module:Class"."""
+
+
+class ObservationAndReward:
+    """The `ArrayAdapter` of an observation, which is a list of features, and a reward.
+
+    Args:
+        context: The agents.
+        observation: A name of `observations.yaml`, a list or dict of features, or a `FeatureList`.
+        reward: A name of `rewards.yaml`, the weights themselves, also as a dict; an own reward
+            (`smarts.rewards.own`), or its `module:Class`. By default the reward of the observation.
+        discount: By which the learner discounts a decision, if not as in the weights.
+    """
+
+    sensors: ClassVar[Collection[str] | None] = ()
+
+    def __init__(
+        self,
+        context: AdapterContext,
+        observation: Observed = "benchmark",
+        reward: Reward | None = None,
+        discount: float | None = None,
+    ) -> None:
+        features = feature_list(observation)
+        self._context = context
+        self._rewards = make_rewards(context, features.reward if reward is None else reward, discount)
+        self._observation = ArrayObservation(context, features)
+        self.fields = self._observation.fields
+        self.observations = self._observation.arrays
+        self.rewards = self._rewards.values
+
+    def collect(self, frame: Frame, is_last: bool) -> None:
+        """Accumulate a step's reward, and observe the agents whose decision ends with it."""
+        has_decided = self._rewards.collect(frame, is_last)
+        if np.count_nonzero(has_decided):
+            self._observation.observe(has_decided)
+
+    def reset(self, egos: Bools) -> None:
+        """Begin episodes of these egos, shape (B, N)."""
+        agents = egos[:, self._context.agent_ids]
+        self._rewards.reset(agents)
+        self._observation.reset(agents)
+
+
+def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = None) -> Callable[..., Any]:
+    """Return what makes adapters: `ObservationAndReward`, unless the caller has an adapter of its own.
+
+    Args:
+        adapter: The caller's own.
+        options: Its keywords.
+
+    Raises:
+        InterfaceError: The adapter cannot be called like an `ArrayAdapter`, or not with these options.
+        OwnCodeError: A `module:Class` is not importable, or not an adapter.
+    """
+    if adapter is None:
+        if options:
+            raise InterfaceError(
+                f"adapter_options is {options!r}, and there is no adapter of one's own",
+                place="adapter_options",
+                remedy="give observation=..., reward=..., discount=... themselves; a picture is a feature of "
+                "the observation: observation={'base': 'benchmark', 'stacked': ['image']}",
+            )
+        return ObservationAndReward
+    make: Any = adapter
+    if isinstance(adapter, str):
+        if not is_own_name(adapter):
+            raise InterfaceError(
+                f"adapter is {adapter!r}, not a 'module:Class'",
+                place="adapter",
+                remedy=f"give observation={adapter!r}, or an adapter of your own (smarts/env/adapters.py)",
+            )
+        make = adopted("adapter", adapter, _adopt)
+    _check_call(make, {} if options is None else options)
+    return make
+
+
 def _adopt(name: str, found: Any) -> Any:
     """Return a user's adapter: a class with the methods of `ArrayAdapter`, or a function that makes one."""
     if not callable(found):
@@ -52,14 +139,24 @@ def _adopt(name: str, found: Any) -> Any:
     missing = [each for each in ("collect", "reset") if not callable(getattr(found, each, None))]
     if isinstance(found, type) and missing:
         raise ValueError(
-            f"has no method {missing[0]!r}: see smarts/env/adapters.py, or derive it from BenchmarkAdapter"
+            f"has no method {missing[0]!r}: see smarts/env/adapters.py, or derive it from "
+            "ObservationAndReward"
         )
     return found
 
 
-ADAPTERS = Registry(
-    "adapter",
-    {name: f"smarts.env.array_adapters:{name.title()}Adapter" for name in ("benchmark", "paper", "raw")},
-    _adopt,
-)
-"""Name -> "module:Class" of an `ArrayAdapter`; a user's own is such a "module:Class"."""
+def _check_call(make: Any, options: Any) -> None:
+    """Raise if an own adapter cannot be called with its options.
+
+    Raises:
+        InterfaceError: It is not callable, or not with these arguments.
+    """
+    check_instance("adapter_options", options, Mapping, "a dict of options by their names")
+    try:
+        inspect.signature(make).bind(None, "benchmark", None, None, **options)
+    except (TypeError, ValueError) as error:
+        raise InterfaceError(
+            f"the adapter {make!r} cannot be called with the options {sorted(map(str, options))}: {error}",
+            place="adapter",
+            remedy="let it take a context, an observation, a reward and a discount, then its options by name",
+        ) from error

@@ -162,8 +162,7 @@ def _group(
 ) -> AgentGroup:
     columns = slice(first, first + len(members))
     context = context_of(scene, members, first, settings.decision_interval)
-    interface = next(iter(members.values()))
-    adapter = settings.make_adapter(context, interface)
+    adapter = settings.make_adapter(context)
     fields = tuple(field for field in adapter.fields if settings.action_mask or field.name != MASK)
     encoding: Any = adapter if hasattr(adapter, "encode") else None
     # One object for all agents of a group: PettingZoo asks for it, and learners compare by identity.

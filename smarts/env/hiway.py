@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -14,14 +14,17 @@ from smarts.agents.checks import check_instance
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
-from smarts.env.adapters import ArrayAdapter
+from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
 from smarts.env.dict_env import DictEnv
 from smarts.env.groups import context_of
 from smarts.env.observation_collector import ObservationCollector
 from smarts.env.runner import NotCopied, SimulationRunner
-from smarts.env.settings import ALL, Adapter, EnvSettings, SimulationOptions, adapter_class
+from smarts.env.settings import ALL, EnvSettings
 from smarts.observations.context import AdapterContext
+from smarts.observations.lists import Observed
+from smarts.rewards.own import Reward
 from smarts.rewards.weights import Rewards
+from smarts.sim.assembly import Options
 from smarts.types.actions import ActionSpaceType
 from smarts.types.streams import check_seed
 
@@ -39,7 +42,9 @@ class HiWayEnv(NotCopied, gym.Env):
         headless: Without effect: episodes are watched through their records.
         decision_interval: Steps of 0.1 s from one decision to the next.
         sim_name: Without effect. Kept so that the original's calls work.
-        options: `seed`, `simulation` and `traffic`; see `EnvSettings`.
+        seed: See `EnvSettings`, as for `simulation` and `traffic`.
+        simulation: See `EnvSettings`.
+        traffic: See `EnvSettings`.
 
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
@@ -55,19 +60,18 @@ class HiWayEnv(NotCopied, gym.Env):
         headless: bool = True,
         decision_interval: int = 1,
         sim_name: str | None = None,
-        **options: Unpack[SimulationOptions],
+        seed: int = EnvSettings.seed,
+        simulation: Options | None = None,
+        traffic: Sequence[str] | None = None,
     ) -> None:
         check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
-        # All others are given, so that Python refuses keywords of environments with array adapters.
         settings = EnvSettings(
             scenarios,
             agent_specs,
-            1,
+            seed=seed,
             decision_interval=decision_interval,
-            adapter="benchmark",
-            adapter_options=None,
-            action_mask=False,
-            **options,
+            simulation=simulation,
+            traffic=traffic,
         )
         self._env = ObjectDictEnv(settings)
         self._interfaces = settings.interfaces()
@@ -99,15 +103,27 @@ class HiWayEnv(NotCopied, gym.Env):
         """Add values to the record of the agents' next decision; see `DictEnv.annotate`."""
         self._env.annotate(name, values)
 
-    def watch(self, adapter: Adapter, options: Mapping[str, Any] | None = None) -> ArrayAdapter:
-        """Show every step to an array adapter, so that its observations are there beside the objects.
+    def watch(
+        self,
+        observation: Observed = "benchmark",
+        reward: Reward | None = None,
+        *,
+        discount: float | None = None,
+        adapter: Adapter | None = None,
+        adapter_options: Mapping[str, Any] | None = None,
+    ) -> ArrayAdapter:
+        """Make observations and rewards as arrays too, of every step from now on.
 
         Args:
-            adapter: A name of `smarts.env.adapters.ADAPTERS`, or a class.
-            options: Its options.
+            observation: See `EnvSettings`, as for the other arguments.
+            reward: See `EnvSettings`.
+            discount: See `EnvSettings`.
+            adapter: See `EnvSettings`.
+            adapter_options: See `EnvSettings`.
 
         Returns:
-            The adapter; its agents are all of the environment's, in the order of `agent_ids`.
+            The adapter, with the latest `observations` and `rewards`; its agents are all of the
+            environment's, in the order of `agent_ids`.
 
         Raises:
             InterfaceError: The agents differ in how they act or how long they may drive.
@@ -121,7 +137,8 @@ class HiWayEnv(NotCopied, gym.Env):
             )
         runner = self._env.runner
         context = context_of(runner.scene, interfaces, 0, runner.period)
-        made = adapter_class(adapter)(context, interfaces[self.agent_ids[0]], **(options or {}))
+        make = adapter_class(adapter, adapter_options)
+        made = make(context, observation, reward, discount, **(adapter_options or {}))
         runner.listen(made)
         return made
 
@@ -134,7 +151,7 @@ class ObjectDictEnv(DictEnv):
     """One simulation whose agents observe `Observation` objects.
 
     Args:
-        settings: With one simulation; the adapter is not used.
+        settings: With one simulation; observation, reward and adapter are not used.
     """
 
     def __init__(self, settings: EnvSettings) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +14,11 @@ from smarts.agents.checks import check_instance, check_truth, check_whole
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
-from smarts.env.adapters import ADAPTERS, ArrayAdapter
-from smarts.errors import ScenarioError, nearest_names
+from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
+from smarts.errors import ScenarioError
 from smarts.observations.context import AdapterContext
-from smarts.observations.lists import feature_list
+from smarts.observations.lists import Observed, feature_list
+from smarts.rewards.own import Reward, check_reward
 from smarts.sim.assembly import Assembly, Options, assemble
 from smarts.sstudio.build import build_scenario
 from smarts.sstudio.built import BuiltScenario
@@ -34,9 +34,6 @@ ALL = "__all__"
 
 Agents = int | Mapping[str, AgentSpec | AgentInterface]
 """The learning agents: how many of the benchmark's, or a spec or interface for each name."""
-Adapter = str | Callable[..., ArrayAdapter]
-"""A name of `ADAPTERS`, or a class or function that is called with an `AdapterContext`, the agents'
-interface, and the options by name."""
 
 
 class SimulationOptions(TypedDict, total=False):
@@ -48,10 +45,13 @@ class SimulationOptions(TypedDict, total=False):
 
 
 class EnvOptions(SimulationOptions, total=False):
-    """Keywords of every environment with an array adapter; `EnvSettings` says what they mean."""
+    """Keywords of every environment whose observations are arrays; `EnvSettings` says what they mean."""
 
     decision_interval: int
-    adapter: Adapter
+    observation: Observed
+    reward: Reward | None
+    discount: float | None
+    adapter: Adapter | None
     adapter_options: Mapping[str, Any] | None
 
 
@@ -72,10 +72,17 @@ class EnvSettings:
     """Of the run, until `reset` gives another."""
     decision_interval: int = 5
     """Steps of 0.1 s from one decision to the next."""
-    adapter: Adapter = "benchmark"
-    """What agents observe, and their reward."""
+    observation: Observed = "benchmark"
+    """What agents observe: a name of `observations.yaml`, a list or dict of features, a `FeatureList`."""
+    reward: Reward | None = None
+    """A name of `rewards.yaml`, a dict of weights, an own class or its "module:Class"; None: the reward that
+    `observations.yaml` names beside the observation."""
+    discount: float | None = None
+    """The learner's, which a reward shaped by a potential needs; None: that of the reward's weights."""
+    adapter: Adapter | None = None
+    """The caller's own class that makes observations, rewards and perhaps the encoding of actions."""
     adapter_options: Mapping[str, Any] | None = None
-    """Keywords of the adapter, such as `{"reward": "paper"}`."""
+    """Keywords of the own adapter."""
     simulation: Options | None = None
     traffic: Sequence[str] | None = None
     """Names of the variations of the scenarios' traffic that are played, by default all."""
@@ -92,22 +99,25 @@ class EnvSettings:
         check_truth("action_mask", self.action_mask)
         if self.simulation is not None:
             check_instance("simulation", self.simulation, Options, "smarts.sim.assembly.Options(...)")
-        check_options(self.adapter_class, {} if self.adapter_options is None else self.adapter_options)
+        feature_list(self.observation)
+        if self.reward is not None:
+            check_reward(self.reward)
+        adapter_class(self.adapter, self.adapter_options)
 
     @property
     def adapter_class(self) -> Callable[..., ArrayAdapter]:
         """The class or function that makes adapters."""
-        return adapter_class(self.adapter)
+        return adapter_class(self.adapter, self.adapter_options)
 
     @property
     def observes_sensors(self) -> bool:
         """Whether the observation has sensors' fields, so that agents are grouped by their sensors."""
-        features = feature_list((self.adapter_options or {}).get("observation", {}))
-        return features.needs_equal_sensors or getattr(self.adapter_class, "needs_equal_sensors", False)
+        return feature_list(self.observation).needs_equal_sensors
 
-    def make_adapter(self, context: AdapterContext, interface: AgentInterface) -> ArrayAdapter:
+    def make_adapter(self, context: AdapterContext) -> ArrayAdapter:
         """Return a new adapter of some agents."""
-        return self.adapter_class(context, interface, **(self.adapter_options or {}))
+        given = self.observation, self.reward, self.discount
+        return self.adapter_class(context, *given, **(self.adapter_options or {}))
 
     def interfaces(self) -> dict[str, AgentInterface]:
         """Return the agents' interfaces by name.
@@ -172,24 +182,6 @@ class EnvSettings:
         return built if self.traffic is None else built.with_traffic(self.traffic)
 
 
-def adapter_class(adapter: Adapter) -> Callable[..., ArrayAdapter]:
-    """Return the class or function that an adapter's name stands for.
-
-    Raises:
-        UnknownNameError: The name is not registered.
-        InterfaceError: The adapter is neither a name nor callable.
-    """
-    if isinstance(adapter, str):
-        return ADAPTERS[adapter]
-    if not callable(adapter):
-        raise InterfaceError(
-            f"{adapter!r} is not an adapter",
-            place="adapter",
-            remedy=f"give one of {', '.join(ADAPTERS)}, or a class as in smarts/env/adapters.py",
-        )
-    return adapter
-
-
 def check_scenarios(scenarios: Any) -> None:
     """Raise unless `scenarios` is a list of names and folders.
 
@@ -242,31 +234,4 @@ def check_agents(agents: Any) -> None:
                 f"an agent is called {name!r}",
                 place="agents",
                 remedy=f"give texts as names, not empty ones and not {ALL!r}, which stands for the episode",
-            )
-
-
-def check_options(make: Callable[..., Any], options: Any, place: str = "adapter_options") -> None:
-    """Raise if `make` does not take the options by name.
-
-    Raises:
-        InterfaceError: There is no such option; the remedy names the nearest.
-    """
-    check_instance(place, options, Mapping, "a dict of options by their names, such as {'reward': 'paper'}")
-    try:
-        parameters = inspect.signature(make).parameters.values()
-    except (TypeError, ValueError):
-        raise InterfaceError(
-            f"the adapter is {make!r}",
-            place="adapter",
-            remedy="give a name, or a class that is called with the agents, their interface and the options",
-        ) from None
-    if any(each.kind == each.VAR_KEYWORD for each in parameters):
-        return
-    by_name = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    # The first two are the agents and their interface.
-    known = [each.name for each in [*parameters][2:] if each.kind in by_name]
-    for name in options:
-        if name not in known:
-            raise InterfaceError(
-                f"the adapter has no option {name!r}", place=place, remedy=nearest_names(str(name), known)
             )

@@ -79,6 +79,8 @@ class FeatureList:
     features: tuple[FeatureChoice, ...] = ()
     """Of the last decision alone, behind the stacked ones."""
     frames: int = 3
+    reward: str = "benchmark"
+    """Name of the reward that agents get if the caller gives none."""
 
     def __post_init__(self) -> None:
         check_whole("frames", self.frames, 1, MOST_FRAMES, "observation")
@@ -116,8 +118,9 @@ class FeatureList:
         return places
 
 
-Observed = str | FeatureList | Mapping[str, Any]
-"""A name of `observations.yaml`, a `FeatureList`, or a dict: {"base": "benchmark", "stacked": ["image"]}."""
+Observed = str | FeatureList | Mapping[str, Any] | Sequence[Any]
+"""A name of `observations.yaml`, a `FeatureList`, a dict: {"base": "benchmark", "stacked": ["image"]}, or a
+list of features of the last decision: ["goal", "speed"]."""
 
 
 def feature_list(given: Observed) -> FeatureList:
@@ -130,11 +133,13 @@ def feature_list(given: Observed) -> FeatureList:
         return given
     if isinstance(given, str):
         return _named(given)
+    if isinstance(given, Sequence):
+        given = {"features": given}
     if not isinstance(given, Mapping):
         raise SmartsError(
             f"{given!r} is not an observation",
             place="observation",
-            remedy="give a name, a dict, or FeatureList(...)",
+            remedy="give a name, a list or dict of features, or FeatureList(...)",
         )
     for key in given:
         if key not in _KEYS:
@@ -163,7 +168,9 @@ def _named(name: str) -> FeatureList:
             place="observation",
             remedy=nearest_names(name, _file()),
         )
-    return feature_list(_file()[name])
+    content = dict(_file()[name])
+    reward = content.pop("reward")
+    return replace(feature_list(content), reward=reward)
 
 
 def _sequence(given: Mapping[str, Any], key: str) -> Sequence[Any]:

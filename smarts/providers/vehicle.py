@@ -10,7 +10,7 @@ import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
-from smarts.dynamics import MODELS, Box, Driver, Fleet, MotionError, vehicle
+from smarts.dynamics import MODELS, Box, Fleet, MotionError, SubstepDriver, vehicle
 from smarts.errors import ActionError, SmartsError
 from smarts.geometry.binding import LateBound, bind
 from smarts.providers.vehicle_kernels import (
@@ -92,7 +92,7 @@ class FleetVehicles:
         )
         self._place = LateBound(place_vehicles, state, self._tracks, self._groups)
         self._find_touchable = bind(find_touchable, state, motion, self._groups, self._boxed)
-        self._driver: tuple[Commands, Driver] | None = None
+        self._driver: tuple[Commands, SubstepDriver] | None = None
 
     def reset(self, env_mask: Bools) -> None:
         """Remove the vehicles of some simulations from the fleet; vehicles in their rows now are new.
@@ -152,7 +152,7 @@ class FleetVehicles:
         """Free Bullet's worlds."""
         self.fleet.close()
 
-    def _driver_of(self, commands: Commands) -> Driver:
+    def _driver_of(self, commands: Commands) -> SubstepDriver:
         """Return the function that writes the fleet's controls in each sub-step, bound to `commands`."""
         if self._driver is not None and self._driver[0] is commands:
             return self._driver[1]
@@ -185,23 +185,25 @@ class FleetVehicles:
                 self.failures.setdefault(row, self.fleet.motion_error(number))
                 self._groups.driven[row] = False
         self._write_motion()
-        if self.fleet.touches:
+        if self.fleet.contacts:
             self._record_contacts()
 
     def _record_contacts(self) -> None:
         """Record each Bullet contact for both vehicles."""
         self._has_contacts = True
         capacity, agents = self._world.vehicles.capacity, self._fleet_slots.slot.shape[1]
-        for substep, touch in self.fleet.touches:
-            row, agent_id = divmod(touch.row, agents)
+        for substep, contact in self.fleet.contacts:
+            row, agent_id = divmod(contact.row, agents)
             slot = (
-                touch.box % capacity
-                if touch.other_row < 0
-                else self._fleet_slots.slot[row, touch.other_row % agents]
+                contact.box % capacity
+                if contact.other_row < 0
+                else self._fleet_slots.slot[row, contact.other_row % agents]
             )
-            self._record_contact(row, agent_id, slot, substep, touch.speed)
+            self._record_contact(row, agent_id, slot, substep, contact.speed)
             for other in np.flatnonzero(self._world.agents.slot[row] == slot).tolist():
-                self._record_contact(row, other, self._fleet_slots.slot[row, agent_id], substep, touch.speed)
+                self._record_contact(
+                    row, other, self._fleet_slots.slot[row, agent_id], substep, contact.speed
+                )
 
     def _record_contact(self, row: int, agent_id: int, slot: int, substep: int, speed: float) -> None:
         tracks = self._tracks

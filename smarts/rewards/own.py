@@ -230,7 +230,7 @@ def own_reward(name: str) -> Any:
 
 
 def check_reward(reward: Any) -> None:
-    """Raise if the value that a file gives as reward is not one.
+    """Raise if a value is not a reward.
 
     Raises:
         ScenarioError: There are no such weights.
@@ -238,7 +238,7 @@ def check_reward(reward: Any) -> None:
     """
     if isinstance(reward, str) and is_own_name(reward):
         own_reward(reward)
-    else:
+    elif not callable(reward):
         given_weights(reward)
 
 

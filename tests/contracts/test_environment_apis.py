@@ -8,7 +8,7 @@ from ray.rllib.utils.pre_checks.env import check_multiagent_environments
 
 from smarts.agents import AgentInterface, AgentPolicy, AgentSpec, AgentType
 from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.env.adapters import ADAPTERS
+from smarts.observations.lists import observation_names
 
 SCENARIOS = ("intersection", "double_merge", "two_way")
 PARTS = {
@@ -38,9 +38,9 @@ def scenario(request):
     return request.param
 
 
-@pytest.mark.parametrize("adapter", ADAPTERS)
-def test_pettingzoo(scenario, adapter):
-    env = hiway_parallel_env([scenario], 3, adapter=adapter)
+@pytest.mark.parametrize("observation", observation_names())
+def test_pettingzoo(scenario, observation):
+    env = hiway_parallel_env([scenario], 3, observation=observation)
     try:
         parallel_api_test(env, num_cycles=60)
     finally:
@@ -60,9 +60,9 @@ def test_pettingzoo_seeds(scenario):
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize("adapter", ADAPTERS)
-def test_gymnasium(scenario, adapter):
-    env = SingleHiWayEnv([scenario], adapter=adapter)
+@pytest.mark.parametrize("observation", observation_names())
+def test_gymnasium(scenario, observation):
+    env = SingleHiWayEnv([scenario], observation=observation)
     try:
         check_env(env, skip_render_check=True)
     finally:

@@ -29,8 +29,11 @@ def different_scenarios(env):
     "options",
     [
         {},
-        pytest.param({"adapter_options": {"image": True, "image_size": 16}}, marks=pytest.mark.slow),
-        pytest.param({"adapter": "raw"}, marks=pytest.mark.slow),
+        pytest.param(
+            {"observation": {"base": "benchmark", "stacked": [{"image": {"size": 16}}]}},
+            marks=pytest.mark.slow,
+        ),
+        pytest.param({"observation": "raw"}, marks=pytest.mark.slow),
     ],
     ids=["vector", "image", "raw"],
 )
@@ -46,9 +49,9 @@ def test_vector_contract(options):
 @pytest.mark.slow
 def test_ppo_learns_from_pictures_and_its_evaluation_is_on_record(tmp_path):
     def create(config):
-        options = {"image": True, "image_size": 32}
+        picture = {"base": "benchmark", "stacked": [{"image": {"size": 32}}]}
         record = Options(record=tmp_path)
-        return VectorHiWayEnv(config["num_envs"], ["two_way"], adapter_options=options, simulation=record)
+        return VectorHiWayEnv(config["num_envs"], ["two_way"], observation=picture, simulation=record)
 
     register_env("pictures", create)
     config = algorithms.config("ppo").environment("pictures").training(sharing="all")

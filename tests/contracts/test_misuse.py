@@ -32,10 +32,10 @@ def make(api, kind):
     agents = {name: AgentInterface(action=kind) for name in (FIRST, SECOND)}
     makers = {
         "hiway": lambda: HiWayEnv(["loop"], agents),
-        "parallel": lambda: hiway_parallel_env(["loop"], agents, adapter="raw"),
-        "rllib": lambda: RLlibHiWayEnv({"scenarios": ["loop"], "agents": agents, "adapter": "raw"}),
-        "single": lambda: SingleHiWayEnv(["loop"], agents[FIRST], adapter="raw"),
-        "vector": lambda: VectorHiWayEnv(1, ["loop"], agents, adapter="raw"),
+        "parallel": lambda: hiway_parallel_env(["loop"], agents, observation="raw"),
+        "rllib": lambda: RLlibHiWayEnv({"scenarios": ["loop"], "agents": agents, "observation": "raw"}),
+        "single": lambda: SingleHiWayEnv(["loop"], agents[FIRST], observation="raw"),
+        "vector": lambda: VectorHiWayEnv(1, ["loop"], agents, observation="raw"),
     }
     return makers[api]()
 

@@ -3,12 +3,12 @@
 import pytest
 
 from smarts.controllers import CONTROLLERS
-from smarts.env.adapters import ADAPTERS
+from smarts.observations import FEATURES
 from smarts.sensors import SENSORS
 from smarts.types.actions import ActionSpaceType
 from smarts.types.traffic import TRAFFIC_ENGINES
 
-REGISTRIES = (CONTROLLERS, SENSORS, ADAPTERS, TRAFFIC_ENGINES)
+REGISTRIES = (CONTROLLERS, SENSORS, FEATURES, TRAFFIC_ENGINES)
 
 
 @pytest.mark.parametrize("registry", REGISTRIES, ids=lambda registry: registry.kind)

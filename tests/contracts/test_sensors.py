@@ -189,7 +189,9 @@ def test_a_new_sensor_is_one_file_and_one_line(odometer):
         assert "odometer" in dir(seen["a"])
     finally:
         env.close()
-    arrays = VectorHiWayEnv(1, ["loop"], {"a": benchmark_interface(odometer=Odometer(10.0))}, adapter="raw")
+    arrays = VectorHiWayEnv(
+        1, ["loop"], {"a": benchmark_interface(odometer=Odometer(10.0))}, observation="raw"
+    )
     try:
         assert "odometer/distance" in arrays.spaces.blocks[0].observation
         for now in [arrays.reset(1), *(arrays.step([np.zeros((1, 1), int)]) for _ in range(3))]:

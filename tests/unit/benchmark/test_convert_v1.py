@@ -11,11 +11,14 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
+from benchmark.experiment.config import Environment
+from benchmark.experiment.runs import completed
 from benchmark.metrics import compute
 from benchmark.results.files import FormatError, ResultsError
 from benchmark.results.reading import read_results
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint
+from smarts.config import fitted
 from smarts.errors import RecordError, SmartsError
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.types.episode_schema import TABLES
@@ -34,6 +37,37 @@ OLD_COLUMNS = {
     "is_invalid": "is_void",
 }
 OUTCOMES = [["goal", "collision"], ["invalid", "invalid"], ["goal", "goal"]]
+
+
+ENVIRONMENTS = [
+    ({"agents": 4, "adapter": "benchmark", "options": {}}, {"agents": 4}),
+    ({"adapter": "paper"}, {"observation": "paper"}),
+    ({"adapter": "raw", "options": {"reward": "paper"}}, {"observation": "raw", "reward": "paper"}),
+    (
+        {"options": {"reward": {"goal": 1.0}, "image": True}},
+        {"observation": {"base": "benchmark", "stacked": ["image"]}, "reward": {"goal": 1.0}},
+    ),
+    (
+        {"options": {"image": True, "image_size": 32}},
+        {
+            "observation": {
+                "base": "benchmark",
+                "stacked": [{"image": {"size": 32, "resolution": 1.0}}],
+            }
+        },
+    ),
+    (
+        {"options": {"observation": {"base": "paper", "frames": 1}}},
+        {"observation": {"base": "paper", "frames": 1}, "reward": "benchmark"},
+    ),
+    (
+        {"adapter": "m:Own", "options": {"factor": 2}},
+        {"adapter": "m:Own", "adapter_options": {"factor": 2}},
+    ),
+    ({"adapter": "m:Own"}, {"adapter": "m:Own"}),
+    ({"observation": "raw", "adapter": None}, {"observation": "raw"}),
+]
+"""`environment` of an old config, and the values of today that are not defaults."""
 
 
 def load_script():
@@ -82,7 +116,7 @@ def folders(tmp_path):
     for run in runs:
         age_table(run / "episodes.parquet")
         age_json(run / "run.json")
-    (runs[0] / "config.yaml").write_text("copies: 8\nsettings: {lr: 1.0e-3}\n")
+    (runs[0] / "config.yaml").write_text("copies: 8\nsettings: {lr: 1.0e-3, longest_life: 500}\n")
     (runs[1] / "config.yaml").write_text("policy: yielder\n")
     (root / "scripted" / "gap_acceptance").rename(root / "scripted" / "yielder")
     (root / "scripted").rename(root / "reference")
@@ -117,7 +151,7 @@ def test_converted_results_are_read_and_numbers_stay(folders):
     )
     assert config == {"policy": "gap_acceptance"}
     config = yaml.safe_load((new / "ppo/intersection/no_social_vehicles/seed_1/config.yaml").read_text())
-    assert config == {"num_envs_per_env_runner": 8, "settings": {"lr": 0.001}}
+    assert config == {"num_envs_per_env_runner": 8, "settings": {"lr": 0.001, "longest_trajectory": 500}}
     assert (old / "reference" / "yielder").is_dir()
 
 
@@ -150,6 +184,21 @@ def test_what_cannot_be_converted_is_named_and_nothing_is_written(folders, what)
         convert(old, new)
     assert caught.value.place == str(new if what == "there already" else old)
     assert not new.exists() or not any(new.iterdir())
+
+
+@pytest.mark.parametrize(("old", "expected"), ENVIRONMENTS)
+def test_runs_with_old_keys_of_the_environment_are_recognised(tmp_path, old, expected):
+    folder = tmp_path / "old" / "seed_1"
+    folder.mkdir(parents=True)
+    command = "smarts-bench run x.yaml --set environment.adapter=paper --set environment.options.reward=raw"
+    (folder / "run.json").write_text(json.dumps({"command": command}))
+    (folder / "config.yaml").write_text(yaml.safe_dump({"seed": 1, "environment": old}))
+    convert(tmp_path / "old", tmp_path / "new")
+    converted = yaml.safe_load((tmp_path / "new" / "seed_1" / "config.yaml").read_text())
+    assert completed(converted) == completed({"seed": 1, "environment": expected})
+    assert fitted(converted["environment"], Environment) == fitted(expected, Environment)
+    said = json.loads((tmp_path / "new" / "seed_1" / "run.json").read_text())["command"]
+    assert said.endswith("--set environment.observation=paper --set environment.reward=raw")
 
 
 def test_recorded_episodes_are_converted(tmp_path):

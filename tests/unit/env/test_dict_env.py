@@ -16,19 +16,6 @@ from smarts.sim.episode_files import RecordedEpisode, episodes_in
 LANER = AgentInterface.from_type(AgentType.Laner, max_episode_steps=400)
 
 
-@pytest.fixture
-def closing():
-    made = []
-
-    def keep(env):
-        made.append(env)
-        return env
-
-    yield keep
-    for env in made:
-        env.close()
-
-
 def specs(*names, interface=LANER, **adapters):
     return {name: AgentSpec(interface=interface, **adapters) for name in names}
 
@@ -214,9 +201,10 @@ def test_pettingzoo_names_who_is_there(closing):
 
 
 def test_observations_lie_in_their_spaces(closing):
-    for adapter in ("benchmark", "raw"):
+    for observation in ("benchmark", "raw"):
         interface = LANER.replace(neighborhood_vehicle_states=True)
-        env = closing(hiway_parallel_env(["intersection"], {"a": interface, "b": interface}, adapter=adapter))
+        agents = {"a": interface, "b": interface}
+        env = closing(hiway_parallel_env(["intersection"], agents, observation=observation))
         observations, _ = env.reset(seed=2)
         for _ in range(40):
             for name, seen in observations.items():
@@ -230,7 +218,7 @@ def test_agents_with_different_interfaces_side_by_side(closing):
         "pedals": LANER.replace(action=ActionSpaceType.Continuous, neighborhood_vehicle_states=True),
         "lane again": LANER,
     }
-    env = closing(hiway_parallel_env(["two_way"], mixed, adapter="raw"))
+    env = closing(hiway_parallel_env(["two_way"], mixed, observation="raw"))
     assert env.possible_agents == list(mixed)
     observations, _ = env.reset(seed=1)
     assert "neighborhood_vehicle_states" in observations["pedals"]
@@ -277,7 +265,7 @@ def test_nobody_is_refused():
         HiWayEnv(["loop"], {})
 
 
-def test_the_benchmark_adapter_serves_other_actions_without_a_mask(closing):
+def test_the_benchmarks_observation_serves_other_actions_without_a_mask(closing):
     pedals = LANER.replace(action=ActionSpaceType.Continuous, done_criteria=DoneCriteria())
     env = closing(hiway_parallel_env(["loop"], {"a": pedals}))
     observations, infos = env.reset(seed=1)

@@ -14,20 +14,8 @@ from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_para
 
 RIGHT = 3
 SEED = 3
+PICTURE = {"base": "benchmark", "stacked": [{"image": {"size": 8}}]}
 PLAIN = benchmark_interface()
-
-
-@pytest.fixture
-def closing():
-    made = []
-
-    def keep(env):
-        made.append(env)
-        return env
-
-    yield keep
-    for env in made:
-        env.close()
 
 
 def made(kind, **options):
@@ -81,11 +69,11 @@ def test_spaces(closing):
     assert env.observation_space == Dict(
         {"observation": Box(-1.0, 1.0, (size,), np.float32), "action_mask": Box(0, 1, (4,), np.int8)}
     )
-    env = closing(SingleHiWayEnv(["loop"], adapter_options={"image": True, "image_size": 8}))
+    env = closing(SingleHiWayEnv(["loop"], observation=PICTURE))
     assert isinstance(env.observation_space, Dict)
     assert env.observation_space.spaces.keys() == {"observation", "image"}
     steered = AgentInterface(action=ActionSpaceType.Continuous)
-    env = closing(SingleHiWayEnv(["loop"], steered, adapter="raw", action_mask=True))
+    env = closing(SingleHiWayEnv(["loop"], steered, observation="raw", action_mask=True))
     assert "action_mask" not in env.observation_space.spaces
     assert env.reset()[1] == {}
     with pytest.raises(InterfaceError, match="action_mask"):

@@ -6,18 +6,18 @@ from gymnasium.spaces import Box, Discrete
 
 from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
 from smarts.env import HiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.env.array_adapters import BenchmarkAdapter
+from smarts.env.adapters import ObservationAndReward
 from smarts.errors import ActionError
 
 TOP = 20.0
 FAST = AgentInterface(action=ActionSpaceType.LaneWithContinuousSpeed)
 
 
-class SpeedShare(BenchmarkAdapter):
+class SpeedShare(ObservationAndReward):
     """Lets agents choose a share of 20 m/s, and keeps them in their lane."""
 
-    def __init__(self, context, interface, **options):
-        super().__init__(context, interface, **options)
+    def __init__(self, context, *given):
+        super().__init__(context, *given)
         self._agent_ids = context.agent_ids
         self.action_space = Box(0.0, 1.0, (1,), np.float32)
 
@@ -34,25 +34,12 @@ class SpeedShare(BenchmarkAdapter):
 class Gears(SpeedShare):
     """Lets agents choose one of three speeds."""
 
-    def __init__(self, context, interface, **options):
-        super().__init__(context, interface, **options)
+    def __init__(self, context, *given):
+        super().__init__(context, *given)
         self.action_space = Discrete(3)
 
     def encode(self, given, chosen, out):
         super().encode(given[..., None] / 2.0, chosen, out)
-
-
-@pytest.fixture
-def closing():
-    made = []
-
-    def keep(env):
-        made.append(env)
-        return env
-
-    yield keep
-    for env in made:
-        env.close()
 
 
 def speeds(env):

@@ -15,19 +15,6 @@ from smarts.sim.episode_files import RecordedEpisode, episodes_in
 SHORT = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=17)
 
 
-@pytest.fixture
-def closing():
-    made = []
-
-    def keep(env):
-        made.append(env)
-        return env
-
-    yield keep
-    for env in made:
-        env.close()
-
-
 def written(folder, count):
     """Return the episodes of a folder by (world, episode) when there are so many; they come from a thread."""
     deadline = time.monotonic() + 60.0

@@ -198,7 +198,7 @@ def test_actions_of_another_shape_are_refused(new_env, actions):
 def test_absurd_paths_move_nobody_out_of_this_world(new_env):
     forgiving = DoneCriteria(collision=False, off_road=False, off_route=False)
     path = AgentInterface(action=ActionSpaceType.Trajectory, done_criteria=forgiving)
-    env = new_env(2, ["two_way"], {"a": path}, adapter="raw")
+    env = new_env(2, ["two_way"], {"a": path}, observation="raw")
     env.reset()
     block = env.spaces.blocks[0]
     actions = np.zeros((2, 1, *block.action.shape))

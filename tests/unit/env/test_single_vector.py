@@ -20,8 +20,8 @@ STEERED = AgentInterface(action=ActionSpaceType.Continuous, max_episode_steps=40
 KINDS = {
     "benchmark": {},
     "mask": {"action_mask": True},
-    "pictures": {"adapter_options": {"image": True, "image_size": 8}},
-    "raw": {"agent": STEERED, "adapter": "raw"},
+    "pictures": {"observation": {"base": "benchmark", "stacked": [{"image": {"size": 8}}]}},
+    "raw": {"agent": STEERED, "observation": "raw"},
 }
 
 
@@ -40,6 +40,7 @@ def row(observations: Any, number: int) -> Any:
     return observations[number]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_first_simulation_is_what_gymnasium_makes_of_a_single_one(kind):
     options: dict[str, Any] = {"agent": SHORT, "scenarios": ["two_way", "intersection"], **KINDS[kind]}

@@ -8,8 +8,8 @@ from smarts.agents import ActionSpaceType, AgentSpec
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
-from smarts.env.array_adapters import ObservationAndReward
-from smarts.errors import ActionError, UnknownNameError
+from smarts.env.adapters import ObservationAndReward
+from smarts.errors import ActionError
 
 PLAIN = benchmark_interface()
 SPACE = Box(-1.0, 100.0, (1,), np.float32)
@@ -28,19 +28,6 @@ ADAPTED = AgentSpec(
     reward_adapter=lambda observation, reward: 100.0 + reward,
     info_adapter=lambda observation, reward, info: {"reward": reward, "score": info["score"]},
 )
-
-
-@pytest.fixture
-def closing():
-    made = []
-
-    def keep(env):
-        made.append(env)
-        return env
-
-    yield keep
-    for env in made:
-        env.close()
 
 
 @pytest.mark.parametrize(
@@ -124,8 +111,8 @@ def test_vector_refuses_python_adapters_by_name():
 class Doubled(ObservationAndReward):
     """The benchmark's, with twice the reward."""
 
-    def __init__(self, context, interface, *, factor=2.0):
-        super().__init__(context, "benchmark", "benchmark")
+    def __init__(self, context, *given, factor=2.0):
+        super().__init__(context, *given)
         self._factor, self._plain = factor, self.rewards
         self.rewards = np.zeros_like(self._plain)
 
@@ -145,21 +132,15 @@ def test_a_class_serves_all_agents(closing):
     assert now.rewards.any()
 
 
-def test_pictures_in_a_face_with_dicts(closing):
-    env = closing(hiway_parallel_env(["intersection"], 2, adapter_options={"image": True}))
+def test_pictures_by_name(closing):
+    picture = {"base": "benchmark", "stacked": ["image"]}
+    env = closing(hiway_parallel_env(["intersection"], 2, observation=picture))
     observations, _ = env.reset(seed=2)
     for _ in range(3):
         for name, seen in observations.items():
             assert env.observation_space(name).contains(seen)
             assert (seen["image"] == 255).sum() >= 3 * 8
         observations, *_ = env.step(dict.fromkeys(env.agents, 0))
-
-
-def test_what_is_no_adapter_is_refused():
-    with pytest.raises(UnknownNameError, match="benchmark"):
-        VectorHiWayEnv(1, ["loop"], adapter="benchmrk")
-    with pytest.raises(InterfaceError, match="3 is not an adapter"):
-        VectorHiWayEnv(1, ["loop"], adapter=3)  # type: ignore[arg-type]
 
 
 def test_specs_know_which_adapters_do_something():

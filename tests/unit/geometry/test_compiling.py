@@ -123,6 +123,7 @@ def test_modules_that_import_each_other(package):
         assert evaluate(package, code) == hits
 
 
+@pytest.mark.slow
 def test_kernel_is_recompiled_after_a_change_of_a_named_tuple(package):
     (package / "boxes.py").write_text(BOXES)
     code = "from fresh.boxes import *; print(width_of(Box(width=2.0, length=5.0)))"
@@ -163,6 +164,7 @@ def test_digests_change_with_every_imported_module(package):
     assert [one == other for one, other in zip(first, second, strict=True)] == [False] * len(modules) + [True]
 
 
+@pytest.mark.slow
 def test_a_notice_is_logged_when_the_first_kernel_is_compiled_but_not_when_it_is_cached(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     code = "import logging, sys; from numba import njit; from fresh.lengths import double\n"
@@ -185,6 +187,7 @@ def all_widths(narrow, wide):
 """
 
 
+@pytest.mark.slow
 def test_kernel_is_compiled_once_for_all_integers_from_kernels_and_separately_for_python(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     (package / "callers.py").write_text(CALLERS)

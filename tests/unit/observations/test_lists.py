@@ -29,6 +29,14 @@ def test_an_observation_is_a_name_a_dict_or_a_list():
     assert longer.stacked[-1] == FeatureChoice("image", {"size": 32})
     assert longer.features == feature_list("benchmark").features
     assert feature_list(longer) is longer
+    assert feature_list(["goal", "speed"]) == feature_list({"features": ["goal", "speed"]})
+
+
+def test_an_observation_names_its_reward():
+    rewards = {name: feature_list(name).reward for name in observation_names()}
+    assert rewards == {"benchmark": "benchmark", "paper": "paper", "raw": "route_metres"}
+    assert feature_list({"base": "paper", "frames": 2}).reward == "paper"
+    assert feature_list(["goal"]).reward == "benchmark"
 
 
 @pytest.mark.parametrize(

@@ -391,7 +391,7 @@ def test_off_the_road_and_back(world, country):
 @pytest.mark.parametrize("arm", ["s", "e"])
 @pytest.mark.parametrize("has_route", [True, False])
 def test_drivers_yield_to_an_ego_with_right_of_way(world, country, arm, has_route):
-    """Drivers come from the minor road, or turn left; they expect an ego without a route to go straight on."""
+    """Drivers come from the minor road, or turn left; an ego without a route is expected to go straight."""
     to = {"s": "n", "e": "s"}[arm]
     begin(world, country.cross(from_arm(arm, to)))
     ego = world.admit(-130.0, -1.6, 0.0, 12.0)

@@ -11,9 +11,9 @@ from smarts.types.events import Outcome
 HERE = __file__
 
 
-def play(reward, decisions=60, adapter="benchmark", agents=2, scenario="loop"):
+def play(reward, decisions=60, observation="benchmark", agents=2, scenario="loop"):
     """Drive two simulations of lane-keeping agents; yield which agents acted, and the step's result."""
-    env = VectorHiWayEnv(2, [scenario], agents, adapter=adapter, adapter_options={"reward": reward}, seed=5)
+    env = VectorHiWayEnv(2, [scenario], agents, observation=observation, reward=reward, seed=5)
     try:
         alive = env.reset(5).alive.copy()
         for _ in range(decisions):
@@ -28,10 +28,10 @@ def one(step: RewardStep):
     return np.ones(step.driving.shape)
 
 
-@pytest.mark.parametrize("adapter", ["benchmark", "raw"])
-def test_a_decision_is_worth_the_sum_of_its_steps(adapter):
+@pytest.mark.parametrize("observation", ["benchmark", "raw"])
+def test_a_decision_is_worth_the_sum_of_its_steps(observation):
     seen = 0
-    for alive, step in play(one, adapter=adapter):
+    for alive, step in play(one, observation=observation):
         went_on = alive & ~(step.terminated | step.truncated)
         assert (step.rewards[went_on] == 5.0).all()
         ended = step.terminated | step.truncated
