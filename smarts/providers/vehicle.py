@@ -167,7 +167,6 @@ class FleetVehicles:
             self._has_tyre_slip,
             self._memory,
             self._applied_controls,
-            self._world.dt / SUBSTEPS,
         )
         self._driver = commands, driver
         return driver
