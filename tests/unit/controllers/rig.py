@@ -67,7 +67,7 @@ class Rig:
             self.tracks = self.vehicles.step(self.commands, rows)
             for error in self.vehicles.failures.values():
                 raise error
-            self.made.locate()
+            self.made.match()
             self.action_masker.write(rows)
             self.actions.fresh[:] = False
         return self
