@@ -116,7 +116,7 @@ class NoTransfers:
 
 
 class NoSensors:
-    def observe(self, wanted):
+    def observe(self, observe_mask):
         return Readings({}, {})
 
 

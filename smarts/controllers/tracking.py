@@ -83,15 +83,15 @@ def drive(
 
     Args:
         fleet: The fleet; `controls` is written.
-        mode: A `CommandMode`, shape (E,).
-        actuators: Shape (E, 3), see `Commands`.
-        reference: Shape (E, R, 4), see `Commands`.
-        length: Points of each reference, shape (E,).
-        windows: See `Commands`, shape (E,).
+        mode: Each vehicle's `CommandMode`, shape (E,).
+        actuators: Actuators, see `Commands`, shape (E, 3).
+        reference: References, see `Commands`, shape (E, R, 4).
+        length: Number of points of each reference, shape (E,).
+        windows: Windows, see `Commands`, shape (E,).
         slips: Whether the vehicle's tyres slip sideways, shape (E,).
-        memory: Shape (E, MEMORY); written.
-        shown: Written: the controls again, shape (E, 3).
-        rows: The vehicles, shape (R,).
+        memory: Memory of the tracking law, written, shape (E, MEMORY).
+        shown: A copy of the controls, written, shape (E, 3).
+        rows: The vehicles to control, shape (N,).
     """
     pose = np.empty(3)
     cars, states, bodies, controls = fleet.cars, fleet.states, fleet.bodies, fleet.controls
