@@ -24,7 +24,7 @@ LATERAL_TIME = 0.9
 STEEPEST = 0.25
 """Maximum slope of a reference against the centreline."""
 TRACKED_OFFSET = 0.3
-"""A reference approaches the centreline up to this offset; the tracking law corrects the rest [m]."""
+"""The tracking law corrects offsets up to this; for larger ones, references approach the centreline [m]."""
 
 CURVE_ACCELERATION = 3.0
 """Maximum lateral acceleration in curves [m/s^2]."""
