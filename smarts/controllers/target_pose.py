@@ -32,8 +32,10 @@ class TargetPose:
     relative: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        # An agent's first action is fresh and makes its plan, so plans need no reset.
+        # An agent's first action is fresh and makes its plan.
         plans = np.zeros((*scene.world.agents.slot.shape, PLAN))
+        self.columns = (plans,)
+        """Each agent's plan, cleared when another agent takes its place, shape (B, A, PLAN)."""
         self._place = LateBound(place_by_targets, scene.world.state, int(self.relative), plans)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
@@ -137,6 +138,18 @@ class FleetVehicles:
         if driven:
             self._drive(commands, env_mask)
         return self._tracks
+
+    @property
+    def columns(self) -> tuple[NDArray, ...]:
+        """Arrays with an entry per agent, cleared when another agent takes its place, shape (B, A, ...)."""
+        shape = self._fleet_slots.slot.shape
+        # No vehicle has generation 0, so the fleet spawns the next vehicle even if its slot is the same.
+        kept = (
+            self._fleet_slots.generation,
+            self._memory.reshape(*shape, -1),
+            self._applied_controls.reshape(*shape, -1),
+        )
+        return (*self._tracks, *kept)
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """Return for each vehicle whether an agent can drive it, as a `Refusal`, shape (N,).
