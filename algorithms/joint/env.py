@@ -9,7 +9,7 @@ The interface is duck-typed: an environment need not import this module. `JointV
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -60,6 +60,12 @@ class JointSpaces(NamedTuple):
     blocks: tuple[AgentBlock, ...]
     state: int = 0
     has_graph: bool = False
+
+    @property
+    def columns(self) -> list[slice]:
+        """Columns of each block's agents."""
+        ends = np.cumsum([len(block.agents) for block in self.blocks]).tolist()
+        return [slice(end - len(block.agents), end) for end, block in zip(ends, self.blocks, strict=True)]
 
 
 class FinalStep(NamedTuple):
@@ -154,6 +160,19 @@ class VectorJointEnv(Protocol):
     def close(self) -> None:
         """Release all resources."""
         ...
+
+
+def map_arrays(function: Callable[..., Any], first: Any, *others: Any) -> Any:
+    """Apply a function to the arrays at equal places of nested tuples and dicts; None stays None."""
+    if first is None:
+        return None
+    if isinstance(first, Mapping):
+        return {
+            name: map_arrays(function, part, *(each[name] for each in others)) for name, part in first.items()
+        }
+    if isinstance(first, tuple):
+        return tuple(map_arrays(function, *parts) for parts in zip(first, *others, strict=True))
+    return function(first, *others)
 
 
 def episode_seed(seed: int, world: int, episode: int) -> int:

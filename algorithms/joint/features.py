@@ -45,11 +45,8 @@ class WithMeanActions:
                 b._replace(observation={**b.observation, MEAN_ACTION: seen}) for b in env.spaces.blocks
             )
         )
-        ends = np.cumsum([len(b.agents) for b in env.spaces.blocks])
-        self._columns = [
-            slice(int(e) - len(b.agents), int(e)) for e, b in zip(ends, env.spaces.blocks, strict=True)
-        ]
-        self._means: Floats = np.zeros((self.num_envs, int(ends[-1]), self._actions), np.float32)
+        self._columns = env.spaces.columns
+        self._means: Floats = np.zeros((self.num_envs, self._columns[-1].stop, self._actions), np.float32)
         self._alive: Bools = np.zeros(self._means.shape[:2], bool)
         self._neighbours = torch.zeros(*self._alive.shape, self._alive.shape[1], dtype=torch.bool)
 
