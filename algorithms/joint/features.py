@@ -50,9 +50,9 @@ class WithMeanActions:
         self._alive: Bools = np.zeros(self._means.shape[:2], bool)
         self._neighbours = torch.zeros(*self._alive.shape, self._alive.shape[1], dtype=torch.bool)
 
-    def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
+    def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
         """Start all environments; nothing has been done yet. See `VectorJointEnv.reset`."""
-        step = self._env.reset(seed, worlds, stride=stride)
+        step = self._env.reset(seed, indices, stride=stride)
         self._means = np.zeros_like(self._means)
         return self._shown(step)
 

@@ -29,7 +29,7 @@ Blocks = tuple[dict[str, np.ndarray], ...]
 
 @dataclass
 class View:
-    """What agents see at a number of moments; the leading axes are (T + 1, B) or (K,).
+    """Observations, masks and state; the leading axes are (T + 1, B) or (K,).
 
     Attributes:
         observations: Per block, leaves (..., n, ...).
@@ -75,10 +75,7 @@ class View:
         return self.observations, self.alive, self.masks, self.state, self.graph
 
     def write(self, index, seen: JointStep | FinalStep | View) -> None:
-        """Write what agents saw, `alive` excepted, into the rows at `index`.
-
-        Leaves that the sampler adds stay as they are where they are not given.
-        """
+        """Write all but `alive` at `index`; carried leaves that are not given are kept."""
         for mine, theirs in zip(self.observations, seen.observations, strict=True):
             for name, leaf in mine.items():
                 if name in theirs or not name.startswith(CARRIED):
