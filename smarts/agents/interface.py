@@ -6,6 +6,7 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -123,7 +124,7 @@ class AgentInterface:
     """
 
     debug: bool = False
-    """Without effect. Kept so that the original's interfaces can be read."""
+    """Without effect; the original's interfaces have it."""
     event_configuration: EventConfiguration = field(default_factory=EventConfiguration)
     done_criteria: DoneCriteria = field(default_factory=DoneCriteria)
     max_episode_steps: int | None = None
@@ -171,7 +172,7 @@ class AgentInterface:
             raise InterfaceError(
                 f"action is an ActionSpaceType, not {self.action!r}",
                 place="AgentInterface.action",
-                remedy=nearest_names(str(self.action), ActionSpaceType.__members__),
+                remedy=f"give a member, such as ActionSpaceType.{_nearest_action(str(self.action))}",
             )
         if self.max_episode_steps is not None:
             keep_whole(self, "max_episode_steps", 1, MOST_STEPS)
@@ -258,6 +259,11 @@ class AgentInterface:
         if name in SENSORS and "further_sensors" in self.__dict__:
             return dict(self.further_sensors).get(name, False)
         raise AttributeError(f"AgentInterface has no field {name!r}", name=name, obj=self)
+
+
+def _nearest_action(name: str) -> str:
+    """Return the member of `ActionSpaceType` with the most similar name."""
+    return next(iter(get_close_matches(name, ActionSpaceType.__members__, n=1)), "Lane")
 
 
 def _switched_on(sensors: tuple[tuple[str, Any], ...]) -> tuple[tuple[str, Any], ...]:

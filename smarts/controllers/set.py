@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Bytes, Floats
 from smarts.controllers import CONTROLLERS
@@ -41,10 +42,16 @@ class ControllerSet:
         for kind in in_order:
             made = CONTROLLERS[kind.name]
             self._controllers.append(made(scene, speeds) if made.follows_lanes else made(scene))
-        self._neutral = FallbackController(scene, speeds)
+        self._fallback = FallbackController(scene, speeds)
         types = np.array(in_order, np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
         self._group = LateBound(group_by_action_type, scene.world.state, types, self._commands, self._chosen)
+
+    @property
+    def columns(self) -> tuple[NDArray, ...]:
+        """What is kept of each agent, to be cleared for another agent, shape (B, A, ...)."""
+        kept = (array for each in self._controllers for array in getattr(each, "columns", ()))
+        return (*self._commands, *kept)
 
     def command(self, actions: Actions, env_mask: Bools) -> Commands:
         """Return what the vehicles of all active agents are to do in this step."""
@@ -57,11 +64,11 @@ class ControllerSet:
                 if not controller.follows_lanes:
                     self._steer_freely(chosen)
         if in_use >> len(self._controllers):
-            self._neutral.command(actions, self._chosen[-1], out)
+            self._fallback.command(actions, self._chosen[-1], out)
         return out
 
     def _steer_freely(self, chosen: Bools) -> None:
-        """Say of agents that steer by other means than lanes: bound for none, as fast as is allowed here."""
+        """Reset lane-change state, and set `desired_speed` to the limit, for agents without lane control."""
         world = self._scene.world
         agents, vehicles = world.agents, world.vehicles
         row, agent_id = np.nonzero(chosen)

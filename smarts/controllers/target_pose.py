@@ -21,7 +21,7 @@ class TargetPose:
     """Takes a vehicle along a cubic to x, y [m], heading [rad] in a time [s], whatever its dynamics.
 
     A target counts once, from the step in which it is fresh; a time of less than a step is a step. After it
-    the vehicle goes on straight at the speed with which it arrived, which is the mean of its way.
+    the vehicle continues straight at the speed with which it arrived, which is the mean of its way.
 
     Args:
         scene: What the controller works in.
@@ -32,8 +32,10 @@ class TargetPose:
     relative: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        # An agent's plan is made by its first action, which is fresh, so nothing is to be reset.
+        # An agent's plan is made by its first action, which is fresh.
         plans = np.zeros((*scene.world.agents.slot.shape, PLAN))
+        self.columns = (plans,)
+        """Each agent's plan, to be cleared for another agent, shape (B, A, PLAN)."""
         self._place = LateBound(place_by_targets, scene.world.state, int(self.relative), plans)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:

@@ -13,7 +13,7 @@ from smarts.roads.kernels import RouteTable
 
 
 class AgentRoutes:
-    """Which route of `table` each agent's agent follows.
+    """The route of `table` that each agent follows.
 
     Args:
         atlas: The maps.
@@ -52,15 +52,19 @@ class AgentRoutes:
         Raises:
             MapError: The route has an unknown edge or a gap.
         """
-        self._routes[row][agent_id] = tuple(route)
-        self._tabulate()
+        before, self._routes[row][agent_id] = self._routes[row][agent_id], tuple(route)
+        if not route:
+            # The table keeps the old route until the next one is written: that takes milliseconds.
+            self.number[row, agent_id] = -1
+        elif before != tuple(route):
+            self._tabulate()
 
     def route(self, row: int, agent_id: int) -> tuple[str, ...]:
         """Return the ids of the road edges of an agent's route."""
         return self._routes[row][agent_id]
 
     def _tabulate(self) -> None:
-        """Write the table anew; equal routes on one map share their rows."""
+        """Rebuild the table; equal routes on one map share their rows."""
         places: dict[tuple[int, tuple[str, ...]], int] = {}
         for row, routes in enumerate(self._routes):
             for agent_id, route in enumerate(routes):

@@ -1,5 +1,6 @@
 """Every way of acting, through `HiWayEnv`: what works, what is refused by name, what is made of it."""
 
+import math
 import shutil
 import textwrap
 from pathlib import Path
@@ -18,7 +19,7 @@ KINDS = tuple(ActionSpaceType)
 NAN = float("nan")
 POINTS = np.arange(1.0, 11.0)
 SCENARIO = textwrap.dedent(
-    """
+    f"""
     from pathlib import Path
 
     from smarts.sstudio import gen_scenario
@@ -26,8 +27,8 @@ SCENARIO = textwrap.dedent(
 
     missions = [
         t.Mission(t.Route(begin=("east_half", lane, 30 * place), end=("west_half", lane, 200)))
+        for place in range(1, {1 + math.ceil(len(KINDS) / 3)})
         for lane in range(3)
-        for place in range(1, 5)
     ]
     gen_scenario(t.Scenario(ego_missions=missions), output_dir=Path(__file__).parent)
     """
@@ -48,7 +49,7 @@ def path(kind, state):
 
 
 def good(kind, state):
-    """Return an action that drives on."""
+    """Return an action that drives on; of other types the first value at its bound, the others 0."""
     x, y, heading = *state.position[:2], float(state.heading)
     ahead = (x + 2.0 * np.cos(heading), y + 2.0 * np.sin(heading), heading, 0.4)
     actions = {
@@ -62,7 +63,10 @@ def good(kind, state):
         ActionSpaceType.Empty: None,
         ActionSpaceType.RelativeTargetPose: (0.5 * np.cos(heading), 0.5 * np.sin(heading), 0.0),
     }
-    return actions[kind] if kind in actions else path(kind, state)
+    if kind in actions or is_path(kind):
+        return actions[kind] if kind in actions else path(kind, state)
+    space: Any = action_space(kind)
+    return np.clip([space.high[0], *[0.0] * (shape(kind)[0] - 1)], space.low, space.high)
 
 
 def shape(kind) -> tuple[int, ...]:

@@ -29,7 +29,7 @@ WITH_RAY = {
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
 """Those of scripts that start Ray and get a process of their own."""
-ELSEWHERE = {"endurance", "real_maps", "scenario_files"}
+ELSEWHERE = {"endurance", "real_maps", "scenario_files", "scenario_traffic"}
 """Scripts that take minutes, or have tests of their own."""
 
 

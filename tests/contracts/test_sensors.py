@@ -124,7 +124,7 @@ def test_sensors_are_values(sensor):
 
 
 def test_every_option_has_its_sensor():
-    assert set(SENSORS) == {*SENSOR_OPTIONS, *ALWAYS_ON}
+    assert {*SENSOR_OPTIONS, *ALWAYS_ON} <= set(SENSORS)
     for name, option in SENSOR_OPTIONS.items():
         assert SENSORS[name](option()) == SENSORS[name]()
 
@@ -134,7 +134,9 @@ def test_kernels_are_compiled_once():
     interface = AgentInterface.from_type(AgentType.Full, occlusion_map=True)
     SensorSuite(scene, [interface, interface, None, None]).observe(np.eye(2, 4) > 0)
     for name in SENSORS:
-        observing = importlib.import_module(f"smarts.sensors.{name}")._observe
+        observing = getattr(importlib.import_module(SENSORS[name].__module__), "_observe", None)
+        if observing is None:  # a sensor in NumPy
+            continue
         assert not observing.signatures, name
         # None where the bound kernel comes from the cache on disk.
         assert len(observing.callee.signatures) <= 1, name
