@@ -15,7 +15,7 @@ from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
 
 ALONE, SOCIAL = "no_social_vehicles", "random_social_vehicles"
 OUTCOME_COLUMN = {"collision": "collisions", "goal": "goals"}
-ENVIRONMENT = {"agents": 2, "decision_interval": 5, "adapter": "benchmark", "options": {}}
+ENVIRONMENT = {"agents": 2, "decision_interval": 5, "observation": "benchmark"}
 BUDGET = {"agent_steps": 1000, "minutes": None}
 
 Outcomes = Sequence[Sequence[str]]
