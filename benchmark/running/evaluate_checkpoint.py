@@ -66,7 +66,7 @@ def evaluate_checkpoint(
     run = _with_test(trained, scenarios, traffic, episodes, modes, keep=out is not None)
     for scenario in run.task_setting.task.scenarios:
         build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
-            run.task_setting.environment.agents
+            run.task_setting.environment.agent_count
         )
     if run.task_setting.traffic == trained.task_setting.traffic:
         for name in folder.changed_scenarios(scenario_digests(run.task_setting)):

@@ -93,15 +93,17 @@ def check_task_settings(experiment: Experiment) -> None:
     """
     for task_setting in task_settings_of(experiment):
         for scenario in task_setting.task.scenarios:
-            egos = task_setting.environment.agents
+            egos = task_setting.environment.agent_count
             build_scenario(scenario, egos=egos).with_traffic([task_setting.traffic]).episodes(egos)
         for _ in held_out_of(task_setting):
             pass  # built now, not after hours of training
-    _check_own_code(experiment)
+    _check_spaces(experiment)
 
 
-def _check_own_code(experiment: Experiment) -> None:
-    """Play one decision with an own adapter, feature or reward, and check that the algorithms fit its spaces.
+def _check_spaces(experiment: Experiment) -> None:
+    """Check that the algorithms fit the agents' spaces, where these depend on own code or differ.
+
+    One decision is played for it, with the own adapter, features and reward.
 
     Raises:
         OwnCodeError: Own code cannot be made, or raises.
@@ -111,15 +113,17 @@ def _check_own_code(experiment: Experiment) -> None:
     names = [name for name in (given.adapter, given.reward) if isinstance(name, str)]
     features = feature_list(given.observation)
     own_features = [each for each in (*features.stacked, *features.features) if each.is_own]
-    if not own_features and not any(map(is_own_name, names)):
+    is_mixed = isinstance(given.agents, dict)
+    if not is_mixed and not own_features and not any(map(is_own_name, names)):
         return
-    # Imported here, so that the driver's process loads the simulation only for own code.
+    # Imported here, so that the driver's process loads the simulation only where it is played.
     from benchmark.running.environments import try_environment
 
     spaces = try_environment(task_settings_of(experiment)[0])
-    if given.adapter is not None or own_features:
+    if is_mixed or given.adapter is not None or own_features:
         for algorithm in experiment.algorithms:
-            CONFIGS[algorithm]().check(JointSpec.build(spaces))
+            config = CONFIGS[algorithm]().training(**experiment.settings_of(algorithm))
+            config.check(JointSpec.build(spaces, config.sharing))
 
 
 def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
