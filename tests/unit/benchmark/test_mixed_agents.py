@@ -142,8 +142,8 @@ def test_they_are_trained_tested_recorded_and_reported(file):
     run = out / "mixed/ppo/intersection/no_social_vehicles/seed_1"
     table = pd.read_parquet(run / "episodes.parquet")
     assert set(table["agent"]) == {"car", "truck", "bus"}
-    recorded = [RecordedEpisode(path) for path in episodes_in(run)]
-    assert recorded
+    recorded = [RecordedEpisode(path) for path in episodes_in(run / "episodes/greedy-intersection")]
+    assert len(recorded) == 2
     for episode in recorded:
         assert {*episode.table("agents")["name"]} >= {"car", "truck", "bus"}
     assert (out / "mixed/report/report.md").exists()

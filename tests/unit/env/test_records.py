@@ -11,6 +11,7 @@ from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, 
 from smarts.errors import ActionError
 from smarts.sim.assembly import Options
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from tests.raising import raises
 
 SHORT = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=17)
 
@@ -117,11 +118,11 @@ def test_faces_with_dicts_note_rewards_and_what_is_said(closing, tmp_path, make)
     (episode,) = written(tmp_path, 1).values()
     assert sum(map(np.sum, extras(episode, "reward").values())) == pytest.approx(total)
     assert extras(episode, "value")[0, 0].tolist() == [7]
-    with pytest.raises(ActionError, match="agent-0"):
+    with raises(ActionError, values=["agent0", "agent-0"]):
         env.annotate("value", {"agent0": 7})
-    with pytest.raises(ActionError, match="'x' is not a number"):
+    with raises(ActionError, values=["agent-0", "'x'"]):
         env.annotate("value", {"agent-0": "x"})
-    with pytest.raises(InterfaceError, match="name is 3"):
+    with raises(InterfaceError, "name", values=["3"]):
         env.annotate(3, {"agent-0": 1.0})
 
 

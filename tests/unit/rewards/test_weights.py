@@ -16,6 +16,7 @@ from smarts.types.events import TRUNCATING, Contacts, Event, Events, Outcome
 from smarts.types.frame import Frame, Readings
 from smarts.types.mission import AgentMission, GoalKind
 from tests.maps import straight
+from tests.raising import raises
 from tests.worlds import Car, world_of
 
 DISCOUNT = 0.99
@@ -234,9 +235,9 @@ def test_neighbours_and_steering_are_weighed():
 
 
 def test_unknown_names_are_refused():
-    with pytest.raises(ScenarioError, match="benchmark"):
+    with raises(ScenarioError, "rewards.yaml", values=["benchmrk", "'benchmark'"]):
         reward_weights("benchmrk")
-    with pytest.raises(ScenarioError, match="collision"):
+    with raises(ScenarioError, "benchmark", values=["colision", "'collision'"]):
         reward_weights(colision=1.0)
 
 
@@ -246,7 +247,7 @@ def test_the_discount_may_be_the_learners():
     one._settle(ROUTE)
     assert one.decide(100.0) == pytest.approx(0.9 * -0.5 + 1.0)
     Rewards(one.served, "benchmark", discount=np.float32(0.9))
-    with pytest.raises(ScenarioError, match=r"1\.5"):
+    with raises(ScenarioError, "reward", values=[1.5]):
         Rewards(one.served, "benchmark", discount=1.5)
 
 
