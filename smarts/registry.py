@@ -175,8 +175,18 @@ def own_error(error: BaseException, doing: str, place: str) -> OwnCodeError:
         place: File and line.
     """
     text = str(error.msg if isinstance(error, SyntaxError) else error)
+    if type(error).__module__.startswith("numba."):
+        text, place = _while_compiling(text, place)
     said = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return OwnCodeError(f"{doing} raises {said}", place=place)
+
+
+def _while_compiling(text: str, place: str) -> tuple[str, str]:
+    """Return the first sentence of numba's message about a kernel, and the file and line that it names."""
+    lines = re.sub(r"\x1b\[\d*m", "", text).splitlines()
+    said = next((line for line in lines if line and not line.startswith("Failed in ")), text)
+    found = re.search(r" at (\S+\.py) \((\d+)\)", "\n".join(lines))
+    return said, f"{found[1]}:{found[2]}" if found else place
 
 
 def guarded(function: Called, doing: str) -> Called:

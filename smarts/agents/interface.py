@@ -6,6 +6,7 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -171,7 +172,7 @@ class AgentInterface:
             raise InterfaceError(
                 f"action is an ActionSpaceType, not {self.action!r}",
                 place="AgentInterface.action",
-                remedy=nearest_names(str(self.action), ActionSpaceType.__members__),
+                remedy=_member_like(self.action, ActionSpaceType),
             )
         if self.max_episode_steps is not None:
             keep_whole(self, "max_episode_steps", 1, MOST_STEPS)
@@ -227,8 +228,11 @@ class AgentInterface:
             InterfaceError: There is no such type, or a change is not possible.
         """
         if requested_type not in [*_PRESETS]:
-            names = ", ".join(AgentType.__members__)
-            raise InterfaceError(f"there is no agent type {requested_type!r}", remedy=f"known: {names}")
+            raise InterfaceError(
+                f"there is no agent type {requested_type!r}",
+                place="AgentInterface.from_type",
+                remedy=_member_like(requested_type, AgentType),
+            )
         return AgentInterface(**_PRESETS[requested_type]).replace(**changes)
 
     def replace(self, **changes: Any) -> AgentInterface:
@@ -270,6 +274,13 @@ def _switched_on(sensors: tuple[tuple[str, Any], ...]) -> tuple[tuple[str, Any],
                 remedy="leave it out: every agent has it" if name in ALWAYS_ON else "give True or the sensor",
             )
     return tuple((name, option) for name, option in sensors if option)
+
+
+def _member_like(given: Any, kind: type[Enum]) -> str:
+    """Return the remedy for a value that is not a member of an enumeration: the member of that name."""
+    if str(given) in kind.__members__:
+        return f"give {kind.__name__}.{given}"
+    return f"give a member of {kind.__name__}; {nearest_names(str(given), kind.__members__)}"
 
 
 def _is_wheel(value: object) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Unpack
@@ -11,7 +12,7 @@ from pettingzoo import ParallelEnv
 
 from smarts.env.adapter_env import AdapterDictEnv
 from smarts.env.runner import NotCopied
-from smarts.env.settings import Agents, EnvOptions, EnvSettings
+from smarts.env.settings import NO_RENDERING, Agents, EnvOptions, EnvSettings, make_settings
 
 
 class ParallelHiWayEnv(NotCopied, ParallelEnv):
@@ -57,7 +58,8 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
         self._env.annotate(name, values)
 
     def render(self) -> None:
-        """Draw nothing: `smarts-bench render` draws recorded episodes."""
+        """Draw nothing, and warn: `smarts-bench render` draws recorded episodes."""
+        warnings.warn(NO_RENDERING, stacklevel=2)
 
     def close(self) -> None:
         """Free the simulation; may be called again."""
@@ -85,4 +87,7 @@ def hiway_parallel_env(
     Raises:
         SmartsError: A scenario or an agent is not what it has to be.
     """
-    return ParallelHiWayEnv(EnvSettings(scenarios, agents, 1, action_mask=action_mask, **options))
+    settings = make_settings(
+        "hiway_parallel_env", scenarios, agents, options=options, action_mask=action_mask
+    )
+    return ParallelHiWayEnv(settings)

@@ -15,7 +15,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
-from smarts.errors import ScenarioError
+from smarts.errors import ScenarioError, nearest_names
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed, feature_list
 from smarts.rewards.own import Reward, check_reward
@@ -53,6 +53,12 @@ class EnvOptions(SimulationOptions, total=False):
     discount: float | None
     adapter: Adapter | None
     adapter_options: Mapping[str, Any] | None
+
+
+NO_RENDERING = (
+    "environments do not draw: record episodes with simulation=Options(record=FOLDER), and draw them with "
+    "smarts-bench render"
+)
 
 
 @dataclass(frozen=True)
@@ -180,6 +186,27 @@ class EnvSettings:
     def _build(self, scenario: str | Path, egos: int) -> BuiltScenario:
         built = build_scenario(scenario, egos=egos)
         return built if self.traffic is None else built.with_traffic(self.traffic)
+
+
+def make_settings(environment: str, *values: Any, options: EnvOptions, **more: Any) -> EnvSettings:
+    """Return the settings that an environment's arguments stand for.
+
+    Args:
+        environment: Its name, for errors.
+        values: `scenarios`, `agents` and `num_envs`.
+        options: The environment's keywords, as the caller gave them.
+        more: Further settings.
+
+    Raises:
+        TypeError: There is no such keyword, as Python says it; the message names the nearest.
+        SmartsError: A value cannot be used.
+    """
+    for name in options.keys() - EnvOptions.__annotations__.keys():
+        known = nearest_names(name, [*EnvOptions.__annotations__, "agents", "scenarios"])
+        remedy = NO_RENDERING if name == "render_mode" else known
+        raise TypeError(f"{environment} has no keyword {name!r}; {remedy}")
+    given: dict[str, Any] = {**more, **options}
+    return EnvSettings(*values, **given)
 
 
 def check_scenarios(scenarios: Any) -> None:

@@ -12,7 +12,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapter_env import AdapterDictEnv
 from smarts.env.runner import NotCopied
-from smarts.env.settings import EnvOptions, EnvSettings
+from smarts.env.settings import EnvOptions, make_settings
 from smarts.errors import ActionError
 from smarts.types.streams import check_seed
 
@@ -46,7 +46,10 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         **options: Unpack[EnvOptions],
     ) -> None:
         agents = 1 if agent is None else {AGENT: agent}
-        self._env = AdapterDictEnv(EnvSettings(scenarios, agents, 1, action_mask=action_mask, **options))
+        settings = make_settings(
+            "SingleHiWayEnv", scenarios, agents, options=options, action_mask=action_mask
+        )
+        self._env = AdapterDictEnv(settings)
         self.observation_space = self._env.observation_spaces[AGENT]
         self.action_space = self._env.action_spaces[AGENT]
 

@@ -16,7 +16,7 @@ from smarts.arrays import Bools, Singles
 from smarts.env.actions import Own, arrays_of
 from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
 from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
-from smarts.env.settings import Agents, EnvOptions, EnvSettings
+from smarts.env.settings import Agents, EnvOptions, make_settings
 from smarts.errors import SmartsError, TrafficError
 from smarts.observations.action_mask import MASK
 from smarts.types.episode import EpisodeStart
@@ -120,7 +120,7 @@ class VectorHiWayEnv(NotCopied):
         agents: Agents = 4,
         **options: Unpack[EnvOptions],
     ) -> None:
-        settings = EnvSettings(scenarios, agents, num_envs, action_mask=False, **options)
+        settings = make_settings("VectorHiWayEnv", scenarios, agents, num_envs, options=options)
         for name, spec in settings.specs().items():
             if spec.own_adapters:
                 raise InterfaceError(

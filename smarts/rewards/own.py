@@ -183,12 +183,15 @@ class OwnRewards:
     def _worth(self, step: RewardStep) -> Floats:
         given = self._call(step)
         try:
-            worth = np.broadcast_to(np.asarray(given, np.float64), self.values.shape)
-        except (TypeError, ValueError) as error:
+            worth = np.asarray(given, np.float64)
+        except (TypeError, ValueError):
+            worth = np.zeros(0)
+        if worth.shape not in ((), self.values.shape):
             raise OwnCodeError(
                 f"{self._doing} returns {_shape_of(given)}",
-                remedy=f"return numbers of shape {self.values.shape}: simulations, agents",
-            ) from error
+                remedy=f"return numbers of shape {self.values.shape}: simulations, agents; or a single one",
+            )
+        worth = np.broadcast_to(worth, self.values.shape)
         bad = ~np.isfinite(worth) & step.driving
         if bad.any():
             row, agent = np.argwhere(bad)[0].tolist()

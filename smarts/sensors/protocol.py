@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol
 from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Ints
+from smarts.errors import OwnCodeError
 from smarts.geometry.binding import bind
 from smarts.geometry.compiling import kernel
 from smarts.roads.lane_graph import LaneGraph
@@ -115,8 +116,17 @@ def looped(loop: FunctionType, write: Any) -> Any:
     Args:
         loop: A function that calls a global `write`.
         write: The kernel that this stands for.
+
+    Raises:
+        OwnCodeError: `write` is not a kernel.
     """
-    target = write.py_func
+    target = getattr(write, "py_func", None)
+    if target is None:
+        raise OwnCodeError(
+            f"{write.__qualname__} is not a kernel",
+            place=f"{write.__code__.co_filename}:{write.__code__.co_firstlineno}",
+            remedy="give the class a static method `write` with the decorator @kernel, or a method `bind`",
+        )
     made = FunctionType(loop.__code__, {"write": write, "range": range, "__name__": target.__module__})
     made.__module__ = target.__module__
     made.__qualname__ = f"each_{target.__qualname__}"

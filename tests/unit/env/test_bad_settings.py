@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from smarts.agents import AgentInterface
+from smarts.agents import AgentInterface, AgentSpec
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
-from smarts.env import HiWayEnv, RLlibHiWayEnv, VectorHiWayEnv
+from smarts.env import HiWayEnv, RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
 from smarts.env.settings import EnvSettings
 from smarts.errors import OwnCodeError, ScenarioError, SmartsError, UnknownNameError
 from smarts.rewards.weights import RewardWeights, given_weights
@@ -164,3 +164,43 @@ def test_hiway_env_takes_no_keywords_of_array_adapters(keyword):
 def test_vector_env_takes_no_keywords_of_dict_environments(keyword):
     with pytest.raises(TypeError, match=keyword):
         VectorHiWayEnv(1, ["loop"], 1, **{keyword: None})
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("VectorHiWayEnv", lambda **options: VectorHiWayEnv(1, ["loop"], 1, **options)),
+        ("SingleHiWayEnv", lambda **options: SingleHiWayEnv(["loop"], **options)),
+        ("hiway_parallel_env", lambda **options: hiway_parallel_env(["loop"], 1, **options)),
+    ],
+)
+def test_unknown_keywords_are_named_with_environment_and_remedy(name, make):
+    for keyword, remedy in (
+        ("rewrd", "'reward'"),
+        ("agent", "'agents'"),
+        ("render_mode", "smarts-bench render"),
+    ):
+        with pytest.raises(TypeError) as raised:
+            make(**{keyword: "x"})
+        assert all(each in str(raised.value) for each in (name, keyword, remedy))
+
+
+@pytest.mark.parametrize("wrong", [None, "x"])
+def test_a_reward_adapter_returns_a_number(wrong):
+    spec = AgentSpec(interface=LANER, reward_adapter=lambda seen, reward: wrong)
+    env = hiway_parallel_env(["loop"], {"a": spec})
+    try:
+        env.reset(seed=1)
+        with raises(InterfaceError, "AgentSpec.reward_adapter", values=["'a'", repr(wrong)]):
+            env.step({"a": 0})
+    finally:
+        env.close()
+
+
+def test_a_parallel_environment_warns_that_it_does_not_draw():
+    env = hiway_parallel_env(["loop"], 1)
+    try:
+        with pytest.warns(UserWarning, match="smarts-bench render"):
+            env.render()
+    finally:
+        env.close()

@@ -111,6 +111,7 @@ def broken(step):
     ("reward", "values"),
     [
         (lambda step: np.ones(7), [(7,), (2, 2)]),
+        (lambda step: step.speed[0], [(2,), (2, 2)]),
         (lambda step: np.full((2, 2), np.inf), ["inf", "'agent-0'"]),
         (lambda step: "much", [(), (2, 2)]),
     ],
