@@ -47,7 +47,7 @@ class HiWayEnv(NotCopied, gym.Env):
         traffic: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or an agent is not what it has to be.
+        SmartsError: A scenario or an agent is invalid.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012

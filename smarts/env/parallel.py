@@ -45,7 +45,7 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
         return observations, infos
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
-        """Carry out a decision; agents that end with it are in the results, and not in `agents` afterwards.
+        """Step until the next decision; agents that end with it are in the results, not in `agents`.
 
         See `DictEnv.step` for actions and errors.
         """
@@ -79,13 +79,13 @@ def hiway_parallel_env(
 
     Args:
         scenarios: Folders, or names of the suite; they are played in a seeded order.
-        agents: How many agents of the benchmark, or specs or interfaces by name. The adapters of a spec come
-            on top of the array adapter.
+        agents: How many agents of the benchmark, or specs or interfaces by name. A spec's adapters are
+            applied to the observations, rewards and actions.
         action_mask: Whether observations hold the mask too: `{"observation": ..., "action_mask": ...}`.
         options: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or an agent is not what it has to be.
+        SmartsError: A scenario or an agent is invalid.
     """
     settings = make_settings(
         "hiway_parallel_env", scenarios, agents, options=options, action_mask=action_mask

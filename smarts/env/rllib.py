@@ -56,7 +56,7 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
             `seed`, `action_mask`, and whatever else `EnvSettings` has. `headless` is without effect.
 
     Raises:
-        SmartsError: The configuration is not what it has to be.
+        SmartsError: The configuration is invalid.
     """
 
     def __init__(self, config: Mapping[str, Any]) -> None:

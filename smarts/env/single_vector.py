@@ -50,7 +50,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         options: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or the agent is not what it has to be.
+        SmartsError: A scenario or the agent is invalid.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012

@@ -72,14 +72,14 @@ class VectorStep(NamedTuple):
     """The result of one decision of all simulations, after resets; valid until the next."""
 
     observations: tuple[Leaves, ...]
-    """Per block, shape (B, n, ...), after resets. An agent that ended while its simulation goes on has its
-    last observation here, and zeros from the next step on."""
+    """Per block, shape (B, n, ...), after resets. If an agent ends before its simulation, this is its last
+    observation; later ones are zero."""
     rewards: Singles
     """0 for agents that did not act, shape (B, N)."""
     terminated: Bools
-    """Ended for good, shape (B, N)."""
+    """The agent's episode terminated, shape (B, N)."""
     truncated: Bools
-    """Cut short, shape (B, N)."""
+    """The agent's episode was truncated, shape (B, N)."""
     alive: Bools
     """Agents that act in the next step, shape (B, N)."""
     reset: Bools
@@ -87,8 +87,8 @@ class VectorStep(NamedTuple):
     final: Final | None = None
     """Of the simulations that were reset."""
     masks: tuple[Bools | None, ...] = ()
-    """Per block, which actions are legal, shape (B, n, actions). For agents that do not act it is the first
-    one, so that masked logits are not all infinite."""
+    """Per block, which actions are allowed, shape (B, n, actions). Agents that do not act get a mask with
+    only action 0 allowed, so that masked logits are not all infinite."""
     state: None = None
     graph: None = None
     failed: Mapping[int, BaseException] = {}
@@ -110,7 +110,7 @@ class VectorHiWayEnv(NotCopied):
         options: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or an agent is not what it has to be.
+        SmartsError: A scenario or an agent is invalid.
     """
 
     def __init__(

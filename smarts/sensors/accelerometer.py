@@ -51,7 +51,7 @@ class AccelerationAndJerk(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         single, turn, jerk = np.float32, HARDEST_TURN, HARDEST_JERK
         return (
             Field("linear_acceleration", (2,), single, -2 * HARDEST, 2 * HARDEST, "m/s^2", "along x and y"),

@@ -1,4 +1,4 @@
-"""Where around the agent's vehicle there is road."""
+"""Grid of the drivable area around the agent's vehicle."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DrivableArea(KernelSensor):
     arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         meaning = "1 on the road; the vehicle in the middle, its front towards row 0"
         return grid_fields(self.option.height, self.option.width, 1, 1, meaning)
 

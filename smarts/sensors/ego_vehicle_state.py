@@ -88,7 +88,7 @@ class EgoVehicleState(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         moving = "of the centre of gravity along x and y"
         return (
             Field("position", (3,), np.float64, -FARTHEST, FARTHEST, "m", "centre of the footprint"),

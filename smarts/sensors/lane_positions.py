@@ -30,7 +30,7 @@ class LanePosition(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         meaning = "along the lane from its begin, to the left of its centreline, above it (always 0)"
         return (Field("lane_position", (3,), np.float32, -FARTHEST, FARTHEST, "m", meaning),)
 

@@ -46,7 +46,7 @@ class LidarPoints(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         reach = self.option.sensor_params.max_distance
         rays = len(self.option.sensor_params.laser_angles) * self.option.sensor_params.rays_around
         return (

@@ -1,4 +1,4 @@
-"""Where the agent's mission leads."""
+"""The agent's mission: goal, remaining distance and laps."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class MissionAndGoal(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         kinds = ", ".join(f"{kind.value} {kind.name.lower()}" for kind in GoalKind)
         return (
             Field("goal", (), np.int8, 0, max(GoalKind), "", f"what it takes to arrive: {kinds}"),

@@ -70,7 +70,7 @@ class NeighborhoodVehicleStates(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k = self.option.most
         return (
             Field("count", (), np.int32, 0, k, "", "how many vehicles follow; the entries after them are 0"),

@@ -1,4 +1,4 @@
-"""What around the agent's vehicle other vehicles do not hide from it."""
+"""Grid of the area that other vehicles do not hide from the agent's vehicle."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class VisibleArea(KernelSensor):
     arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         meaning = "1 where the own vehicle can see; it is in the middle, its front towards row 0"
         return grid_fields(self.option.height, self.option.width, 1, 1, meaning)
 

@@ -1,4 +1,4 @@
-"""Where around the agent's vehicle there are vehicles."""
+"""Occupancy grid around the agent's vehicle."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class OccupancyGrid(KernelSensor):
     arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         meaning = "1 on a vehicle; the own vehicle in the middle, its front towards row 0"
         return grid_fields(self.option.height, self.option.width, 1, 1, meaning)
 
@@ -45,7 +45,7 @@ class OccupancyGrid(KernelSensor):
         a: int,
         out: GridOut,
         resolution: float,
-        taken: Pixels,
+        occupied: Pixels,
     ) -> None:
         """Write an agent's readings; see `KernelSensor`."""
         vehicles = state.vehicles
@@ -53,7 +53,7 @@ class OccupancyGrid(KernelSensor):
         out.data[b, g] = 0
         for v in range(vehicles.alive.shape[1]):
             if vehicles.alive[b, v]:
-                paint_vehicle(vehicles, b, v, x, y, heading, resolution, taken, out.data[b, g])
+                paint_vehicle(vehicles, b, v, x, y, heading, resolution, occupied, out.data[b, g])
         out.resolution[b, g] = resolution
 
     @staticmethod

@@ -24,7 +24,7 @@ Readings = Mapping[str, NDArray]
 
 
 class Seen(Protocol):
-    """The observation that readings become an attribute of; `smarts.sensors.observation.Observation`."""
+    """The observation under construction; see `smarts.sensors.observation.Observation`."""
 
     graph: LaneGraph
     """The map."""
@@ -45,13 +45,13 @@ class Seen(Protocol):
 class Sensor(Protocol):
     """Measures something for agents of all simulations at once.
 
-    It is made from its option in the agent's interface, and is a value: equal options share one sensor and
-    one block of arrays. It has no memory: the past that it needs is in `world.before` and in the agents'
-    states. Entries of lists (vehicles, paths, points) beyond their count are zero.
+    A sensor is a frozen dataclass, made from its option in the agent's interface; agents with equal options
+    share it. It is stateless: earlier state is in `world.before` and in the agents' states. Entries of lists
+    (vehicles, paths, points) beyond their count are zero.
     """
 
     def fields(self) -> tuple[Field, ...]:
-        """Return the fields that it writes; values lie within their bounds, whatever the world is like."""
+        """Return the fields that it writes; values lie within their bounds in every state."""
         ...
 
     def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:

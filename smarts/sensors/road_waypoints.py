@@ -59,7 +59,7 @@ class RoadWaypointsAround(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k, w = self.option.lanes, 2 * self.option.horizon + 1
         return (
             Field("lane_count", (), np.int32, 0, k, "", "how many lanes there are; the others are 0"),

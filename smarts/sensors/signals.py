@@ -77,7 +77,7 @@ class SignalsAhead(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k = self.option.most
         states = ", ".join(f"{state.value} {state.name.lower()}" for state in Signal)
         return (

@@ -80,7 +80,7 @@ class TopDownRgb(KernelSensor):
     arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         meaning = "red, green, blue; the own vehicle in the middle, its front towards row 0"
         return grid_fields(self.option.height, self.option.width, 3, 255, meaning)
 

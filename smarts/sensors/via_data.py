@@ -62,7 +62,7 @@ class ViaPoints(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k = self.option.most
         return (
             Field("count", (), np.int32, 0, k, "", "how many points follow; the entries after them are 0"),

@@ -55,7 +55,7 @@ class WaypointPathsAhead(KernelSensor):
     arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k, w = self.option.paths, self.option.lookahead
         return (
             Field("path_count", (), np.int32, 0, k, "", "how many paths there are; the others are 0"),

@@ -13,6 +13,7 @@ from smarts.agents.interface import SENSOR_OPTIONS
 from smarts.agents.options import InterfaceError
 from smarts.agents.sensors import ALWAYS_ON
 from smarts.env import HiWayEnv, VectorHiWayEnv
+from smarts.errors import OwnCodeError, SmartsError
 from smarts.roads.scene import Scene
 from smarts.sensors import SENSORS
 from smarts.sensors.bounds import FARTHEST
@@ -23,6 +24,7 @@ from smarts.types.interface import Field
 from smarts.types.mission import AgentMission, Via
 from smarts.types.traffic import Signal
 from tests import maps
+from tests.raising import raises
 from tests.worlds import Car, world_of
 
 VIA = Via(position=(-40.0, -1.6), lane=1, radius=2.0, speed=8.0)
@@ -204,6 +206,35 @@ def test_a_new_sensor_is_one_file_and_one_line(odometer):
     page = sensors_page()
     assert "## odometer" in page
     assert "| distance | scalar | float32 |" in page
+
+
+class Unfinished:
+    """A sensor that cannot be bound."""
+
+    def fields(self):
+        return ()
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("no_such_module:A", "no_such_module"),
+        ("an_odometer:Meter", "Meter"),
+        ("an_odometer:Unfinished", "bind"),
+    ],
+)
+def test_what_cannot_be_added_as_a_sensor(odometer, place, value, monkeypatch):
+    sys.modules["an_odometer"].Unfinished = Unfinished
+    monkeypatch.setattr(SENSORS, "_added", set())
+    monkeypatch.setattr(SENSORS, "_places", {**SENSORS._places})
+    SENSORS.add("mine", place)
+    with raises(OwnCodeError, values=[value]):
+        SENSORS["mine"]
+
+
+def test_a_sensor_of_the_library_is_not_replaced():
+    with raises(SmartsError, values=["lidar_point_cloud", "another name"]):
+        SENSORS.add("lidar_point_cloud", "an_odometer:Odometer")
 
 
 @pytest.mark.parametrize("option", [3, "far"])
