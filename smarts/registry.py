@@ -69,8 +69,7 @@ class Registry(Mapping[str, Any]):
 
         Raises:
             UnknownNameError: There is none of this name; the remedy names the nearest ones.
-            OwnCodeError: It is a `module:Class` or registered by `add`, and cannot be imported or is not such a
-                part.
+            OwnCodeError: A `module:Class`, or what `add` registered, is not importable or not such a part.
         """
         if name in self._own:
             return self._own[name]

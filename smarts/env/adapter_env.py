@@ -25,9 +25,9 @@ from smarts.types.actions import ActionSpaceType
 class AdapterDictEnv(DictEnv):
     """One simulation whose agents have the settings' array adapter.
 
-    Where an agent's spec has adapters of its own, these come on top: its observation adapter gets an
+    An agent's spec may have adapters, which are applied on top: its observation adapter gets an
     `Observation` object instead of the arrays; its reward and info adapters get that object and the array
-    adapter's reward; its action adapter returns whatever `HiWayEnv` takes.
+    adapter's reward; its action adapter returns an action as `HiWayEnv` takes it.
 
     Args:
         settings: With one simulation.
@@ -93,7 +93,7 @@ class AdapterDictEnv(DictEnv):
         return self._group(name).action if space is None else space
 
     def _parse(self, actions: Mapping[str, Any]) -> tuple[list[Parsed], list[Own]]:
-        """Check the actions of active agents, those in an adapter's own encoding apart."""
+        """Check the actions of active agents; return actions in an adapter's own encoding apart."""
         parsed, _ = super()._parse({n: a for n, a in actions.items() if n not in self._encoded})
         groups = self._groups if self._encoded else ()
         return parsed, [self._own(group, actions) for group in groups if group.encoding is not None]

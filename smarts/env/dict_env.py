@@ -26,10 +26,10 @@ _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
 class StepResult(NamedTuple):
-    """The result of one decision for the agents that acted, and for those that have entered since."""
+    """The result of one decision: of the agents that acted, and of agents that entered since."""
 
     observations: dict[str, Any]
-    """Of the agents that act next, and the last ones of those that have ended."""
+    """Of the agents that act next; of agents that have ended, the last one."""
     rewards: dict[str, float]
     terminated: dict[str, bool]
     truncated: dict[str, bool]
@@ -117,7 +117,7 @@ class DictEnv:
 
         Args:
             name: What the values are, such as "probabilities".
-            values: A number or numbers of each agent; those of agents that are not active are ignored.
+            values: A number or numbers of each agent; inactive agents are ignored.
 
         Raises:
             ActionError: An agent is unknown, or its value is not made of numbers.

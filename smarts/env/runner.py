@@ -181,7 +181,7 @@ class SimulationRunner:
             self.step(waiting)
 
     def step(self, env_mask: Bools | None = None) -> Transition:
-        """Carry out a decision of the egos, which is in `actions`, in the simulations that run.
+        """Step the running simulations until the egos' next decision, with the actions in `actions`.
 
         Args:
             env_mask: Which of them make the step, shape (B,); by default all.
@@ -233,7 +233,7 @@ class SimulationRunner:
         Args:
             name: What the values are.
             values: Of each ego, shape (B, E, ...).
-            egos: Which egos have one, shape (B, E); only those of active egos are recorded.
+            egos: Which egos have one, shape (B, E); only active egos are recorded.
 
         Raises:
             InterfaceError: The name is not a text.
@@ -247,7 +247,7 @@ class SimulationRunner:
 
         Args:
             rewards: As the user gets them, shape (B, E).
-            has_reward: Which egos have one that is a number, shape (B, E); only those that acted are
+            has_reward: Which egos have one that is a number, shape (B, E); only egos that acted are
                 recorded.
         """
         if self._recorder is None:
@@ -306,7 +306,7 @@ class SimulationRunner:
         return left
 
     def _keep(self, frame: Frame) -> Frame:
-        """Keep a frame; readings of simulations that are not in it stay those of their last frame."""
+        """Keep a frame; simulations that are not in it keep the readings of their last frame."""
         self._frame = frame
         np.copyto(self._seen, frame.observe_mask, where=frame.env_mask[:, None])
         return frame
@@ -352,7 +352,7 @@ def join_events(
     finished: Bools,
     pending: Bools,
 ) -> int:
-    """Add one step's events of the egos to those of the decision.
+    """Add one step's events of the egos to the decision's.
 
     Args:
         bits: Of the decision, shape (B, E), written, as `terminated` and `truncated`.

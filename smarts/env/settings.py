@@ -160,7 +160,7 @@ class EnvSettings:
 
         Args:
             interfaces: Of the egos.
-            sensors: Names of those that are observed (None: all) for agents without adapters of their own.
+            sensors: Names of the observed sensors (None: all) of agents without adapters in their spec.
 
         Raises:
             SmartsError: A scenario cannot be built or played.

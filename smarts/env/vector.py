@@ -51,7 +51,7 @@ class Spaces(NamedTuple):
     blocks: tuple[Block, ...]
     """In column order."""
     state: int = 0
-    """Size of a state for all agents: there is none."""
+    """Size of a global state; 0: there is none."""
     has_graph: bool = False
 
 
@@ -100,7 +100,7 @@ class VectorStep(NamedTuple):
 class VectorHiWayEnv(NotCopied):
     """B simulations with the same agents, stepped together; each is reset as soon as its episode ends.
 
-    An episode is a function of (seed, world, episode), whatever else runs beside it.
+    An episode is a function of (seed, world, episode) alone.
 
     Args:
         num_envs: B.
@@ -124,7 +124,7 @@ class VectorHiWayEnv(NotCopied):
         for name, spec in settings.specs().items():
             if spec.own_adapters:
                 raise InterfaceError(
-                    f"agent {name!r} has adapters of its own: {', '.join(sorted(spec.own_adapters))}",
+                    f"the spec of agent {name!r} has adapters: {', '.join(sorted(spec.own_adapters))}",
                     place="VectorHiWayEnv",
                     remedy="write an array adapter (docs/adapters.md), or use an environment by name",
                 )
@@ -177,7 +177,7 @@ class VectorHiWayEnv(NotCopied):
         return self._so_far()
 
     def step(self, actions: Sequence[ArrayLike] | NDArray) -> VectorStep:
-        """Carry out a decision in all simulations, and reset those whose episode ends with it.
+        """Step all simulations until the next decision; reset each simulation whose episode ends.
 
         Args:
             actions: Per block, whole numbers of shape (B, n), or numbers of shape (B, n, k); tensors on a CPU
@@ -228,7 +228,7 @@ class VectorHiWayEnv(NotCopied):
                 self._runner.annotate(name, numbers, egos)
 
     def recreate(self, failures: Mapping[int, BaseException]) -> VectorStep:
-        """Begin the next episode in some simulations, whatever happened in them."""
+        """Begin the next episode in some simulations."""
         self._next_episodes(np.array(sorted(failures)))
         return self._so_far()._replace(failed=dict(failures))
 
@@ -247,7 +247,7 @@ class VectorHiWayEnv(NotCopied):
         check_whole("stride", stride, 0, MOST_EPISODES)
 
     def _encode(self, actions: Sequence[ArrayLike] | NDArray) -> None:
-        """Check all actions, then write those of active agents."""
+        """Check all actions, then write the actions of active agents."""
         chosen, encoder = self._runner.alive, self._runner.encoder
         parsed, own = [], []
         for group, given in zip(self._groups, arrays_of(actions, self._groups, chosen), strict=True):
@@ -298,7 +298,7 @@ class VectorHiWayEnv(NotCopied):
             self._episodes[rows] += 1
 
     def _begin(self, rows: Ints) -> None:
-        """Begin episodes; where that fails, those after them."""
+        """Begin episodes; if an episode fails, the next one."""
         try:
             self._runner.reset({int(row): self._key(row) for row in rows})
         except TrafficError:

@@ -75,7 +75,7 @@ def reward_weights(name: str = "benchmark", **changes: float) -> RewardWeights:
     """Return weights of `rewards.yaml`, with some of them changed.
 
     Raises:
-        ScenarioError: There are no such weights; the remedy names those that are nearest.
+        ScenarioError: There are no such weights; the remedy names the nearest.
     """
     known: Mapping[str, Mapping[str, float]] = yaml.safe_load(_FILE.read_text())
     if name not in known:

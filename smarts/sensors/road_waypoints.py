@@ -1,4 +1,4 @@
-"""Waypoints in all lanes of the road that the agent's vehicle is on, whatever the agent's route."""
+"""Waypoints in all lanes of the road that the agent's vehicle is on, independent of the agent's route."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class _Out(NamedTuple):
 
 @dataclass(frozen=True)
 class ViaPoints(KernelSensor):
-    """The via points near the vehicle, nearest first, those that it has passed included."""
+    """The via points near the vehicle, nearest first, including points that it has passed."""
 
     option: ViaOption = field(default_factory=ViaOption)
     arrays: ClassVar[type] = _Out
