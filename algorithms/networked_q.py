@@ -128,7 +128,7 @@ class NetworkedQModule(JointModule):
 
     def make_head(self) -> Head:
         """Act epsilon-greedily."""
-        return EpsilonGreedyHead(self.group.action)  # type: ignore[arg-type]
+        return EpsilonGreedyHead(self.group.action)
 
     def make_networks(self) -> None:
         """Create the Q network and its target."""

@@ -7,8 +7,8 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from smarts.env import SingleHiWayEnv
 
 
-def main(steps: int = 8192, scenario: str = "intersection") -> tuple[float, float]:
-    """Train for some steps; return the mean return before and after."""
+def main(steps: int = 8192, scenario: str = "intersection") -> None:
+    """Train for some steps; print the mean return before and after."""
     # Each of the four environments gets a seed of its own, and so episodes of its own.
     envs = make_vec_env(SingleHiWayEnv, n_envs=4, seed=42, env_kwargs={"scenarios": [scenario]})
     try:
@@ -20,7 +20,6 @@ def main(steps: int = 8192, scenario: str = "intersection") -> tuple[float, floa
     finally:
         envs.close()
     print(f"mean return {before:.2f} before, {after:.2f} after {steps} steps")
-    return before, after
 
 
 if __name__ == "__main__":

@@ -97,7 +97,7 @@ def bristle_energy(fleet: Fleet, *, by_axle: bool) -> Floats:
         by_axle: Whether both tyres of an axle have the mean of their grips, as those of single tracks.
     """
     cars, states = fleet._cars, fleet._states
-    grip = fleet._road[:, :4] * states["grip_factor"]
+    grip = fleet._arrays.road[:, :4] * states["grip_factor"]
     if by_axle:
         grip = grip.reshape(-1, 2, 2).mean(2).repeat(2, axis=1)
     grip = np.maximum(grip, LEAST_FRICTION) * states["load"]

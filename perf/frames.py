@@ -103,14 +103,14 @@ def always_touching(fleet: Any) -> Iterator[None]:
     worlds = fleet._bullet
 
     def found(_: Any) -> bool:
-        worlds._company[:] = True
+        worlds._near[:] = True
         return True
 
-    kept, worlds._find_company = worlds._find_company, found
+    kept, worlds._find_near = worlds._find_near, found
     try:
         yield
     finally:
-        worlds._find_company = kept
+        worlds._find_near = kept
 
 
 def runner_of(env: Any) -> Any:

@@ -1,10 +1,10 @@
-"""Speed of the joint runner and learner beside RLlib's stock ones, on an environment that does nothing.
+"""Speed of the joint runner and learner beside RLlib's stock ones, on an environment that computes nothing.
 
     python perf/joint.py [--seconds 5] [--epochs 1]
 
-4 agents, observations of 200 floats, 5 actions, 8 copies, networks [64, 64], fragments of 64 steps. Prints
-agent-steps/s of sampling alone and of whole training iterations (independent PPO), and the ratios to RLlib's
-PPO measured in the same run.
+4 agents, observations of 200 floats, 5 actions, 8 environments, networks [64, 64], fragments of 64 steps.
+Prints agent-steps/s of sampling alone and of whole training iterations (independent PPO), and the ratios to
+RLlib's PPO measured in the same run.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ray.rllib.env.multi_agent_env import MultiAgentEnv
 import algorithms
 from algorithms.joint.env import AgentBlock, FinalStep, JointSpaces, JointStep
 
-AGENTS, WIDTH, ACTIONS, COPIES, LENGTH, FRAGMENT = 4, 200, 5, 8, 100, 64
+AGENTS, WIDTH, ACTIONS, ENVS, LENGTH, FRAGMENT = 4, 200, 5, 8, 100, 64
 NAMES = tuple(f"agent_{i}" for i in range(AGENTS))
 
 
@@ -63,13 +63,13 @@ class NullVector:
     """The same as arrays."""
 
     def __init__(self, config=None):
-        self.num_envs = COPIES
+        self.num_envs = ENVS
         self.spaces = JointSpaces(
             (AgentBlock(NAMES, {"": Box(-np.inf, np.inf, (WIDTH,), np.float32)}, Discrete(ACTIONS)),)
         )
-        self.seen = ({"": np.random.default_rng(0).standard_normal((COPIES, AGENTS, WIDTH), np.float32)},)
-        self.ones, self.no = np.ones((COPIES, AGENTS), np.float32), np.zeros((COPIES, AGENTS), bool)
-        self.final = FinalStep(np.arange(COPIES), self.seen)
+        self.seen = ({"": np.random.default_rng(0).standard_normal((ENVS, AGENTS, WIDTH), np.float32)},)
+        self.ones, self.no = np.ones((ENVS, AGENTS), np.float32), np.zeros((ENVS, AGENTS), bool)
+        self.final = FinalStep(np.arange(ENVS), self.seen)
         self.t = 0
 
     def reset(self, seed, worlds, *, stride=0):
@@ -87,11 +87,11 @@ class NullVector:
         )
 
     def recreate(self, failures):
-        """Nothing can fail."""
+        """Do nothing: no simulation fails."""
         raise NotImplementedError
 
     def close(self):
-        """Nothing to close."""
+        """Do nothing."""
 
 
 def rate(run: Callable[[], int], seconds: float) -> float:
@@ -113,14 +113,14 @@ def local_runner(algo: Algorithm) -> Any:
 def joint(env, sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
     """Return (sampling, training) agent-steps/s of the joint core."""
     config = algorithms.config("ppo").environment(env)
-    config.env_runners(num_env_runners=0, num_envs_per_env_runner=COPIES, rollout_fragment_length=FRAGMENT)
+    config.env_runners(num_env_runners=0, num_envs_per_env_runner=ENVS, rollout_fragment_length=FRAGMENT)
     algo = config.training(sharing=sharing, epochs=epochs, minibatch_size=128).build_algo()
     runner = local_runner(algo)
     sampling = rate(lambda: runner.sample()[0].agent_steps(), seconds)
 
     def iteration() -> int:
         algo.train()
-        return FRAGMENT * COPIES * AGENTS
+        return FRAGMENT * ENVS * AGENTS
 
     training = rate(iteration, seconds)
     algo.stop()
@@ -134,7 +134,7 @@ def stock(sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
     config = (
         StockPPOConfig()
         .environment(NullEnv)
-        .env_runners(num_env_runners=0, num_envs_per_env_runner=COPIES, rollout_fragment_length=FRAGMENT)
+        .env_runners(num_env_runners=0, num_envs_per_env_runner=ENVS, rollout_fragment_length=FRAGMENT)
         .multi_agent(policies=modules, policy_mapping_fn=_shared if sharing == "all" else _own)
         .rl_module(
             rl_module_spec=MultiRLModuleSpec(
@@ -142,18 +142,18 @@ def stock(sharing: str, epochs: int, seconds: float) -> tuple[float, float]:
             )
         )
         .training(
-            train_batch_size_per_learner=FRAGMENT * COPIES, num_epochs=epochs, minibatch_size=128 * AGENTS
+            train_batch_size_per_learner=FRAGMENT * ENVS, num_epochs=epochs, minibatch_size=128 * AGENTS
         )
     )
     algo = config.build_algo()
     runner = local_runner(algo)
 
     def sample() -> int:
-        return sum(e.agent_steps() for e in runner.sample(num_timesteps=FRAGMENT * COPIES))
+        return sum(e.agent_steps() for e in runner.sample(num_timesteps=FRAGMENT * ENVS))
 
     def iteration() -> int:
         algo.train()
-        return FRAGMENT * COPIES * AGENTS
+        return FRAGMENT * ENVS * AGENTS
 
     sampling, training = rate(sample, seconds), rate(iteration, seconds)
     algo.stop()

@@ -286,7 +286,7 @@ def report(graph: LaneGraph, title: str, name: str, drives: Sequence[Drive], eac
             half = 0.5 * float(np.mean(graph.width[drive.lanes]))
             drive.place += f"; needs {needed:.1f} m beside the lane's middle, which has {half:.1f}"
             narrow += needed > half
-    cells = [f"{off:8d}", f"{narrow:8d}", *(f"{count[name]:8d}" for name in count)]
+    cells = [f"{off:9d}", f"{narrow:9d}", *(f"{count[name]:9d}" for name in count)]
     print(f"{title:32s}{''.join(cells)}{np.median(offsets):9.2f}{offsets.max():9.2f}{shoulder:9.1%}")
     for number, drive in enumerate(drives):
         if each and drive.ends != "done":
@@ -305,7 +305,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--each", action="store_true", help="name each place where a vehicle left the road")
     parser.add_argument("--turnarounds", action="store_true", help="let routes turn back on their own road")
     options = parser.parse_args(arguments)
-    heads = "".join(f"{head:>8s}" for head in ("off-road", "narrow", *ENDS))
+    heads = "".join(f"{head:>9s}" for head in ("off-road", "narrow", *ENDS))
     title = f"map, vehicle, {options.routes} routes"
     print(f"{title:32s}{heads}{'median':>9s}{'worst m':>9s}{'corner':>9s}")
     with tempfile.TemporaryDirectory() as folder:

@@ -15,13 +15,15 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from smarts.roads.atlas import LanePositions, RoadAtlas
+from smarts.geometry.binding import bind
+from smarts.roads import footprints, kernels
+from smarts.roads.atlas import ROAD_LANES, NearestLanes, RoadAtlas
 from smarts.roads.compile import compile_map
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import random_route, shortest_route
 from smarts.roads.sources import find_map_source
 from smarts.roads.sumo_net import read_net
-from smarts.roads.waypoints import WaypointPaths
+from smarts.roads.waypoints import WaypointPaths, write_waypoints
 
 CITY = """<configuration>
     <rand value="true"/> <rand.iterations value="130"/> <seed value="3"/>
@@ -136,8 +138,15 @@ def report_kernels(graph: LaneGraph, count: int, repeats: int) -> None:
     routes = [begins[n] for n in number]
     lane = np.array([graph.lane_number(route[0], 0) for route in routes], np.int32)
     s = generator.uniform(0, 1, count) * graph.length[lane]
-    places, heading = atlas.poses(world, lane, s, generator.normal(scale=0.8, size=count))
-    found, paths = LanePositions.allocate(count), WaypointPaths.allocate(count, PATHS, LOOKAHEAD)
+    places, heading = np.empty((count, 2)), np.empty(count)
+    aside = generator.normal(scale=0.8, size=count)
+    bind(kernels.poses_at, atlas.roads)(world, lane, s, aside, places, heading)
+    found, paths = NearestLanes.allocate(count), WaypointPaths.allocate(count, PATHS, LOOKAHEAD)
+    mask, unknown = sum(1 << kind for kind in ROAD_LANES), np.full(count, np.nan)
+    locate, is_on_road = bind(kernels.locate, atlas.roads, table), bind(footprints.is_on_road, atlas.roads)
+    write = bind(write_waypoints, atlas.roads, table)
+    no_route = np.full(count, -1, np.int32)
+    points = places.tolist()
     few = places[:50]
 
     def row(name: str, kernel: Callable, plain_name: str, other: Callable, share: float = 1.0) -> None:
@@ -148,32 +157,32 @@ def report_kernels(graph: LaneGraph, count: int, repeats: int) -> None:
     print(f"kernels: {count} poses on one core, time per pose")
     row(
         "nearest lane, s, t",
-        lambda: atlas.locate(world, places, out=found),
+        lambda: locate(world, places, unknown, no_route, mask, *found),
         "shapely STRtree",
         lambda: plain.locate(places),
     )
     row(
         "nearest lane, s, t",
-        lambda: atlas.locate(world, places, out=found),
+        lambda: locate(world, places, unknown, no_route, mask, *found),
         "NumPy, all segments",
         lambda: plain.locate_with_numpy(few),
         50 / count,
     )
     row(
         "with heading and route",
-        lambda: atlas.locate(world, places, heading, number, table, out=found),
+        lambda: locate(world, places, heading, number, mask, *found),
         "shapely STRtree",
         lambda: plain.locate(places),
     )
     row(
         "on road",
-        lambda: atlas.on_road(world, places),
+        lambda: [is_on_road(0, x, y, mask, True) for x, y in points],
         "shapely, prepared union",
         lambda: plain.on_road(places),
     )
     row(
         f"waypoints, {paths.waypoint_count.shape[1]} x {LOOKAHEAD} along route",
-        lambda: atlas.waypoints(table, world, places, lane, number, out=paths),
+        lambda: write(world, places, lane, number, unknown, mask, 1.0, paths),
         "np.interp, own lane only",
         lambda: plain.waypoints(lane[:50], s[:50], routes[:50]),
         50 / count,

@@ -1,26 +1,22 @@
-"""Compare the episodes of two trees of this project, bit by bit.
+"""Compare the episodes of two checkouts of this project, bit by bit.
 
     python perf/same_episodes.py BASE NEW --quick                 # three scenarios, 200 steps
     python perf/same_episodes.py BASE NEW                         # all scenarios, 1,000 steps
-    python perf/same_episodes.py BASE NEW --scenarios loop --actions Lane MPC --apis dict --keep /tmp/base
+    python perf/same_episodes.py BASE NEW --scenarios loop --actions Lane MPC --apis dict
 
-BASE and NEW are checkouts, each played by its own `.venv/bin/python`, or else by this interpreter. The file
-runs alone, outside any checkout, on the standard library. A child process per tree plays seeded actions
-through the public environments and prints digests of each block of 50 steps:
+Each checkout runs in a process of its own, with its own `.venv/bin/python` if it has one. Both play the same
+seeded actions through the public environments:
 
-- `dict`: `HiWayEnv` with all sensors but the pictures, all vehicles in sight, a decision every step; the
-  agents' vehicles, their dynamics and tyres differ;
-- `vector`: `VectorHiWayEnv`, four simulations, the benchmark's observation and reward, a decision every five
-  steps;
-- `arrays`: `VectorHiWayEnv`, two simulations, every array of every sensor, pictures and lidar included;
-- `record`: the Parquet columns of recorded episodes;
+- `dict`: `HiWayEnv` with all sensors but images, a decision in every step; the agents' vehicles differ in
+  class, dynamics and tyres. Every tenth observation is compared with all sensors, the others without paths,
+  traffic and lidar;
+- `vector`: `VectorHiWayEnv`, four simulations, the benchmark's observation and reward, five steps a decision;
+- `arrays`: `VectorHiWayEnv`, two simulations, the arrays of all sensors, images and lidar included;
+- `record`: the columns of recorded episodes, whose number is the step;
 - `pettingzoo`, `rllib`, `single`: those environments, in one scenario.
 
-Prints a table with the first differing block of each row, then plays the first of these blocks again in both
-trees and names the step, the fields and the values that differ. Exits with 1 on any difference or failure.
-
-A name that differs in NEW is given by `--rename OLD=NEW`, the module of a class that has moved by
-`--place CLASS=MODULE`; lasting ones go into `RENAMES` and `PLACES`.
+Prints a row for each; where episodes differ, the first step that does, and its fields with both values.
+Exits with 1 if something differs or fails.
 """
 
 from __future__ import annotations
@@ -29,259 +25,103 @@ import argparse
 import dataclasses
 import enum
 import hashlib
-import importlib
-import inspect
 import json
-import operator
 import os
-import pickle
-import re
-import struct
 import subprocess
 import sys
 import tempfile
 import time
+import traceback
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-RENAMES: dict[str, str] = {
-    "void": "invalid",
-    "is_void": "is_invalid",
-    "seat": "agent_id",
-    "seats": "agent_states",
-    "partner_seat": "partner_agent_id",
-    "legal": "action_mask",
-    "ticket": "arrival_number",
-    "travelled": "distance_travelled",
-    "route_done": "route_progress",
-    "adapter": "observation",
-    "sumo_seed": "traffic_seed",
-}
-"""Old name -> new name of fields, keys, columns, tables, keywords, texts; both trees are read by the new."""
-IGNORED: set[str] = {"version", "program", "traffic_engine"}
-"""New names of fields and columns that are not compared: they name the program; older records lack some."""
-PLACES: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("AgentInterface", "ActionSpaceType", "NeighborhoodVehicles"), ("smarts.agents",)),
-    **dict.fromkeys(("DrivableAreaGridMap", "OGM", "RGB", "OcclusionMap"), ("smarts.agents",)),
-    **dict.fromkeys(("HiWayEnv", "VectorHiWayEnv", "RLlibHiWayEnv"), ("smarts.env",)),
-    **dict.fromkeys(("SingleHiWayEnv", "hiway_parallel_env"), ("smarts.env",)),
-    "Options": ("smarts.sim.assembly", "smarts.sim", "smarts.env"),
-}
-"""Modules that a name may be in; the first that has it counts."""
+import numpy as np
+import yaml
 
-SHORT_FIELDS = ["dt", "step_count", "steps_completed", "elapsed_sim_time", "events", "distance_travelled"]
-SHORT_FIELDS += ["under_this_agent_control", "custom_renders", "ego_vehicle_state", "via_data", "signals"]
-TRAFFIC = "neighborhood_vehicle_states"
-LONG_FIELDS = ["waypoint_paths", "road_waypoints", "lidar_point_cloud"]
-PICTURES = {"drivable_area_grid_map": "DrivableAreaGridMap", "occupancy_grid_map": "OGM"}
-PICTURES |= {"top_down_rgb": "RGB", "occlusion_map": "OcclusionMap"}
-OBSERVATION = [*SHORT_FIELDS, TRAFFIC, *LONG_FIELDS, *PICTURES]
-"""Fields of `HiWayEnv`'s observations. Each step has the short ones of all agents and the traffic, which
-covers all vehicles, of one; every tenth has all. The arrays behind them are in each step of `arrays`."""
-OFTEN, BLOCK, PERIOD, SEED = 10, 50, 5, 7
-SOCIAL = ["random_social_vehicles"]
-"""The traffic where few episodes are played."""
-EGOS = dict.fromkeys(("intersection", "two_way", "roundabout", "double_merge", "loop", "city"), 4)
-EGOS |= {"overtaking": 2}
-"""Agents that a scenario has missions for; 3 in the others."""
+Case = Mapping[str, Any]
+"""A row of the table: api, scenario, action, steps."""
+Values = Iterator[tuple[str, Any]]
+"""Names and values of one step."""
 
 QUICK = ("loop", "intersection", "double_merge")
 ACTIONS = ("Lane", "Continuous", "LaneWithContinuousSpeed", "Trajectory")
 PATHS = ("TargetPose", "MultiTargetPose", "Trajectory", "MPC", "TrajectoryWithTime")
-"""Actions that are made from the observation."""
+"""Actions that are made of the observation."""
 DRAWN = ("Lane", "Continuous", "LaneWithContinuousSpeed", "ActuatorDynamic", "RelativeTargetPose", "Direct")
-CODES = {"f8": "d", "f4": "f", "f2": "e", "i8": "q", "i4": "i", "i2": "h", "i1": "b", "b1": "?", "u1": "B"}
-CODES |= {"u8": "Q", "u4": "I", "u2": "H"}
-"""NumPy's types -> those of `struct`."""
-
-Cell = Mapping[str, Any]
-"""A row of the table: its name, api, scenario, action and steps."""
-Leaf = tuple[str, str, bytes]
-"""Path, kind (an array's type and shape, or "text"), bytes."""
-
-
-def leaves(path: str, value: Any) -> Iterator[Leaf]:
-    """Yield what a value consists of, in an order that depends on names and values only.
-
-    Dicts and records (named tuples, dataclasses) are read by name, so that one may become the other; enums
-    are their values, and what is None is not there. A sequence of equal records is read by columns.
-    """
-    kind = kind_of(type(value))
-    if kind == "record":
-        for new, old in fields_of(type(value)):
-            yield from leaves(f"{path}.{new}", getattr(value, old, None))
-    elif kind == "mapping":
-        named = [(new_name(key), part) for key, part in value.items()]
-        for new, part in sorted(named, key=operator.itemgetter(0)):
-            if new not in IGNORED:
-                yield from leaves(f"{path}.{new}", part)
-    elif kind == "sequence":
-        yield f"{path}.length", "text", str(len(value)).encode()
-        yield from sequence_leaves(path, value)
-    elif kind != "none":
-        yield path, *scalar(kind, value)
+IMAGES = {"drivable_area_grid_map": "DrivableAreaGridMap", "occupancy_grid_map": "OGM"}
+IMAGES |= {"top_down_rgb": "RGB", "occlusion_map": "OcclusionMap"}
+SHORT = ("step_count", "steps_completed", "elapsed_sim_time", "events", "distance_travelled", "neighbors")
+SHORT += ("under_this_agent_control", "ego_vehicle_state", "via_data", "signals")
+LONG = ("neighborhood_vehicle_states", "waypoint_paths", "road_waypoints", "lidar_point_cloud")
+RESULT: tuple[str, ...] = ("observations", "rewards", "terminated", "truncated", "infos")
+PROGRAM = {"version", "program"}
+"""Columns of recorded episodes that name the program."""
+OFTEN, PERIOD, SEED = 10, 5, 7
+TRAFFIC = ["random_social_vehicles"]
+AGENTS = dict.fromkeys(("intersection", "two_way", "roundabout", "double_merge", "loop", "city"), 4)
+AGENTS |= {"overtaking": 2}
+"""Agents that a scenario has missions for; 3 in the others."""
+MOST_SHOWN = 15
+"""Fields of a differing step."""
 
 
-@cache
-def kind_of(cls: type) -> str:
-    """Return how a class is read."""
-    kinds = {"none": type(None), "enum": enum.Enum, "text": bool | int | str, "float": float}
-    kinds |= {"mapping": Mapping, "set": set | frozenset}
-    found = [kind for kind, classes in kinds.items() if issubclass(cls, classes)]
-    if found:
-        return found[0]
-    if hasattr(cls, "tobytes"):  # arrays and scalars of NumPy
-        return "array"
-    if hasattr(cls, "_fields") or dataclasses.is_dataclass(cls):
-        return "record"
-    if issubclass(cls, list | tuple):
-        return "sequence"
-    raise TypeError(f"{cls} is neither numbers, text nor a record")
-
-
-@cache
-def fields_of(cls: type) -> list[tuple[str, str]]:
-    """Return new and old names of a record's fields, in alphabetical order of the new."""
-    names = getattr(cls, "_fields", None) or [field.name for field in dataclasses.fields(cls)]
-    if hasattr(cls, "ego_vehicle_state"):
-        names = OBSERVATION
-    return sorted((new_name(name), name) for name in names if new_name(name) not in IGNORED)
-
-
-def new_name(name: Any) -> str:
-    """Return the new name of a field or key; those of arrays are paths."""
-    return "/".join(RENAMES.get(piece, piece) for piece in str(name).split("/"))
-
-
-def scalar(kind: str, value: Any) -> tuple[str, bytes]:
-    """Return kind and bytes of a number, text, array or set."""
-    if kind == "array" and value.dtype.kind not in "OUS":
-        return f"{value.dtype.str} {value.shape}", value.tobytes()
-    if kind == "float":
-        return "<f8 ()", struct.pack("<d", value)
-    if kind == "array":
-        return "text", "\n".join(map(text_of, value.ravel().tolist())).encode()
-    return "text", ("\n".join(sorted(map(text_of, value))) if kind == "set" else text_of(value)).encode()
-
-
-def text_of(value: Any) -> str:
-    """Return a number, truth or text as text; a text by its new name."""
+def leaves(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the arrays that a value consists of, each with its path; texts are arrays, and None is absent."""
     value = value.value if isinstance(value, enum.Enum) else value
-    if isinstance(value, float):
-        return value.hex()
-    return RENAMES.get(value, value) if isinstance(value, str) else str(value)
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    elif dataclasses.is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        for key in sorted(value):
+            yield from leaves(f"{name}.{key}", value[key])
+    elif isinstance(value, list | tuple):
+        yield f"{name}.length", np.array(len(value))
+        for number, part in enumerate(value):
+            yield from leaves(f"{name}[{number}]", part)
+    elif isinstance(value, set | frozenset):
+        yield name, np.array(sorted(map(str, value)))
+    elif value is not None:
+        array = np.asarray(value)
+        yield name, array.astype(str) if array.dtype == object else array
 
 
-def sequence_leaves(path: str, values: Sequence[Any]) -> Iterator[Leaf]:
-    """Yield what a sequence consists of."""
-    classes = {*map(type, values)}
-    kind = kind_of(*classes) if len(classes) == 1 else ""
-    arrays = [scalar(kind, value) for value in values] if kind == "array" else []
-    if kind == "float":
-        yield path, f"<f8 ({len(values)},)", struct.pack(f"<{len(values)}d", *values)
-    elif kind == "text":
-        yield path, "text", "\n".join(map(text_of, values)).encode()
-    elif arrays and len({shape for shape, _ in arrays}) == 1:
-        yield path, f"{arrays[0][0]} x {len(arrays)}", b"".join(data for _, data in arrays)
-    elif kind == "record":
-        for new, old in fields_of(*classes):
-            column = [getattr(value, old, None) for value in values]
-            if any(part is not None for part in column):
-                yield from leaves(f"{path}[*].{new}", column)
-    else:
-        for number, value in enumerate(values):
-            yield from leaves(f"{path}[{number}]", value)
+def digest(name: str, value: Any) -> str:
+    """Return a digest of all bits of a value, and of the names, types and shapes in it."""
+    hashed = hashlib.blake2b(digest_size=8)
+    for path, array in leaves(name, value):
+        hashed.update(f"{path} {array.dtype.str} {array.shape}".encode())
+        hashed.update(array.tobytes())
+    return hashed.hexdigest()
 
 
-# The child: plays one tree.
+def texts(name: str, value: Any) -> Iterator[tuple[str, list[str]]]:
+    """Yield the path of each array with its type and its items; those of floats have all digits."""
+    for path, array in leaves(name, value):
+        yield path, [f"{array.dtype} {array.shape}", *map(repr, array.ravel().tolist())]
 
 
-class Digests:
-    """Digests of a cell's blocks, printed as lines of JSON.
-
-    Args:
-        cell: What is played.
-        wanted: The block whose leaves are kept instead, if any.
-    """
-
-    def __init__(self, cell: Cell, wanted: int | None = None) -> None:
-        self.episodes = 0
-        self.kept: list[tuple[int, Leaf]] = []
-        self._cell, self._wanted = cell, wanted
-        self._step, self._hashes = 0, {}
-
-    def begin(self, step: int) -> bool:
-        """Begin a step; return whether it is wanted."""
-        if step // BLOCK != self._step // BLOCK:
-            self.flush()
-        self._step = step
-        return self._wanted is None or step // BLOCK <= self._wanted
-
-    def add(self, group: str, value: Any) -> None:
-        """Add to the digest of a group."""
-        group = new_name(group)
-        if group in IGNORED:
-            return
-        if self._wanted is not None:
-            if self._wanted == self._step // BLOCK:
-                self.kept += [(self._step, leaf) for leaf in leaves(group, value)]
-            return
-        hashed = self._hashes.setdefault(group, hashlib.blake2b(digest_size=12))
-        for path, kind, data in leaves(group, value):
-            hashed.update(f"{path} {kind} {len(data)} ".encode())
-            hashed.update(data)
-
-    def flush(self) -> None:
-        """Print the block."""
-        if self._hashes:
-            digests = {group: hashed.hexdigest() for group, hashed in self._hashes.items()}
-            block = {"block": self._step // BLOCK, "episodes": self.episodes, "digests": digests}
-            print(json.dumps({"cell": self._cell["name"], **block}), flush=True)
-        self._hashes = {}
+def difference(base: Sequence[str], new: Sequence[str]) -> str:
+    """Return how two arrays of `texts` differ: types and shapes, or how many items and the first of them."""
+    if not base or not new or base[0] != new[0]:
+        return f"{base[0] if base else 'absent'} -> {new[0] if new else 'absent'}"
+    differing = [number for number in range(1, len(base)) if base[number] != new[number]]
+    first = differing[0]
+    return f"{len(differing)} of {len(base) - 1} differ, [{first - 1}] {base[first]} -> {new[first]}"
 
 
-def find(name: str) -> Any:
-    """Return a class or function of the tree.
-
-    Raises:
-        ImportError: None of its places has it.
-    """
-    for place in PLACES[name]:
-        try:
-            return getattr(importlib.import_module(place), name)
-        except (ModuleNotFoundError, AttributeError):
-            continue
-    raise ImportError(f"{name} is in none of {PLACES[name]}: add its module to PLACES")
+# In the process of a checkout
 
 
-def make(name: str, **keywords: Any) -> Any:
-    """Call a class or function of the tree, with keywords by their old or new names."""
-    function = find(name)
-    known = inspect.signature(function).parameters
-    return function(**{key if key in known else new_name(key): value for key, value in keywords.items()})
-
-
-def get(value: Any, name: str) -> Any:
-    """Return an attribute by its old or new name."""
-    return getattr(value, name) if hasattr(value, name) else getattr(value, new_name(name))
-
-
-def egos_of(cell: Cell) -> int:
-    """Return how many agents there are."""
-    return EGOS.get(cell["scenario"], 3)
-
-
-def interfaces(cell: Cell) -> dict[str, Any]:
+def interfaces(case: Case) -> dict[str, Any]:
     """Return the agents' interfaces."""
+    from smarts import agents as a
+
+    has_images, is_dict = case["api"] == "arrays", case["api"] == "dict"
     size = {"width": 48, "height": 48, "resolution": 1.0}
-    pictures = (
-        {name: make(kind, **size) for name, kind in PICTURES.items()} if cell["api"] == "arrays" else {}
-    )
-    most = 500 if cell["scenario"] == "city" else 100
+    images = {name: getattr(a, kind)(**size) for name, kind in IMAGES.items() if has_images}
     vehicles: list[dict[str, Any]] = [
         {},
         {"vehicle_model": "dynamic"},
@@ -289,20 +129,21 @@ def interfaces(cell: Cell) -> dict[str, Any]:
         {"vehicle_model": "kinematic", "vehicle_class": "motorcycle"},
     ]
     return {
-        f"agent-{number}": make(
-            "AgentInterface",
-            action=getattr(find("ActionSpaceType"), cell["action"]),
-            max_episode_steps=80 if cell["steps"] < 500 else 200,
-            neighborhood_vehicle_states=make("NeighborhoodVehicles", radius=None, most=most),
-            **dict.fromkeys([*LONG_FIELDS, "signals"], True),
-            **pictures,
-            **(vehicles[number] if cell["api"] == "dict" else {}),
+        f"agent-{number}": a.AgentInterface(
+            action=a.ActionSpaceType[case["action"]],
+            max_episode_steps=80 if case["steps"] < 500 else 200,
+            neighborhood_vehicle_states=a.NeighborhoodVehicles(
+                radius=None, most=500 if case["scenario"] == "city" else 100
+            ),
+            **dict.fromkeys([*LONG[1:], "signals"], True),
+            **images,
+            **(vehicles[number] if is_dict else {}),
         )
-        for number in range(egos_of(cell))
+        for number in range(AGENTS.get(case["scenario"], 3))
     }
 
 
-def draw(random: Any, kind: str, count: int) -> Any:
+def draw(random: np.random.Generator, kind: str, count: int) -> np.ndarray:
     """Return actions of a type that is numbers, shape (count,) or (count, values)."""
     if kind == "Lane":
         return random.choice([0, 0, 0, 0, 0, 0, 1, 2, 3], size=count)
@@ -315,15 +156,15 @@ def draw(random: Any, kind: str, count: int) -> Any:
         "RelativeTargetPose": (2 * gas - 0.8, 50 * turn, turn),
         "Direct": (4 * gas - 1.2, turn),
     }
-    return importlib.import_module("numpy").stack(columns[kind], axis=-1).astype("float32")
+    return np.stack(columns[kind], axis=-1).astype(np.float32)
 
 
 def path_action(kind: str, seen: Any, choice: float, speed: float) -> Any:
-    """Return an action along one of the waypoint paths that an agent sees."""
-    ego, paths = get(seen, "ego_vehicle_state"), get(seen, "waypoint_paths")
+    """Return an action along one of the waypoint paths that an agent observes."""
+    ego, paths = seen.ego_vehicle_state, seen.waypoint_paths
     points = paths[int(choice * len(paths))][:20] if paths else []
-    rows = [(*map(float, get(point, "pos")), float(get(point, "heading"))) for point in points]
-    rows = rows or [(*get(ego, "position")[:2], float(get(ego, "heading")))]
+    rows = [(*map(float, point.pos), float(point.heading)) for point in points]
+    rows = rows or [(*ego.position[:2], float(ego.heading))]
     if kind.endswith("Pose"):
         return (*rows[min(len(rows) - 1, int(speed))], 1.0)
     times = [0.1 + number / speed for number in range(len(rows))]
@@ -331,385 +172,268 @@ def path_action(kind: str, seen: Any, choice: float, speed: float) -> Any:
     return [times, *path] if kind == "TrajectoryWithTime" else path
 
 
-def dict_actions(cell: Cell, random: Any, names: Sequence[str], observations: Mapping[str, Any]) -> Any:
-    """Return the actions of the agents that see something; the draws are the same whoever does."""
-    kind = cell["action"]
+def dict_actions(kind: str, random: Any, names: Sequence[str], observations: Mapping[str, Any]) -> Any:
+    """Return the actions of the agents in `observations`; the draws do not depend on which these are."""
     drawn = [] if kind in PATHS else draw(random, kind, len(names))
-    choices = random.uniform(size=len(names)).tolist(), random.uniform(3.0, 12.0, size=len(names)).tolist()
+    choices, speeds = random.uniform(size=len(names)), random.uniform(3.0, 12.0, size=len(names))
     actions = {}
     for number, name in enumerate(names):
         if name in observations and kind in PATHS:
-            actions[name] = path_action(kind, observations[name], choices[0][number], choices[1][number])
+            actions[name] = path_action(kind, observations[name], choices[number], speeds[number])
         elif name in observations:
             actions[name] = int(drawn[number]) if kind == "Lane" else drawn[number]
     return actions
 
 
-def play_dict(cell: Cell, random: Any, digests: Digests) -> None:
+def play_dict(case: Case, random: np.random.Generator) -> Iterator[Values]:
     """Play `HiWayEnv`."""
-    agents = interfaces(cell)
-    keywords = {"agent_specs": agents, "seed": SEED, "traffic": SOCIAL}
-    env = make("HiWayEnv", scenarios=[cell["scenario"]], **keywords)
+    from smarts.env import HiWayEnv
+
+    agents = interfaces(case)
+    env = HiWayEnv([case["scenario"]], agents, traffic=TRAFFIC, seed=SEED)
     observations, done = {}, True
+
+    def values(result: Mapping[str, Any], is_whole: bool) -> Values:
+        for name in set(result) - {"observations", "infos"}:
+            yield name, result[name]
+        yield "infos", {name: {**info, "env_obs": None} for name, info in result["infos"].items()}
+        for field in (*SHORT, *(LONG if is_whole else ())):
+            yield f"observations.{field}", {name: getattr(o, field) for name, o in observations.items()}
+
     try:
-        for step in range(cell["steps"]):
-            if not digests.begin(step):
-                break
-            actions, is_reset = dict_actions(cell, random, [*agents], observations), done
-            if is_reset:
-                observations, infos = env.reset()
-                done = False
-            else:
-                observations, rewards, terminated, truncated, infos = env.step(actions)
-                digests.add("rewards", rewards)
-                digests.add("terminated", terminated)
-                digests.add("truncated", truncated)
-                done = terminated["__all__"] or truncated["__all__"]
-                digests.episodes += done
-            digests.add("infos", {name: {**info, "env_obs": None} for name, info in infos.items()})
-            add_observations(digests, observations, done or is_reset or step % OFTEN == 0)
+        for step in range(case["steps"]):
+            actions, is_reset = dict_actions(case["action"], random, [*agents], observations), done
+            names = (RESULT[0], RESULT[-1]) if is_reset else RESULT
+            result = dict(zip(names, env.reset() if is_reset else env.step(actions), strict=True))
+            observations = result["observations"]
+            done = not is_reset and (result["terminated"]["__all__"] or result["truncated"]["__all__"])
+            yield values(result, is_reset or done or step % OFTEN == 0)
     finally:
         env.close()
 
 
-def add_observations(digests: Digests, observations: Mapping[str, Any], is_whole: bool) -> None:
-    """Add observations; see `OBSERVATION`."""
-    for field in OBSERVATION if is_whole else [*SHORT_FIELDS, TRAFFIC]:
-        names = sorted(observations) if is_whole or field != TRAFFIC else sorted(observations)[:1]
-        digests.add(
-            f"observations.{new_name(field)}", {name: get(observations[name], field) for name in names}
-        )
-
-
-def play_vector(cell: Cell, random: Any, digests: Digests) -> None:
+def play_vector(case: Case, random: np.random.Generator, record: str | None = None) -> Iterator[Values]:
     """Play `VectorHiWayEnv`."""
-    is_raw = cell["api"] == "arrays"
-    egos, count, period = egos_of(cell), *((2, 1) if is_raw else (4, PERIOD))
-    options: dict[str, Any] = {"adapter": "raw", "traffic": SOCIAL} if is_raw else {}
-    if "record" in cell:
-        options["simulation"] = make("Options", record=cell["record"])
-    agents = egos if cell["action"] == "Lane" and not is_raw else interfaces(cell)
-    keywords = {"num_envs": count, "scenarios": [cell["scenario"]], "agents": agents, "seed": SEED}
-    env = make("VectorHiWayEnv", **keywords, decision_interval=period, **options)
+    from smarts.env import VectorHiWayEnv
+    from smarts.sim.assembly import Options
+
+    is_raw = case["api"] == "arrays"
+    egos, count, period = AGENTS.get(case["scenario"], 3), *((2, 1) if is_raw else (4, PERIOD))
+    options: dict[str, Any] = {"observation": "raw", "traffic": TRAFFIC} if is_raw else {}
+    agents = egos if case["action"] == "Lane" and not is_raw else interfaces(case)
+    keywords = {"seed": SEED, "decision_interval": period, "simulation": Options(record=record)}
+    env = VectorHiWayEnv(count, [case["scenario"]], agents, **keywords, **options)
     try:
         now = env.reset()
-        sizes = [len(get(block, "agents")) for block in get(get(env, "spaces"), "blocks")]
-        for step in range(0, cell["steps"], period):
-            if not digests.begin(step):
-                break
-            for new, old in fields_of(type(now)):
-                digests.add(new, getattr(now, old))
-            digests.episodes += int(get(now, "reset").sum())
-            drawn = draw(random, cell["action"], count * egos)
+        ends = np.cumsum([len(block.agents) for block in env.spaces.blocks])[:-1]
+        for _ in range(0, case["steps"], period):
+            yield iter(now._asdict().items())
+            drawn = draw(random, case["action"], count * egos)
             drawn = drawn.reshape(count, egos, *drawn.shape[1:])
-            ends = [sum(sizes[: number + 1]) for number in range(len(sizes))]
-            now = env.step([drawn[:, end - size : end] for size, end in zip(sizes, ends, strict=True)])
+            now = env.step(np.split(drawn, ends, axis=1))
     finally:
         env.close()
 
 
-def play_record(cell: Cell, random: Any, digests: Digests) -> None:
-    """Record episodes, and read their tables; an episode is a block."""
-    parquet = importlib.import_module("pyarrow.parquet")
+def play_record(case: Case, random: np.random.Generator) -> Iterator[Values]:
+    """Record episodes, and read their tables; an episode is a step."""
+    from pyarrow import parquet
+
     with tempfile.TemporaryDirectory() as folder:
-        unread = Digests(cell, -1)
-        unread.begin = lambda step: True
-        play_vector({**cell, "record": folder}, random, unread)
-        digests.episodes = unread.episodes
-        for number, episode in enumerate(sorted({file.parent for file in Path(folder).rglob("*.parquet")})):
-            digests.begin(number * BLOCK)
-            for file in sorted(episode.glob("*.parquet")):
-                table = parquet.read_table(file)
-                digests.add(file.stem, {name: _plain(table[name]) for name in table.column_names})
+        for _ in play_vector(case, random, folder):
+            pass
+        for episode in sorted({file.parent for file in Path(folder).rglob("*.parquet")}):
+            tables = {file.stem: parquet.read_table(file) for file in sorted(episode.glob("*.parquet"))}
+            yield (
+                (f"{stem}.{name}", _plain(table[name]))
+                for stem, table in tables.items()
+                for name in table.column_names
+                if name not in PROGRAM
+            )
 
 
 def _plain(column: Any) -> Any:
-    if str(column.type) == "string" or str(column.type).startswith("list"):
-        return column.to_pylist()
-    return column.to_numpy()
+    return column.to_pylist() if str(column.type).startswith("list") else column.to_numpy()
 
 
-def play_named(cell: Cell, random: Any, digests: Digests) -> None:
+def play_other(case: Case, random: np.random.Generator) -> Iterator[Values]:
     """Play the PettingZoo, the RLlib or the single-agent environment."""
-    api, keywords = cell["api"], {"scenarios": [cell["scenario"]], "seed": SEED}
-    egos = egos_of(cell)
-    if api == "single":
-        env = make("SingleHiWayEnv", **keywords)
-    elif api == "pettingzoo":
-        env = make("hiway_parallel_env", **keywords, agents=egos, action_mask=True)
-    else:
-        env = find("RLlibHiWayEnv")({**keywords, "agents": egos})
-    labels = ("observations", "rewards", "terminated", "truncated", "infos")
-    done, names = True, []
+    from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, hiway_parallel_env
+
+    count, scenarios = AGENTS.get(case["scenario"], 3), [case["scenario"]]
+    makers = {
+        "single": lambda: SingleHiWayEnv(scenarios, seed=SEED),
+        "pettingzoo": lambda: hiway_parallel_env(scenarios, count, seed=SEED, action_mask=True),
+        "rllib": lambda: RLlibHiWayEnv({"scenarios": scenarios, "agents": count, "seed": SEED}),
+    }
+    env, done, is_single = makers[case["api"]](), True, case["api"] == "single"
     try:
-        for step in range(0, cell["steps"], PERIOD):
-            if not digests.begin(step):
-                break
-            drawn = draw(random, "Lane", egos).tolist()
-            actions = {name: drawn[int(name.rpartition("-")[2])] for name in names}
-            result = env.reset() if done else env.step(drawn[0] if api == "single" else actions)
-            for label, value in zip(("observations", "infos") if done else labels, result, strict=True):
-                digests.add(label, value)
-            names = [] if api == "single" else list(env.agents)
-            digests.add("agents", sorted(names))
-            ends = [] if done else result[2:4]
-            done = any(each.get("__all__", not names) if isinstance(each, dict) else each for each in ends)
-            digests.episodes += done
+        for _ in range(0, case["steps"], PERIOD):
+            drawn = draw(random, "Lane", count).tolist()
+            if done:
+                result = dict(zip((RESULT[0], RESULT[-1]), env.reset(), strict=True))
+            else:
+                names = [] if is_single else env.agents
+                actions = {name: drawn[int(name.rpartition("-")[2])] for name in names}
+                result = dict(zip(RESULT, env.step(drawn[0] if is_single else actions), strict=True))
+            ends = [result[name] for name in ("terminated", "truncated") if name in result]
+            done = any(ends) if is_single else not env.agents
+            yield iter(result.items())
     finally:
         env.close()
 
 
 PLAYERS = {"dict": play_dict, "vector": play_vector, "arrays": play_vector, "record": play_record}
-PLAYERS |= dict.fromkeys(("pettingzoo", "rllib", "single"), play_named)
+PLAYERS |= dict.fromkeys(("pettingzoo", "rllib", "single"), play_other)
 
 
-def child(folder: Path) -> None:
-    """Play cells; print digests, or write the leaves of a block into the folder."""
-    cells, wanted, renames, places, ignored = json.loads((folder / "task.json").read_text())
-    RENAMES.update(renames)
-    PLACES.update(places)
-    IGNORED.update(ignored)
-    numpy = importlib.import_module("numpy")
-    place = Path(str(importlib.import_module("smarts").__file__)).resolve()
-    if Path.cwd().resolve() not in place.parents:
-        sys.exit(f"smarts is imported from {place}, not from {Path.cwd()}")
-    for cell in cells:
-        random = numpy.random.Generator(numpy.random.Philox(key=zlib.crc32(cell["name"].encode())))
-        digests, begin, end = Digests(cell, wanted), time.perf_counter(), {}
+def serve() -> None:
+    """Play the cases that standard input names; answer with lines of JSON.
+
+    A case is played to its end, with the digests of each step, or, if it has a step "wanted", to that step,
+    with its values.
+    """
+    sys.path[0] = str(Path.cwd())
+    for line in sys.stdin:
+        case = json.loads(line)
+        wanted, failure = case.pop("wanted", None), ""
+        random = np.random.Generator(np.random.Philox(key=zlib.crc32(name_of(case).encode())))
+        begin = time.perf_counter()
         try:
-            PLAYERS[cell["api"]](cell, random, digests)
+            for step, values in enumerate(PLAYERS[case["api"]](case, random)):
+                if wanted is None:
+                    print(json.dumps({name: digest(name, value) for name, value in values}))
+                elif step == wanted:
+                    print(json.dumps(dict(pair for each in values for pair in texts(*each))))
+                    break
         except Exception as error:
-            print(f"\n{cell['name']}:", file=sys.stderr)
-            sys.excepthook(type(error), error, error.__traceback__)
-            end["failure"] = f"{type(error).__name__}: {error}".split("\n")[0]
-        digests.flush()
-        end |= {"cell": cell["name"], "seconds": time.perf_counter() - begin}
-        print(json.dumps(end), flush=True)
-        (folder / "leaves").write_bytes(pickle.dumps(digests.kept))
+            traceback.print_exc()
+            failure = f"{type(error).__name__}: {error}".split("\n")[0]
+        print(json.dumps({"failure": failure, "seconds": time.perf_counter() - begin}), flush=True)
 
 
-# The parent: compares.
+# In the process that compares
 
 
-def run_child(tree: Path, cells: Sequence[Cell], *, number: int, wanted: int | None = None) -> Any:
-    """Play cells in a tree; return its rows by cell, or the leaves of the wanted block."""
-    python = tree / ".venv" / "bin" / "python"
-    rows: dict[str, Any] = {cell["name"]: {"blocks": {}, "episodes": 0} for cell in cells}
-    # Names are hashed with another seed in each tree; nothing may depend on that.
-    own = {"PYTHONPATH": str(tree), "PYTHONHASHSEED": str(number), "OMP_NUM_THREADS": "1"}
-    with tempfile.TemporaryDirectory() as name, Path(name, "errors").open("w+") as errors:
-        folder = Path(name)
-        (folder / "player.py").write_text(SOURCE)
-        (folder / "task.json").write_text(json.dumps([cells, wanted, RENAMES, PLACES, [*IGNORED]]))
-        command = [
-            str(python) if python.exists() else sys.executable,
-            "-P",
-            folder / "player.py",
-            "--child",
-            name,
-        ]
-        pipes = {"stdout": subprocess.PIPE, "stderr": errors, "text": True}
-        process = subprocess.Popen(command, cwd=tree, env={**os.environ, **own}, **pipes)
-        for line in process.stdout or ():
-            if line.startswith("{"):
-                _take(json.loads(line), rows, tree)
-        code = process.wait()
-        for row in rows.values():
-            if "seconds" not in row:
-                row["failure"] = f"the process ended with code {code}"
-        if any("failure" in row for row in rows.values()):
-            errors.seek(0)
-            print(f"{tree}: ...{errors.read()[-6000:]}", file=sys.stderr)
-        return rows if wanted is None else pickle.loads((folder / "leaves").read_bytes())
+def name_of(case: Case) -> str:
+    """Return the name of a row."""
+    return f"{case['api']} {case['scenario']} {case['action']}"
 
 
-def _take(told: dict[str, Any], rows: dict[str, Any], tree: Path) -> None:
-    row = rows[told.pop("cell")]
-    if "block" in told:
-        row["blocks"][str(told.pop("block"))] = told.pop("digests")
-    row.update(told)
-    if "seconds" in row:
-        done = sum("seconds" in each for each in rows.values())
-        print(f"{tree}: {done} of {len(rows)}, {row['seconds']:.1f} s", file=sys.stderr)
+class Worker:
+    """A process that plays the episodes of one checkout.
+
+    Args:
+        tree: Root of the checkout.
+        number: Seed of its hashes of names, on which nothing may depend.
+    """
+
+    def __init__(self, tree: Path, number: int) -> None:
+        python = tree / ".venv" / "bin" / "python"
+        self._process = subprocess.Popen(
+            [python if python.exists() else sys.executable, str(Path(__file__).resolve()), "--serve"],
+            cwd=tree,
+            env={**os.environ, "PYTHONHASHSEED": str(number), "OMP_NUM_THREADS": "1"},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def ask(self, case: Case) -> None:
+        """Let it play a case; `answer` waits for it."""
+        if self._process.stdin is not None:
+            print(json.dumps(case), file=self._process.stdin, flush=True)
+
+    def answer(self) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        """Return the digests or values of the steps, and the failure and seconds of the case."""
+        steps = []
+        for line in self._process.stdout or ():
+            if line.startswith("{"):  # SUMO and Bullet print, too
+                steps.append(json.loads(line))
+                if "failure" in steps[-1]:
+                    return steps[:-1], steps[-1]
+        return steps, {"failure": f"the process ended with code {self._process.wait()}", "seconds": 0.0}
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self._process.wait()
 
 
-def kept_rows(tree: Path, cells: Sequence[Cell], keep: Path | None) -> Any:
-    """Return the rows of the base tree, from a folder where they are there for this commit and this file."""
-    if keep is None:
-        return run_child(tree, cells, number=1)
-    git = [["git", "rev-parse", "HEAD"], ["git", "diff", "HEAD"]]
-    state = [subprocess.run(each, cwd=tree, capture_output=True, check=True).stdout.hex() for each in git]
-    key = json.dumps([SOURCE, state, str(tree), RENAMES, PLACES, sorted(IGNORED)])
-    folder = keep / hashlib.blake2b(key.encode(), digest_size=8).hexdigest()
-    files = {
-        cell["name"]: folder / f"{cell['name'].replace(' ', '_')}_{cell['steps']}.json" for cell in cells
-    }
-    missing = [cell for cell in cells if not files[cell["name"]].exists()]
-    made = run_child(tree, missing, number=1) if missing else {}
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, row in made.items():
-        if "failure" not in row:
-            partial = files[name].with_suffix(f".{os.getpid()}")
-            partial.write_text(json.dumps(row))
-            partial.replace(files[name])
-    return {
-        name: made[name] if name in made else json.loads(file.read_text()) for name, file in files.items()
-    }
+def compare(workers: Sequence[Worker], case: Case) -> bool:
+    """Play a case in both checkouts and print its row; return whether they are equal."""
+    for worker in workers:
+        worker.ask(case)
+    (base, base_end), (new, new_end) = (worker.answer() for worker in workers)
+    failures = [end["failure"] for end in (base_end, new_end) if end["failure"]]
+    steps = max(len(base), len(new))
+    first = next((step for step in range(steps) if base[step : step + 1] != new[step : step + 1]), None)
+    differs = [] if first is None else [f"DIFFERS from step {first} on"]
+    verdict = "; ".join([*differs, *failures]) or ("equal" if steps else "nothing was played")
+    times = f"{base_end['seconds']:8.1f} {new_end['seconds']:8.1f}"
+    print(f"{name_of(case):44} {len(new):6} {times}  {verdict}", flush=True)
+    if first is not None and not failures:
+        explain(workers, {**case, "wanted": first})
+    return verdict == "equal"
 
 
-def first_difference(base: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[int, list[str]] | None:
-    """Return the first block that differs, and the groups in it, or None."""
-    for block in sorted({*base["blocks"], *new["blocks"]}, key=int):
-        one, other = (row["blocks"].get(block, {}) for row in (base, new))
-        groups = [group for group in sorted({*one, *other}) if one.get(group) != other.get(group)]
-        if groups:
-            return int(block), groups
-    return None
+def explain(workers: Sequence[Worker], case: Case) -> None:
+    """Play a case up to its first differing step again; print the fields that differ."""
+    for worker in workers:
+        worker.ask(case)
+    base, new = ((worker.answer()[0] or [{}])[0] for worker in workers)
+    paths = [path for path in {**base, **new} if base.get(path) != new.get(path)]
+    print(f"    {len(paths)} of {len({**base, **new})} fields differ" + ", now none" * (not paths))
+    for path in paths[:MOST_SHOWN]:
+        print(f"    {path}: {difference(base.get(path, []), new.get(path, []))}")
 
 
-def items_of(leaf: tuple[str, bytes]) -> list[str]:
-    """Return the items of a leaf as text; that of floats has their bits."""
-    kind, data = leaf
-    if kind == "text":
-        return [repr(line) for line in data.decode().split("\n")]
-    code = CODES[kind.split()[0][1:]]
-    values = struct.unpack(f"<{len(data) // struct.calcsize(code)}{code}", data)
-    if code not in "dfe":
-        return [*map(repr, values)]
-    return [f"{value!r} [{struct.pack('>' + code, value).hex()}]" for value in values]
-
-
-def compare_leaves(one: tuple[str, bytes] | None, other: tuple[str, bytes] | None) -> str:
-    """Return how two leaves of a name differ: the first item in which they do, and how many there are."""
-    pairs = [*zip_longest(*(items_of(leaf) if leaf else [] for leaf in (one, other)), fillvalue="nothing")]
-    differing = [number for number, pair in enumerate(pairs) if pair[0] != pair[1]]
-    kinds = " -> ".join(dict.fromkeys("absent" if leaf is None else leaf[0] for leaf in (one, other)))
-    first = f", [{differing[0]}] {' -> '.join(pairs[differing[0]])}" if differing else ""
-    return f"{kinds}, {len(differing)} of {len(pairs)} differ{first}"
-
-
-def explain(trees: Sequence[Path], cell: Cell, block: int, most: int) -> None:
-    """Play a block again in both trees; print what differs in its first differing step."""
-    steps: dict[int, list[dict[str, tuple[str, bytes]]]] = {}
-    for side, tree in enumerate(trees):
-        for step, (path, kind, data) in run_child(tree, [cell], number=side + 1, wanted=block):
-            steps.setdefault(step, [{}, {}])[side][path] = kind, data
-    for step, (one, other) in sorted(steps.items()):
-        paths = [path for path in {**one, **other} if one.get(path) != other.get(path)]
-        if paths:
-            where = f"episode {step // BLOCK}" if cell["api"] == "record" else f"step {step}"
-            print(f"\n{cell['name']}, {where}: {len(paths)} of {len({**one, **other})} values differ")
-            for path in paths[:most]:
-                print(f"  {path}: {compare_leaves(one.get(path), other.get(path))}")
-            return
-    print(f"\n{cell['name']}: played again the block is equal, so one of the trees is not deterministic")
-
-
-def cells_of(arguments: argparse.Namespace) -> list[Cell]:
-    """Return what is played: rows of the table."""
-    suite = (arguments.base / "scenarios" / "suite.yaml").read_text()
-    scenarios = arguments.scenarios or (QUICK if arguments.quick else re.findall(r"(?m)^(\w+):", suite))
-    actions = arguments.actions or ACTIONS[: 3 if arguments.quick else None]
-    steps = arguments.steps or (200 if arguments.quick else 1000)
+def cases_of(given: argparse.Namespace) -> list[Case]:
+    """Return the rows of the table."""
+    suite = yaml.safe_load((given.base / "scenarios" / "suite.yaml").read_text())
+    scenarios = given.scenarios or (QUICK if given.quick else [*suite])
+    actions = given.actions or ACTIONS[: 3 if given.quick else None]
+    steps = given.steps or (200 if given.quick else 1000)
+    drawn = [action for action in actions if action in DRAWN] or ["Lane"]
     found = []
     for scenario in scenarios:
-        drawn = [action for action in actions if action in DRAWN] or ["Lane"]
         found += [("dict", scenario, action, steps) for action in actions]
         found += [("vector", scenario, action, steps) for action in drawn]
-        found += [
-            ("arrays", scenario, drawn[0], max(steps // 5, 20)),
-            ("record", scenario, drawn[0], steps // 2),
-        ]
-    others = "intersection" if "intersection" in scenarios else scenarios[0]
-    found += [(api, others, "Lane", 200) for api in ("pettingzoo", "rllib", "single")]
-    return [
-        {
-            "api": api,
-            "scenario": scenario,
-            "action": action,
-            "steps": length,
-            "name": f"{api} {scenario} {action}",
-        }
-        for api, scenario, action, length in found
-        if api in arguments.apis
+        found += [("arrays", scenario, drawn[0], max(steps // 5, 20))]
+        found += [("record", scenario, drawn[0], max(steps // 2, 20))]
+    one = "intersection" if "intersection" in scenarios else scenarios[0]
+    found += [(api, one, "Lane", 200) for api in ("pettingzoo", "rllib", "single")]
+    cases: list[Case] = [
+        dict(zip(("api", "scenario", "action", "steps"), each, strict=True)) for each in found
     ]
+    return [case for case in cases if case["api"] in given.apis]
 
 
-def verdict_of(base: Mapping[str, Any], new: Mapping[str, Any], name: str) -> str:
-    """Return a row's last column."""
-    found = [f"{side}: {row['failure']}" for side, row in (("BASE", base), ("NEW", new)) if "failure" in row]
-    difference = first_difference(base, new)
-    if difference is not None:
-        block, groups = difference
-        where = (
-            f"episode {block}"
-            if name.startswith("record")
-            else f"steps {block * BLOCK} to {block * BLOCK + 49}"
-        )
-        found.append(f"DIFFERS in {where}: {', '.join(groups[:8])}{' ...' if groups[8:] else ''}")
-    return "; ".join(found) or ("equal" if base["blocks"] else "nothing was played")
-
-
-def read_arguments() -> argparse.Namespace:
-    """Read the command line."""
+def main() -> int:
+    """Compare; return the exit code."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("base", type=lambda text: Path(text).resolve())
     parser.add_argument("new", type=lambda text: Path(text).resolve())
-    parser.add_argument("--scenarios", nargs="+", default=[], help="names of the suite; default: all")
-    actions = [*dict.fromkeys((*DRAWN, *PATHS))]
-    parser.add_argument("--actions", nargs="+", default=[], help=f"of {', '.join(actions)}")
-    parser.add_argument("--apis", nargs="+", default=[*PLAYERS], help=f"of {', '.join(PLAYERS)}")
+    parser.add_argument("--scenarios", nargs="+", help="names of the suite; default: all")
+    parser.add_argument("--actions", nargs="+", choices=[*dict.fromkeys((*DRAWN, *PATHS))], metavar="ACTION")
+    parser.add_argument("--apis", nargs="+", choices=[*PLAYERS], default=[*PLAYERS])
     parser.add_argument("--steps", type=int, help="of 0.1 s; default: 1000, with --quick 200")
     parser.add_argument("--quick", action="store_true", help=f"only {', '.join(QUICK)}, three action types")
-    pair = {"type": lambda text: tuple(text.split("=")), "nargs": "+", "default": []}
-    parser.add_argument("--rename", **pair, metavar="OLD=NEW", help="fields, keys, columns, keywords, texts")
-    parser.add_argument("--place", **pair, metavar="CLASS=MODULE", help="where NEW has a class")
-    parser.add_argument("--ignore", nargs="+", default=[], help="new names of what is not compared")
-    parser.add_argument("--keep", type=Path, help="folder for BASE's digests: the next call takes them")
-    parser.add_argument("--explained", type=int, default=2, help="rows whose difference is explained")
-    parser.add_argument("--most", type=int, default=15, help="values that an explanation names")
-    arguments = parser.parse_args()
-    for name, known in (("scenarios", None), ("actions", actions), ("apis", [*PLAYERS])):
-        given = [each for text in getattr(arguments, name) for each in text.split(",") if each]
-        setattr(arguments, name, given)
-        for each in given:
-            if known and each not in known:
-                parser.error(f"--{name}: {each!r} is not of {', '.join(known)}")
-    return arguments
-
-
-def main() -> int:
-    """Compare; return the exit code."""
-    arguments = read_arguments()
-    RENAMES.update(arguments.rename)
-    PLACES.update({name: (module, *PLACES[name]) for name, module in arguments.place})
-    IGNORED.update(arguments.ignore)
-    cells = cells_of(arguments)
-    bases = kept_rows(arguments.base, cells, arguments.keep)
-    news = run_child(arguments.new, cells, number=2)
-    width = max(len(cell["name"]) for cell in cells)
-    print(f"{'':<{width}}  steps  blocks  episodes  base [s]  new [s]")
-    wrong = []
-    for cell in cells:
-        base, new = bases[cell["name"]], news[cell["name"]]
-        verdict = verdict_of(base, new, cell["name"])
-        counts = f"{cell['steps']:>5}  {len(new['blocks']):>6}  {new['episodes']:>8}"
-        times = f"{base.get('seconds', 0.0):>8.1f}  {new.get('seconds', 0.0):>7.1f}"
-        print(f"{cell['name']:<{width}}  {counts}  {times}  {verdict}")
-        if verdict != "equal":
-            wrong.append((cell, first_difference(base, new)))
-    differing = [(cell, difference[0]) for cell, difference in wrong if difference is not None]
-    for cell, block in differing[: arguments.explained]:
-        explain((arguments.base, arguments.new), cell, block, arguments.most)
-    print(f"\n{len(cells) - len(wrong)} of {len(cells)} rows are equal")
-    return int(bool(wrong))
+    given = parser.parse_args()
+    workers = [Worker(tree, number) for number, tree in enumerate((given.base, given.new), 1)]
+    print(f"{'':44} {'steps':>6} {'base [s]':>8} {'new [s]':>8}")
+    try:
+        cases = cases_of(given)
+        equal = sum(compare(workers, case) for case in cases)
+    finally:
+        for worker in workers:
+            worker.close()
+    print(f"{equal} of {len(cases)} rows are equal")
+    return int(equal < len(cases))
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--child"]:
-        child(Path(sys.argv[2]))
-    else:
-        SOURCE = Path(__file__).read_text()
-        sys.exit(main())
+    sys.exit(serve() if "--serve" in sys.argv else main())

@@ -9,8 +9,8 @@ ego for every mission (with one, where missions start in one place). The table h
 
 from __future__ import annotations
 
+import argparse
 import logging
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -29,8 +29,13 @@ def outcome(folder: Path) -> tuple[str, str]:
     return ("plays, but", "; ".join(built.warnings)) if built.warnings else ("plays", "")
 
 
-def main(root: Path) -> None:
-    """Print the table of all scenario files below a folder."""
+def main() -> None:
+    """Print the table of all scenario files below the folder that the command line names."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("root", type=Path)
+    root = parser.parse_args().root
     logging.disable(logging.WARNING)  # the table has them
     counts = Counter[str]()
     print("| scenario | | |\n|---|---|---|")
@@ -43,4 +48,4 @@ def main(root: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main()

@@ -33,14 +33,14 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "maddpg": {"lr": 1e-3, "gamma": 0.95, "updates_per_step": 0.05, "batch_size": 256, "hidden": (64, 64)},
 }
 FRAGMENT = {"ppo": 125, "centralised_v": 125, "maddpg": 25}
-COPIES, EPISODES = 8, 200
+ENVS, EPISODES = 8, 200
 
 
 def built(name: str, seed: int) -> Any:
     """Return the algorithm, one network shared by all agents."""
     config = algorithms.config(name).environment("simple_spread").debugging(seed=seed)
     config.env_runners(
-        num_env_runners=0, num_envs_per_env_runner=COPIES, rollout_fragment_length=FRAGMENT[name]
+        num_env_runners=0, num_envs_per_env_runner=ENVS, rollout_fragment_length=FRAGMENT[name]
     )
     return config.training(sharing="all", **SETTINGS[name]).build_algo()
 
@@ -54,7 +54,7 @@ def train(name: str, seed: int, steps: int) -> tuple[float, float, float, float]
     """Return (score before, greedy score, sampled score, seconds of training)."""
     algo = built(name, seed)
     before, start = score(algo, explore=True), time.perf_counter()
-    for _ in range(-(-steps // (COPIES * FRAGMENT[name]))):
+    for _ in range(-(-steps // (ENVS * FRAGMENT[name]))):
         algo.train()
     seconds = time.perf_counter() - start
     greedy, sampled = score(algo, explore=False), score(algo, explore=True)

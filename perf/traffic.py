@@ -2,7 +2,7 @@
 
 python perf/traffic.py [--scenarios loop intersection city] [--steps 600] [--repeats 5]
 
-"bare" is the same library on the same files: load, then a loop over `simulationStep` that reads nothing.
+"bare" is the same library on the same files: load, then a loop over `simulationStep` without reading.
 "subscribed" is the usual way to read it: a subscription per vehicle and all results as dictionaries.
 """
 
@@ -65,7 +65,7 @@ class Bare:
 
 
 class Ours:
-    """The provider, with egos that drive one behind another along the longest lane."""
+    """The provider, with egos that drive behind each other along the longest lane."""
 
     def __init__(self, files: TrafficFiles, roads: LaneGraph, egos: int = 0) -> None:
         self.files, self.roads, self.egos = files, roads, egos
@@ -131,7 +131,7 @@ def measure(name: str, steps: int, repeats: int) -> None:
     for _ in range(repeats):
         for label, run in runs.items():
             resets[label] = min(resets[label], timed(run.reset))
-        for _ in range(steps // BLOCK):
+        for _ in range(max(steps // BLOCK, 1)):
             for label, run in runs.items():
                 blocks[label].append(timed(run.step, BLOCK))
             vehicles.append(ours.vehicles())
@@ -152,18 +152,18 @@ def resident() -> float:
 
 
 def measure_copies(count: int) -> None:
-    """Print what every further copy of libsumo costs."""
-    held = []
-    for _ in range(count):
+    """Print time and memory of each of some new copies of libsumo."""
+    held: list[SumoLibrary] = []
+    for number in range(count):
         before = resident()
-        seconds = timed(lambda: held.append(SumoLibrary()))
+        seconds = timed(lambda index=2 * COPIES + number: held.append(SumoLibrary(index)))
         print(f"copy {held[-1].index}: {seconds * 1e3:5.1f} ms, {resident() - before:5.1f} MB")
     for library in held:
         library.close()
 
 
 def measure_code(files: TrafficFiles, rounds: int = 20) -> None:
-    """Print what it costs to step copies of libsumo in turn, with code of their own and shared."""
+    """Print the time of a step of copies of libsumo in turn, with code of their own and with shared code."""
     share = sumo_library.share_code
     sumo_library.share_code = lambda copy, original: None
     own = [Bare(files) for _ in range(COPIES)]

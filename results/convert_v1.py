@@ -4,7 +4,7 @@ OLD is the folder of an experiment or a run, or a store of recorded episodes; it
 Names change, numbers do not:
 
 - folder and YAML key `reference` -> `scripted`, policy `yielder` -> `gap_acceptance`
-- YAML key `copies` -> `num_envs_per_env_runner`
+- YAML keys `copies` -> `num_envs_per_env_runner`, `longest_life` -> `longest_trajectory`
 - YAML keys `adapter`, `options` of `environment` -> `observation`, `reward`; those of own adapters `adapter`,
   `adapter_options`
 - columns `is_void` -> `is_invalid`, `travelled` -> `distance_travelled`, outcome `void` -> `invalid`
@@ -30,7 +30,11 @@ from smarts.errors import SmartsError
 
 FORMAT = 2
 POLICIES = {"yielder": "gap_acceptance"}
-CONFIG_KEYS = {"reference": "scripted", "copies": "num_envs_per_env_runner"}
+CONFIG_KEYS = {
+    "reference": "scripted",
+    "copies": "num_envs_per_env_runner",
+    "longest_life": "longest_trajectory",
+}
 COMMANDS = {
     r"environment\.options\.(reward|observation)=": r"environment.\1=",
     r"environment\.adapter=(benchmark|paper|raw)\b": r"environment.observation=\1",

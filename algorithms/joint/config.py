@@ -59,6 +59,7 @@ class JointConfig(AlgorithmConfig):
             setattr(self, name, value)
 
     if TYPE_CHECKING:
+        entry: Entry  # a class attribute of a subclass that no registry has
 
         def __getattr__(self, name: str) -> Any:
             """Return the value of a setting."""
@@ -68,10 +69,12 @@ class JointConfig(AlgorithmConfig):
         """The algorithm's own keywords of `training()`."""
         return tuple(self.entry.settings.model_fields)
 
-    @property
-    def entry(self) -> Entry:
-        """The algorithm's line in the registry."""
-        return ALGORITHMS[self.algorithm]
+    if not TYPE_CHECKING:
+
+        @property
+        def entry(self) -> Entry:
+            """The algorithm's line in the registry."""
+            return ALGORITHMS[self.algorithm]
 
     def training(self, **settings: Any) -> Self:  # type: ignore[override]
         """Change settings of the algorithm, or RLlib's general ones.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import torch
 from gymnasium.spaces import Box, Discrete
@@ -166,11 +166,15 @@ class GaussianHead:
 
 
 class EpsilonGreedyHead:
-    """Best allowed action by value, or with probability epsilon a uniformly random allowed one."""
+    """Best allowed action by value, or with probability epsilon a uniformly random allowed one.
+
+    Args:
+        space: A `Discrete` space.
+    """
 
     has_log_prob = False
 
-    def __init__(self, space: Discrete) -> None:
+    def __init__(self, space: Any) -> None:
         self.outputs = int(space.n)
 
     def act(

@@ -63,15 +63,15 @@ def _packages() -> str:
 
 
 def _processor() -> str:
-    from benchmark.running.machine import cores_text, cpu_quota, processor, usable_cores
+    from benchmark.running.machine import processor, usable_cores
 
-    return f"{processor()}, {cores_text(os.cpu_count() or 1, usable_cores(), cpu_quota())}"
+    return f"{processor()}, {usable_cores():g} of {os.cpu_count()} cores"
 
 
 def _memory() -> str:
-    from benchmark.running.machine import memory_limit, memory_text, total_memory
+    from benchmark.running.machine import memory_text
 
-    return memory_text(total_memory(), memory_limit())
+    return memory_text()
 
 
 def _gpu() -> str:
@@ -99,7 +99,7 @@ def _scenarios() -> str:
     from smarts.sstudio.locating import suite
 
     built = build_scenario("loop")
-    return f"{len(suite())} in the suite, build folder {built.directory.parent}"
+    return f"{len(suite())} in the suite; {built.name} is built in {built.directory.parent}"
 
 
 def _kernel_cache() -> str:

@@ -99,6 +99,9 @@ def show(
         typer.Option(help="Simulated time before the reset (s).", min=0.0, max=DAY),
     ] = 0.0,
     seed: Seed = 42,
+    edges: Annotated[
+        bool, typer.Option("--edges", help="Write the ids of the edges on their roads.")
+    ] = False,
 ) -> None:
     """Draw lanes, missions, traffic flows, bubbles and the vehicles after a reset."""
     from smarts.envision.scenario_picture import scenario_picture, scenario_sheet
@@ -113,9 +116,9 @@ def show(
         chosen = _traffic_of(built, traffic)
         pictures.append((built, chosen, reset_moment(built, chosen, seconds=seconds, seed=seed)))
     if len(pictures) == 1:
-        scenario_picture(pictures[0], out)
+        scenario_picture(pictures[0], out, edges=edges)
     else:
-        scenario_sheet(pictures, out)
+        scenario_sheet(pictures, out, edges=edges)
     typer.echo(f"wrote {out}")
 
 

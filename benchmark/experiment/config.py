@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -101,7 +101,7 @@ def _distinct(values: Iterable[Any]) -> Any:
     values = tuple(values)
     twice = sorted({str(value) for value in values if values.count(value) > 1})
     if twice:
-        raise UnfitError(f"{', '.join(twice)} there twice", "name each once")
+        raise UnfitError(f"{', '.join(twice)} is there twice", "name each once")
     return values
 
 
@@ -341,6 +341,11 @@ class Experiment(Section):
     """Scripted policies that are tested in the same way and shown below the table: names, or module:Class."""
     resources: Resources = Resources()
     tune: Tune | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **values: Any) -> None:
+            """Take values as a file has them: lists, names and dicts; each is checked when it is given."""
 
     def settings_of(self, algorithm: str) -> dict[str, Any]:
         """Return the settings of an algorithm that the file gives.

@@ -20,6 +20,7 @@ from benchmark.experiment.config import (
     TrainingTask,
     name_of,
 )
+from benchmark.experiment.own_code import own_digests
 from smarts.config import ConfigError, fitted
 from smarts.registry import file_name
 from smarts.sstudio.locating import resolved
@@ -28,6 +29,8 @@ SCRIPTED = "scripted"
 """Folder of scripted policies among results, and their mode in tables, shown beside each learned mode."""
 SCRIPTED_SEED = -1
 """Training seed in the tables of policies that were not trained."""
+OWN_CODE = "own_code"
+"""Key of a run's content and of a test's: name -> digest of own code; see `own_digests`."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +64,29 @@ class TaskSetting:
             "modes": list(evaluation.modes),
             "held_out_episodes": evaluation.held_out_episodes,
         }
-        return content if self.metrics is None else {**content, "metrics": list(self.metrics)}
+        if self.metrics is None:
+            return content
+        return {**content, "metrics": list(self.metrics), **_own_code(self.imports, self.metrics)}
 
-    def own_content(self) -> dict[str, Any]:
-        """Return where the own code of a run is, as it is kept with its results; nothing without any."""
-        return {"imports": list(self.imports)} if self.imports else {}
+    def content(self, *names: Any) -> dict[str, Any]:
+        """Return the scenarios, the environment and the own code of a run, as they are kept with its results.
+
+        Args:
+            names: What else may name own code.
+        """
+        environment = self.environment.model_dump(mode="json")
+        return {
+            "scenarios": list(self.task.scenarios),
+            "traffic": self.traffic,
+            "environment": environment,
+            **({"imports": list(self.imports)} if self.imports else {}),
+            **_own_code(self.imports, environment, *names),
+        }
+
+
+def _own_code(imports: tuple[str, ...], *names: Any) -> dict[str, Any]:
+    found = own_digests(imports, *names)
+    return {OWN_CODE: found} if found else {}
 
 
 @dataclass(frozen=True)
@@ -98,17 +119,14 @@ class Run:
         evaluation = self.task_setting.evaluation
         return {
             "algorithm": self.algorithm,
-            "scenarios": list(self.task_setting.task.scenarios),
-            "traffic": self.task_setting.traffic,
             "seed": self.seed,
             "settings": dict(self.settings),
-            "environment": self.task_setting.environment.model_dump(mode="json"),
             "budget": self.budget.model_dump(mode="json"),
             "validations": evaluation.validations,
             "validation_episodes": evaluation.validation_episodes,
             "env_runners": self.resources.env_runners,
             "num_envs_per_env_runner": self.resources.num_envs_per_env_runner,
-            **self.task_setting.own_content(),
+            **self.task_setting.content(self.algorithm, self.settings),
         }
 
 
@@ -162,13 +180,7 @@ class ScriptedRun:
 
     def content(self) -> dict[str, Any]:
         """Return all that its test depends on, but for its extent."""
-        return {
-            "policy": self.policy,
-            "scenarios": list(self.task_setting.task.scenarios),
-            "traffic": self.task_setting.traffic,
-            "environment": self.task_setting.environment.model_dump(mode="json"),
-            **self.task_setting.own_content(),
-        }
+        return {"policy": self.policy, **self.task_setting.content(self.policy)}
 
 
 def completed(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 from benchmark.experiment.runs import completed
 from benchmark.results.reading import Results, RunResult
+from benchmark.results.run_folder import flat_values
 
 COMPARED = ("environment", "budget")
 """Keys of config.yaml. The environment holds agents, decision interval, observation, action, reward, vehicle,
@@ -60,18 +60,9 @@ def _cell(run: RunResult) -> tuple[str, str]:
 
 def described(protocols: Sequence[str]) -> list[str]:
     """Return what each protocol says; with several, only what is not the same in all."""
-    flat = [_flat(json.loads(each)) for each in protocols]
+    flat = [flat_values(json.loads(each)) for each in protocols]
+    flat = [{name: "none" if value is None else str(value) for name, value in each.items()} for each in flat]
     names = sorted({name for each in flat for name in each})
     if len(flat) > 1:
         names = [name for name in names if len({each.get(name) for each in flat}) > 1]
     return [", ".join(f"{name} {each.get(name, 'not given')}" for name in names) for each in flat]
-
-
-def _flat(content: Mapping[str, Any], before: str = "") -> dict[str, str]:
-    found: dict[str, str] = {}
-    for name, value in content.items():
-        if isinstance(value, dict):
-            found |= _flat(value, f"{before}{name}.")
-        else:
-            found[before + name] = "none" if value is None else str(value)
-    return found

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import csv
-import math
-from collections.abc import Mapping, Sequence
+import io
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
+from benchmark.metrics.results import Frame
 from benchmark.results.files import ResultsError, first_line, named_failures, write_whole
 
 COLUMNS: tuple[str, ...] = (
@@ -27,70 +31,42 @@ COUNTS = COLUMNS[:3]
 """Columns that are finite numbers in every line."""
 REMEDY = "remove it: the run resumes from its checkpoint, and its curve begins there"
 
-Line = Mapping[str, Any]
 
-
-def read_progress(file: Path) -> tuple[list[dict[str, str]], dict[int, str]]:
-    """Return the valid lines, and line number -> problem of others; lines that a kill cut short are dropped.
+def read_progress(file: Path) -> Frame:
+    """Return the lines, without a last one that a kill cut short; none if there is no file.
 
     Raises:
         ResultsError: It cannot be read, or is no table of progress.
     """
     if not file.exists():
-        return [], {}
+        return pd.DataFrame(columns=[*COLUMNS])
     try:
-        with file.open(newline="", encoding="utf-8") as opened:
-            reader = csv.DictReader(opened)
-            lines = [line for line in reader if None not in line and None not in line.values()]
-            titles = set(reader.fieldnames or ())
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ResultsError(f"cannot be read: {first_line(error)}", place=str(file), remedy=REMEDY) from error
-    if set(COLUMNS) - titles:
-        raise ResultsError("not a table of progress", place=str(file), remedy=REMEDY)
-    valid, problems = [], {}
-    for number, line in enumerate(lines, start=2):
-        if problem := _problem(line):
-            problems[number] = problem
-        else:
-            valid.append(line)
-    return valid, problems
+        lines = file.read_text(encoding="utf-8").splitlines()
+        if lines and lines[-1].count(",") < lines[0].count(","):
+            del lines[-1]
+        table: Frame = pd.read_csv(io.StringIO("\n".join(lines)), index_col=False)[[*COLUMNS]]
+        for name in COLUMNS:
+            values = table[name].to_numpy(float)
+            if name in COUNTS and not np.isfinite(values).all():
+                raise ValueError(f"{name} is not finite in each line")
+    except (OSError, ValueError, KeyError) as error:
+        raise ResultsError(f"damaged: {first_line(error)}", place=str(file), remedy=REMEDY) from error
+    return table
 
 
-def begin_progress(file: Path, iteration: int) -> list[dict[str, str]]:
+def begin_progress(file: Path, iteration: int) -> list[dict[Hashable, Any]]:
     """Keep and return the lines up to an iteration; training repeats the later ones.
 
     Raises:
         ResultsError: It is damaged, or cannot be written.
     """
-    lines, problems = read_progress(file)
-    if problems:
-        problem = next(iter(problems.values()))
-        raise ResultsError(f"damaged: {problem}", place=str(file), remedy=REMEDY)
-    kept = [line for line in lines if int(float(line["iteration"])) <= iteration]
-    write_whole(file, lambda partial: _write(partial, kept))
-    return kept
+    lines = read_progress(file)
+    kept = lines[lines["iteration"] <= iteration]
+    write_whole(file, lambda partial: kept.to_csv(partial, index=False))
+    return kept.to_dict("records")
 
 
-def add_progress(file: Path, line: Line) -> None:
+def add_progress(file: Path, line: Mapping[str, Any]) -> None:
     """Append a line."""
     with named_failures(file), file.open("a", newline="", encoding="utf-8") as opened:
-        csv.DictWriter(opened, COLUMNS).writerow(line)
-
-
-def _write(file: Path, lines: Sequence[Line]) -> None:
-    with file.open("w", newline="", encoding="utf-8") as out:
-        writer = csv.DictWriter(out, COLUMNS)
-        writer.writeheader()
-        writer.writerows(lines)
-
-
-def _problem(line: Mapping[str, str]) -> str:
-    """Return the first value that is no number, or is empty or infinite in `COUNTS`; "" for a valid line."""
-    for name in COLUMNS:
-        try:
-            is_finite = math.isfinite(float(line[name] or "nan"))
-        except ValueError:
-            return f"{name} is {line[name]!r}"
-        if name in COUNTS and not is_finite:
-            return f"{name} is {line[name]!r}"
-    return ""
+        csv.DictWriter(opened, COLUMNS, lineterminator="\n").writerow(line)

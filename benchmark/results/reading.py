@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
-import operator
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pandas as pd
+from pydantic import ConfigDict, Field
 
 from benchmark.experiment.config import Experiment
 from benchmark.experiment.runs import SCRIPTED_SEED, scripted_runs_of, training_folder, trainings_of
@@ -19,10 +18,10 @@ from benchmark.metrics.results import Frame
 from benchmark.metrics.table import COUNTS
 from benchmark.results.commands import EXPERIMENT, earlier_commands, last_experiment
 from benchmark.results.files import FormatError, ResultsError
-from benchmark.results.progress import COLUMNS as PROGRESS_COLUMNS
 from benchmark.results.progress import read_progress
-from benchmark.results.run_folder import CONTINUED, ENDED_BY, FINISHED, SCENARIOS, RunFolder
+from benchmark.results.run_folder import ENDED_BY, FINISHED, SCENARIOS, RunFolder
 from benchmark.results.run_tables import LABELS, Names, names_of, read_run_table
+from smarts.config import ConfigError, Section, fitted
 from smarts.errors import OwnCodeError, SmartsError
 from smarts.registry import file_name, import_own, is_own_name
 
@@ -63,8 +62,7 @@ class RunResult:
     @property
     def scenarios(self) -> Mapping[str, str]:
         """Name -> digest of each scenario; empty if not recorded."""
-        found = self.facts.get(SCENARIOS)
-        return found if isinstance(found, dict) else {}
+        return self.facts.get(SCENARIOS, {})
 
     def __str__(self) -> str:
         seed = "" if self.is_scripted else f", seed {self.seed}"
@@ -182,29 +180,66 @@ def _found(root: Path, problems: dict[str, str]) -> Iterator[RunResult]:
             yield run
 
 
+class _Tested(Section):
+    """Extent of a test."""
+
+    model_config = ConfigDict(extra="allow")
+    episodes: int
+    modes: list[str] = Field([])
+
+
+class _Facts(Section):
+    """Values of run.json that reports rely on."""
+
+    model_config = ConfigDict(extra="allow")
+    test_seconds: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    tested: _Tested | None = None
+    continued: list[dict[str, Any]] = Field([])
+    scenarios: dict[str, str] = Field({})
+
+
+class _Config(Section):
+    """Values of config.yaml that reports rely on."""
+
+    model_config = ConfigDict(extra="allow")
+    environment: dict[str, Any] = Field({})
+    budget: dict[str, Any] = Field({})
+    settings: dict[str, Any] = Field({})
+
+
+def _checked(content: dict[str, Any], model: type[Section], file: Path) -> dict[str, Any]:
+    """Return the content of a file unchanged.
+
+    Raises:
+        ResultsError: A value does not fit the model.
+    """
+    try:
+        fitted(content, model)
+    except ConfigError as error:
+        reasons = "; ".join(str(problem) for problem in error.problems)
+        raise ResultsError(f"damaged: {reasons}", place=str(file)) from error
+    return content
+
+
 def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) -> RunResult | None:
     folder = RunFolder(path)
     if not folder.run.exists():
         problems[place] = "not a run: it has no run.json"
         return None
     try:
-        facts, bad_facts = _known_facts(folder.facts())
-        config = _read_config(folder)
-        lines, bad_lines = read_progress(folder.progress)
+        facts = _checked(folder.facts(), _Facts, folder.run)
+        config = _checked(folder.read_config(), _Config, folder.config)
     except FormatError:
         raise
     except ResultsError as error:
         problems[place] = f"{Path(error.place).name}: {error.problem}"
         return RunResult(*names, place, UNREADABLE)
-    status = str(facts.get("status", UNREADABLE))
-    said = "; ".join(f"left out: line {number}, {problem}" for number, problem in bad_lines.items())
-    progress = _as_numbers(lines)
-    if not said and names[-1] != SCRIPTED_SEED and status == FINISHED:
-        said = _missing_end(progress, {**facts, **config})
-    found = {f"{place}/{folder.run.name}": bad_facts, f"{place}/{folder.progress.name}": said}
-    problems.update(filter(operator.itemgetter(1), found.items()))
-    run = RunResult(*names, place, status, facts, config, progress, not said)
-    if status != FINISHED:
+    run = RunResult(*names, place, str(facts.get("status", UNREADABLE)), facts, config)
+    progress, problem = _read_progress(folder, run)
+    if problem:
+        problems[f"{place}/{folder.progress.name}"] = problem
+    run = replace(run, progress=progress, is_progress_whole=not problem)
+    if run.status != FINISHED:
         return run
     try:
         table = read_run_table(folder.table, names, facts.get("tested"))
@@ -214,29 +249,15 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
     return replace(run, table=table)
 
 
-def _as_numbers(lines: Sequence[Mapping[str, str]]) -> Frame | None:
-    """Return lines of progress.csv as a frame, None without one."""
-    columns = [*PROGRESS_COLUMNS]
-    return pd.DataFrame(lines)[columns].apply(pd.to_numeric, errors="coerce") if lines else None
-
-
-def _known_facts(facts: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
-    """Return the content of a run.json without invalid values, and what they were."""
-    valid = {
-        "test_seconds": lambda value: isinstance(value, int | float) and math.isfinite(value),
-        "tested": _is_test,
-        CONTINUED: lambda value: isinstance(value, list) and all(isinstance(each, dict) for each in value),
-    }
-    bad = [name for name, is_valid in valid.items() if name in facts and not is_valid(facts[name])]
-    said = "; ".join(f"left out: {name} is {facts[name]!r}" for name in bad)
-    return {name: value for name, value in facts.items() if name not in bad}, said
-
-
-def _is_test(value: Any) -> bool:
-    if not isinstance(value, dict) or not isinstance(value.get("episodes"), int):
-        return False
-    modes = value.get("modes", [])
-    return isinstance(modes, list) and all(isinstance(mode, str) for mode in modes)
+def _read_progress(folder: RunFolder, run: RunResult) -> tuple[Frame | None, str]:
+    """Return a run's progress, None without a line, and what is wrong with it."""
+    try:
+        progress = read_progress(folder.progress)
+    except ResultsError as error:
+        return None, error.problem
+    known = progress if len(progress) else None
+    is_over = run.status == FINISHED and not run.is_scripted
+    return known, _missing_end(known, {**run.facts, **run.config}) if is_over else ""
 
 
 def _missing_end(progress: Frame | None, ending: Mapping[str, Any]) -> str:
@@ -258,14 +279,6 @@ def _missing_end(progress: Frame | None, ending: Mapping[str, Any]) -> str:
     if share >= 1:
         return ""
     return f"ends at {last['agent_steps']:,.0f} agent-steps, {share:.0%} of the budget that training used up"
-
-
-def _read_config(folder: RunFolder) -> dict[str, Any]:
-    config = folder.read_config()
-    for name in ("environment", "budget", "settings"):
-        if not isinstance(config.get(name, {}), dict):
-            raise ResultsError(f"not a run's: its {name} is {config[name]!r}", place=str(folder.config))
-    return config
 
 
 def _no_rows() -> Frame:

@@ -18,7 +18,7 @@ from typing import Any
 
 import yaml
 
-from benchmark.experiment.runs import completed, is_larger
+from benchmark.experiment.runs import OWN_CODE, completed, is_larger
 from benchmark.results.files import (
     ResultsError,
     first_line,
@@ -86,7 +86,7 @@ class RunFolder:
         if self.status != FINISHED:
             return False
         before = self.facts().get("tested")
-        is_same = _in_order(before) == _in_order(tested)
+        is_same = _is_same_test(before, tested)
         problem = self._table_problem(tested) if is_same else "it was tested in another way"
         if problem and self.progress.exists() and not self.checkpoint.exists():
             raise ResultsError(
@@ -123,7 +123,8 @@ class RunFolder:
         if there is None:
             return
         is_extended = _is_extended(here, there)
-        compared = with_common_imports(there, here), with_common_imports(here, there)
+        compared = comparable(there, here), comparable(here, there)
+        self._check_code(*compared)
         differing = _differing(*({**each, BUDGET: None} if is_extended else each for each in compared))
         if differing:
             raise ResultsError(
@@ -137,6 +138,15 @@ class RunFolder:
                 f"there is no checkpoint to train on from with a larger budget: {_differing(there, here)}",
                 place=str(self.checkpoint),
                 remedy="bring it back from a copy, or give the experiment another name or --out",
+            )
+
+    def _check_code(self, there: Mapping[str, Any], here: Mapping[str, Any]) -> None:
+        if changed := changed_code(there, here):
+            raise ResultsError(
+                f"here are results of other code: {', '.join(changed)} has changed since this run",
+                place=str(self.path),
+                remedy="restore the code, give the experiment another name or --out, or remove the folder to "
+                "start again",
             )
 
     def is_extended(self, content: Mapping[str, Any]) -> bool:
@@ -218,6 +228,18 @@ class RunFolder:
 
         replace_folder(folder, fill)
 
+    def kept(self, checkpoint: str) -> Path:
+        """Return the folder of the "last" or "best" checkpoint.
+
+        Raises:
+            ResultsError: There is none.
+        """
+        folder = self.checkpoint if checkpoint == "last" else self.best
+        if folder.exists():
+            return folder
+        problem = f"the run has no {checkpoint} checkpoint"
+        raise ResultsError(problem, place=str(self.path), remedy="train it further")
+
     def training_state(self) -> dict[str, Any] | None:
         """Return the state of training at the last checkpoint, None without one.
 
@@ -232,11 +254,21 @@ class RunFolder:
         )
 
 
-def _in_order(tested: Any) -> Any:
-    """Return the content of a test with its metrics in one order, which has no meaning."""
-    if not isinstance(tested, Mapping) or not isinstance(tested.get("metrics"), list):
-        return tested
-    return {**tested, "metrics": sorted(tested["metrics"])}
+def _is_same_test(before: Any, tested: Mapping[str, Any]) -> bool:
+    """Return whether two contents of a test are alike; the order of metrics has no meaning."""
+    if not isinstance(before, dict):
+        return False
+    alike = [
+        {**comparable(one, other), "metrics": sorted(map(str, one.get("metrics") or ()))}
+        for one, other in ((before, tested), (tested, before))
+    ]
+    return alike[0] == alike[1]
+
+
+def changed_code(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
+    """Return the names of own code whose digest differs; the oldest runs have none."""
+    before, now = (each.get(OWN_CODE) or {} for each in (there, here))
+    return [name for name in now if before.get(name, now[name]) != now[name]]
 
 
 def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
@@ -245,26 +277,30 @@ def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
     return all(isinstance(budget, dict) for budget in budgets) and is_larger(*budgets)  # type: ignore[arg-type]
 
 
-def with_common_imports(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a content with only those imports whose modules another one imports too, from wherever.
+def comparable(content: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a content with only the imports and digests of own code that another one has too, from wherever.
 
     A metric or an algorithm that is added to an experiment changes nothing in what its other runs trained.
     """
     modules = {Path(path).stem for path in other.get(IMPORTS) or ()}
     common = sorted(path for path in content.get(IMPORTS) or () if Path(path).stem in modules)
-    return {**content, IMPORTS: common}
+    known = other.get(OWN_CODE) or {}
+    code = {name: each for name, each in (content.get(OWN_CODE) or {}).items() if name in known}
+    return {**content, IMPORTS: common, OWN_CODE: code}
 
 
 def _differing(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     """Return the values that differ, in words."""
-    one, two = _flat(there), _flat(here)
+    one, two = flat_values(there), flat_values(here)
     names = [name for name in {**one, **two} if one.get(name, UNSET) != two.get(name, UNSET)]
     return ", ".join(f"{name} ({one.get(name, UNSET)}, here {two.get(name, UNSET)})" for name in names)
 
 
-def _flat(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+def flat_values(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     """Return the values of sections under names like "budget.minutes"."""
     found: dict[str, Any] = {}
     for name, value in content.items():
-        found |= _flat(value, f"{above}{name}.") if isinstance(value, dict) else {f"{above}{name}": value}
+        found |= (
+            flat_values(value, f"{above}{name}.") if isinstance(value, dict) else {f"{above}{name}": value}
+        )
     return found

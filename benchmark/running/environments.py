@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +13,10 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from benchmark.experiment.config import Driving
+from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import TaskSetting
+from benchmark.metrics import compute, measure_episodes
+from benchmark.metrics.table import COUNTS
 from benchmark.running.importing import named_own_code
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.interface import AgentInterface
@@ -23,6 +27,8 @@ from smarts.types.actions import ActionSpaceType
 
 NAME = "smarts-bench"
 """Of the training environment among RLlib's."""
+TRIED_STEPS, TRIED_EPISODES = 30, 10
+"""Steps of the episode that tries own code, and how many invalid ones are played at most."""
 
 
 def environment(
@@ -32,6 +38,7 @@ def environment(
     scenarios: Sequence[str] = (),
     record: Path | None = None,
     discount: float | None = None,
+    max_episode_steps: int | None = None,
 ) -> Any:
     """Return a task setting's environment, a `VectorHiWayEnv`.
 
@@ -41,16 +48,18 @@ def environment(
         scenarios: Others than the task setting's, such as held-out variations.
         record: Where episodes are written to.
         discount: Of the learner, which shaped rewards have to agree with; by default that of the weights.
+        max_episode_steps: Of each agent, by default the benchmark's.
 
     Raises:
         SmartsError: A scenario cannot be built, or the agents' observation or reward.
     """
     given = task_setting.environment
     import_own(task_setting.imports)
+    limit = {} if max_episode_steps is None else {"max_episode_steps": max_episode_steps}
     return VectorHiWayEnv(
         num_envs or task_setting.num_envs,
         list(scenarios or task_setting.task.scenarios),
-        agents={name: interface_of(driving) for name, driving in given.driving().items()},
+        agents={name: interface_of(each).replace(**limit) for name, each in given.driving().items()},
         decision_interval=given.decision_interval,
         observation=given.observation,
         reward=given.reward,
@@ -73,16 +82,33 @@ def interface_of(given: Driving) -> AgentInterface:
     )
 
 
-def try_environment(task_setting: TaskSetting) -> Any:
-    """Play one decision in a task setting's environment, and return its spaces.
+def try_own_code(task_setting: TaskSetting) -> Any:
+    """Play and measure a short episode of a task setting with its own code; return the spaces.
 
     Raises:
-        SmartsError: It cannot be made or played; of own code, with its file and line.
+        SmartsError: The environment cannot be made or played, or a metric raises; of own code, with its file
+            and line.
     """
-    with named_own_code("the environment's own code"), closing(environment(task_setting, num_envs=1)) as env:
-        env.reset()
-        env.step([_some_actions(block) for block in env.spaces.blocks])
-        return env.spaces
+    metrics = own_names(task_setting.metrics)
+    steps = max(TRIED_STEPS, 2 * task_setting.environment.decision_interval)
+    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as folder:
+        record = Path(folder)
+        env = environment(task_setting, num_envs=1, record=record, max_episode_steps=steps)
+        with named_own_code("the environment's own code"), closing(env):
+            _play_one(env)
+        table = measure_episodes(record, metrics=metrics)
+    if metrics and table.attrs[COUNTS]["measured"]:
+        compute(table, metrics=metrics)
+    return env.spaces
+
+
+def _play_one(env: VectorHiWayEnv) -> None:
+    """Play until an episode is valid, at most `TRIED_EPISODES`."""
+    env.reset()
+    played = 0
+    while played < TRIED_EPISODES:
+        for shares in env.step([_some_actions(block) for block in env.spaces.blocks]).metrics.values():
+            played = TRIED_EPISODES if not shares["invalid"] else played + 1
 
 
 def _some_actions(block: Any) -> NDArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -15,7 +15,7 @@ from benchmark.experiment.config import Evaluation, TrainingTask, name_of
 from benchmark.experiment.runs import Run, run_from
 from benchmark.metrics import read_table
 from benchmark.results.files import FormatError, ResultsError
-from benchmark.results.run_folder import RunFolder
+from benchmark.results.run_folder import RunFolder, changed_code
 from benchmark.running.cluster import start_ray
 from benchmark.running.importing import named_own_code
 from benchmark.running.played import scenario_digests
@@ -68,14 +68,9 @@ def evaluate_checkpoint(
         build_scenario(scenario).with_traffic([run.task_setting.traffic]).episodes(
             run.task_setting.environment.agent_count
         )
-    if run.task_setting.traffic == trained.task_setting.traffic:
-        for name in folder.changed_scenarios(scenario_digests(run.task_setting)):
-            print(f"note: {path}: the scenario {name!r} has changed since this run", file=sys.stderr)
-    kept = folder.checkpoint if checkpoint == "last" else folder.best
-    if not kept.exists():
-        raise ResultsError(
-            f"the run has no {checkpoint} checkpoint", place=str(path), remedy="train it further"
-        )
+    for what in _changes(folder, trained, run):
+        print(f"note: {path}: {what} has changed since this run", file=sys.stderr)
+    kept = folder.kept(checkpoint)
     start_ray(run.resources)
     with (
         tempfile.TemporaryDirectory(prefix="smarts-bench-") as temporary,
@@ -87,6 +82,15 @@ def evaluate_checkpoint(
         for _ in play_test(run, answer, algo):
             pass
         return read_table(answer.table)
+
+
+def _changes(folder: RunFolder, trained: Run, run: Run) -> Iterator[str]:
+    """Yield what is not as it was when a run was trained, as far as that is recorded."""
+    for name in changed_code(folder.read_config(), trained.content()):
+        yield f"the code of {name!r}"
+    if run.task_setting.traffic == trained.task_setting.traffic:
+        for name in folder.changed_scenarios(scenario_digests(run.task_setting)):
+            yield f"the scenario {name!r}"
 
 
 def read_run(folder: RunFolder, imports: Sequence[str | Path] = ()) -> Run:

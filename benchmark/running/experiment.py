@@ -15,6 +15,7 @@ import ray
 from algorithms.joint.spec import JointSpec
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.config import Experiment
+from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import Run, task_settings_of
 from benchmark.results.commands import keep_command
 from benchmark.results.files import ResultsError, locked
@@ -25,8 +26,6 @@ from benchmark.running.jobs import JobScheduler, JobState, jobs_of
 from benchmark.running.live import LiveProgress
 from benchmark.running.machine import command
 from benchmark.running.played import held_out_of, scenario_digests
-from smarts.observations.lists import feature_list
-from smarts.registry import is_own_name
 from smarts.sstudio.build import build_scenario
 
 
@@ -103,27 +102,23 @@ def check_task_settings(experiment: Experiment) -> None:
 def _check_spaces(experiment: Experiment) -> None:
     """Check that the algorithms fit the agents' spaces, where these depend on own code or differ.
 
-    One decision is played for it, with the own adapter, features and reward.
+    A short episode is played and measured for it.
 
     Raises:
         OwnCodeError: Own code cannot be made, or raises.
         SpaceError: An algorithm does not handle the actions or observations.
     """
-    given = experiment.environment
-    names = [name for name in (given.adapter, given.reward) if isinstance(name, str)]
-    features = feature_list(given.observation)
-    own_features = [each for each in (*features.stacked, *features.features) if each.is_own]
-    is_mixed = isinstance(given.agents, dict)
-    if not is_mixed and not own_features and not any(map(is_own_name, names)):
+    task_setting = task_settings_of(experiment)[0]
+    is_mixed = isinstance(task_setting.environment.agents, dict)
+    if not is_mixed and not own_names([task_setting.environment.model_dump(), task_setting.metrics]):
         return
     # Imported here, so that the driver's process loads the simulation only where it is played.
-    from benchmark.running.environments import try_environment
+    from benchmark.running.environments import try_own_code
 
-    spaces = try_environment(task_settings_of(experiment)[0])
-    if is_mixed or given.adapter is not None or own_features:
-        for algorithm in experiment.algorithms:
-            config = CONFIGS[algorithm]().training(**experiment.settings_of(algorithm))
-            config.check(JointSpec.build(spaces, config.sharing))
+    spaces = try_own_code(task_setting)
+    for algorithm in experiment.algorithms:
+        config = CONFIGS[algorithm]().training(**experiment.settings_of(algorithm))
+        config.check(JointSpec.build(spaces, config.sharing))
 
 
 def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:
@@ -170,11 +165,9 @@ def _summarize(states: Sequence[JobState], root: Path) -> int:
             f"{len(failed)} of {len(states)} runs failed; give the same command again to retry",
             file=sys.stderr,
         )
-    ended_by = Counter(filter(None, (_ending_budget(state, root) for state in states)))
-    if ended_by:
-        print(
-            f"training ended by: {', '.join(f'{name} in {count} runs' for name, count in ended_by.items())}"
-        )
+    if ended_by := Counter(filter(None, (_ending_budget(state, root) for state in states))):
+        counts = (f"{name} in {count} run{'s'[: count > 1]}" for name, count in ended_by.items())
+        print(f"training ended by: {', '.join(counts)}")
     print(f"results: {root}")
     return FAILED if failed else 0
 

@@ -11,7 +11,6 @@ from typing import Any, Literal, NoReturn
 import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
-from ray import cloudpickle
 
 from algorithms.joint.env import CARRIED, AgentBlock, JointSpaces, JointStep
 from algorithms.joint.policies import Policies
@@ -22,7 +21,7 @@ from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import read_run
-from benchmark.running.training import config_of
+from benchmark.running.training import config_of, unpickled
 from smarts.env.hiway import HiWayEnv
 from smarts.env.vector import VectorStep
 from smarts.errors import ActionError, nearest_names
@@ -60,18 +59,11 @@ def load_policy(
             raise ResultsError(
                 f"{name} is {value!r}", place="load_policy", remedy=f"give one of {', '.join(known)}"
             )
-    place = Path(path)
+    place, given = Path(path), {"is_sampled": mode == "sampled", "seed": seed}
     if (place / "rllib_checkpoint.json").exists():
-        folder, kept = RunFolder(place.absolute().parent), place
-    else:
-        folder = RunFolder(place)
-        kept = folder.checkpoint if checkpoint == "last" else folder.best
-    run = read_run(folder, imports)
-    if not kept.exists():
-        raise ResultsError(
-            f"the run has no {checkpoint} checkpoint", place=str(path), remedy="train it further"
-        )
-    return Policy(run, kept, is_sampled=mode == "sampled", seed=seed)
+        return Policy(read_run(RunFolder(place.absolute().parent), imports), place, **given)
+    folder = RunFolder(place)
+    return Policy(read_run(folder, imports), folder.kept(checkpoint), **given)
 
 
 class Policy:
@@ -93,7 +85,7 @@ class Policy:
         modules = _modules(checkpoint)
         self._spec: JointSpec = next(iter(modules.values())).spec
         self._policies = Policies(self._spec, modules)
-        steps = int(_read(checkpoint / "env_runner" / "state.pkl").get(STEPS, 0))
+        steps = int(unpickled(checkpoint / "env_runner" / "state.pkl").get(STEPS, 0))
         self._exploration = self._config.exploration(steps)._replace(explore=is_sampled)
         self._blocks = tuple(_seen(block) for block in self._spec.spaces.blocks)
         self.agents: tuple[str, ...] = self._spec.agents
@@ -333,12 +325,12 @@ def _modules(checkpoint: Path) -> dict[str, Any]:
 
 def _module(folder: Path) -> Any:
     """Return a network with the weights of a checkpoint."""
-    described = _read(folder / "class_and_ctor_args.pkl")
+    described = unpickled(folder / "class_and_ctor_args.pkl")
     named = described["ctor_args_and_kwargs"][1]
     wanted = {key: named[key] for key in ("observation_space", "action_space", "model_config")}
     with _quiet():
         module = described["class"](**wanted, inference_only=True)
-    module.set_state(_read(folder / "module_state.pkl"))
+    module.set_state(unpickled(folder / "module_state.pkl"))
     module.eval()
     return module
 
@@ -352,20 +344,3 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         logging.disable(before)
-
-
-def _read(file: Path) -> Any:
-    """Return the content of a file of a checkpoint.
-
-    Raises:
-        ResultsError: It is missing or damaged.
-    """
-    try:
-        with file.open("rb") as stream:
-            return cloudpickle.load(stream)
-    except Exception as error:  # unpickling half a file may raise anything
-        raise ResultsError(
-            f"the checkpoint is damaged: {type(error).__name__}: {error}",
-            place=str(file),
-            remedy="use the other one: checkpoint='last' or 'best'",
-        ) from error

@@ -24,13 +24,13 @@ class Scalars:
         lines: Of the progress so far.
     """
 
-    def __init__(self, folder: Path, lines: Iterable[Mapping[str, Any]]) -> None:
+    def __init__(self, folder: Path, lines: Iterable[Mapping[Any, Any]]) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         self._writer = SummaryWriter(str(folder), flush_secs=SECONDS)
         for line in lines:
             self.add(line)
 
-    def add(self, line: Mapping[str, Any]) -> None:
+    def add(self, line: Mapping[Any, Any]) -> None:
         """Add a line; what is empty or not a number in it is left out."""
         for name, value in line.items():
             if name not in COUNTS and value != "" and math.isfinite(float(value)):

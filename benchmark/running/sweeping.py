@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sys
@@ -22,20 +21,17 @@ from ray import tune
 from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.basic_variant import BasicVariantGenerator
 
-from benchmark.experiment.algorithm_settings import setting_names
-from benchmark.experiment.checks import DRAWS
 from benchmark.experiment.config import Experiment, Tune
 from benchmark.experiment.runs import Run, completed, runs_of
 from benchmark.results.files import FORMAT, ResultsError, locked, read_mapping, write_json, write_whole
-from benchmark.results.run_folder import RunFolder, with_common_imports
+from benchmark.results.run_folder import RunFolder, changed_code, comparable
 from benchmark.running.cluster import start_ray
 from benchmark.running.exit_codes import FAILED
 from benchmark.running.experiment import check_task_settings, interrupted, resumable
 from benchmark.running.importing import named_own_code
 from benchmark.running.training import Training, algorithm_of
-from smarts.errors import SmartsError, nearest_names, shortened
+from smarts.errors import SmartsError, shortened
 
-DRAW = {kind: getattr(tune, kind) for kind in DRAWS}
 VALIDATION = "validation"
 """What counts the validations of a trial: the time of schedulers."""
 MEASURES = ("completion", "safety", "return", VALIDATION, "agent_steps", "trial_id")
@@ -52,7 +48,7 @@ def sweep(experiment: Experiment, root: Path) -> int:
     The same call resumes an interrupted search.
 
     Raises:
-        SweepError: The experiment has no `tune` section, stands for several runs, or names no known draw.
+        SweepError: The experiment has no `tune` section, or stands for several runs.
         SmartsError: A scenario is wrong, or the folder cannot be used.
     """
     run = the_run(experiment)
@@ -96,29 +92,25 @@ def _stoppable() -> Iterator[Event]:
 
 
 def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
-    """See that the folder's search is this one: Tune would go on with its own settings without a word."""
+    """Raise if the folder holds another search, which Tune would continue without a message.
+
+    Further imports make no other search.
+    """
     content = {"format": FORMAT, "run": run.content(), "tune": section.model_dump(mode="json")}
     if not file.exists():
         write_json(file, content)
-    elif not _is_same_search(_completed(read_mapping(file)), _completed(content)):
+        return
+    before = read_mapping(file)
+    there, here = completed(before.get("run") or {}), completed(content["run"])
+    if {**before, "run": comparable(there, here)} != {**content, "run": comparable(here, there)}:
+        changed = ", ".join(changed_code(there, here))
         raise ResultsError(
-            "here is a search with another config",
+            f"here is a search with other code: {changed} has changed since"
+            if changed
+            else "here is a search with another config",
             place=str(file),
             remedy="give the experiment another name or --out, or remove the folder to start again",
         )
-
-
-def _is_same_search(there: Mapping[str, Any], here: Mapping[str, Any]) -> bool:
-    """Return whether two contents of search.json are of one search; further imports do not count."""
-    one, other = (content.get("run") or {} for content in (there, here))
-    runs = with_common_imports(one, other), with_common_imports(other, one)
-    return {**there, "run": runs[0]} == {**here, "run": runs[1]}
-
-
-def _completed(content: Mapping[str, Any]) -> Any:
-    """Return the content of search.json with the defaults of keys that an earlier version lacked."""
-    kept = json.loads(json.dumps(content))
-    return {name: completed(part) if name == "run" else part for name, part in kept.items()}
 
 
 def _tuner(run: Run, section: Tune, space: Mapping[str, Any], root: Path) -> tune.Tuner:
@@ -187,26 +179,15 @@ def the_run(experiment: Experiment) -> Run:
 
 
 def space_of(section: Tune) -> dict[str, Any]:
-    """Return Tune's search space.
-
-    Raises:
-        SweepError: Neither a list nor a known draw.
-    """
-    return {name: _values(name, given) for name, given in section.parameters.items()}
+    """Return Tune's search space of a section that `check_experiment` has checked."""
+    return {name: _values(given) for name, given in section.parameters.items()}
 
 
-def _values(name: str, given: Any) -> Any:
-    if isinstance(given, list) and given:
+def _values(given: Any) -> Any:
+    if isinstance(given, list):
         return tune.grid_search(given)
-    if isinstance(given, dict) and len(given) == 1:
-        kind, bounds = next(iter(given.items()))
-        if kind in DRAWS and isinstance(bounds, list) and len(bounds) == 2:
-            return DRAW[kind](*bounds)
-    raise SweepError(
-        f"{given!r} is nothing to search in",
-        place=f"tune.parameters.{name}",
-        remedy=f"give a list of values, or one of {', '.join(f'{{{kind}: [low, high]}}' for kind in DRAWS)}",
-    )
+    ((kind, bounds),) = given.items()
+    return getattr(tune, kind)(*bounds)
 
 
 def scheduler_of(section: Tune, validations: int) -> Any:
@@ -215,7 +196,7 @@ def scheduler_of(section: Tune, validations: int) -> Any:
         return ASHAScheduler(time_attr=VALIDATION, max_t=validations, grace_period=1)
     if section.scheduler == "pbt":
         mutations = {
-            name: given if isinstance(given, list) else _values(name, given)
+            name: given if isinstance(given, list) else _values(given)
             for name, given in section.parameters.items()
         }
         return PopulationBasedTraining(
@@ -268,12 +249,4 @@ def _section(experiment: Experiment) -> Tune:
         raise SweepError(
             "there is no section `tune`", place=experiment.name, remedy="add tune: {parameters: ...}"
         )
-    algorithm = experiment.algorithms[0]
-    for name in experiment.tune.parameters:
-        if name not in setting_names(algorithm):
-            raise SweepError(
-                f"{algorithm!r} has no setting {name!r}",
-                place="tune.parameters",
-                remedy=nearest_names(name, setting_names(algorithm)),
-            )
     return experiment.tune

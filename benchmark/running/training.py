@@ -128,7 +128,7 @@ def restore(algo: Any, checkpoint: Path) -> None:
     """Restore an algorithm from a checkpoint.
 
     Raises:
-        ResultsError: The checkpoint is damaged; it names the file.
+        ResultsError: The checkpoint is damaged, or of another version of this program; it names the file.
         AlgorithmError: The checkpoint does not fit the algorithm.
     """
     try:
@@ -136,23 +136,37 @@ def restore(algo: Any, checkpoint: Path) -> None:
     except AlgorithmError:
         raise
     except Exception as error:  # unpickling half a file may raise anything
-        place = _damaged_file(checkpoint) or checkpoint
-        raise ResultsError(
-            f"the checkpoint is damaged: {type(error).__name__}: {error}",
+        for file in sorted(checkpoint.rglob("*.pkl")):
+            unpickled(file)
+        raise checkpoint_error(error, checkpoint) from error
+
+
+def unpickled(file: Path) -> Any:
+    """Return the content of a file of a checkpoint.
+
+    Raises:
+        ResultsError: It is missing, damaged, or of another version of this program.
+    """
+    try:
+        with file.open("rb") as stream:
+            return cloudpickle.load(stream)
+    except Exception as error:  # unpickling half a file may raise anything
+        raise checkpoint_error(error, file) from error
+
+
+def checkpoint_error(error: Exception, place: Path) -> ResultsError:
+    """Return the error for a checkpoint that cannot be read."""
+    if isinstance(error, ImportError | AttributeError):  # its classes have other names or places now
+        return ResultsError(
+            f"the checkpoint is of another version of this program: {error}",
             place=str(place),
-            remedy=f"remove {checkpoint} to start again, or test the other one: --checkpoint last or best",
-        ) from error
-
-
-def _damaged_file(checkpoint: Path) -> Path | None:
-    """Return the first file of a checkpoint that cannot be read."""
-    for file in sorted(checkpoint.rglob("*.pkl")):
-        try:
-            with file.open("rb") as stream:
-                cloudpickle.load(stream)
-        except Exception:  # see `restore`
-            return file
-    return None
+            remedy="use the version that `commit` and `versions` in run.json name, or train again",
+        )
+    return ResultsError(
+        f"the checkpoint is damaged: {type(error).__name__}: {error}",
+        place=str(place),
+        remedy="use the other checkpoint, last or best, or remove this one to train from the start",
+    )
 
 
 class Training:

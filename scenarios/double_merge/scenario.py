@@ -22,7 +22,7 @@ def social(density: float = 1.0, drivers: Drivers = MIXED, crossing: float = 0.6
     return traffic(flows, WARM_UP, FILLED)
 
 
-# Whoever comes from the left leaves to the right, and the reverse.
+# Vehicles from the left leave to the right, and the reverse.
 missions = [
     t.Mission(t.Route(begin=(begin, 0, offset), end=(end, 0, 10)))
     for offset in (10, 25)

@@ -17,9 +17,23 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class Section(BaseModel):
-    """Part of a config: unknown keys are mistakes, values are checked and not converted."""
+    """Part of a config: unknown keys are mistakes, values are checked and not converted.
+
+    Raises:
+        ConfigError: With all mistakes, where one is made in Python.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+
+    def __init__(self, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            name = type(self).__name__
+            raise ConfigError(explained(error, type(self), values, lambda key: name)) from error
+
+    # As in pydantic's RootModel: validation of files does not call this constructor.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 @dataclass(frozen=True)

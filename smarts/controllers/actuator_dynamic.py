@@ -4,25 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-
-from smarts.arrays import Bools
-from smarts.controllers.action_formats import ActionFormat, NumbersFormat
-from smarts.controllers.continuous import LEAST, MOST
-from smarts.roads.scene import Scene
-from smarts.types.actions import Actions, CommandMode, Commands
+from smarts.controllers.continuous import Continuous
+from smarts.types.actions import CommandMode
 
 
-class ActuatorDynamic:
+class ActuatorDynamic(Continuous):
     """Passes on throttle and brake in [0, 1] and the rate of steering in locks a second, [-1, 1]."""
 
-    action_format: ClassVar[ActionFormat] = NumbersFormat(LEAST, MOST)
-    follows_lanes: ClassVar[bool] = False
-
-    def __init__(self, scene: Scene) -> None:
-        pass
-
-    def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the actuators of the chosen agents; see `Controller`."""
-        out.mode[chosen] = CommandMode.ACTUATORS_RATE
-        out.actuators[chosen] = np.clip(actions.values[chosen, :3], LEAST, MOST)
+    mode: ClassVar[CommandMode] = CommandMode.ACTUATORS_RATE

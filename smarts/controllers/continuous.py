@@ -20,11 +20,12 @@ class Continuous:
 
     action_format: ClassVar[ActionFormat] = NumbersFormat(LEAST, MOST)
     follows_lanes: ClassVar[bool] = False
+    mode: ClassVar[CommandMode] = CommandMode.ACTUATORS
 
     def __init__(self, scene: Scene) -> None:
         pass
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the actuators of the chosen agents; see `Controller`."""
-        out.mode[chosen] = CommandMode.ACTUATORS
+        out.mode[chosen] = self.mode
         out.actuators[chosen] = np.clip(actions.values[chosen, :3], LEAST, MOST)

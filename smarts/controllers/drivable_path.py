@@ -1,4 +1,4 @@
-"""Compiled: the path nearest to a lane that a vehicle can drive, where the lane bends tighter than it can.
+"""Kernels: the path nearest to a lane that a vehicle can drive, where the lane bends tighter than it can.
 
 The plan is a path of the rear axle from where it is now: curvatures u(s) that minimise the integral of
 (offset of the centre from the lane)^2 + smoothness (du/ds)^2, with |u| below what the lock allows. Offsets
@@ -71,7 +71,7 @@ _PURSUED = 4.0
 
 @kernel
 def is_tight(reference: Floats, curvature: float, sharpest: float) -> bool:
-    """Tell whether a lane ahead bends tighter than a vehicle can well drive, or its steering is far off it.
+    """Return whether a lane ahead bends tighter than a vehicle can well drive, or its steering is far off it.
 
     Args:
         reference: Along the lane, shape (R, 4).

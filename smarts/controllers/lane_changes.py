@@ -1,4 +1,4 @@
-"""Compiled: which lane an agent steers for, the latch of its lane changes, and which are legal."""
+"""Kernels: which lane an agent steers for, the latch of its lane changes, and its action mask."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SETTLED_TURN = math.radians(2.0)
 """And within this angle of its direction [rad]."""
 LOOK_AHEAD = 20.0
 LOOK_AHEAD_TIME = 4.0
-"""A lane that leaves the route is legal up to 20 m and 4 s before its end."""
+"""A change to a lane that leaves the route is allowed up to 20 m and 4 s before its end."""
 
 _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 _MANOEUVRE = int(GuidePhase.MANOEUVRE)
@@ -41,7 +41,7 @@ _BUS, _COACH = int(VehicleKind.BUS), int(VehicleKind.COACH)
 
 @kernel
 def is_changing(phase: int) -> bool:
-    """Tell whether a lane change is going on."""
+    """Return whether a lane change is in progress."""
     return phase in (_REQUESTED, _MOVING)
 
 
@@ -79,7 +79,7 @@ def steered_lane(state: State, roads: Roads, routes: RouteTable, b: int, a: int)
 
 @kernel
 def _is_along(state: State, roads: Roads, b: int, slot: int, lane: int) -> bool:
-    """Tell whether a vehicle points along its lane, which it does not where it swings wide across another."""
+    """Return whether a vehicle points along its lane; it does not where it swings wide across another."""
     vehicles = state.vehicles
     s = vehicles.lane_position[b, slot]
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
@@ -104,7 +104,7 @@ def _onward(
 
 @kernel
 def is_drivable(roads: Roads, lane: int, kind: int) -> bool:
-    """Tell whether a lane is open to a kind of vehicle."""
+    """Return whether a lane is open to a kind of vehicle."""
     if roads.lane_kind[lane] == _BUS_LANE:
         return kind in (_BUS, _COACH)
     return roads.lane_kind[lane] == _CAR_LANE
@@ -187,12 +187,12 @@ def _command(
 
 @kernel
 def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
-    """Tell whether a command takes back a lane change: the opposite one, before half of the way."""
+    """Return whether a command aborts the lane change: the opposite command in its first half."""
     return is_changing(phase) and change * t > 0.5 * width
 
 
 @kernel
-def write_legal(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
+def write_action_mask(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
     """Write `action_mask` of all agents in some simulations; see `ActionMasker`."""
     agents = state.agents
     for b in range(len(env_mask)):
@@ -205,12 +205,12 @@ def write_legal(state: State, roads: Roads, routes: RouteTable, env_mask: Bools)
             mask[_KEEP], mask[_SLOW], mask[_LEFT], mask[_RIGHT] = True, True, False, False
             row, s, t = steered_lane(state, roads, routes, b, a)
             if row >= 0 and state.guidance.phase[b, a] != _MANOEUVRE:
-                mask[_LEFT] = _is_legal(state, roads, routes, b, a, row, s, t, 1)
-                mask[_RIGHT] = _is_legal(state, roads, routes, b, a, row, s, t, -1)
+                mask[_LEFT] = _is_allowed(state, roads, routes, b, a, row, s, t, 1)
+                mask[_RIGHT] = _is_allowed(state, roads, routes, b, a, row, s, t, -1)
 
 
 @kernel
-def _is_legal(
+def _is_allowed(
     state: State,
     roads: Roads,
     routes: RouteTable,
@@ -221,7 +221,7 @@ def _is_legal(
     t: float,
     change: int,
 ) -> bool:
-    """Tell whether a lane change is legal, or to take one back."""
+    """Return whether a lane change, or its abort, is allowed."""
     agents = state.agents
     lane, slot, world = int(routes.lane[row]), agents.slot[b, a], state.map[b]
     phase = int(agents.change_phase[b, a])
@@ -239,7 +239,7 @@ def _is_legal(
 def _leads_on(
     state: State, roads: Roads, routes: RouteTable, b: int, a: int, lane: int, s: float, world: int
 ) -> bool:
-    """Tell whether a lane is on the route, and goes on along it or ends beyond the look-ahead."""
+    """Return whether a lane is on the route and either continues on it or ends beyond the look-ahead."""
     agents = state.agents
     route = routes.number[b, a]
     if route < 0:

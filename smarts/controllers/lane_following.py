@@ -13,7 +13,7 @@ from smarts.controllers.action_formats import ActionFormat, NumbersFormat
 from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_path
 from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
-from smarts.controllers.leaders import heed_leaders
+from smarts.controllers.leaders import limit_by_leaders
 from smarts.controllers.led_path import write_led_reference
 from smarts.controllers.tracking import SPEED_GAIN
 from smarts.geometry.binding import LateBound
@@ -30,8 +30,8 @@ CHANGE_SPEED = 12.5
 SLOWING = 2.5
 """Deceleration of `slow_down` [m/s^2]."""
 
-BY_SPEED, BY_NAME, NEUTRAL = 0, 1, 2
-"""How `follow_lanes` is told what to do: by target speed and lane change, by a `LaneAction`, not at all."""
+BY_SPEED, BY_NAME, FALLBACK = 0, 1, 2
+"""Command types of `follow_lanes`: target speed and lane change, `LaneAction`, or none."""
 
 _MANOEUVRE = int(GuidePhase.MANOEUVRE)
 _NO_CHANGE = int(ChangePhase.NONE)
@@ -59,7 +59,7 @@ def follow_lanes(
         roads: The maps' lanes.
         routes: The agents' routes.
         abilities: Of the kinds of vehicles.
-        manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
+        manner: `BY_SPEED`, `BY_NAME` or `FALLBACK`.
         speeds: The largest speed of discrete actions on each map [m/s], shape (M,).
         actions: Of all agents.
         commands: Written: mode, reference, its length and its window.
@@ -114,8 +114,8 @@ def follow_lanes(
                     commands.window[b, a] = PLANNED
             if manner == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
-            elif manner == NEUTRAL:
-                heed_leaders(state, b, slot, points)
+            elif manner == FALLBACK:
+                limit_by_leaders(state, b, slot, points)
             length[b, a] = len(points)
 
 
@@ -134,7 +134,7 @@ def _write_lane_reference(
     obeys: bool,
     points: Floats,
 ) -> bool:
-    """Write the points along a lane, or near it where it is too tight; tell whether they were planned so."""
+    """Write the points along a lane; return whether `plan_drivable_path` replaced them, on a tight lane."""
     vehicles, agents = state.vehicles, state.agents
     slot, world = agents.slot[b, a], state.map[b]
     kind, speed = vehicles.kind[b, slot], vehicles.speed[b, slot]
@@ -156,14 +156,13 @@ def _write_lane_reference(
 def _speeds(
     limit: float, top: float, task_speed: float, manner: int, asked: float, changes: bool
 ) -> tuple[float, float]:
-    """Return the largest speed of a reference and the speed that its driver would like [m/s].
+    """Return the speed cap and the desired speed [m/s].
 
     Args:
         limit: Of the lane [m/s].
         top: The largest of discrete actions on this map [m/s].
         task_speed: The mission's task's [m/s], 0 for none.
-        abilities: Of the kinds of vehicles.
-        manner: `BY_SPEED`, `BY_NAME` or `NEUTRAL`.
+        manner: `BY_SPEED`, `BY_NAME` or `FALLBACK`.
         asked: The first value of the action.
         changes: Whether the vehicle changes lanes.
     """

@@ -1,4 +1,4 @@
-"""Compiled: which lanes a vehicle follows, and its reference along them."""
+"""Kernels: which lanes a vehicle follows, and its reference along them."""
 
 from __future__ import annotations
 

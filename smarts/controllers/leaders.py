@@ -1,4 +1,4 @@
-"""Compiled: not to drive into the vehicle ahead, for vehicles whose agent has not said anything yet."""
+"""Kernels that keep the distance to the vehicle ahead, for agents that have not acted yet."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BRAKING = 3.0
 
 
 @kernel
-def heed_leaders(state: State, b: int, slot: int, points: Floats) -> None:
+def limit_by_leaders(state: State, b: int, slot: int, points: Floats) -> None:
     """Lower a reference's speeds so that a vehicle which follows it keeps its distance from those ahead."""
     vehicles = state.vehicles
     last = len(points) - 1

@@ -1,4 +1,4 @@
-"""Compiled: the reference of a vehicle that its mission's task leads along a curve into another lane."""
+"""Kernels: the reference of a vehicle that its mission's task leads along a curve into another lane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Model-predictive tracking of a path: what the vehicle can drive of it, planned anew in each step.
+"""Model-predictive tracking of a path: the drivable part of it, replanned in each step.
 
 Along the path, with e the offset to its left, psi the heading relative to it and kappa its curvature, a
 vehicle of curvature u moves as de/ds = psi, dpsi/ds = u - kappa. The plan minimises the sum of squares of e,

@@ -76,7 +76,7 @@ def follow_straight_plan(plan: Floats, step: int, dt: float, poses: Floats) -> N
 def follow_plan(plan: Floats, step: int, dt: float, poses: Floats) -> None:
     """Write x, y, heading, speed at the end of each sub-step of a step, shape (S, 4).
 
-    After the plan's time the vehicle goes on straight.
+    After the plan's time the vehicle continues straight.
     """
     substeps = len(poses)
     for k in range(substeps):

@@ -1,4 +1,4 @@
-"""What a controller is."""
+"""The interface of controllers."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class ControllerSet:
         for kind in in_order:
             made = CONTROLLERS[kind.name]
             self._controllers.append(made(scene, speeds) if made.follows_lanes else made(scene))
-        self._neutral = FallbackController(scene, speeds)
+        self._fallback = FallbackController(scene, speeds)
         types = np.array(in_order, np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
         self._group = LateBound(group_by_action_type, scene.world.state, types, self._commands, self._chosen)
@@ -57,11 +57,11 @@ class ControllerSet:
                 if not controller.follows_lanes:
                     self._steer_freely(chosen)
         if in_use >> len(self._controllers):
-            self._neutral.command(actions, self._chosen[-1], out)
+            self._fallback.command(actions, self._chosen[-1], out)
         return out
 
     def _steer_freely(self, chosen: Bools) -> None:
-        """Say of agents that steer by other means than lanes: bound for none, as fast as is allowed here."""
+        """Reset lane-change state, and set `desired_speed` to the limit, for agents without lane control."""
         world = self._scene.world
         agents, vehicles = world.agents, world.vehicles
         row, agent_id = np.nonzero(chosen)

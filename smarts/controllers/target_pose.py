@@ -21,7 +21,7 @@ class TargetPose:
     """Takes a vehicle along a cubic to x, y [m], heading [rad] in a time [s], whatever its dynamics.
 
     A target counts once, from the step in which it is fresh; a time of less than a step is a step. After it
-    the vehicle goes on straight at the speed with which it arrived, which is the mean of its way.
+    the vehicle continues straight at the speed with which it arrived, which is the mean of its way.
 
     Args:
         scene: What the controller works in.

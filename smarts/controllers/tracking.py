@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from smarts.arrays import Bools
-from smarts.dynamics.layout import GRAVITY
+from smarts.arrays import Bools, Bytes, Floats, Ints, Longs
+from smarts.dynamics.layout import GRAVITY, FleetArrays
 from smarts.dynamics.single_track import planar_motion, record_pose
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import interpolate_angle, project, wrapped
@@ -68,28 +68,21 @@ _NONE = int(CommandMode.NONE)
 
 @kernel
 def drive(
-    cars,
-    states,
-    bodies,
-    controls,
-    mode,
-    actuators,
-    reference,
-    length,
-    windows,
-    slips,
-    memory,
-    shown,
-    dt,
-    rows,
-):
-    """Write the controls of vehicles for one sub-step, as their commands say.
+    fleet: FleetArrays,
+    mode: Bytes,
+    actuators: Floats,
+    reference: Floats,
+    length: Ints,
+    windows: Floats,
+    slips: Bools,
+    memory: Floats,
+    shown: Floats,
+    rows: Longs,
+) -> None:
+    """Write the controls of vehicles for one sub-step from their commands.
 
     Args:
-        cars: Shape (E,), dtype `layout.PARAMETERS`.
-        states: Shape (E,), dtype `layout.STATE`.
-        bodies: Shape (E, 13).
-        controls: Throttle, brake, steering, shape (E, 3); written.
+        fleet: The fleet; `controls` is written.
         mode: A `CommandMode`, shape (E,).
         actuators: Shape (E, 3), see `Commands`.
         reference: Shape (E, R, 4), see `Commands`.
@@ -98,10 +91,10 @@ def drive(
         slips: Whether the vehicle's tyres slip sideways, shape (E,).
         memory: Shape (E, MEMORY); written.
         shown: Written: the controls again, shape (E, 3).
-        dt: Sub-step [s].
         rows: The vehicles, shape (R,).
     """
     pose = np.empty(3)
+    cars, states, bodies, controls = fleet.cars, fleet.states, fleet.bodies, fleet.controls
     for row in rows:
         if mode[row] == _TRACK and length[row] >= 2:
             record_pose(cars[row], bodies[row], pose)
@@ -116,13 +109,13 @@ def drive(
                 slips[row],
                 memory[row],
                 controls[row],
-                dt,
+                fleet.dt,
             )
         elif mode[row] == _ACTUATORS or mode[row] == _RATE:
             controls[row, 0], controls[row, 1] = actuators[row, 0], actuators[row, 1]
             steering = actuators[row, 2]
             if mode[row] == _RATE:
-                steering = states[row].steering / cars[row].max_steering + steering * dt
+                steering = states[row].steering / cars[row].max_steering + steering * fleet.dt
             controls[row, 2] = min(max(steering, -1.0), 1.0)
         else:
             controls[row, 0], controls[row, 1] = 0.0, 0.0
@@ -185,7 +178,7 @@ def _foot(reference, length, x, y):
             break
     a, b = reference[best], reference[best + 1]
     span = math.hypot(b[0] - a[0], b[1] - a[1])
-    # Beyond an end the reference goes on straight, between two segments the corner counts.
+    # Beyond an end the reference is extended straight, between two segments the corner counts.
     if (best_share < 0.0 and best == 0) or (best_share > 1.0 and best == length - 2):
         offset = best_cross / max(span, 1e-6)
     else:

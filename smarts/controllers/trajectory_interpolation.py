@@ -23,7 +23,7 @@ class TrajectoryInterpolation:
     """Puts a vehicle where its path of time, x, y, heading, speed says, whatever its dynamics.
 
     Times [s] count from the step in which the path is fresh. Between its points the path is straight; before
-    the first it is at the first, and behind the last it goes on straight at the last speed.
+    the first it is at the first, and after the last it continues straight at the last speed.
 
     Args:
         scene: What the controller works in.

@@ -18,7 +18,7 @@ from smarts.types.world import State
 BRAKING = 3.0
 """Deceleration behind the end of a path [m/s^2]."""
 BEYOND = 2.0
-"""Between the points that a path goes on by behind its end [m]."""
+"""Distance of the points that extend a path beyond its end [m]."""
 
 _TRACK = int(CommandMode.TRACK)
 
@@ -27,7 +27,7 @@ class TrajectoryTracking:
     """Steers along a path of x, y, heading, speed at its speeds, from wherever the vehicle is near it.
 
     The path lies on the map: it is tracked until another is given, and its times do not count. Behind its end
-    the vehicle goes on straight and brakes to a stand.
+    the vehicle continues straight and brakes to a stand.
     """
 
     action_format: ClassVar[ActionFormat] = PathFormat(columns=(1, 2, 3, 4))
@@ -65,7 +65,7 @@ def write_paths(state: State, actions: Actions, commands: Commands, chosen: Bool
             for i in range(kept):
                 for column in range(4):
                     points[i, column] = given[first + i, column + 1]
-            go_on(points, kept)
+            extend_path(points, kept)
             commands.reference_length[b, a] = len(points)
 
 
@@ -80,7 +80,7 @@ def _nearest(path: Floats, count: int, x: float, y: float) -> int:
 
 
 @kernel
-def go_on(points: Floats, count: int) -> None:
+def extend_path(points: Floats, count: int) -> None:
     """Fill a reference behind its first `count` points: straight on, braking to a stand."""
     for i in range(count, len(points)):
         x, y, heading, speed = points[i - 1]

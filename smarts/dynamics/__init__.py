@@ -4,7 +4,7 @@
     fleet.spawn(row, "passenger", (x, y), heading, speed)  # a car in Bullet; or model="dynamic", "kinematic"
     fleet.road.friction[row] = 0.4                         # kept until written again; also normal, offset
     fleet.set_fault(row, 0, FLAT_TYRE)                     # front left
-    fleet.place_boxes(b, {key: Box(...)})                  # road users of others that an ego may touch now
+    fleet.place_boxes(b, {key: Box(...)})                  # other road users within reach of an ego
     motion = fleet.step(controls)                          # (E, 3) -> poses of all sub-steps, velocities
     fleet.wheels.slip[row]                                 # also spin, slip angle, load, forces
 
@@ -15,16 +15,16 @@ Data flow of one step, for cars in Bullet ten times over:
       -> BulletWorld       one per simulation: takes velocities, integrates, resolves contacts, gives motion
       -> record_poses      footprints after the sub-step
 
-Where no body of a simulation can touch another within the step, Bullet is not asked: a kernel takes the same
-steps of integration (`free_motion`), and Bullet's world is brought up to date when somebody comes near.
+Simulations in which no bodies can touch within the step skip Bullet: a kernel integrates them
+(`free_motion`), and Bullet's world is synchronised when vehicles come near.
 
-State is arrays with one row per vehicle; records of constants and of wheel state are packed for the kernels
-(`layout`). A row's result depends on nothing but its own simulation: alone or in a batch, its bits are equal.
+State is arrays with one row per vehicle (`layout.FleetArrays`), which the kernels take whole. A row's result
+depends only on its own simulation: alone or in a batch, its bits are equal.
 
-Two alternatives were weighed. An object per vehicle with its own step is simpler, but its kernel calls alone
-would cost as much as Bullet. Calling Bullet's C interface from the kernel would save what Python's reading
-back costs, about a third, but hangs on symbols that pybullet does not promise. One kernel call per sub-step
-over all rows costs a tenth of the step and keeps Bullet behind its public door.
+Alternatives considered: an object per vehicle with its own step is simpler, but its kernel calls alone would
+cost as much as Bullet. Calling Bullet's C interface from the kernel would save a third, but depends on
+symbols that pybullet does not guarantee. One kernel call per sub-step over all rows costs a tenth of the
+step and keeps Bullet behind its public API.
 
 Not modelled: unsprung masses, gearbox and clutch, delay of the brakes, self-aligning torque, camber, wind,
 trailers, and the lean of motorcycles.
@@ -34,8 +34,8 @@ from smarts.dynamics.bullet import Box
 from smarts.dynamics.checks import ControlError, MotionError
 from smarts.dynamics.fleet import Fleet
 from smarts.dynamics.layout import MODELS, TYRE_MODELS
-from smarts.dynamics.motion import Driver, Motion, Road, Wheels
-from smarts.dynamics.parameters import VehicleParameters, VehicleParametersError, vehicle, vehicle_names
+from smarts.dynamics.motion import Motion, Road, SubstepDriver, Wheels
+from smarts.dynamics.parameters import VehicleParameters, vehicle, vehicle_names
 from smarts.dynamics.tyre_faults import FLAT_TYRE, SOUND_TYRE, TyreFault
 
 __all__ = [
@@ -45,14 +45,13 @@ __all__ = [
     "TYRE_MODELS",
     "Box",
     "ControlError",
-    "Driver",
     "Fleet",
     "Motion",
     "MotionError",
     "Road",
+    "SubstepDriver",
     "TyreFault",
     "VehicleParameters",
-    "VehicleParametersError",
     "Wheels",
     "vehicle",
     "vehicle_names",

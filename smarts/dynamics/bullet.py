@@ -1,10 +1,10 @@
-"""The one door to Bullet: the rigid bodies of one simulation.
+"""Wraps Bullet: the rigid bodies of one simulation.
 
-Every simulation has a client (world) of its own. Measured against one shared client, that costs 0.7 us a sub-
-step and simulation, and it is what makes a simulation's bits independent of its neighbours in the batch.
+Every simulation has its own client (world). Compared with one shared client, that costs 0.7 us per sub-step
+and simulation, and makes a simulation's bits independent of the other simulations in the batch.
 
 The world has no ground and no gravity: `chassis.advance` turns all forces into velocities, and Bullet
-integrates the motion and resolves contacts; where nobody can touch anybody, it is not asked, see
+integrates the motion and resolves contacts; steps without possible contacts skip Bullet, see
 `bullet_worlds`. A velocity per body and sub-step is one call where force and torque are two. Reading a body
 back costs two calls of 1 us each and cannot be had for less.
 """
@@ -56,7 +56,7 @@ class Box:
 
 
 class BulletContact(NamedTuple):
-    """A vehicle that Bullet has kept from going into another road user in a sub-step."""
+    """A contact between a vehicle and another road user in one sub-step."""
 
     row: int
     """Of the vehicle."""
@@ -90,13 +90,13 @@ class BulletWorld:
         self._close()
 
     def clear(self) -> None:
-        """Remove every body, and with them all that Bullet remembers of the past."""
-        self._newcomers.clear()
+        """Remove every body, and Bullet's memory of them."""
+        self._pending.clear()
         if self._shapes:
             self._begin()
 
     def _begin(self) -> None:
-        """Empty the world; that takes as long as a step, so one that nobody has come into is left alone."""
+        """Reset the world; a reset takes as long as a step, so unused worlds are not reset."""
         client = self._client
         # By keyword: its first positional argument is flags, and a client given there resets client 0.
         pybullet.resetSimulation(physicsClientId=client)
@@ -105,31 +105,30 @@ class BulletWorld:
         # Without it the order of contacts, and so the last bits, depend on memory addresses.
         pybullet.setPhysicsEngineParameter(deterministicOverlappingPairs=1, physicsClientId=client)
         self._shapes: dict[tuple[float, ...], int] = {}
-        self._newcomers: dict[int, NDArray[np.void]] = {}
+        self._pending: dict[int, NDArray[np.void]] = {}
         self._egos: dict[int, int] = {}
         self._boxes: dict[int, tuple[int, tuple[float, ...]]] = {}
         self._egos_in_order: list[tuple[int, int]] = []
 
     def add(self, row: int, car: NDArray[np.void]) -> None:
-        """Let a vehicle into the world, where `bodies` says it is when Bullet is first asked of it.
+        """Add a vehicle; its body is created from `bodies` before the next step of this world.
 
-        To make a body takes as long as to move one for three steps, and most episodes are over before Bullet
-        is asked.
+        Creating a body takes as long as three steps of one, and most episodes end before Bullet runs.
 
         Args:
             row: Of the vehicle in `bodies`.
             car: Its record of `layout.PARAMETERS`.
         """
-        self._newcomers[row] = car
+        self._pending[row] = car
 
-    def _let_in(self) -> None:
-        """Make the bodies of those who have come."""
-        for row, car in self._newcomers.items():
-            self._make(row, car)
-        self._newcomers.clear()
+    def _create_pending(self) -> None:
+        """Create the bodies of added vehicles."""
+        for row, car in self._pending.items():
+            self._create_body(row, car)
+        self._pending.clear()
         self._egos_in_order = sorted(self._egos.items())
 
-    def _make(self, row: int, car: NDArray[np.void]) -> None:
+    def _create_body(self, row: int, car: NDArray[np.void]) -> None:
         offset = (-float(car["centre_to_cog"]), 0.0, float(car["box_height"]))
         shape = self._shape(tuple(map(float, car["half_size"])), offset)
         body = self._body(shape, float(car["mass"]), tuple(map(float, car["inertia"])), EGO, EGO | BOX)
@@ -139,7 +138,7 @@ class BulletWorld:
 
     def remove(self, row: int) -> None:
         """Take a vehicle out of the world."""
-        if self._newcomers.pop(row, None) is not None:
+        if self._pending.pop(row, None) is not None:
             return
         pybullet.removeBody(self._egos.pop(row), self._client)
         self._egos_in_order = sorted(self._egos.items())
@@ -158,8 +157,8 @@ class BulletWorld:
                 removed. Boxes keep their velocity through the sub-steps.
         """
         client = self._client
-        if boxes and self._newcomers:
-            self._let_in()
+        if boxes and self._pending:
+            self._create_pending()
         for key in self._boxes.keys() - boxes.keys():
             pybullet.removeBody(self._boxes.pop(key)[0], client)
         for key, box in boxes.items():
@@ -178,13 +177,13 @@ class BulletWorld:
             pybullet.resetBaseVelocity(body, (float(vx), float(vy), 0.0), (0.0, 0.0, box.yaw_rate), client)
 
     def substep(self, velocities: list[list[list[float]]]) -> None:
-        """Give the bodies their velocities, let Bullet go on by one sub-step, and read the bodies back.
+        """Set the bodies' velocities, step Bullet, and read the bodies back.
 
         Args:
             velocities: Linear and angular velocity by row, nested lists of shape (E, 2, 3).
         """
-        if self._newcomers:
-            self._let_in()
+        if self._pending:
+            self._create_pending()
         client, motion = self._client, self._motion
         set_velocity = pybullet.resetBaseVelocity
         read_pose, read_velocity = pybullet.getBasePositionAndOrientation, pybullet.getBaseVelocity
@@ -197,14 +196,14 @@ class BulletWorld:
             linear, angular = read_velocity(body, client)
             _ROW.pack_into(motion, row * _ROW.size, *position, *quaternion, *linear, *angular)
 
-    def touches(self, velocities: list[list[list[float]]]) -> Iterator[BulletContact]:
-        """Yield who touched whom in the last sub-step, given the velocities that it began with."""
-        contacts = pybullet.getContactPoints(physicsClientId=self._client)
-        if not contacts:
+    def contacts(self, velocities: list[list[list[float]]]) -> Iterator[BulletContact]:
+        """Yield the contacts of the last sub-step, given the velocities at its beginning."""
+        points = pybullet.getContactPoints(physicsClientId=self._client)
+        if not points:
             return
         rows = {body: row for row, body in self._egos_in_order}
         keys = {body: key for key, (body, _) in self._boxes.items()}
-        for _, one, two, _, _, *places, normal, _, force, _, _, _, _ in contacts:
+        for _, one, two, _, _, *places, normal, _, force, _, _, _, _ in points:
             if force <= 0.0:
                 continue
             moving = [

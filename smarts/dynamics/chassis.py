@@ -1,6 +1,6 @@
-"""A car's body over one sub-step: from motion and controls to the velocities that its forces give it.
+"""Forces on a car's body over one sub-step: from motion and controls to new velocities.
 
-The body is Bullet's; everything that acts on it is here: suspension, tyres, drag, gravity, and the road
+Bullet moves the body; all forces on it are computed here: suspension, tyres, drag, gravity, and the road
 against the shell of a car that lies on its side. Forces act at the wheels' contacts, so load transfer needs
 no model of its own. Wheels have no mass but for their spin.
 """
@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from smarts.dynamics.layout import GRAVITY, WHEELS
+from smarts.arrays import Longs
+from smarts.dynamics.layout import GRAVITY, WHEELS, FleetArrays
 from smarts.dynamics.wheel import roll
 from smarts.geometry.compiling import kernel
 
@@ -24,33 +25,26 @@ SHELL_FRICTION = 0.6
 
 
 @kernel
-def advance(cars, states, bodies, controls, road, velocities, dt, lost, rows):
-    """Write the velocities that one sub-step's forces give the bodies of `rows`.
+def advance(fleet: FleetArrays, rows: Longs) -> None:
+    """Write states and `velocities` of the vehicles of `rows`, shape (R,), after one sub-step's forces.
 
-    Bullet must not be given velocities that are not finite numbers; such a body is stopped, and its row lost.
-
-    Args:
-        cars: Parameters, shape (E,), dtype `layout.PARAMETERS`.
-        states: Shape (E,), dtype `layout.STATE`; written.
-        bodies: Shape (E, 13), see `layout.BODY_SIZE`.
-        controls: Throttle, brake, steering, shape (E, 3).
-        road: Friction at each wheel, normal of the road's plane, its distance from the origin [m], shape (E,
-            8).
-        velocities: Written: linear [m/s] and angular velocity [rad/s], shape (E, 2, 3).
-        dt: Sub-step [s].
-        lost: Set where a velocity is not finite, shape (E,).
-        rows: Vehicles to advance, shape (R,).
+    Bullet accepts finite velocities only: a body with others is stopped, and its row marked as lost.
     """
     for row in rows:
-        if not advance_one(
-            cars[row], states[row], bodies[row], controls[row], road[row], velocities[row], dt
-        ):
-            lost[row] = True
+        advance_one(fleet, row)
 
 
 @kernel
-def advance_one(car, state, body, controls, road, velocity, dt):
-    """Advance one vehicle; see `advance`. Return whether its velocities are finite."""
+def advance_one(fleet: FleetArrays, row: int) -> None:
+    """Write state and velocity of one vehicle; see `advance`."""
+    given = fleet.cars[row], fleet.states[row], fleet.bodies[row], fleet.controls[row], fleet.road[row]
+    if not _advance(*given, fleet.velocities[row], fleet.dt):
+        fleet.lost[row] = True
+
+
+@kernel
+def _advance(car, state, body, controls, road, velocity, dt):
+    """Write a vehicle's state and velocity, shape (2, 3), after one sub-step; return whether it is finite."""
     axes = rotation(body)
     left, right = steer(car, state, controls[2], dt)
     fx = fy = fz = tx = ty = tz = 0.0

@@ -1,4 +1,4 @@
-"""What a fleet cannot be asked for, and what it says then."""
+"""Checks of a fleet's arguments and motion."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from smarts.errors import SmartsError, UnknownNameError, nearest_names
 
 
 class ControlError(SmartsError):
-    """Controls that no vehicle can follow, or a row that cannot take a vehicle."""
+    """Invalid controls, or a row that cannot hold the vehicle."""
 
 
 class MotionError(SmartsError):
-    """A vehicle's motion has left the finite numbers."""
+    """A vehicle's motion is not finite."""
 
 
 def check_models(row: int, model: str, tyres: str) -> None:
-    """Refuse models of a vehicle and of its tyres that there are not.
+    """Raise if `model` or `tyres` is unknown.
 
     Raises:
         UnknownNameError: It is none of `layout.MODELS`, or none of `layout.TYRE_MODELS`.
@@ -39,7 +39,7 @@ def check_start(
     steering: float,
     size: tuple[float, float] | None,
 ) -> None:
-    """Refuse to put a vehicle where no number says, or one without extent.
+    """Raise if a number is not finite or a size is not positive.
 
     Raises:
         ControlError: A number is not finite, or a size not above 0.
@@ -57,7 +57,7 @@ def check_start(
 
 
 def check_wheel(row: int, wheel: int) -> None:
-    """Refuse a wheel that a vehicle does not have.
+    """Raise if `wheel` is not 0 to 3.
 
     Raises:
         ControlError: It has no such wheel.
@@ -67,7 +67,7 @@ def check_wheel(row: int, wheel: int) -> None:
 
 
 def check_shape(controls: Floats, shape: tuple[int, ...]) -> None:
-    """Refuse controls that are not one row for each row of the fleet.
+    """Raise unless `controls` has `shape`.
 
     Raises:
         ControlError: They have another shape.
@@ -77,7 +77,7 @@ def check_shape(controls: Floats, shape: tuple[int, ...]) -> None:
 
 
 def not_numbers(row: int, controls: Floats) -> ControlError:
-    """Return what there is to say of a row's controls, shape (3,), that hold NaN."""
+    """Return the error of a row whose controls, shape (3,), hold NaN."""
     return ControlError(
         f"controls {controls.tolist()} (throttle, brake, steering) are not numbers",
         place=_vehicle(row),
@@ -86,7 +86,7 @@ def not_numbers(row: int, controls: Floats) -> ControlError:
 
 
 def not_finite(row: int, body: Floats, road: Floats) -> MotionError:
-    """Return what there is to say of a row whose motion has left the finite numbers.
+    """Return the error of a row whose motion is not finite.
 
     Args:
         row: Of the vehicle.
@@ -96,7 +96,7 @@ def not_finite(row: int, body: Floats, road: Floats) -> MotionError:
     return MotionError(
         f"motion is no longer finite: body {body.tolist()}, road (friction, normal, offset) {road.tolist()}",
         place=_vehicle(row),
-        remedy="see that the road is of finite numbers, then clear the simulation",
+        remedy="give the road finite numbers, and clear the simulation",
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import astuple
 from typing import Any
 
@@ -15,13 +15,13 @@ from smarts.dynamics import chassis, checks, free_motion, layout, readout, singl
 from smarts.dynamics.bullet import Box, BulletContact
 from smarts.dynamics.bullet_worlds import BulletWorlds
 from smarts.dynamics.checks import ControlError, MotionError
-from smarts.dynamics.layout import MODELS
-from smarts.dynamics.motion import Driver, Motion, Road, Wheels
+from smarts.dynamics.layout import MODELS, FleetArrays
+from smarts.dynamics.motion import Motion, Road, SubstepDriver, Wheels
 from smarts.dynamics.tyre_faults import FLAT_TYRE, TyreFault
 from smarts.geometry.binding import bind
 
 DRY_ASPHALT = 0.9
-"""Friction of a road that nobody described."""
+"""Default friction of a road."""
 
 
 class Fleet:
@@ -34,70 +34,63 @@ class Fleet:
         substeps: S per step.
 
     Attributes:
-        road: The road under each row, to be written.
-        motion: How the vehicles move, to be read.
-        wheels: What their wheels do, to be read.
-        touches: Who touched whom in the last step, with the sub-step, to be read.
+        road: The road under each row; written by the caller.
+        motion: The vehicles' motion; read-only.
+        wheels: Their wheels; read-only.
+        contacts: Contacts in Bullet in the last step, each with its sub-step; read-only.
     """
 
     def __init__(self, simulations: int, egos: int, step: float = 0.1, substeps: int = 10) -> None:
         rows = simulations * egos
-        dt = step / substeps
         self._simulations, self._egos = simulations, egos
-        self._cars = np.zeros(rows, layout.PARAMETERS)
-        self._states = np.zeros(rows, layout.STATE)
-        self._bodies = np.zeros((rows, layout.BODY_SIZE))
-        self._velocities = np.zeros((rows, 2, 3))
-        self._before = np.zeros((rows, 2))
-        self._controls = np.zeros((rows, 3))
+        self._arrays = arrays = FleetArrays(
+            cars=np.zeros(rows, layout.PARAMETERS),
+            states=np.zeros(rows, layout.STATE),
+            bodies=np.zeros((rows, layout.BODY_SIZE)),
+            before=np.zeros((rows, 2)),
+            velocities=np.zeros((rows, 2, 3)),
+            controls=np.zeros((rows, 3)),
+            road=np.zeros((rows, 8)),
+            poses=np.zeros((rows, substeps, 3)),
+            wheel_position=np.zeros((rows, layout.WHEELS, 2)),
+            active=np.zeros(rows, np.bool_),
+            lost=np.zeros(rows, np.bool_),
+            step=float(step),
+            dt=step / substeps,
+        )
+        self._cars, self._states, self._bodies = arrays.cars, arrays.states, arrays.bodies
         self._model = np.full(rows, -1)
         self._rows = [np.zeros(0, np.int64) for _ in MODELS]
-        self._bullet = BulletWorlds(self._cars, self._bodies, simulations, step, dt)
-
-        self._road = np.zeros((rows, 8))
-        self.road = Road(self._road[:, 0:4], self._road[:, 4:7], self._road[:, 7])
+        self._bullet = BulletWorlds(arrays, simulations)
+        self.road = Road(arrays.road[:, 0:4], arrays.road[:, 4:7], arrays.road[:, 7])
         self._level(slice(None))
-        self._active = np.zeros(rows, np.bool_)
-        self._lost = np.zeros(rows, np.bool_)
-        self.lost = _view(self._lost)
-        """Whose motion left the finite numbers in the last step, shape (E,); `clear` their simulations."""
-        self._poses = np.zeros((rows, substeps, 3))
-        self._velocity, self._yaw_rate = np.zeros((rows, 2)), np.zeros(rows)
-        self._acceleration, self._overhang = np.zeros((rows, 2)), np.zeros(rows)
-        self.motion = Motion(
-            active=_view(self._active),
-            substeps=_view(self._poses),
-            position=_view(self._poses[:, -1, 0:2]),
-            heading=_view(self._poses[:, -1, 2]),
-            velocity=_view(self._velocity),
-            yaw_rate=_view(self._yaw_rate),
-            acceleration=_view(self._acceleration),
-            steering=_view(self._states["steering"]),
-            overhang=_view(self._overhang),
+        self.lost = _view(arrays.lost)
+        """Whether the motion is no longer finite, shape (E,); `clear` these simulations."""
+        self._motion = Motion(
+            active=arrays.active,
+            substeps=arrays.poses,
+            position=arrays.poses[:, -1, 0:2],
+            heading=arrays.poses[:, -1, 2],
+            velocity=np.zeros((rows, 2)),
+            yaw_rate=np.zeros(rows),
+            acceleration=np.zeros((rows, 2)),
+            steering=arrays.states["steering"],
+            overhang=np.zeros(rows),
         )
-        self._wheel_position = np.zeros((rows, layout.WHEELS, 2))
+        self.motion = Motion(*map(_view, self._motion))
         names = ("spin", "slip", "slip_angle", "load", "force_x", "force_y")
-        self.wheels = Wheels(
-            position=_view(self._wheel_position), **{name: _view(self._states[name]) for name in names}
-        )
-        self.touches: list[tuple[int, BulletContact]] = []
-        vehicles = self._cars, self._states, self._bodies
-        self._take_controls = bind(readout.take_controls, self._controls)
-        self._remember_velocity = bind(readout.remember_velocity, self._bodies, self._before)
-        moved = *vehicles, self._controls, self._road, self._velocities, dt, self._lost
-        self._advance_bodies = bind(chassis.advance, *moved)
-        self._advance_free = bind(free_motion.advance_free, *moved, self._poses)
-        planar = *vehicles, self._controls, self._road, self._poses, dt
-        self._advance_dynamic = bind(single_track.advance_dynamic, *planar)
-        self._advance_kinematic = bind(single_track.advance_kinematic, *planar)
-        self._record_poses = bind(readout.record_poses, self._cars, self._bodies, self._poses)
-        shown = self._velocity, self._yaw_rate, self._acceleration, self._overhang
-        self._show_motion = bind(
-            readout.show_motion, self._cars, self._bodies, self._before, *shown, step, self._lost
-        )
-        self._show_wheels = bind(
-            readout.show_wheels, self._active, self._cars, self._poses, self._wheel_position
-        )
+        wheels = {name: _view(arrays.states[name]) for name in names}
+        self.wheels = Wheels(position=_view(arrays.wheel_position), **wheels)
+        self.contacts: list[tuple[int, BulletContact]] = []
+        self._take_controls = bind(readout.take_controls, arrays)
+        self._remember_velocity = bind(readout.remember_velocity, arrays)
+        self._advance_bodies = bind(chassis.advance, arrays)
+        self._advance_free = bind(free_motion.advance_free, arrays)
+        self._advance_dynamic = bind(single_track.advance_dynamic, arrays)
+        self._advance_kinematic = bind(single_track.advance_kinematic, arrays)
+        self._record_poses = bind(readout.record_poses, arrays)
+        self._show_motion = bind(readout.show_motion, arrays, self._motion)
+        self._show_wheels = bind(readout.show_wheels, arrays)
 
     def __enter__(self) -> Fleet:
         return self
@@ -135,9 +128,9 @@ class Fleet:
         tyres: str = "pacejka",
         size: tuple[float, float] | None = None,
     ) -> None:
-        """Put a vehicle on the road as if it had always rolled there: wheels at speed, suspension settled.
+        """Put a vehicle on the road with wheels at speed and settled suspension.
 
-        The caller sees to it that the place is free. Where bodies overlap, Bullet pushes them apart: at
+        The caller ensures that the place is free. Where bodies overlap, Bullet pushes them apart: at
         2 m/s, within a second if they overlap a little, after some seconds if one stands in another.
 
         Args:
@@ -165,21 +158,22 @@ class Fleet:
         checks.check_start(row, position, heading, speed, steering, size)
         car = layout.pack(name, tyres).copy()
         if size is not None:
-            # Whatever it drives like, it is hit where others see it.
+            # Contacts use the footprint that other vehicles see, whatever the type.
             car["half_size"][:2] = 0.5 * size[0], 0.5 * size[1]
         self._cars[row] = car
         steering = min(max(steering, -float(car["max_steering"])), float(car["max_steering"]))
         yaw_rate = speed * math.tan(steering) / float(car["cog_to_front_axle"] + car["cog_to_rear_axle"])
         self._states[row] = layout.fresh_state(car, speed, steering)
-        self._bodies[row] = layout.settled_body(car, position, heading, speed, yaw_rate, self._road[row, 4:8])
+        plane = self._arrays.road[row, 4:8]
+        self._bodies[row] = layout.settled_body(car, position, heading, speed, yaw_rate, plane)
         self._model[row] = MODELS.index(model)
         if model == "bullet":
             self._bullet.add(row)
         self._index()
-        self._poses[row] = *position, heading
-        self._velocity[row] = speed, yaw_rate * car["cog_to_rear_axle"]
-        self._yaw_rate[row] = yaw_rate
-        self._acceleration[row] = self._overhang[row] = 0.0
+        self._arrays.poses[row] = *position, heading
+        self._motion.velocity[row] = speed, yaw_rate * car["cog_to_rear_axle"]
+        self._motion.yaw_rate[row] = yaw_rate
+        self._motion.acceleration[row] = self._motion.overhang[row] = 0.0
         self._show_wheels()
 
     def despawn(self, row: int) -> None:
@@ -195,7 +189,7 @@ class Fleet:
         self._index()
 
     def set_fault(self, row: int, wheel: int, fault: TyreFault = FLAT_TYRE) -> None:
-        """Let one tyre of a vehicle fail, or mend it with `SOUND_TYRE`. It lasts until the vehicle despawns.
+        """Set the fault of one tyre until the vehicle despawns; `SOUND_TYRE` removes it.
 
         Args:
             row: Of the vehicle.
@@ -236,33 +230,14 @@ class Fleet:
         self._require_vehicle(row)
         return self._bodies[row].copy()
 
-    def put_body(self, row: int, body: Floats) -> None:
-        """Give a vehicle in Bullet another spatial motion, as `layout.BODY_SIZE` says; wheels keep theirs.
-
-        Raises:
-            ControlError: There is no such vehicle, it is not in Bullet, or a number is not finite.
-        """
-        self._require_vehicle(row)
-        body = np.asarray(body, np.float64)
-        if self._model[row] != MODELS.index("bullet") or not np.isfinite(body).all():
-            raise ControlError(
-                f"body {body.tolist()} for a vehicle of model '{MODELS[self._model[row]]}'",
-                place=f"vehicle in row {row}",
-                remedy="give finite numbers, to a vehicle of model 'bullet'",
-            )
-        self._bullet.remove(row)
-        self._bodies[row] = body
-        self._overhang[row] = single_track.overhang(self._cars[row], body)
-        self._bullet.add(row)
-
     def place_boxes(self, simulation: int, boxes: Mapping[int, Box]) -> None:
-        """Say which road users that others drive egos of a simulation can hit from now on.
+        """Set the boxes that the egos of a simulation can hit.
 
         Args:
             simulation: b.
-            boxes: By a key that stays with the road user, where they are now. Name only those whom an ego may
-                touch within the step (`geometry.boxes.may_meet`): with any, the simulation's vehicles are
-                Bullet's, which takes twice the time.
+            boxes: By a key that stays with the road user, at their present poses. Pass only road users within
+                reach in this step (`geometry.boxes.may_meet`): a simulation with boxes runs in Bullet, which
+                takes twice as long.
 
         Raises:
             ControlError: There is no such simulation.
@@ -270,24 +245,22 @@ class Fleet:
         self._require_simulation(simulation)
         self._bullet.place_boxes(simulation, boxes)
 
-    def driver(self, law: Any, *arguments: Any) -> Driver:
+    def driver(self, law: Any, *arguments: Any) -> SubstepDriver:
         """Return a driver that follows a law.
 
         Args:
-            law: A kernel that takes the vehicles' parameters, shape (E,), dtype `layout.PARAMETERS`; their
-                states, shape (E,), dtype `layout.STATE`; their bodies, shape (E, 13), see
-                `layout.BODY_SIZE`; throttle, brake, steering within their bounds, shape (E, 3), to be
-                written; then the arguments; and last the rows of those that move, shape (R,).
+            law: A kernel that writes `controls` of a `FleetArrays` within their bounds. It takes the
+                `FleetArrays`, then the arguments, and last the rows of the vehicles that move, shape (R,).
             arguments: See `bind`.
         """
-        return bind(law, self._cars, self._states, self._bodies, self._controls, *arguments)
+        return bind(law, self._arrays, *arguments)
 
     def step(
         self,
         controls: Floats,
         *,
         simulations: Bools | None = None,
-        driver: Driver | None = None,
+        driver: SubstepDriver | None = None,
     ) -> Motion:
         """Advance every vehicle by one step and return `motion`.
 
@@ -295,36 +268,39 @@ class Fleet:
             controls: Throttle in [-1, 1] (below 0 drives backwards), brake in [0, 1], steering in [-1, 1] of
                 the lock (positive to the left), shape (E, 3); clipped. Rows without a vehicle are ignored.
             simulations: Which simulations make the step, shape (B,); all if not given. The others stay.
-            driver: Called before each sub-step, to change the controls in sight of where the vehicles are.
+            driver: Called before each sub-step; may write the controls.
 
         Raises:
             ControlError: A control is NaN, or their shape is wrong. Nothing has moved.
-            MotionError: A vehicle's motion is no longer finite; see `lost`. The others have made the step.
+            MotionError: A vehicle's motion is no longer finite; see `lost`. The other vehicles have moved.
         """
         controls = np.asarray(controls, np.float64)
-        checks.check_shape(controls, self._controls.shape)
+        checks.check_shape(controls, self._arrays.controls.shape)
         moving, rows = self._chosen(simulations)
         bad = self._take_controls(moving, controls)
         if bad >= 0:
             raise checks.not_numbers(bad, controls[bad])
-        self._lost[:] = False
-        self.touches.clear()
+        self._arrays.lost[:] = False
+        self.contacts.clear()
         self._remember_velocity()
         free, touching = self._bullet.part(rows[0])
-        everyone = np.flatnonzero(moving)
-        for substep in range(self._poses.shape[1]):
+        all_rows, (_, dynamic, kinematic) = np.flatnonzero(moving), rows
+        for substep in range(self._arrays.poses.shape[1]):
             if driver is not None:
-                driver(everyone)
+                driver(all_rows)
             if free.size:
                 self._advance_free(free, substep)
             if touching.size:
                 self._advance_bodies(touching)
-                velocities = self._velocities.tolist()
+                velocities = self._arrays.velocities.tolist()
                 for world in self._bullet.moving:
                     world.substep(velocities)
-                    self.touches += [(substep, touch) for touch in world.touches(velocities)]
+                    self.contacts += [(substep, contact) for contact in world.contacts(velocities)]
                 self._record_poses(touching, substep)
-            self._advance_single_tracks(rows, substep, substep + 1)
+            if dynamic.size:
+                self._advance_dynamic(dynamic, substep)
+            if kinematic.size:
+                self._advance_kinematic(kinematic, substep)
         bad = self._show_motion(moving)
         self._show_wheels()
         if bad >= 0:
@@ -332,23 +308,15 @@ class Fleet:
         return self.motion
 
     def motion_error(self, row: int) -> MotionError:
-        """Return what there is to say of a row that is `lost`."""
-        return checks.not_finite(row, self._bodies[row], self._road[row])
+        """Return the error of a row that is `lost`."""
+        return checks.not_finite(row, self._bodies[row], self._arrays.road[row])
 
     def _chosen(self, simulations: Bools | None) -> tuple[Bools, list[Longs]]:
         """Return which rows are to move, shape (E,), and the rows of each model."""
         if simulations is None or simulations.all():
-            return self._active, self._rows
+            return self._arrays.active, self._rows
         chosen = np.repeat(simulations, self._egos)
-        return self._active & chosen, [of_model[chosen[of_model]] for of_model in self._rows]
-
-    def _advance_single_tracks(self, rows: Sequence[Longs], begin: int, end: int) -> None:
-        """Advance the vehicles that are not in Bullet from one sub-step to before another."""
-        _, dynamic, kinematic = rows
-        if dynamic.size:
-            self._advance_dynamic(dynamic, begin, end)
-        if kinematic.size:
-            self._advance_kinematic(kinematic, begin, end)
+        return self._arrays.active & chosen, [of_model[chosen[of_model]] for of_model in self._rows]
 
     def _require_row(self, row: int) -> None:
         # A negative number would be another row to NumPy, but not to Bullet.
@@ -374,7 +342,7 @@ class Fleet:
 
     def _index(self) -> None:
         self._rows = [np.flatnonzero(self._model == number) for number in range(len(MODELS))]
-        self._active[:] = self._model >= 0
+        self._arrays.active[:] = self._model >= 0
 
 
 def _view(array: NDArray) -> NDArray:

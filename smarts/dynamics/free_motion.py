@@ -1,18 +1,20 @@
-"""Bodies that touch nothing: what Bullet would do with them, without asking it.
+"""Kernels that move bodies which touch nothing, as Bullet would.
 
-Mostly no body is within reach of another. All that Bullet then does is to integrate one motion after another,
-but by ten times three calls from Python for each vehicle and step, two thirds of what vehicles cost. So it is
-found out first who may touch something within the step (`find_company`); only simulations where somebody may
-are Bullet's. The others' bodies are moved here, by the steps that Bullet's integrator takes (btMultiBody
-without links): the gyroscopic term, the velocity, then with the new velocity position and orientation, the
-latter by the exponential map. `test_free_motion.py` compares both.
+Most of the time no body is within reach of another. Bullet then only integrates each motion, but through
+thirty calls from Python per vehicle and step, two thirds of the time of all vehicles. `find_near` finds the
+simulations in which bodies may touch within the step; only these run in Bullet. The other bodies are moved
+here by the steps of Bullet's integrator (btMultiBody without links): the gyroscopic term, the velocity, then
+with the new velocity position and orientation, the latter by the exponential map. `test_free_motion.py`
+compares both.
 """
 
 from __future__ import annotations
 
 import math
 
+from smarts.arrays import Longs
 from smarts.dynamics.chassis import advance_one, rotation
+from smarts.dynamics.layout import FleetArrays
 from smarts.dynamics.single_track import footprint, overhang, record_pose
 from smarts.geometry.boxes import may_meet
 from smarts.geometry.compiling import kernel
@@ -28,17 +30,12 @@ further in the step."""
 
 
 @kernel
-def advance_free(cars, states, bodies, controls, road, velocities, dt, lost, poses, rows, substep):
-    """Advance the bodies of `rows`, which touch nothing, by one sub-step, and note their footprints.
-
-    `poses` has shape (E, S, 3) and is written at `substep`; for all else see `chassis.advance`.
-    """
+def advance_free(fleet: FleetArrays, rows: Longs, substep: int) -> None:
+    """Advance the bodies of `rows`, shape (R,), which touch nothing, by one sub-step; write their poses."""
     for row in rows:
-        velocity = velocities[row]
-        if not advance_one(cars[row], states[row], bodies[row], controls[row], road[row], velocity, dt):
-            lost[row] = True
-        integrate(cars[row], bodies[row], velocity, dt)
-        record_pose(cars[row], bodies[row], poses[row, substep])
+        advance_one(fleet, row)
+        integrate(fleet.cars[row], fleet.bodies[row], fleet.velocities[row], fleet.dt)
+        record_pose(fleet.cars[row], fleet.bodies[row], fleet.poses[row, substep])
 
 
 @kernel
@@ -81,39 +78,39 @@ def _turn(body, dt):
 
 
 @kernel
-def find_company(cars, bodies, with_boxes, step, company, rows):
-    """Find out in which simulations a body in Bullet may touch something within a step.
+def find_near(cars, bodies, with_boxes, step, near, rows):
+    """Mark the simulations in which a body in Bullet may touch another within a step.
 
     Args:
         cars: Parameters, shape (E,), dtype `layout.PARAMETERS`.
         bodies: Shape (E, 13), see `layout.BODY_SIZE`.
-        with_boxes: Simulations where others drive who may be touched, shape (B,).
+        with_boxes: Simulations that hold boxes, shape (B,).
         step: [s].
-        company: Written for the simulations of `rows`, shape (B,).
+        near: Written for the simulations of `rows`, shape (B,).
         rows: Bodies in Bullet that are to move, in ascending order, shape (R,).
 
     Returns:
-        Whether there is any.
+        Whether any simulation is marked.
     """
-    egos = bodies.shape[0] // company.shape[0]
+    egos = bodies.shape[0] // near.shape[0]
     found = False
     for number in range(rows.size):
         row = rows[number]
         b = row // egos
         if number == 0 or rows[number - 1] // egos != b:
-            company[b] = with_boxes[b]
+            near[b] = with_boxes[b]
         behind = number - 1
-        while behind >= 0 and not company[b] and rows[behind] // egos == b:
+        while behind >= 0 and not near[b] and rows[behind] // egos == b:
             other = rows[behind]
             one, two = _mover(cars[row], bodies[row]), _mover(cars[other], bodies[other])
             slack = SLACK + overhang(cars[row], bodies[row]) + overhang(cars[other], bodies[other])
-            company[b] = may_meet(one, two, step, slack)
+            near[b] = may_meet(one, two, step, slack)
             behind -= 1
-        found = found or company[b]
+        found = found or near[b]
     return found
 
 
 @kernel
 def _mover(car, body):
-    """Return a body's footprint under way, a `geometry.boxes.Mover`."""
+    """Return the moving footprint of a body, a `geometry.boxes.Mover`."""
     return footprint(car, body), car.half_size[0], car.half_size[1], body[7], body[8], body[12]

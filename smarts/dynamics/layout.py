@@ -1,4 +1,4 @@
-"""How parameters and state lie in memory: one record per vehicle, packed for the kernels.
+"""Memory layout of a fleet: parameters and state as one record per vehicle, packed for the kernels.
 
 Wheels are numbered front left, front right, rear left, rear right. Lengths are in the body's frame, x
 forward, y left, z up, from the centre of gravity.
@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.arrays import Floats
+from smarts.arrays import Bools, Floats
 from smarts.dynamics import parameters
 from smarts.dynamics.parameters import (
     AxleParameters,
     TyreParameters,
     VehicleParameters,
-    VehicleParametersError,
 )
 
 WHEELS = 4
@@ -126,6 +126,41 @@ BODY_SIZE = 13
 (3)."""
 
 
+Records = Any
+"""A structured array: compiled code reads fields of its rows as attributes, which NumPy's type lacks."""
+
+
+class FleetArrays(NamedTuple):
+    """The arrays of a fleet of E vehicles that its kernels read and write; row *i* is vehicle *i*."""
+
+    cars: Records
+    """Parameters, shape (E,), dtype `PARAMETERS`."""
+    states: Records
+    """Shape (E,), dtype `STATE`."""
+    bodies: Floats
+    """Shape (E, 13), see `BODY_SIZE`."""
+    before: Floats
+    """Velocity in the world at the step's beginning [m/s], shape (E, 2)."""
+    velocities: Floats
+    """Linear [m/s] and angular velocity [rad/s] after the forces of a sub-step, shape (E, 2, 3)."""
+    controls: Floats
+    """Throttle, brake, steering, shape (E, 3)."""
+    road: Floats
+    """Friction at each wheel, normal of the road's plane, its distance from the origin [m], shape (E, 8)."""
+    poses: Floats
+    """Centre of the footprint [m] and heading [rad] after each sub-step, shape (E, S, 3)."""
+    wheel_position: Floats
+    """Where the wheels stand on the map [m], shape (E, 4, 2)."""
+    active: Bools
+    """Whether the row holds a vehicle, shape (E,)."""
+    lost: Bools
+    """Whether the motion left the finite numbers in the last step, shape (E,)."""
+    step: float
+    """[s]"""
+    dt: float
+    """Sub-step [s]."""
+
+
 @functools.cache
 def pack(name: str, tyre_model: str) -> NDArray[np.void]:
     """Return a vehicle type's record of dtype `PARAMETERS`, shape ().
@@ -195,12 +230,6 @@ def _roll_spring(axle: AxleParameters, tyre_stiffness: float) -> float:
     """
     lever = 0.5 * axle.track**2
     suspension, tyre = axle.spring * lever + axle.roll_stiffness, tyre_stiffness * lever
-    if suspension <= 0.0:
-        raise VehicleParametersError(
-            f"roll_stiffness {axle.roll_stiffness} takes more than the springs' {axle.spring * lever:.0f}",
-            place="axle",
-            remedy="give a smaller negative number",
-        )
     both = 1.0 / (1.0 / suspension + 1.0 / tyre)
     springs = lever / (1.0 / axle.spring + 1.0 / tyre_stiffness)
     return (both - springs) / axle.track**2

@@ -1,4 +1,4 @@
-"""What a fleet is told and what it tells: arrays with a row for each vehicle."""
+"""Inputs and outputs of a fleet: arrays with one row per vehicle."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from smarts.arrays import Bools, Floats, Longs
 
 @dataclass(frozen=True)
 class Road:
-    """The road under each vehicle. Written by whoever knows it, kept until written again."""
+    """The road under each vehicle. Written by the caller; kept until overwritten."""
 
     friction: Floats
     """Largest longitudinal force over load at each wheel, shape (E, 4)."""
     normal: Floats
-    """Unit normal of the plane that the vehicle drives on, shape (E, 3). Only "bullet" vehicles know
-    slopes."""
+    """Unit normal of the plane that the vehicle drives on, shape (E, 3). Only model "bullet"
+    supports slopes."""
     offset: Floats
     """Distance of that plane from the origin along the normal [m], shape (E,)."""
 
@@ -44,8 +44,7 @@ class Motion(NamedTuple):
     steering: Floats
     """Angle of an imagined wheel between the front wheels, positive to the left [rad], shape (E,)."""
     overhang: Floats
-    """How far the body may reach beyond the footprint, since it dives, rolls or has tipped over [m], shape
-    (E,)."""
+    """How far the body may reach beyond the footprint while it is not upright [m], shape (E,)."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class Wheels:
     """The wheels after the last sub-step, shape (E, 4): front left, front right, rear left, rear right."""
 
     position: Floats
-    """Where they stand on the map [m], shape (E, 4, 2): there the road's friction is to be looked up."""
+    """Where they stand on the map [m], shape (E, 4, 2): the road's friction is looked up there."""
     spin: Floats
     """[rad/s]."""
     slip: Floats
@@ -68,8 +67,8 @@ class Wheels:
     """Of the tyre to its left [N]."""
 
 
-class Driver(Protocol):
-    """Who changes the controls within a step."""
+class SubstepDriver(Protocol):
+    """Changes the controls within a step."""
 
     def __call__(self, rows: Longs, /) -> None:
         """Write the controls of `rows`, the vehicles that move, for the next sub-step; shape (R,)."""

@@ -1,24 +1,22 @@
-"""What a vehicle and a tyre are made of: typed records read from the YAML files beside this module."""
+"""Parameters of vehicles and tyres: typed models of the YAML files beside this module."""
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-from dataclasses import dataclass
-from importlib import resources
-from typing import Any, TypeVar, get_type_hints
+from pathlib import Path
+from typing import Annotated
 
-import yaml
+from pydantic import BeforeValidator, Field, model_validator
 
-from smarts.errors import SmartsError, UnknownNameError, nearest_names
+from smarts.config import Section, UnfitError, read_config
+from smarts.errors import UnknownNameError, nearest_names
+
+FOLDER = Path(__file__).parent
+Texts = Annotated[tuple[str, ...], Field(strict=False)]
+Three = Annotated[tuple[float, float, float], Field(strict=False)]
 
 
-class VehicleParametersError(SmartsError):
-    """A vehicle or tyre file holds something else than numbers for the known fields."""
-
-
-@dataclass(frozen=True)
-class LongitudinalCurve:
+class LongitudinalCurve(Section):
     """The Magic Formula's longitudinal force; names as in Pacejka (2012), equations 4.E9-4.E18."""
 
     pcx1: float
@@ -41,8 +39,7 @@ class LongitudinalCurve:
     """Exponent of slip stiffness with load."""
 
 
-@dataclass(frozen=True)
-class LateralCurve:
+class LateralCurve(Section):
     """The Magic Formula's lateral force; names as in Pacejka (2012), equations 4.E19-4.E30."""
 
     pcy1: float
@@ -63,12 +60,11 @@ class LateralCurve:
     """Curvature of cornering stiffness over load."""
 
 
-@dataclass(frozen=True)
-class TyreParameters:
+class TyreParameters(Section):
     """One tyre."""
 
     description: str
-    source: tuple[str, ...]
+    source: Texts
     radius: float
     """Rolling radius [m]."""
     nominal_load: float
@@ -85,8 +81,7 @@ class TyreParameters:
     lateral: LateralCurve
 
 
-@dataclass(frozen=True)
-class SteeringParameters:
+class SteeringParameters(Section):
     """The steering of the front wheels."""
 
     max_angle: float
@@ -95,8 +90,7 @@ class SteeringParameters:
     """How fast that angle can change [rad/s]."""
 
 
-@dataclass(frozen=True)
-class DriveParameters:
+class DriveParameters(Section):
     """The engine as the driven wheels feel it: a force limit at low speed, a power limit above."""
 
     force: float
@@ -105,8 +99,7 @@ class DriveParameters:
     """[W]."""
 
 
-@dataclass(frozen=True)
-class AxleParameters:
+class AxleParameters(Section):
     """One axle; stiffnesses, torques and inertias are per side."""
 
     track: float
@@ -130,12 +123,24 @@ class AxleParameters:
     """Of the engine's force; the shares of both axles add up to 1."""
 
 
-@dataclass(frozen=True)
-class VehicleParameters:
+@functools.cache
+def tyre(name: str) -> TyreParameters:
+    """Return the parameters of a tyre.
+
+    Raises:
+        UnknownNameError: There is no such tyre.
+        ConfigError: Its file is broken.
+    """
+    if name not in _stems("tyres"):
+        raise UnknownNameError(f"no tyre {name!r}", remedy=nearest_names(name, _stems("tyres")))
+    return read_config(FOLDER / "tyres" / f"{name}.yaml", TyreParameters)
+
+
+class VehicleParameters(Section):
     """One type of vehicle."""
 
     description: str
-    source: tuple[str, ...]
+    source: Texts
     length: float
     """Of the footprint [m]."""
     width: float
@@ -148,7 +153,7 @@ class VehicleParameters:
     """Of the front bumper before the front axle [m]."""
     mass: float
     """[kg]."""
-    inertia: tuple[float, ...]
+    inertia: Three
     """About the centre of gravity, roll, pitch, yaw [kg m^2]."""
     cog_to_front_axle: float
     """[m]."""
@@ -158,7 +163,7 @@ class VehicleParameters:
     """Of the centre of gravity above the road [m]."""
     drag_area: float
     """Drag coefficient times frontal area [m^2]."""
-    tyre: TyreParameters
+    tyre: Annotated[TyreParameters, BeforeValidator(tyre)]
     tyre_scale: float
     """The tyre's nominal load and stiffnesses are multiplied by this."""
     steering: SteeringParameters
@@ -178,6 +183,15 @@ class VehicleParameters:
         """How far the centre of gravity lies before the centre of the footprint [m]."""
         return 0.5 * self.length - self.front_overhang - self.cog_to_front_axle
 
+    @model_validator(mode="after")
+    def _require_roll_stiffness(self) -> VehicleParameters:
+        for axle in (self.front, self.rear):
+            springs = 0.5 * axle.spring * axle.track**2
+            if springs + axle.roll_stiffness <= 0.0:
+                problem = f"roll_stiffness {axle.roll_stiffness} exceeds the springs' {springs:.0f}"
+                raise UnfitError(problem, "give a smaller negative number")
+        return self
+
 
 ALIASES = {"sedan": "passenger"}
 """Other names of vehicle types."""
@@ -194,88 +208,14 @@ def vehicle(name: str) -> VehicleParameters:
 
     Raises:
         UnknownNameError: There is no such type, or it cannot drive (a trailer).
-        VehicleParametersError: Its file is broken.
+        ConfigError: Its file is broken.
     """
     if name not in vehicle_names():
         raise UnknownNameError(
             f"no vehicle {name!r} can be driven", remedy=nearest_names(name, vehicle_names())
         )
-    return _read(VehicleParameters, "vehicles", ALIASES.get(name, name))
-
-
-@functools.cache
-def tyre(name: str) -> TyreParameters:
-    """Return the parameters of a tyre.
-
-    Raises:
-        UnknownNameError: There is no such tyre.
-        VehicleParametersError: Its file is broken.
-    """
-    if name not in _stems("tyres"):
-        raise UnknownNameError(f"no tyre {name!r}", remedy=nearest_names(name, _stems("tyres")))
-    return _read(TyreParameters, "tyres", name)
+    return read_config(FOLDER / "vehicles" / f"{ALIASES.get(name, name)}.yaml", VehicleParameters)
 
 
 def _stems(folder: str) -> list[str]:
-    files = resources.files("smarts.dynamics").joinpath(folder).iterdir()
-    return [file.name.removesuffix(".yaml") for file in files if file.name.endswith(".yaml")]
-
-
-Record = TypeVar("Record")
-
-
-def _read(kind: type[Record], folder: str, name: str) -> Record:
-    file = resources.files("smarts.dynamics").joinpath(folder).joinpath(f"{name}.yaml")
-    return parse(kind, yaml.safe_load(file.read_text()), f"{folder}/{name}.yaml")
-
-
-def parse(kind: type[Record], values: Any, place: str) -> Record:
-    """Return a record of the given dataclass from what YAML read.
-
-    Args:
-        kind: A dataclass of this module.
-        values: A mapping that has every field and no other.
-        place: File, and path in it, for the error.
-
-    Raises:
-        VehicleParametersError: A field is unknown, missing, or of another type than declared.
-    """
-    hints = get_type_hints(kind)
-    fields = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
-    if not isinstance(values, dict):
-        raise VehicleParametersError(
-            f"{values!r} is not a mapping", place=place, remedy=f"give {', '.join(fields)}"
-        )
-    for key in values:
-        if key not in fields:
-            raise VehicleParametersError(
-                f"unknown field {key!r}", place=place, remedy=nearest_names(str(key), fields)
-            )
-    for field in fields:
-        if field not in values:
-            raise VehicleParametersError(f"field {field!r} is missing", place=place, remedy="add it")
-    return kind(**{field: _convert(hints[field], values[field], f"{place}: {field}") for field in fields})
-
-
-def _convert(kind: Any, value: Any, place: str) -> Any:
-    if kind is TyreParameters:
-        return tyre(value)
-    if dataclasses.is_dataclass(kind):
-        return parse(kind, value, place)  # type: ignore[arg-type]
-    try:
-        if kind is float:
-            # PyYAML reads 5e-4 as a string, so the declared type decides.
-            return float(value)
-        if kind == tuple[float, ...]:
-            return tuple(float(item) for item in value)
-    except (TypeError, ValueError) as error:
-        raise VehicleParametersError(
-            f"{value!r} is not a number", place=place, remedy="give a number"
-        ) from error
-    if kind == tuple[str, ...]:
-        return tuple(str(item) for item in value)
-    if not isinstance(value, kind):
-        raise VehicleParametersError(
-            f"{value!r} is not of type {kind.__name__}", place=place, remedy="mend the file"
-        )
-    return value
+    return [file.stem for file in (FOLDER / folder).glob("*.yaml")]

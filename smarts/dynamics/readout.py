@@ -1,91 +1,88 @@
-"""Kernels at the edges of a step: the drivers' controls in, the vehicles' motion out."""
+"""Kernels at the edges of a step: controls in, the vehicles' motion out."""
 
 from __future__ import annotations
 
 import math
 
+from smarts.arrays import Bools, Floats, Longs
+from smarts.dynamics.layout import FleetArrays
+from smarts.dynamics.motion import Motion
 from smarts.dynamics.single_track import overhang, planar_motion, record_pose
 from smarts.geometry.compiling import kernel
 
 
 @kernel
-def take_controls(controls, active, given):
-    """Clip `given` controls of shape (E, 3) into `controls`; return the first active row with a NaN, or -1.
+def take_controls(fleet: FleetArrays, moving: Bools, given: Floats) -> int:
+    """Clip `given` controls, shape (E, 3), into the fleet's; return the first moving row with a NaN, or -1.
 
-    Throttle and steering are clipped to [-1, 1], brake to [0, 1]. Nothing is written for rows that are not
-    active.
+    Throttle and steering are clipped to [-1, 1], brake to [0, 1]. Only rows of `moving`, shape (E,), are
+    written.
     """
-    for row in range(active.size):
-        if not active[row]:
+    for row in range(moving.size):
+        if not moving[row]:
             continue
         for column in range(3):
             value = given[row, column]
             if math.isnan(value):
                 return row
-            controls[row, column] = min(max(value, 0.0 if column == 1 else -1.0), 1.0)
+            fleet.controls[row, column] = min(max(value, 0.0 if column == 1 else -1.0), 1.0)
     return -1
 
 
 @kernel
-def remember_velocity(bodies, before):
-    """Copy the bodies' velocities to `before`, shape (E, 2)."""
-    for row in range(bodies.shape[0]):
-        before[row, 0] = bodies[row, 7]
-        before[row, 1] = bodies[row, 8]
+def remember_velocity(fleet: FleetArrays) -> None:
+    """Copy the bodies' velocities to `before`."""
+    for row in range(fleet.bodies.shape[0]):
+        fleet.before[row, 0] = fleet.bodies[row, 7]
+        fleet.before[row, 1] = fleet.bodies[row, 8]
 
 
 @kernel
-def record_poses(cars, bodies, poses, rows, substep):
-    """Write the footprints' poses of `rows` after a sub-step into `poses`, shape (E, S, 3)."""
+def record_poses(fleet: FleetArrays, rows: Longs, substep: int) -> None:
+    """Write the poses of `rows`, shape (R,), after a sub-step."""
     for row in rows:
-        record_pose(cars[row], bodies[row], poses[row, substep])
+        record_pose(fleet.cars[row], fleet.bodies[row], fleet.poses[row, substep])
 
 
 @kernel
-def show_wheels(active, cars, poses, positions):
-    """Write where the active vehicles' wheels stand [m], shape (E, 4, 2), from the last of `poses`."""
-    for row in range(active.size):
-        if not active[row]:
+def show_wheels(fleet: FleetArrays) -> None:
+    """Write where the vehicles' wheels stand, from the last of `poses`."""
+    for row in range(fleet.active.size):
+        if not fleet.active[row]:
             continue
-        car, pose = cars[row], poses[row, -1]
+        car, pose = fleet.cars[row], fleet.poses[row, -1]
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        for wheel in range(positions.shape[1]):
+        for wheel in range(fleet.wheel_position.shape[1]):
             x, y = car.centre_to_cog + car.wheel_x[wheel], car.wheel_y[wheel]
-            positions[row, wheel, 0] = pose[0] + x * cos - y * sin
-            positions[row, wheel, 1] = pose[1] + x * sin + y * cos
+            fleet.wheel_position[row, wheel, 0] = pose[0] + x * cos - y * sin
+            fleet.wheel_position[row, wheel, 1] = pose[1] + x * sin + y * cos
 
 
 @kernel
-def show_motion(cars, bodies, before, velocity, yaw_rate, acceleration, overhangs, step, lost, active):
-    """Write the active vehicles' planar motion; return the first row that is lost, or -1.
+def show_motion(fleet: FleetArrays, motion: Motion, moving: Bools) -> int:
+    """Write the planar motion of the moving vehicles; return the first row that is lost, or -1.
 
     Args:
-        cars: Parameters, shape (E,), dtype `layout.PARAMETERS`.
-        bodies: Shape (E, 13).
-        before: Velocity in the world at the step's beginning [m/s], shape (E, 2).
-        velocity: Forward and left [m/s], shape (E, 2); written.
-        yaw_rate: [rad/s], shape (E,); written.
-        acceleration: Forward and left, the mean over the step [m/s^2], shape (E, 2); written.
-        overhangs: As in `Motion` [m], shape (E,); written.
-        step: [s].
-        lost: Set where the motion is not finite, shape (E,).
-        active: Shape (E,).
+        fleet: The fleet; `lost` is set where the motion is not finite.
+        motion: Written: velocity, yaw rate, acceleration, overhang.
+        moving: Rows that have made the step, shape (E,).
     """
-    first = -1
-    for row in range(active.size):
-        if not active[row]:
+    first, velocity = -1, motion.velocity
+    for row in range(moving.size):
+        if not moving[row]:
             continue
-        body = bodies[row]
-        heading, velocity[row, 0], velocity[row, 1], yaw_rate[row] = planar_motion(body)
+        body = fleet.bodies[row]
+        heading, velocity[row, 0], velocity[row, 1], motion.yaw_rate[row] = planar_motion(body)
         cos, sin = math.cos(heading), math.sin(heading)
-        ax, ay = (body[7] - before[row, 0]) / step, (body[8] - before[row, 1]) / step
-        acceleration[row, 0] = ax * cos + ay * sin
-        acceleration[row, 1] = ay * cos - ax * sin
-        overhangs[row] = overhang(cars[row], body)
+        ax = (body[7] - fleet.before[row, 0]) / fleet.step
+        ay = (body[8] - fleet.before[row, 1]) / fleet.step
+        motion.acceleration[row, 0] = ax * cos + ay * sin
+        motion.acceleration[row, 1] = ay * cos - ax * sin
+        motion.overhang[row] = overhang(fleet.cars[row], body)
         if not math.isfinite(
-            body[0] + body[1] + body[2] + velocity[row, 0] + velocity[row, 1] + yaw_rate[row]
+            body[0] + body[1] + body[2] + velocity[row, 0] + velocity[row, 1] + motion.yaw_rate[row]
         ):
-            lost[row] = True
-        if lost[row] and first < 0:
+            fleet.lost[row] = True
+        if fleet.lost[row] and first < 0:
             first = row
     return first

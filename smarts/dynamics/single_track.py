@@ -1,18 +1,20 @@
-"""The cheap vehicles: a body in the plane on one wheel per axle, all sub-steps in one kernel call, no Bullet.
+"""Single-track (bicycle) models: a planar body on one wheel per axle, kinematic or dynamic, without Bullet.
 
-Both take the same parameters, controls and friction as the car in Bullet and write the same state. The
-kinematic one goes where its front wheel points (Rajamani, Vehicle Dynamics and Control, 2nd ed. 2012, section
-2.2). The dynamic one (section 2.3) slides: lateral forces come from the chosen tyre model through the same
-bristle as the car's, load moves between the axles, and braking and driving use up grip. Neither has wheel
-spin (ABS and traction control are implied), sides (a flat tyre slows and weakens its axle but does not pull),
-slopes, or contact with other bodies.
+Both models take the same parameters, controls and friction as the car in Bullet and write the same state. The
+kinematic model follows its front wheel without slip (Rajamani, Vehicle Dynamics and Control, 2nd ed. 2012,
+section 2.2). The dynamic model (section 2.3) slides: lateral forces come from the chosen tyre model through
+the same bristle as the car's, load moves between the axles, and braking and driving use up grip. Neither
+model has wheel spin (ABS and traction control are implied), sides (a flat tyre slows and weakens its axle but
+does not pull), slopes, or contact with other bodies.
 """
 
 from __future__ import annotations
 
 import math
 
+from smarts.arrays import Longs
 from smarts.dynamics.chassis import rotation, steer
+from smarts.dynamics.layout import FleetArrays
 from smarts.dynamics.tyre_models import characteristics, side_share
 from smarts.dynamics.wheel import BREAKAWAY_SPEED, DAMPING_SPEED, DAMPING_TIME, LEAST_FRICTION
 from smarts.geometry.compiling import kernel
@@ -22,25 +24,15 @@ FRONT, REAR = 0, 2
 
 
 @kernel
-def advance_kinematic(cars, states, bodies, controls, road, poses, dt, rows, begin, end):
-    """Advance kinematic vehicles by some sub-steps of one step.
+def advance_kinematic(fleet: FleetArrays, rows: Longs, substep: int) -> None:
+    """Advance the kinematic vehicles of `rows`, shape (R,), by one sub-step; write their poses.
 
-    Args:
-        rows: Vehicles to advance, shape (R,).
-        cars: Shape (E,), dtype `layout.PARAMETERS`.
-        states: Shape (E,), dtype `layout.STATE`; written.
-        bodies: Shape (E, 13); written.
-        controls: Throttle, brake, steering, shape (E, 3).
-        road: Shape (E, 8); only the friction at the wheels counts.
-        poses: Centre of the footprint and heading after each sub-step, shape (E, S, 3); written.
-        dt: Sub-step [s].
-        begin: The first sub-step.
-        end: The sub-step before which to stop.
+    Of the road only the friction at the wheels counts.
     """
     for row in rows:
-        for substep in range(begin, end):
-            _advance_kinematic(cars[row], states[row], bodies[row], controls[row], road[row], dt)
-            record_pose(cars[row], bodies[row], poses[row, substep])
+        car, body = fleet.cars[row], fleet.bodies[row]
+        _advance_kinematic(car, fleet.states[row], body, fleet.controls[row], fleet.road[row], fleet.dt)
+        record_pose(car, body, fleet.poses[row, substep])
 
 
 @kernel
@@ -112,12 +104,12 @@ def _follow_circle(car, body, heading, speed, curvature, dt):
 
 
 @kernel
-def advance_dynamic(cars, states, bodies, controls, road, poses, dt, rows, begin, end):
-    """Advance dynamic single-track vehicles by some sub-steps of one step; see `advance_kinematic`."""
+def advance_dynamic(fleet: FleetArrays, rows: Longs, substep: int) -> None:
+    """Advance dynamic single-track vehicles by one sub-step; see `advance_kinematic`."""
     for row in rows:
-        for substep in range(begin, end):
-            _advance_dynamic(cars[row], states[row], bodies[row], controls[row], road[row], dt)
-            record_pose(cars[row], bodies[row], poses[row, substep])
+        car, body = fleet.cars[row], fleet.bodies[row]
+        _advance_dynamic(car, fleet.states[row], body, fleet.controls[row], fleet.road[row], fleet.dt)
+        record_pose(car, body, fleet.poses[row, substep])
 
 
 @kernel
@@ -177,8 +169,7 @@ def planar_motion(body):
 def footprint(car, body):
     """Return the centre of a body's footprint [m] and its heading in (-pi, pi] [rad].
 
-    The footprint lies where the body's centre line meets the road, so that a car which rolls in a bend stays
-    put.
+    The footprint lies where the body's centre line meets the road, so that roll in a bend does not move it.
     """
     forward, _, up = rotation(body)
     x = body[0] - car.centre_to_cog * forward[0] - car.cog_height * up[0]
@@ -246,7 +237,7 @@ def _resistance(limit, mass, speed, dt):
 
 @kernel
 def _resist(speed, loss):
-    """Return a speed after a resistance that would take `loss` [m/s] of it, but never turns it round."""
+    """Return a speed after a resistance that would take `loss` [m/s] of it, but never reverses it."""
     return max(speed - loss, 0.0) if speed > 0.0 else min(speed + loss, 0.0)
 
 

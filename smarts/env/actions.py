@@ -137,8 +137,7 @@ def element_of(group: AgentGroup, agent: str, action: Any) -> NDArray:
     """Return one agent's action as an element of its adapter's own space, in that space's type.
 
     Raises:
-        ActionError: It is not made of finite numbers of the space's shape; in a space of integers, not of whole
-            numbers.
+        ActionError: It is not made of finite numbers of the space's shape; for integers, of whole numbers.
     """
     place, space = place_of(agent), group.action
     values = numbers_of(action, space.shape or (), place, lambda: own_remedy(group))

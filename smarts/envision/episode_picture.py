@@ -8,20 +8,19 @@ from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from shapely import Polygon, shortest_line
 
 from smarts.arrays import Floats, Longs
 from smarts.envision.labels import TextMeasure, place_labels
-from smarts.envision.scenario_picture import CAR, EGOS, LARGE_VEHICLES, draw_roads
+from smarts.envision.scenario_picture import EGOS, draw_roads, footprints, vehicle_colour, vehicle_shapes
 from smarts.sim.episode_files import RecordedEpisode
 from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Outcome
 from smarts.types.mission import GoalKind
 from smarts.types.traffic import Signal
-from smarts.types.vehicles import VehicleKind
 
 Ints = Longs
 Image = NDArray[np.uint8]
@@ -34,7 +33,7 @@ NARROWEST = 60.0
 TRAIL = 3.0
 """How much of an agent's way is drawn behind it [s]."""
 REMEMBERED = 4.0
-"""How long the outcome of an agent is written where it ended [s]; the last picture has all of them."""
+"""How long an agent's outcome is shown at its last place [s]; the last picture has all of them."""
 COLLISION = {"marker": (10, 1, 0), "ms": 17, "mfc": "#ffdd33", "mec": "#c00000", "mew": 1.2}
 """A star where two vehicles touched."""
 TITLE, LINE = 24, 20
@@ -42,6 +41,8 @@ TITLE, LINE = 24, 20
 PADDING = 4
 """Of the frame round a label [pixels]."""
 
+PLACE = ("x", "y", "heading", "length", "width")
+"""Columns of a footprint."""
 LIGHTS = {Signal.STOP: "#d62728", Signal.CAUTION: "#ffbf00", Signal.GO: "#2ca02c"}
 DOTS_PER_INCH = 100
 PIXELS = 900
@@ -114,28 +115,30 @@ class EpisodePicture:
         axes = figure.add_axes((0.0, 0.0, 1.0, float(1.0 - self._header / size[1])))
         draw_roads(axes, self._roads)
         for agent in self._agents:
-            if agent["goal"] in (GoalKind.POSITION, GoalKind.LANE_LINE):
-                goal = self._goal_of(agent)
+            if goal := self._goal_of(agent):
                 axes.plot(*goal, marker="o", ms=10, mfc="none", mec=_colour(agent), mew=2, zorder=9)
         axes.set_xlim(low[0], high[0])
         axes.set_ylim(low[1], high[1])
         axes.set_axis_off()
         return figure, axes
 
-    def _goal_of(self, agent: dict[str, Any]) -> tuple[float, float]:
+    def _goal_of(self, agent: dict[str, Any]) -> tuple[float, float] | None:
+        """Return where an agent's goal is, None without one."""
         if agent["goal"] == GoalKind.LANE_LINE:
             return self._roads.pose_at(int(agent["goal_lane"]), float(agent["goal_s"]))[:2]
-        return float(agent["goal_x"]), float(agent["goal_y"])
+        at_position = agent["goal"] == GoalKind.POSITION
+        return (float(agent["goal_x"]), float(agent["goal_y"])) if at_position else None
+
+    def _present(self, step: int, *columns: str) -> list[NDArray]:
+        """Return columns of the vehicles in a step."""
+        rows = slice(self._first[step], self._first[step + 1])
+        return [self._vehicles[name][rows] for name in columns]
 
     def _window(self) -> tuple[Floats, Floats]:
         """Return the corners of what the agents' ways, starts and goals span."""
         points = [np.array([[agent["start_x"], agent["start_y"]]]) for agent in self._agents]
         points += [np.stack(self._way(agent, 0, self.steps), -1) for agent in self._agents]
-        points += [
-            np.array([self._goal_of(agent)])
-            for agent in self._agents
-            if agent["goal"] in (GoalKind.POSITION, GoalKind.LANE_LINE)
-        ]
+        points += [np.array([goal]) for agent in self._agents if (goal := self._goal_of(agent))]
         there = np.concatenate(points) if points else self._roads.point_xy
         low, high = there.min(0) - MARGIN, there.max(0) + MARGIN
         missing = np.maximum(0.0, NARROWEST - (high - low)) / 2
@@ -174,11 +177,7 @@ class EpisodePicture:
                 self._add(LineCollection([way], colors=_colour(agent), linewidths=2.5, alpha=0.5, zorder=5))
 
     def _draw_vehicles(self, step: int) -> None:
-        rows = slice(self._first[step], self._first[step + 1])
-        columns = ("x", "y", "heading", "length", "width", "kind", "slot", "generation")
-        x, y, heading, length, width, kind, slot, generation = (
-            self._vehicles[name][rows] for name in columns
-        )
+        kind, slot, generation = self._present(step, "kind", "slot", "generation")
         agents = {
             (agent["slot"], agent["generation"]): agent
             for agent in self._agents
@@ -187,14 +186,9 @@ class EpisodePicture:
         colours = []
         for vehicle in zip(kind.tolist(), slot.tolist(), generation.tolist(), strict=True):
             agent = agents.get(vehicle[1:])
-            colours.append(_colour(agent) if agent else LARGE_VEHICLES.get(VehicleKind(vehicle[0]), CAR))
-        boxes = _boxes(x, y, heading, length, width)
-        nose = 0.3 * length
-        noses = _boxes(
-            x + nose * np.cos(heading), y + nose * np.sin(heading), heading, 0.16 * length, 0.8 * width
-        )
-        self._add(PolyCollection(list(boxes), facecolors=colours, edgecolors="k", linewidths=0.6, zorder=6))
-        self._add(PolyCollection(list(noses), facecolors="#e8eef5", edgecolors="none", zorder=7))
+            colours.append(_colour(agent) if agent else vehicle_colour(vehicle[0]))
+        for shapes in vehicle_shapes(*self._present(step, *PLACE), colours=colours, edge_width=0.6):
+            self._add(shapes)
 
     def _draw_agents(self, step: int) -> None:
         """Mark where agents have ended, and write beside each its number, or its outcome."""
@@ -221,16 +215,15 @@ class EpisodePicture:
 
     def _touching(self, agent: dict[str, Any], x: float, y: float) -> tuple[float, float]:
         """Return where an agent's vehicle touched its partner, at x, y if there is no record of it."""
-        vehicles, step = self._vehicles, int(agent["end_step"])
-        rows = slice(self._first[step], self._first[step + 1])
-        columns = ("x", "y", "heading", "length", "width")
-        boxes = []
+        step, boxes = int(agent["end_step"]), []
+        present = self._present(step, *PLACE)
+        slots, generations = self._present(step, "slot", "generation")
         for slot, generation in (
             (agent["slot"], agent["generation"]),
             (agent["partner_slot"], agent["partner_generation"]),
         ):
-            found = (vehicles["slot"][rows] == slot) & (vehicles["generation"][rows] == generation)
-            boxes += list(_boxes(*(vehicles[name][rows][found] for name in columns)))
+            found = (slots == slot) & (generations == generation)
+            boxes += list(footprints(*(column[found] for column in present)))
         if len(boxes) < 2:
             return x, y
         one, other = map(Polygon, boxes)
@@ -243,9 +236,7 @@ class EpisodePicture:
         """Write labels beside places on the map, apart from each other and from vehicles."""
         to_pixels = self._axes.transData.transform
         width, height = self._figure.bbox.width, self._figure.bbox.height
-        rows = slice(self._first[step], self._first[step + 1])
-        columns = ("x", "y", "heading", "length", "width")
-        boxes = _boxes(*(self._vehicles[name][rows] for name in columns))
+        boxes = footprints(*self._present(step, *PLACE))
         corners = to_pixels(boxes.reshape(-1, 2)).reshape(-1, 4, 2)
         sizes = [self._label_size(text) for _, text, _ in labelled]
         middles = place_labels(
@@ -296,9 +287,8 @@ class EpisodePicture:
             return "waits"
         if step >= agent["end_step"] and agent["outcome"] != Outcome.NONE:
             return f"{_outcome_name(agent)} at {agent['end_step'] * self.dt:.1f} s"
-        rows = slice(self._first[step], self._first[step + 1])
-        own = self._vehicles["slot"][rows] == agent["slot"]
-        speed = self._vehicles["speed"][rows][own]
+        slots, speeds = self._present(step, "slot", "speed")
+        speed = speeds[slots == agent["slot"]]
         state = self._agent_states["state"][
             (self._agent_states["step"] == step) & (self._agent_states["agent_id"] == agent["agent_id"])
         ]
@@ -326,11 +316,3 @@ def _colour(agent: dict[str, Any]) -> str:
 
 def _outcome_name(agent: dict[str, Any]) -> str:
     return Outcome(int(agent["outcome"])).name.lower().replace("_", " ")
-
-
-def _boxes(x: Floats, y: Floats, heading: Floats, length: Floats, width: Floats) -> Floats:
-    """Return the corners of footprints, shape (V, 4, 2)."""
-    ahead = np.stack([np.cos(heading), np.sin(heading)], -1) * (length / 2)[:, None]
-    aside = np.stack([-np.sin(heading), np.cos(heading)], -1) * (width / 2)[:, None]
-    centre = np.stack([x, y], -1)
-    return centre[:, None] + np.stack([ahead + aside, aside - ahead, -ahead - aside, ahead - aside], 1)

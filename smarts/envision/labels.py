@@ -13,11 +13,11 @@ from matplotlib.font_manager import FontProperties
 from smarts.arrays import Floats
 
 NEAR = 8.0
-"""From a thing to its label, and from one label to the next place that is tried [pixels]."""
+"""Distance between an anchor and its label, and between candidate rings [pixels]."""
 RINGS = 6
-"""How many times farther away a label is tried."""
-OVER_THINGS = 0.1
-"""How bad it is to cover a pixel of a thing, where covering one of another label is 1."""
+"""Number of candidate rings around an anchor."""
+OBSTACLE_COST = 0.1
+"""Cost per covered obstacle pixel; a covered label pixel costs 1."""
 
 
 class TextMeasure:
@@ -36,33 +36,33 @@ class TextMeasure:
 def place_labels(
     anchors: Sequence[tuple[float, float]],
     sizes: Sequence[tuple[float, float]],
-    things: Floats,
+    obstacles: Floats,
     bounds: tuple[float, float, float, float],
 ) -> list[tuple[float, float]]:
     """Return the middles of labels [pixels], each near its anchor, one after the other.
 
     A label takes the nearest place that covers no label before it and lies within the bounds; among those,
-    one that covers few of the things.
+    one that covers few of the obstacles.
 
     Args:
         anchors: What the labels belong to.
         sizes: Width and height of each.
-        things: Left, bottom, right and top of what should be seen, shape (N, 4).
+        obstacles: Left, bottom, right and top of what should stay visible, shape (N, 4).
         bounds: Left, bottom, right and top of the room for labels.
     """
     placed = np.empty((0, 4))
     middles = []
     for anchor, size in zip(anchors, sizes, strict=True):
         half = np.array(size) / 2
-        tried = [(*middle, ring) for middle, ring in _places(anchor, size)]
-        costs = [_cost(np.array([x, y]), half, placed, things, bounds) + ring for x, y, ring in tried]
+        tried = [(*middle, ring) for middle, ring in _candidates(anchor, size)]
+        costs = [_cost(np.array([x, y]), half, placed, obstacles, bounds) + ring for x, y, ring in tried]
         x, y, _ = tried[int(np.argmin(costs))]
         middles.append((x, y))
         placed = np.vstack([placed, [x - half[0], y - half[1], x + half[0], y + half[1]]])
     return middles
 
 
-def _places(
+def _candidates(
     anchor: tuple[float, float], size: tuple[float, float]
 ) -> Iterator[tuple[tuple[float, float], int]]:
     """Yield middles of a label round its anchor, and how many steps they are away."""
@@ -75,12 +75,12 @@ def _places(
 
 
 def _cost(
-    middle: Floats, half: Floats, placed: Floats, things: Floats, bounds: tuple[float, float, float, float]
+    middle: Floats, half: Floats, placed: Floats, obstacles: Floats, bounds: tuple[float, float, float, float]
 ) -> float:
     box = np.concatenate([middle - half, middle + half])
     outside = np.maximum(0, np.array(bounds[:2]) - box[:2]) + np.maximum(0, box[2:] - np.array(bounds[2:]))
     beyond = float(outside.sum()) * float(half.sum())
-    return beyond + _covered(box, placed) + OVER_THINGS * _covered(box, things)
+    return beyond + _covered(box, placed) + OBSTACLE_COST * _covered(box, obstacles)
 
 
 def _covered(box: Floats, others: Floats) -> float:

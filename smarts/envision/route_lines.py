@@ -23,17 +23,10 @@ LANE_CHANGE = 25.0
 def start_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, float] | None:
     """Return x, y [m], heading [rad] of a car's centre at a mission's start; None for a random route."""
     if isinstance(mission, t.EndlessMission):
-        return _pose(roads, mission.begin, behind=CAR_LENGTH / 2)
+        return pose_on_map(roads, mission.begin, behind=CAR_LENGTH / 2)
     if isinstance(mission.route, t.Route):
-        return _pose(roads, mission.route.begin, behind=CAR_LENGTH / 2)
+        return pose_on_map(roads, mission.route.begin, behind=CAR_LENGTH / 2)
     return None
-
-
-def goal_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, float] | None:
-    """Return x, y [m], heading [rad] of a mission's goal; None if there is none or a random one."""
-    if isinstance(mission, t.EndlessMission) or not isinstance(mission.route, t.Route):
-        return None
-    return _pose(roads, mission.route.end)
 
 
 def route_line(roads: LaneGraph, route: t.Route) -> Floats:
@@ -101,7 +94,8 @@ def _between(roads: LaneGraph, lane: int, s0: float, s1: float) -> Floats:
     return np.concatenate([[ends[0]], roads.point_xy[rows][inside], [ends[1]]])
 
 
-def _pose(roads: LaneGraph, place: Place, behind: float = 0.0) -> tuple[float, float, float]:
+def pose_on_map(roads: LaneGraph, place: Place, behind: float = 0.0) -> tuple[float, float, float]:
+    """Return x, y [m], heading [rad] of a scenario's place, `behind` metres before it."""
     lane, s = place_on_map(roads, place)
     return roads.pose_at(lane, s - behind)
 

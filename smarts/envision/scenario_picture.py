@@ -19,7 +19,7 @@ from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as Outline
 
 from smarts.arrays import Floats
-from smarts.envision.route_lines import CAR_LENGTH, goal_pose, place_on_map, route_line, start_pose
+from smarts.envision.route_lines import CAR_LENGTH, place_on_map, pose_on_map, route_line, start_pose
 from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sim.moments import Moment
@@ -54,12 +54,12 @@ Picture = tuple[BuiltScenario, str | None, Moment]
 """A scenario, the variation of its traffic, and the vehicles that are drawn."""
 
 
-def scenario_picture(picture: Picture, out: Path, *, dpi: int = 150) -> None:
-    """Draw one scenario to a file, whose suffix chooses the format."""
+def scenario_picture(picture: Picture, out: Path, *, edges: bool = False, dpi: int = 150) -> None:
+    """Draw one scenario, and with `edges` the ids of its roads, to a file whose suffix chooses the format."""
     built, traffic, _ = picture
     figure = Figure(figsize=(12, 12 * _aspect(built.roads()) + 1.0), layout="constrained")
     axes = figure.add_subplot()
-    _draw_all(axes, picture)
+    _draw_scenario(axes, picture, edges=edges)
     axes.set_title(f"{built.name}, {traffic or 'no traffic'}", loc="left")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
@@ -67,8 +67,10 @@ def scenario_picture(picture: Picture, out: Path, *, dpi: int = 150) -> None:
     _write(figure, out, dpi)
 
 
-def scenario_sheet(pictures: Sequence[Picture], out: Path, *, columns: int = 2, dpi: int = 100) -> None:
-    """Draw many scenarios side by side, closely round their missions' roads, to one file."""
+def scenario_sheet(
+    pictures: Sequence[Picture], out: Path, *, edges: bool = False, columns: int = 2, dpi: int = 100
+) -> None:
+    """Draw many scenarios side by side, each around its missions' roads, to one file."""
     windows = [_mission_window(built) for built, _, _ in pictures]
     aspects = [height / width for _, _, width, height in windows]
     rows = [max(aspects[first : first + columns]) for first in range(0, len(aspects), columns)]
@@ -76,7 +78,7 @@ def scenario_sheet(pictures: Sequence[Picture], out: Path, *, columns: int = 2, 
     figure = Figure(figsize=(15.0, sum(rows) * width + 0.3 * len(rows) + 0.5), layout="constrained")
     grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=rows)
     for axes, picture, (x, y, window_width, window_height) in zip(grid.flat, pictures, windows, strict=False):
-        _draw_all(axes, picture)
+        _draw_scenario(axes, picture, edges=edges)
         axes.set_xlim(x - window_width / 2, x + window_width / 2)
         axes.set_ylim(y - window_height / 2, y + window_height / 2)
         axes.set_title(picture[0].name, fontsize=11)
@@ -106,6 +108,16 @@ def draw_roads(axes: Axes, roads: LaneGraph) -> None:
     axes.add_collection(LineCollection(left_edges, colors=LEFT_EDGE, linewidths=0.6, zorder=2))
 
 
+def draw_edge_ids(axes: Axes, roads: LaneGraph) -> None:
+    """Write the id of each road edge beside its middle, on the right, along its direction."""
+    for edge in np.flatnonzero(~roads.edge_is_internal).tolist():
+        lane = roads.edge_lanes(edge)[0]
+        x, y, heading = roads.pose_at(lane, float(roads.length[lane]) / 2, -float(roads.width[lane]))
+        upright = (np.degrees(heading) + 90.0) % 180.0 - 90.0
+        style = {"fontsize": 6, "ha": "center", "va": "center", "rotation": upright, "clip_on": True}
+        axes.text(x, y, roads.edge_ids[edge], zorder=10, **style)
+
+
 def draw_flows(axes: Axes, roads: LaneGraph, traffic: t.Traffic) -> None:
     """Draw a line along each flow's route with an arrow head at its end, and the stops on the way."""
     for flow in traffic.flows:
@@ -133,16 +145,13 @@ def draw_missions(
             continue
         colour = EGOS[number % len(EGOS)]
         if number not in entered:
-            box = Outline(_box(*start, *EGO_SIZE), fill=False, edgecolor=colour, lw=0.8, zorder=8)
-            axes.add_patch(box)
-        goal = goal_pose(roads, mission)
-        if (
-            goal is not None
-            and not isinstance(mission, t.EndlessMission)
-            and isinstance(mission.route, t.Route)
-        ):
-            axes.plot(*route_line(roads, mission.route).T, color=colour, linewidth=1.8, alpha=0.75, zorder=4)
-            axes.plot(*goal[:2], marker="o", markersize=9, mfc="none", mec=colour, mew=1.8, zorder=9)
+            (corners,) = footprints(*np.array([*start, *EGO_SIZE])[:, None])
+            axes.add_patch(Outline(corners, fill=False, edgecolor=colour, lw=0.8, zorder=8))
+        route = None if isinstance(mission, t.EndlessMission) else mission.route
+        if isinstance(route, t.Route):
+            goal = pose_on_map(roads, route.end)[:2]
+            axes.plot(*route_line(roads, route).T, color=colour, linewidth=1.8, alpha=0.75, zorder=4)
+            axes.plot(*goal, marker="o", markersize=9, mfc="none", mec=colour, mew=1.8, zorder=9)
 
 
 def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> None:
@@ -160,25 +169,54 @@ def draw_vehicles(axes: Axes, moment: Moment) -> None:
     """Draw the footprint of every vehicle, with a lighter bar across its front, egos in their own colours."""
     states = moment.states
     egos = {slot: EGOS[number % len(EGOS)] for number, slot in enumerate(moment.egos)}
-    rows = np.flatnonzero(states.alive).tolist()
-    boxes, noses, colours = [], [], []
-    for row in rows:
-        x, y = states.position[row]
-        heading, length, width = states.heading[row], states.length[row], states.width[row]
-        boxes.append(_box(x, y, heading, length, width))
-        forward = 0.3 * length
-        noses.append(
-            _box(x + forward * np.cos(heading), y + forward * np.sin(heading), heading, 0.8, 0.8 * width)
-        )
-        colours.append(egos.get(row, LARGE_VEHICLES.get(VehicleKind(states.kind[row]), CAR)))
-    axes.add_collection(PolyCollection(boxes, facecolors=colours, edgecolors="k", linewidths=0.3, zorder=6))
-    axes.add_collection(PolyCollection(noses, facecolors="#dce9f5", edgecolors="none", zorder=7))
+    rows = np.flatnonzero(states.alive)
+    colours = [egos.get(row, vehicle_colour(states.kind[row])) for row in rows.tolist()]
+    x, y = states.position[rows].T
+    places = x, y, states.heading[rows], states.length[rows], states.width[rows]
+    for shapes in vehicle_shapes(*places, colours=colours, edge_width=0.3):
+        axes.add_collection(shapes)
 
 
-def _draw_all(axes: Axes, picture: Picture) -> None:
+def vehicle_colour(kind: int) -> str:
+    """Return the colour of a vehicle that is no ego."""
+    return LARGE_VEHICLES.get(VehicleKind(kind), CAR)
+
+
+def vehicle_shapes(
+    x: Floats,
+    y: Floats,
+    heading: Floats,
+    length: Floats,
+    width: Floats,
+    *,
+    colours: Sequence[str],
+    edge_width: float,
+) -> tuple[PolyCollection, PolyCollection]:
+    """Return the footprints of V vehicles, and the lighter bars across their fronts."""
+    nose = 0.3 * length
+    front = x + nose * np.cos(heading), y + nose * np.sin(heading)
+    boxes = list(footprints(x, y, heading, length, width))
+    noses = list(footprints(*front, heading, 0.16 * length, 0.8 * width))
+    return (
+        PolyCollection(boxes, facecolors=colours, edgecolors="k", linewidths=edge_width, zorder=6),
+        PolyCollection(noses, facecolors="#e8eef5", edgecolors="none", zorder=7),
+    )
+
+
+def footprints(x: Floats, y: Floats, heading: Floats, length: Floats, width: Floats) -> Floats:
+    """Return the corners of V footprints, shape (V, 4, 2)."""
+    ahead = np.stack([np.cos(heading), np.sin(heading)], -1) * (length / 2)[:, None]
+    aside = np.stack([-np.sin(heading), np.cos(heading)], -1) * (width / 2)[:, None]
+    centre = np.stack([x, y], -1)
+    return centre[:, None] + np.stack([ahead + aside, aside - ahead, -ahead - aside, ahead - aside], 1)
+
+
+def _draw_scenario(axes: Axes, picture: Picture, *, edges: bool) -> None:
     built, traffic, moment = picture
     roads = built.roads()
     draw_roads(axes, roads)
+    if edges:
+        draw_edge_ids(axes, roads)
     if traffic is not None and built.scenario.traffic:
         draw_flows(axes, roads, built.scenario.traffic[traffic])
     draw_bubbles(axes, roads, built.scenario.bubbles or ())
@@ -203,13 +241,17 @@ def _mission_window(built: BuiltScenario, margin: float = 12.0) -> tuple[float, 
 
 
 def _legend(pictures: Sequence[Picture]) -> list[Patch]:
-    """Explain what is in the pictures, and nothing else."""
+    """Return an entry for each kind of thing in the pictures; random routes are not drawn."""
     scenarios = [built.scenario for built, _, _ in pictures]
     traffics = [(built.scenario.traffic or {})[name] for built, name, _ in pictures if name]
     flows = [*chain.from_iterable(traffic.flows for traffic in traffics)]
     kinds = _social_kinds(pictures)
     entries = {
-        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(s.ego_missions for s in scenarios),
+        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(
+            start_pose(built.roads(), mission)
+            for built, _, _ in pictures
+            for mission in expand(built.scenario.ego_missions or ())
+        ),
         Patch(facecolor=CAR, label="car"): bool(kinds - set(LARGE_VEHICLES)),
         Patch(facecolor=BUS, label="bus"): bool(kinds & {VehicleKind.BUS, VehicleKind.COACH}),
         Patch(facecolor=TRUCK, label="truck"): bool(kinds & {VehicleKind.TRUCK, VehicleKind.TRAILER}),
@@ -243,17 +285,8 @@ def _beside(roads: LaneGraph, lane: int, widths: float) -> Floats:
     return roads.point_xy[rows] + widths * roads.width[lane] * left
 
 
-def _box(x: float, y: float, heading: float, length: float, width: float) -> Floats:
-    """Return the corners of a footprint, shape (4, 2)."""
-    forward = np.array([np.cos(heading), np.sin(heading)]) * length / 2
-    left = np.array([-np.sin(heading), np.cos(heading)]) * width / 2
-    return np.array([x, y]) + np.array([forward + left, left - forward, -forward - left, forward - left])
-
-
 def _corners(zone) -> Floats:
-    return np.asarray(
-        zone.convex_hull.exterior.coords if zone.geom_type != "Polygon" else zone.exterior.coords
-    )
+    return np.asarray((zone if zone.geom_type == "Polygon" else zone.convex_hull).exterior.coords)
 
 
 def _arrow_head(axes: Axes, line: Floats, colour: str) -> None:

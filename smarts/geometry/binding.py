@@ -299,7 +299,7 @@ def _load(context: Any, builder: Any, kind: Any, address: Any) -> Any:
     shape = [_word(builder, intp, address, 1 + axis) for axis in range(kind.ndim)]
     strides = [_word(builder, intp, address, 1 + kind.ndim + axis) for axis in range(kind.ndim)]
     size = context.get_constant(types.intp, get_itemsize(context, kind))
-    # Without an owner: whoever holds the bound kernel holds the array.
+    # Without an owner: the bound kernel keeps the array alive.
     populate_array(array, data, shape, strides, size, None)
     return array._getvalue()
 

@@ -22,7 +22,7 @@ from smarts.geometry.linking import Kernel
 def kernel(function: Callable) -> Any:
     """Compile a function with numba when it is first called, and keep the machine code on disk.
 
-    Numba's own cache looks at the function's file only, and so goes on with old code after a change to
+    Numba's own cache looks at the function's file only, and so reuses stale code after a change to
     another: to a kernel that is called, a constant, or the fields of a named tuple. Here the entry's name
     holds a digest of the function's module and of all modules of this project that it imports, itself or by
     way of others.

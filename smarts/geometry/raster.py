@@ -76,7 +76,7 @@ def paint_band(
 
 @kernel
 def _is_in_wedge(points: Floats, first: int, point: int, x: float, y: float) -> bool:
-    """Tell whether a place before the segment at `point` lies behind the one before it, round the bend."""
+    """Return whether a place before the segment at `point` lies behind the one before it, round the bend."""
     if point == first:
         return False
     a, b = points[point - 1], points[point]

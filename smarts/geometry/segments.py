@@ -27,7 +27,7 @@ def project(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> t
 
 @kernel
 def inside_outline(x: float, y: float, outline: Floats, first: int, last: int) -> bool:
-    """Tell whether a point lies in the polygon of vertices `outline[first:last]`, by the even-odd rule."""
+    """Return whether a point lies in the polygon of vertices `outline[first:last]`, by the even-odd rule."""
     inside = False
     before = last - 1
     for vertex in range(first, last):

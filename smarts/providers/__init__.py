@@ -5,8 +5,8 @@ How a traffic engine fits into a step (`Simulation.step`, one layer up):
     egos' poses at t + dt are in their rows          (another's: the engine reads these rows)
     traffic.step(env_mask)                            (its own: the engine writes these rows)
 
-The world says who owns a vehicle, and the provider follows: it compares the owner column with what it saw
-last. A hand-over is therefore one write to that column, never a call that could be forgotten, and the
+The owner column assigns each vehicle to a provider, and the provider follows: it compares the column with its
+last copy. A hand-over is therefore one write to that column, never a call that could be forgotten, and the
 registry alone issues and withdraws slots. (Considered instead: one call per transfer, which keeps the same
 fact in two places; and one proposal array per provider for an arbiter to merge, which copies every row once
 more.)

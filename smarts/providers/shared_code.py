@@ -36,7 +36,7 @@ class Mapping(NamedTuple):
 def share_code(copy: int, original: Path) -> None:
     """Let a library that has just been loaded use the code and constants of a file with the same content.
 
-    Where the system does not let it, the library goes on with its own, which is slower and takes more memory.
+    Where the system refuses, the library keeps its own pages, which is slower and takes more memory.
 
     Args:
         copy: Descriptor of the library's file, of which nothing but this library is left.
@@ -71,7 +71,7 @@ def _device_of(numbers: str) -> int:
 def _replaced(part: Mapping, original: int, whole: mmap.mmap) -> bool:
     """Map the same part of the original in the place of a copy's, unless something was written there."""
     if "r" not in part.access:
-        # Where the linker leaves room between segments; nobody needs what is there.
+        # A gap that the linker leaves between segments; its content is unused.
         return True
     library = ctypes.CDLL(None)
     library.memcmp.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t]
@@ -84,7 +84,7 @@ def _replaced(part: Mapping, original: int, whole: mmap.mmap) -> bool:
             return False
     protection = sum(bit for sign, bit in _PROTECTIONS.items() if sign in part.access)
     flags = mmap.MAP_PRIVATE | _MAP_FIXED
-    # One call puts the new pages in the place of the old ones, so it does not matter who runs there.
+    # One call replaces the pages, so the code may be running meanwhile.
     return library.mmap(part.begin, size, protection, flags, original, part.offset) != _FAILED
 
 

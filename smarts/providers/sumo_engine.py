@@ -72,7 +72,7 @@ class SumoEngine(TrafficEngine):
 
 
 def _end(driver: SumoTraffic) -> None:
-    """Close a driver that has failed, and may fail at that, too."""
+    """Close a failed SUMO instance; ignore errors."""
     try:
         driver.close()
     except TrafficError:

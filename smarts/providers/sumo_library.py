@@ -59,7 +59,7 @@ class SumoLibrary:
     def __init__(self, index: int | None = None) -> None:
         self.index = _claim(index)
         self._files = _Files()
-        # Also for who is forgotten without `close`.
+        # Also if the caller did not call `close`.
         self._closer = weakref.finalize(self, _give_back, self.index, self._files)
         try:
             with _descriptors("a traffic engine"):
@@ -106,7 +106,7 @@ class SumoLibrary:
             raise self._named(what, error) from None
 
     def check_open(self) -> None:
-        """Refuse to go on after `close`, when the copy may be another simulation's.
+        """Raise after `close`: the copy may belong to another simulation.
 
         Raises:
             TrafficError: The library is closed.
@@ -352,7 +352,7 @@ def _copied(original: Path) -> IO[bytes]:
 
 
 def _installed_package(name: str) -> Path:
-    # `find_spec` does not run the package, which would load a copy that nobody uses.
+    # `find_spec` does not run the package, which would load an unused copy.
     spec = importlib.util.find_spec(name)
     if spec is None or not spec.submodule_search_locations:
         raise TrafficError(f"{name} is not installed", remedy="pip install libsumo==1.28.0")

@@ -1,13 +1,12 @@
-"""Stand-ins: how SUMO's oncoming drivers see a vehicle that reaches over the centre line.
+"""Proxies: vehicles that show SUMO's oncoming drivers a vehicle that reaches over the centre line.
 
-SUMO keeps a vehicle on one lane, and notes only for lanes of the same direction that it reaches into a second
-one; oncoming drivers would drive through it. While a shadow's footprint reaches into the lane on the other
-side of the centre line, a second vehicle of the same size therefore is led along that lane beside it. It is
-no vehicle of the world, and it is taken away as soon as the footprint is back.
+SUMO assigns each vehicle to one lane, so oncoming drivers do not see a shadow that crosses the centre line.
+For such a shadow, a proxy vehicle of the same size is placed in the oncoming lane until the shadow is back.
+Proxies exist only in SUMO.
 
-Like shadows (`sumo_shadows`), stand-ins are told their speed after each step, since SUMO takes one that comes
-towards a driver for a leader that drives away, and are entered anew when a driver has got past them; here by
-another vehicle in its place, so that the drivers behind are not without one for a step.
+Their speed is set after each step, because SUMO would treat an oncoming vehicle as a leader driving away.
+After a driver has passed a proxy, it is replaced by a new one within the same step, so that following drivers
+always see one.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ from smarts.geometry.frames import compass_from_heading
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.roads.lane_graph import LaneGraph
 
-SUFFIX = "-stand-in"
-"""In the SUMO ids of stand-ins, before a number."""
+SUFFIX = "-proxy"
+"""In the SUMO ids of proxies, before a number."""
 
 _KEEP_CLOSE = 2
 _NO_LANE_CHANGES = 0
@@ -32,11 +31,11 @@ _SEAM = 0.5
 
 
 @dataclass
-class _StandIn:
-    """What is remembered of a stand-in between steps."""
+class _Proxy:
+    """A proxy between steps."""
 
     lane: int
-    """That it is led along."""
+    """The lane that it is led along."""
     id: str = ""
     """Of its vehicle; empty if there is none yet."""
     speed: float = 0.0
@@ -44,30 +43,30 @@ class _StandIn:
 
 
 class SumoProxies:
-    """The stand-ins of one simulation, by the name of the vehicle that they stand in for."""
+    """The proxies of one simulation, by the name of the vehicle that they show."""
 
     def __init__(self, library: SumoLibrary) -> None:
         self._library = library
-        self._stand_ins: dict[str, _StandIn] = {}
+        self._proxies: dict[str, _Proxy] = {}
         self._oncoming: dict[int, int] = {}
 
     def __contains__(self, name: str) -> bool:
-        """Return whether a vehicle of SUMO's is a stand-in."""
+        """Return whether a vehicle of SUMO's is a proxy."""
         return SUFFIX in name
 
     def has_one(self, name: str) -> bool:
-        """Return whether a vehicle needs a stand-in in the coming step."""
-        return name in self._stand_ins
+        """Return whether a vehicle needs a proxy in the coming step."""
+        return name in self._proxies
 
     def reset(self, roads: LaneGraph) -> None:
-        """Forget all; SUMO has begun anew."""
+        """Clear all proxies; SUMO was restarted."""
         self._roads = roads
         self._numbers = itertools.count()
-        self._stand_ins.clear()
+        self._proxies.clear()
         self._oncoming.clear()
 
     def reach(self, name: str, lane: int, leftmost: float) -> None:
-        """Say where a vehicle stands: which stand-in it needs from the next step on follows.
+        """Update which proxy a vehicle needs from the next step on.
 
         Args:
             name: Of the vehicle.
@@ -77,50 +76,50 @@ class SumoProxies:
         other = self._lane_across(lane) if leftmost > self._roads.width[lane] / 2 else -1
         if other < 0:
             self.remove(name)
-        elif name in self._stand_ins:
-            self._stand_ins[name].lane = other
+        elif name in self._proxies:
+            self._proxies[name].lane = other
         else:
-            self._stand_ins[name] = _StandIn(other)
+            self._proxies[name] = _Proxy(other)
 
     def place(
         self, name: str, kind: str, centre: tuple[float, float], heading: float, speed: float, length: float
     ) -> None:
-        """Put a vehicle's stand-in where it is at the end of the coming step.
+        """Place a vehicle's proxy for the end of the coming step.
 
         Args:
-            name: Of the vehicle; it needs a stand-in.
+            name: Of the vehicle; it needs a proxy.
             kind: Its SUMO vehicle type.
             centre: Of its footprint at the end of the step [m].
             heading: [rad].
             speed: [m/s].
             length: Of its footprint [m].
         """
-        stand_in, vehicle = self._stand_ins[name], self._library.vehicle
-        if not stand_in.id:
-            stand_in.id = f"{name}{SUFFIX}-{next(self._numbers)}"
-            vehicle.add(stand_in.id, "", typeID=kind)
-            vehicle.setLaneChangeMode(stand_in.id, _NO_LANE_CHANGES)
-        x, y, along = self._front_on(stand_in.lane, centre, length)
-        stand_in.speed = max(speed * math.cos(heading - along), 0.0)
-        vehicle.moveToXY(stand_in.id, "", -1, x, y, compass_from_heading(along), _KEEP_CLOSE, 2.0)
+        proxy, vehicle = self._proxies[name], self._library.vehicle
+        if not proxy.id:
+            proxy.id = f"{name}{SUFFIX}-{next(self._numbers)}"
+            vehicle.add(proxy.id, "", typeID=kind)
+            vehicle.setLaneChangeMode(proxy.id, _NO_LANE_CHANGES)
+        x, y, along = self._front_on(proxy.lane, centre, length)
+        proxy.speed = max(speed * math.cos(heading - along), 0.0)
+        vehicle.moveToXY(proxy.id, "", -1, x, y, compass_from_heading(along), _KEEP_CLOSE, 2.0)
 
     def settle(self) -> None:
-        """See where SUMO has put the stand-ins, and tell it what it got wrong."""
+        """Read the proxies' positions from SUMO and correct their speeds."""
         library, vehicle = self._library, self._library.vehicle
-        for stand_in in self._stand_ins.values():
-            if not stand_in.id:
+        for proxy in self._proxies.values():
+            if not proxy.id:
                 continue
-            vehicle.setPreviousSpeed(stand_in.id, stand_in.speed)
-            lane, position = vehicle.getLaneID(stand_in.id), vehicle.getLanePosition(stand_in.id)
-            if lane and library.is_out_of_order(stand_in.id, lane, position):
-                vehicle.remove(stand_in.id)
-                stand_in.id = ""
+            vehicle.setPreviousSpeed(proxy.id, proxy.speed)
+            lane, position = vehicle.getLaneID(proxy.id), vehicle.getLanePosition(proxy.id)
+            if lane and library.is_out_of_order(proxy.id, lane, position):
+                vehicle.remove(proxy.id)
+                proxy.id = ""
 
     def remove(self, name: str) -> None:
-        """Take a vehicle's stand-in away, if it has one."""
-        stand_in = self._stand_ins.pop(name, None)
-        if stand_in and stand_in.id:
-            self._library.vehicle.remove(stand_in.id)
+        """Remove a vehicle's proxy, if it has one."""
+        proxy = self._proxies.pop(name, None)
+        if proxy and proxy.id:
+            self._library.vehicle.remove(proxy.id)
 
     def _front_on(self, lane: int, centre: tuple[float, float], length: float) -> tuple[float, float, float]:
         """Return the place and direction of a front that is half a length past a point, along a lane.

@@ -1,4 +1,4 @@
-"""What SUMO says of its vehicles, as rows of the world."""
+"""SUMO's vehicles as rows of the world."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def fill_rows(
 ) -> None:
     """Fill the rows of A vehicles.
 
-    SUMO says nothing of turning and of moving sideways; both follow from the poses a step ago, which the rows
+    SUMO gives neither yaw rate nor lateral speed; both follow from the poses a step ago, which the rows
     still hold, and are 0 for arrivals. One pass, because at this size a dozen array
     operations cost more than SUMO's own step.
 
@@ -76,7 +76,7 @@ LEADING = 7
 
 @kernel
 def lead(states: VehicleStates, rows: NDArray[np.intp]) -> Floats:
-    """Return how SUMO is told where A vehicles are that others drive, shape (A, `LEADING`).
+    """Return the poses of A vehicles of other providers in SUMO's terms, shape (A, `LEADING`).
 
     Args:
         states: Of one simulation.

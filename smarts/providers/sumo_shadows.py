@@ -1,28 +1,27 @@
-"""Shadows: how SUMO's drivers see the vehicles that SUMO does not drive.
+"""Shadows: vehicles that show SUMO's drivers the vehicles that SUMO does not drive.
 
-A shadow is a vehicle of SUMO that is put where its owner says (`moveToXY`) at the end of every step. SUMO's
-drivers follow it, make way for it and brake for it like for their own kind, in both lanes if it straddles
-two. What SUMO needs help with, found by experiment (the tests in `test_sumo_shadows.py` show each):
+A shadow is a vehicle of SUMO that is placed at its owner's pose (`moveToXY`) at the end of every step. SUMO's
+drivers follow it, make way for it and brake for it as for SUMO's own vehicles, in both lanes if it straddles
+two. SUMO's limitations, found by experiment (the tests in `test_sumo_shadows.py` show each):
 
 - `keepRoute` must be 2: 1 leaves a ghost in the old lane, 0 snaps to the lane's centre. The first `moveToXY`
   must come before any step.
 - Within a lane SUMO keeps vehicles in the order in which they came, so a shadow that overtakes inside a lane
-  stays behind the overtaken one in SUMO's books and is ignored by it for good. Likewise SUMO notes only on
+  remains behind it in SUMO's lane order, and SUMO ignores it from then on. Likewise SUMO notes only on
   entry to a lane whether a vehicle straddles the next one: a shadow that drifts over the line is not seen
-  there, and one that drifts back leaves a ghost. Such a shadow is entered anew, by way of the lane beside,
-  which its drivers cannot see; where there is none it leaves the net for one step.
-- A driver who must give way looks at the routes of those who approach. A shadow whose route ends before the
+  there, and one that drifts back leaves a ghost. Such a shadow is re-inserted via the neighbouring lane,
+  which its drivers cannot see; without such a lane it leaves the net for one step.
+- Yielding drivers consider the routes of approaching vehicles. A shadow whose route ends before the
   junction is no reason to wait, so every shadow is given a route across the next junction: its own, or
   straight on.
-- A vehicle is added on any road. If that happens to be where it then is put, SUMO goes back to the route of
-  that one road a step later, whatever it was told meanwhile; so it is told when it is added.
-- SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. It is told
-  instead.
-- Oncoming drivers do not see a shadow that reaches over the centre line; `sumo_stand_ins` shows it to them.
+- A vehicle is added on any road. If it is then placed on that road, SUMO resets its route to that one road a
+  step later; so the route is set when the vehicle is added.
+- SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. The
+  speed is set instead.
+- Oncoming drivers do not see a shadow that reaches over the centre line; `sumo_proxies` shows it to them.
 - A vehicle that moves against its lane would be taken for a leader that drives away; it is said to stand.
-- SUMO goes on with a change of lane that it has begun when a vehicle is taken over, and crashes if the
-  vehicle is by then in a lane with none beside. Such a change is brought to its end, in SUMO's books, within
-  the first step.
+- SUMO continues a lane change that it has begun when a vehicle is taken over, and crashes if the vehicle is
+  then in a lane without a neighbour. Such a change is completed in SUMO within the first step.
 - SUMO would change a shadow's lane and ask others to make room for that, so lane changing is off meanwhile.
 """
 
@@ -74,7 +73,7 @@ _OFF_THE_NET = -1e6
 
 
 class _Entry(enum.Enum):
-    """How SUMO is brought to enter a shadow into its lane anew."""
+    """How a shadow is re-inserted into its lane."""
 
     BESIDE = enum.auto()
     """By way of the lane that it straddles into."""
@@ -86,24 +85,24 @@ class _Entry(enum.Enum):
 
 @dataclass
 class _Shadow:
-    """What is remembered of a shadow between steps."""
+    """A shadow between steps."""
 
     id: str
     route: tuple[str, ...]
-    """Where it is bound for; empty if nobody said."""
+    """Planned route; empty if unknown."""
     lane: str = ""
     position: float = 0.0
     """Of the front along the lane [m]."""
     offset: float = 0.0
     """Of the front to the left of the lane's centre [m]."""
     shift: float = 0.0
-    """How far to the left of where it is SUMO has it [m], to see its front where its tail is."""
+    """Lateral shift of the shadow in SUMO [m], to the left, so that SUMO sees the lane of its rear."""
     side: int = 0
     """Where it reaches into another lane: 1 left, -1 right, 0 nowhere."""
     noted_side: int = 0
     """The side that SUMO has noted."""
     entry: _Entry | None = None
-    """How to enter it anew in the coming step."""
+    """How to re-insert it in the coming step."""
     own_type: str = ""
     own_sideways: str = ""
     """Type and `_SIDEWAYS`, to be restored after its change of lane was ended; empty if there was none."""
@@ -122,13 +121,13 @@ class SumoShadows:
         self._ways_on: dict[str, list[str]] = {}
         self._courses: dict[str, tuple[list[float], list[float]]] = {}
         self._told: list[list[float]] = []
-        self.stand_ins = SumoProxies(library)
+        self.proxies = SumoProxies(library)
 
     def __contains__(self, slot: int) -> bool:
         return slot in self._shadows
 
     def reset(self, roads: LaneGraph) -> None:
-        """Forget all; SUMO has begun anew."""
+        """Clear all shadows; SUMO was restarted."""
         self._roads = roads
         self._half_widths = (roads.width / 2).tolist()
         self._shadows.clear()
@@ -136,7 +135,7 @@ class SumoShadows:
         self._types.clear()
         self._ways_on.clear()
         self._courses.clear()
-        self.stand_ins.reset(roads)
+        self.proxies.reset(roads)
 
     def create(self, slot: int, name: str, route: Sequence[str]) -> None:
         """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""
@@ -147,7 +146,7 @@ class SumoShadows:
         self._shadows[slot] = _Shadow(name, tuple(route))
 
     def take_over(self, slot: int, name: str) -> None:
-        """Let a vehicle of SUMO's be a shadow from the next step on."""
+        """Turn a vehicle of SUMO's into a shadow from the next step on."""
         vehicle = self._library.vehicle
         vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
@@ -164,11 +163,11 @@ class SumoShadows:
     def hand_back(self, slot: int) -> bool:
         """Let SUMO drive a shadow on towards its destination; return whether SUMO can.
 
-        Off its route, the vehicle takes the fastest way to its destination; where there is none, or nobody
-        said where it is bound for, it drives on to where its road ends. It must stand on a lane.
+        Off its route, the vehicle takes the fastest way to its destination; without such a way, or
+        without a planned route, it drives to the end of its road. It must stand on a lane.
         """
         shadow = self._shadows.pop(slot)
-        self.stand_ins.remove(shadow.id)
+        self.proxies.remove(shadow.id)
         vehicle = self._library.vehicle
         if not vehicle.getLaneID(shadow.id):
             return False
@@ -182,28 +181,28 @@ class SumoShadows:
     def forget(self, slot: int) -> None:
         """Drop the shadow in a slot, if there is one."""
         if shadow := self._shadows.pop(slot, None):
-            self.stand_ins.remove(shadow.id)
+            self.proxies.remove(shadow.id)
         self._returned.pop(slot, None)
 
     def set_route(self, slot: int, edges: Sequence[str]) -> None:
-        """Say where a shadow is bound for."""
+        """Set the planned route of a shadow."""
         shadow = self._shadows[slot]
         shadow.route = tuple(edges)
         if shadow.lane:
             self._show_way_on(shadow, shadow.lane)
 
     def place(self) -> None:
-        """Say where every shadow is at the end of the coming step."""
+        """Place every shadow for the end of the coming step."""
         move = self._library.vehicle.moveToXY
         # Plain numbers at once: every look into an array costs as much as a call to SUMO.
         self._told = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows))).tolist()
         for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._told, strict=True):
-            if shadow.entry and not self._enter_anew(shadow):
+            if shadow.entry and not self._reinsert(shadow):
                 shadow.entry = _Entry.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
-            if self.stand_ins.has_one(shadow.id):
-                self._place_stand_in(slot, shadow)
+            if self.proxies.has_one(shadow.id):
+                self._place_proxy(slot, shadow)
             if shadow.shift:
                 along = self._heading_of(shadow.lane, shadow.position)
                 x, y = x - shadow.shift * math.sin(along), y + shadow.shift * math.cos(along)
@@ -213,7 +212,7 @@ class SumoShadows:
                 del self._returned[slot]
 
     def settle(self) -> None:
-        """See where SUMO has put the shadows, and find out what it got wrong."""
+        """Read the shadows' positions from SUMO, and plan corrections."""
         vehicle = self._library.vehicle
         for shadow, (_, _, _, heading, speed, *size) in zip(self._shadows.values(), self._told, strict=True):
             lane = vehicle.getLaneID(shadow.id)
@@ -226,19 +225,19 @@ class SumoShadows:
                 self._settle_on_lane(shadow, lane, position, lean, *size)
             else:
                 shadow.lane, shadow.entry, shadow.shift = "", None, 0.0
-                self.stand_ins.remove(shadow.id)
+                self.proxies.remove(shadow.id)
             vehicle.setPreviousSpeed(shadow.id, abs(speed))
             if shadow.own_type:
                 vehicle.setType(shadow.id, shadow.own_type)
                 vehicle.setParameter(shadow.id, _SIDEWAYS, shadow.own_sideways)
                 shadow.own_type = ""
-        self.stand_ins.settle()
+        self.proxies.settle()
 
-    def _place_stand_in(self, slot: int, shadow: _Shadow) -> None:
+    def _place_proxy(self, slot: int, shadow: _Shadow) -> None:
         states, kind = self._states, self._type_of(slot)
         x, y = states.position[slot].tolist()
         heading, speed = float(states.heading[slot]), float(states.speed[slot])
-        self.stand_ins.place(shadow.id, kind, (x, y), heading, speed, float(states.length[slot]))
+        self.proxies.place(shadow.id, kind, (x, y), heading, speed, float(states.length[slot]))
 
     def _settle_on_lane(
         self, shadow: _Shadow, lane: str, position: float, lean: float, length: float, width: float
@@ -247,7 +246,7 @@ class SumoShadows:
         half = self._half_widths[number]
         lateral = self._library.vehicle.getLateralLanePosition(shadow.id)
         offset = lateral - shadow.shift
-        # Where it will be in a step, for that is when the stand-in is there.
+        # Its place in a step, when the proxy is there.
         drift = max(offset - shadow.offset, 0.0) if lane == shadow.lane else 0.0
         shadow.offset = offset
         shadow.side = self._side_of(number, lateral) if abs(lateral) + width / 2 > half else 0
@@ -256,8 +255,8 @@ class SumoShadows:
         left, right = offset + max(0.0, tail) + half_box, offset + min(0.0, tail) - half_box
         reaches_out = left > half or right < -half
         shadow.shift = self._shift_of(number, offset, left, right, width) if reaches_out else 0.0
-        if left + drift > half or self.stand_ins.has_one(shadow.id):
-            self.stand_ins.reach(shadow.id, number, left + drift)
+        if left + drift > half or self.proxies.has_one(shadow.id):
+            self.proxies.reach(shadow.id, number, left + drift)
         # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
         # net.
         is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE
@@ -311,10 +310,10 @@ class SumoShadows:
         if shadow.side or shadow.noted_side:
             shadow.lane, shadow.position = vehicle.getLaneID(shadow.id), vehicle.getLanePosition(shadow.id)
             shadow.entry = _Entry.AND_BACK
-            self._enter_anew(shadow)
+            self._reinsert(shadow)
         return True
 
-    def _enter_anew(self, shadow: _Shadow) -> bool:
+    def _reinsert(self, shadow: _Shadow) -> bool:
         """Take a shadow out of its lane and in again; return whether there was a lane beside to do it by."""
         beside = self._lane_beside(shadow)
         if not beside:

@@ -1,6 +1,6 @@
 """Traffic that SUMO drives, in this process.
 
-With nobody else in the world it is exactly what `sumo` computes for the same files, options, seed and step.
+Without agents, the result equals that of `sumo` with the same files, options, seed and step.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ arrow for turning right after a stop (s)."""
 
 
 class _Seen(NamedTuple):
-    """What SUMO last saw of the vehicles; bytes compare faster than arrays of this size."""
+    """The columns that SUMO follows, as of its last step; bytes compare faster than arrays of this size."""
 
     owner: bytes
     generation: bytes
@@ -64,14 +64,14 @@ def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
         options += ["--route-files", ",".join(map(str, files.routes))]
     if files.additional:
         options += ["--additional-files", ",".join(map(str, files.additional))]
-    # A lane change takes 3 s instead of one step's jump; nobody vanishes from a jam or after a collision.
+    # A lane change takes 3 s instead of one step; vehicles are not removed from jams or after collisions.
     options += ["--lanechange.duration", "3", "--time-to-teleport", "-1"]
     options += ["--collision.action", "none", "--collision.check-junctions", "true"]
     return [*options, "--no-step-log", "--no-warnings", "--xml-validation", "never"]
 
 
 class SumoTraffic:
-    """One simulation's traffic: SUMO drives the vehicles that carry its owner number and minds all others.
+    """One simulation's traffic: SUMO drives the vehicles of its owner number and reacts to all others.
 
     A vehicle keeps one SUMO id for life. When another becomes a row's owner, its SUMO vehicle is led as a
     shadow from the next step on; when SUMO becomes it again, SUMO drives on from that pose and speed. A row
@@ -147,7 +147,7 @@ class SumoTraffic:
             self._write()
             self._read_signals()
             self._number_routes()
-        # Those who were here first are new to SUMO.
+        # Vehicles placed before the reset are not yet in SUMO.
         self._remember([slot for slot in self._kept_clear if slot not in self._ids])
         self._has_begun = True
 
@@ -168,14 +168,14 @@ class SumoTraffic:
             self._write()
             self._read_signals()
             self._number_routes()
-        # They are shadows until SUMO takes the wheel in the next step.
+        # They are shadows until the next step.
         self._remember(entering)
 
     def can_accept(self, slot: int) -> bool:
         """Return whether SUMO could drive on with a vehicle of another: it must stand on a lane."""
         if slot not in self._shadows:
             return True
-        with self._library.errors("failed to tell a place"):
+        with self._library.errors("failed to read a position"):
             return bool(self._library.vehicle.getLaneID(self._ids[slot]))
 
     def route(self, slot: int) -> tuple[str, ...]:
@@ -183,7 +183,7 @@ class SumoTraffic:
         self._check_begun()
         if slot not in self._ids:
             raise TrafficError(f"slot {slot} holds no vehicle that SUMO knows", place="traffic")
-        with self._library.errors("failed to tell a route"):
+        with self._library.errors("failed to read a route"):
             return self._library.route_ahead(self._ids[slot])
 
     def close(self) -> None:
@@ -196,10 +196,10 @@ class SumoTraffic:
             raise TrafficError("no episode has begun", place="traffic", remedy="call reset first")
 
     def _warm_up(self, duration: float) -> list[str]:
-        """Run traffic on its own for a while [s]; return who has departed.
+        """Run the warm-up [s]; return the departed vehicles.
 
-        In the last step those who are in the world already come in, so that drivers mind them from the first
-        step of the episode on.
+        Vehicles that are already in the world are inserted in the last step, so that SUMO's drivers react to
+        them from the first step of the episode.
         """
         library, dt = self._library, self._world.dt
         entering = self._kept_clear if duration > dt else []
@@ -322,10 +322,10 @@ class SumoTraffic:
         """Let vehicles into the world in the order of departure, except where the place is kept clear."""
         vehicle = self._library.vehicle
         present = set(vehicle.getIDList()).difference(self._ids.values())
-        names = [name for name in departed if name in present and name not in self._shadows.stand_ins]
+        names = [name for name in departed if name in present and name not in self._shadows.proxies]
         blocking = self._in_the_way(names)
         for name in names:
-            # SUMO counts those who enter by `moveToXY` one step late, so it can let one too many depart.
+            # SUMO counts vehicles inserted by `moveToXY` one step late, so one vehicle too many may depart.
             if name in blocking or len(self._ids) >= self._limit:
                 vehicle.remove(name)
                 continue

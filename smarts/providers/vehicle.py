@@ -10,7 +10,7 @@ import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
-from smarts.dynamics import MODELS, Box, Driver, Fleet, MotionError, vehicle
+from smarts.dynamics import MODELS, Box, Fleet, MotionError, SubstepDriver, vehicle
 from smarts.errors import ActionError, SmartsError
 from smarts.geometry.binding import LateBound, bind
 from smarts.providers.vehicle_kernels import (
@@ -90,7 +90,7 @@ class FleetVehicles:
         self._show = bind(show_vehicles, state, motion, self._shown, self._tracks, self._groups)
         self._place = LateBound(place_vehicles, state, self._tracks, self._groups)
         self._find_touchable = bind(find_touchable, state, motion, self._groups, self._boxed)
-        self._driver: tuple[Commands, Driver] | None = None
+        self._driver: tuple[Commands, SubstepDriver] | None = None
 
     def reset(self, env_mask: Bools) -> None:
         """Forget all vehicles of some simulations; those in their rows now are new."""
@@ -140,7 +140,7 @@ class FleetVehicles:
         """Give back Bullet's worlds."""
         self.fleet.close()
 
-    def _driver_of(self, commands: Commands) -> Driver:
+    def _driver_of(self, commands: Commands) -> SubstepDriver:
         """Return what writes the fleet's controls; a set of controllers keeps its commands' arrays."""
         if self._driver is not None and self._driver[0] is commands:
             return self._driver[1]
@@ -155,7 +155,6 @@ class FleetVehicles:
             self._slips,
             self._memory,
             self._shown,
-            self._world.dt / SUBSTEPS,
         )
         self._driver = commands, driver
         return driver
@@ -173,23 +172,23 @@ class FleetVehicles:
                 self.failures.setdefault(row, self.fleet.motion_error(number))
                 self._groups.driven[row] = False
         self._show()
-        if self.fleet.touches:
+        if self.fleet.contacts:
             self._record_contacts()
 
     def _record_contacts(self) -> None:
         """Record each Bullet contact for both vehicles."""
         self._has_contacts = True
         capacity, agents = self._world.vehicles.capacity, self._held.slot.shape[1]
-        for substep, touch in self.fleet.touches:
-            row, agent_id = divmod(touch.row, agents)
+        for substep, contact in self.fleet.contacts:
+            row, agent_id = divmod(contact.row, agents)
             slot = (
-                touch.box % capacity
-                if touch.other_row < 0
-                else self._held.slot[row, touch.other_row % agents]
+                contact.box % capacity
+                if contact.other_row < 0
+                else self._held.slot[row, contact.other_row % agents]
             )
-            self._record_contact(row, agent_id, slot, substep, touch.speed)
+            self._record_contact(row, agent_id, slot, substep, contact.speed)
             for other in np.flatnonzero(self._world.agents.slot[row] == slot).tolist():
-                self._record_contact(row, other, self._held.slot[row, agent_id], substep, touch.speed)
+                self._record_contact(row, other, self._held.slot[row, agent_id], substep, contact.speed)
 
     def _record_contact(self, row: int, agent_id: int, slot: int, substep: int, speed: float) -> None:
         tracks = self._tracks
@@ -198,7 +197,7 @@ class FleetVehicles:
             tracks.touch_speed[row, agent_id, slot] = speed
 
     def _follow_ownership(self) -> None:
-        """Let vehicles into the fleet and out of it, as the agents say."""
+        """Add vehicles to the fleet and remove them, following the agents' slots."""
         agents, wanted = self._world.agents, self._held.wanted
         changed = (wanted != self._held.slot) | (
             self._groups.active & (agents.generation != self._held.generation)

@@ -285,7 +285,7 @@ def look_up_friction(
 
 @kernel
 def _is_inside(patches: FrictionPatches, patch: int, x: float, y: float) -> bool:
-    """Tell whether a point is in an odd number of a patch's rings."""
+    """Return whether a point is in an odd number of a patch's rings."""
     inside = False
     for ring in range(patches.ring_start[patch], patches.ring_start[patch + 1]):
         if inside_outline(x, y, patches.vertex, patches.vertex_start[ring], patches.vertex_start[ring + 1]):

@@ -13,7 +13,7 @@ from smarts.roads.kernels import RouteTable
 
 
 class AgentRoutes:
-    """Which route of `table` each agent's agent follows.
+    """The route of `table` that each agent follows.
 
     Args:
         atlas: The maps.
@@ -60,7 +60,7 @@ class AgentRoutes:
         return self._routes[row][agent_id]
 
     def _tabulate(self) -> None:
-        """Write the table anew; equal routes on one map share their rows."""
+        """Rebuild the table; equal routes on one map share their rows."""
         places: dict[tuple[int, tuple[str, ...]], int] = {}
         for row, routes in enumerate(self._routes):
             for agent_id, route in enumerate(routes):

@@ -1,4 +1,4 @@
-"""What the kernels read: the lanes of several maps, and routes on them, as plain arrays.
+"""The lanes of several maps, and routes on them, as plain arrays for kernels.
 
 Axis letters: M maps, L lanes of all maps, P points of their centrelines.
 """

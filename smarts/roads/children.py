@@ -1,7 +1,7 @@
-"""Running other programs so that none outlives its parent or runs for ever.
+"""Runs other programs so that none outlives its parent or runs without limit.
 
-A child is killed by the system when its parent dies, however that happens; and with all that it has started
-itself when it takes too long or the parent is interrupted.
+The system kills a child when its parent dies. A child that takes too long, or whose parent is interrupted, is
+killed with all processes that it has started.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class Conflicts:
 def find_conflicts(areas: LaneAreas) -> Conflicts:
     """Return all pairs of lanes of one junction whose areas overlap, each pair in both directions.
 
-    Lanes that come from the same road lane diverge instead: there the follower minds its leader, and no pair
+    Lanes that come from the same road lane diverge instead: the follower reacts to its leader, and no pair
     is reported. Lanes for bicycles and pedestrians are left out.
     """
     inside = np.flatnonzero((areas.junction >= 0) & np.isin(areas.kind, _MOTOR_TRAFFIC))

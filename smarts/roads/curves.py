@@ -71,7 +71,7 @@ def stations_of(control: Floats) -> Floats:
 def station_near(control: Floats, stations: Floats, x: float, y: float) -> tuple[float, float]:
     """Return how far along a curve the point of it nearest to a position is, and how far off that is [m].
 
-    Beyond its end the curve goes on straight, so that who has passed it gets more than the curve's length.
+    The curve is extended straight beyond its end, so the result can exceed its length.
     """
     best_square, best = np.inf, 0.0
     a_x, a_y, _ = pose_on(control, 0.0)

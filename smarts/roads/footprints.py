@@ -1,13 +1,9 @@
-"""Compiled: whether points and the corners of footprints are on the road, on several maps at once.
-
-Axis letter: E queries.
-"""
+"""Kernels that test whether points and the corners of footprints are on the road."""
 
 from __future__ import annotations
 
 import math
 
-from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import inside_outline
 from smarts.roads.arrays import Roads
@@ -19,9 +15,9 @@ JOINT = 0.3
 
 @kernel
 def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junctions: bool) -> bool:
-    """Tell whether a point lies on a lane of the masked kinds or, if wanted, in a junction.
+    """Return whether a point lies on a lane of the masked kinds or, with `junctions`, in a junction.
 
-    Where a lane and the one behind it meet at an angle, the wedge between their ends is road, too.
+    Where two consecutive lanes meet at an angle, the wedge between their ends is road, too.
     """
     cell = cell_at(roads, world, x, y) if is_somewhere(x, y) else -1
     if cell < 0:
@@ -47,13 +43,6 @@ def is_on_road(roads: Roads, world: int, x: float, y: float, mask: int, junction
 
 
 @kernel
-def on_road(roads: Roads, maps: Ints, position: Floats, mask: int, junctions: bool, result: Bools) -> None:
-    """Write whether points lie on a lane of the masked kinds or, if wanted, in a junction; shape (E,)."""
-    for i in range(len(maps)):
-        result[i] = is_on_road(roads, maps[i], position[i, 0], position[i, 1], mask, junctions)
-
-
-@kernel
 def count_corners_on_road(
     roads: Roads,
     world: int,
@@ -75,23 +64,3 @@ def count_corners_on_road(
         corner_y = y + ahead * forward_y + aside * forward_x
         count += is_on_road(roads, world, corner_x, corner_y, mask, junctions)
     return count
-
-
-@kernel
-def corners_on_road(
-    roads: Roads,
-    maps: Ints,
-    position: Floats,
-    heading: Floats,
-    length: Floats,
-    width: Floats,
-    mask: int,
-    junctions: bool,
-    result: Bytes,
-) -> None:
-    """Write how many of each footprint's four corners are on the road, 0 to 4; shape (E,)."""
-    for i in range(len(maps)):
-        x, y = position[i, 0], position[i, 1]
-        result[i] = count_corners_on_road(
-            roads, maps[i], x, y, heading[i], length[i], width[i], mask, junctions
-        )

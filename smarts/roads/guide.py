@@ -15,7 +15,7 @@ _APPROACH, _MANOEUVRE = int(GuidePhase.APPROACH), int(GuidePhase.MANOEUVRE)
 
 @kernel
 def is_led(guidance: Guidance, b: int, a: int) -> bool:
-    """Tell whether an agent has one path only: along its lane to a manoeuvre, or through it."""
+    """Return whether an agent has one path only: along its lane to a manoeuvre, or through it."""
     return guidance.phase[b, a] in (_APPROACH, _MANOEUVRE)
 
 
@@ -36,7 +36,7 @@ def write_led_path(
 ) -> None:
     """Write the path of an agent that is led as the only one of `paths`, which are one vehicle's.
 
-    In a manoeuvre it begins beside the vehicle on the curve and goes on along the lane that this leads into;
+    In a manoeuvre it begins beside the vehicle on the curve and continues along the curve's target lane;
     before, it is the vehicle's own lane. At forks it takes the first branch along the route.
 
     Args:

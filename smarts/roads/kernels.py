@@ -1,7 +1,7 @@
-"""Compiled questions about places on the road, for batches of poses on several maps at once.
+"""Kernels that find places on the road, for batches of poses on several maps at once.
 
-Axis letters: E queries, M maps. Lanes are numbered within their own map at the kernels' edge, and across all
-maps inside. Every kernel writes into arrays that the caller gives; a slice of them is a range of rows.
+Axis letters: E poses, M maps. Lanes that a kernel over E poses takes or writes are numbered within their own
+map; inside, lanes are numbered across all maps.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OFF_ROUTE_COST = 3.0
 END_TOLERANCE = 1e-6
 """How far beyond its end a lane still holds a point [m]; against rounding where two lanes meet."""
 FARTHEST = 1e7
-"""Coordinates beyond this are taken for nonsense, such as NaN [m]."""
+"""Positions with larger coordinates, or NaN, are on no map [m]."""
 
 
 @kernel
@@ -58,7 +58,7 @@ def lane_length(roads: Roads, lane: int) -> float:
 
 @kernel
 def is_somewhere(x: float, y: float) -> bool:
-    """Tell whether a position can be reckoned with; NaN compares false."""
+    """Return whether a position is finite and within `FARTHEST`; NaN compares false."""
     return abs(x) < FARTHEST and abs(y) < FARTHEST
 
 
@@ -205,7 +205,7 @@ def _nearest_anywhere(roads: Roads, world: int, x: float, y: float, mask: int) -
                         point, square = nearest_in_run(roads, run, x, y)
                         if square < best:
                             best_lane, best_point, best = lane, point, square
-        # Whatever is in no ring so far is at least this far away.
+        # All lanes outside the rings so far are at least this far away.
         if math.sqrt(best) <= ring * size + margin:
             break
         ring += 1
@@ -323,7 +323,7 @@ def poses_at(
 ) -> None:
     """Write position [m] and heading [rad] at s, t [m] of given lanes, NaN where the lane is -1.
 
-    Beyond its ends a lane goes on straight.
+    A lane is extended straight beyond its ends.
     """
     for i in range(len(maps)):
         if lane[i] < 0:
@@ -349,32 +349,3 @@ def distance_on_row(roads: Roads, table: RouteTable, row: int, s: float) -> floa
     """Return the distance along a route of arc length s on the lane of one of its rows [m]."""
     share = min(1.0, max(0.0, s / lane_length(roads, table.lane[row])))
     return table.begin[row] + share * (table.end[row] - table.begin[row])
-
-
-@kernel
-def route_distances(
-    roads: Roads,
-    table: RouteTable,
-    maps: Ints,
-    route: Ints,
-    lane: Ints,
-    s: Floats,
-    hint: Floats,
-    done: Floats,
-    remaining: Floats,
-) -> None:
-    """Write the distance gone along each route and that still to go to its end [m], NaN off the route.
-
-    `hint` [m] is where the vehicle was along its route before, for routes that use a lane twice; NaN if new.
-    """
-    for i in range(len(maps)):
-        done[i], remaining[i] = np.nan, np.nan
-        if lane[i] < 0 or route[i] < 0:
-            continue
-        corridor = table.free + route[i]
-        number = roads.lane_base[maps[i]] + lane[i]
-        row = find_row(table, corridor, number, hint[i])
-        if row < 0:
-            continue
-        done[i] = distance_on_row(roads, table, row, s[i])
-        remaining[i] = table.end[table.start[corridor + 1] - 1] - done[i]

@@ -24,7 +24,7 @@ from smarts.errors import MapError, nearest_names
 from smarts.geometry.frames import wrap_angle
 
 FORMAT = 1
-"""Of the saved file; a file of another format is refused and to be built anew."""
+"""Of the saved file; files of another format are rebuilt."""
 OPPOSITE = -0.7
 """Cosine of the angle between two lanes that lead in other directions, at most."""
 
@@ -133,8 +133,6 @@ class LaneGraph:
     """Shape (E,)."""
     edge_is_internal: Bools
     """Whether the edge lies inside a junction, shape (E,)."""
-    edge_is_roundabout: Bools
-    """Whether the edge is part of a roundabout's ring, shape (E,)."""
     edge_from: Ints
     """Junction where the edge begins, -1 for edges inside junctions, shape (E,)."""
     edge_to: Ints
@@ -232,7 +230,7 @@ class LaneGraph:
     def pose_at(self, lane: int, s: float, t: float = 0.0) -> tuple[float, float, float]:
         """Return x, y [m] and heading [rad] at arc length `s` [m], `t` [m] to the left of the centreline.
 
-        The offset is square to the smoothed heading. Beyond either end the lane goes on straight. For many
+        The offset is square to the smoothed heading. The lane is extended straight beyond its ends. For many
         poses there is `RoadAtlas.poses`; this one needs no compiled code, whose import takes longer than
         building a scenario from the cache.
         """
@@ -263,7 +261,7 @@ class LaneGraph:
         Raises:
             MapError: The file is missing, damaged, or of another version of this program.
         """
-        remedy = "delete the scenario's build folder; it is built anew"
+        remedy = "delete the scenario's build folder; it is then rebuilt"
         try:
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) != FORMAT:

@@ -1,4 +1,4 @@
-"""Which light a lane shows to those who come along it; lights stand at the lanes inside junctions."""
+"""The signal at the end of a lane; signals belong to the lanes inside junctions."""
 
 from __future__ import annotations
 

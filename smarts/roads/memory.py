@@ -30,7 +30,7 @@ def remembered(
 
             @lru_cache(maxsize=most)
             def memory(*args, **kwargs):
-                # Whoever asks holds the graph, so it is there.
+                # The caller holds the graph, so it exists.
                 return function(cast(LaneGraph, reference()), *args, **kwargs)
 
             return memory

@@ -1,4 +1,4 @@
-"""Who may use a lane, from SUMO's `allow` and `disallow` lists."""
+"""Lane kinds from SUMO's `allow` and `disallow` lists."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from smarts.errors import MapError
-from smarts.roads.lane_graph import LaneGraph, LaneKind
+from smarts.roads.lane_graph import OPPOSITE, LaneGraph, LaneKind
 from smarts.roads.memory import remembered
 
 Cost = Literal["length", "time"]
@@ -107,7 +107,8 @@ def random_route(
 ) -> tuple[str, ...]:
     """Return a random walk over at most `max_edges` road edges, shorter where the road ends.
 
-    It begins anywhere that leads on, if the map has such an edge, and takes every exit with equal chance.
+    It begins on any edge with an exit, if the map has one, and takes every exit with equal chance.
+    Turnarounds, which no vehicle can drive within a road's width, are no exits.
 
     Raises:
         MapError: No edge is open to the lanes' users.
@@ -120,12 +121,19 @@ def random_route(
         raise MapError(
             f"the map has no road for lanes of kind {', '.join(sorted(kind.name for kind in kinds))}"
         )
-    begins = [edge for edge in usable if edges.onward[edge]] or usable
+    begins = [edge for edge in usable if _exits_without_turnarounds(graph, edges, edge)] or usable
     route = [begins[generator.integers(len(begins))]]
-    while len(route) < max_edges and edges.onward[route[-1]]:
-        exits = sorted(edges.onward[route[-1]])
+    while len(route) < max_edges and (exits := _exits_without_turnarounds(graph, edges, route[-1])):
         route.append(exits[generator.integers(len(exits))])
     return tuple(graph.edge_ids[edge] for edge in route)
+
+
+def _exits_without_turnarounds(graph: LaneGraph, edges: EdgeGraph, edge: int) -> list[int]:
+    """Return the edges that follow an edge, but for those that lead back the way it came."""
+    end = graph.point_heading[graph.point_start[graph.edge_first_lane[edge] + 1] - 1]
+    exits = np.array(sorted(edges.onward[edge]), np.int64)
+    begins = graph.point_heading[graph.point_start[graph.edge_first_lane[exits]]]
+    return exits[np.cos(begins - end) > OPPOSITE].tolist()
 
 
 @remembered(most=8)

@@ -1,4 +1,4 @@
-"""What sensors, controllers and judges of events look at: the world, on its maps, with its routes."""
+"""The world with its maps and routes, as sensors, controllers and events read it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from smarts.types.world import World
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """The same three objects for the whole run; what is in them changes in place."""
+    """The same three objects for the whole run; their content changes in place."""
 
     world: World
     atlas: RoadAtlas

@@ -12,7 +12,7 @@ from smarts.errors import MapError
 MapKind = Literal["sumo_net", "sumo_plain", "netgenerate", "opendrive", "osm"]
 
 MAP_STEM = "map"
-"""What the files of a scenario's map are called unless the scenario says otherwise."""
+"""Default stem of a scenario's map files."""
 
 # In order of precedence: the first kind whose principal files exist is the map.
 _PRINCIPAL: dict[MapKind, tuple[tuple[str, ...], ...]] = {

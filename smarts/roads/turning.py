@@ -22,14 +22,14 @@ _ROAD = sum(1 << kind for kind in ROAD_LANES)
 
 @kernel
 def is_opposite(roads: Roads, heading: float, lane: int, s: float) -> bool:
-    """Tell whether a lane leads the other way at an arc length [m] than a heading [rad]."""
+    """Return whether a lane's direction at arc length `s` [m] is opposite to `heading` [rad]."""
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
     return bool(np.cos(centre_at(roads, point, s)[2] - heading) <= OPPOSITE)
 
 
 @kernel
 def is_over_road(roads: Roads, world: int, control: Floats) -> bool:
-    """Tell whether a curve with these control points stays on lanes and junctions of a map."""
+    """Return whether a curve with these control points stays on lanes and junctions of a map."""
     for i in range(PIECES + 1):
         x, y, _ = pose_on(control, i / PIECES)
         if not is_on_road(roads, world, x, y, _ROAD, True):
@@ -39,7 +39,7 @@ def is_over_road(roads: Roads, world: int, control: Floats) -> bool:
 
 @kernel
 def can_turn_round(roads: Roads, world: int, lane: int, back: int, begin: float) -> bool:
-    """Tell whether there is a place on a lane, from `begin` [m] on, where one can turn into another lane."""
+    """Return whether a vehicle can turn into another lane somewhere on a lane, from `begin` [m] on."""
     return place_to_turn(roads, world, lane, back, begin, lane_length(roads, lane)) >= 0.0
 
 

@@ -1,4 +1,4 @@
-"""What a compiled network must have before anything is built on it."""
+"""Checks of a compiled network before a map is read from it."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _check_numbers(root: ElementTree.Element, place: str) -> None:
             where = f"{place}: lane '{lane.get('id')}'"
             for name, default in (("length", ""), ("speed", ""), ("width", "3.2")):
                 text = lane.get(name, default)
-                # Nobody drives on footpaths and the like, whose speed limit may be anything.
+                # Footpaths and the like may have any speed limit.
                 if not 0 < _finite(text) < math.inf:
                     raise MapError(f"{name}={text!r} is not a number above 0", place=where, remedy=remedy)
             points = lane.get("shape", "").split()

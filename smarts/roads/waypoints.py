@@ -1,4 +1,4 @@
-"""Waypoint paths: where each lane ahead leads, as points at equal distances."""
+"""Waypoint paths: the lanes ahead as points at equal distances."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class WaypointPaths(NamedTuple):
     vehicle's foot on that lane, through junctions along the route. A path
 
     - forks where its lane leads into several lanes that follow the route (without a route: into several
-      lanes): the branch to the first lane goes on, the others follow it as paths of their own with the same
+      lanes): the branch to the first lane continues the path, the others become separate paths with the same
       first waypoints;
     - ends, with a smaller count, where its lane leaves the route, at the end of the route's last road, and at
       a dead end;

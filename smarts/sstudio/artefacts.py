@@ -1,4 +1,4 @@
-"""Writes the artefacts of a scenario: the compiled map, SUMO's input, and what the scenario says.
+"""Writes the artefacts of a scenario: the compiled map, SUMO's input, and the scenario as JSON.
 
 The same scenario, map and seed give the same bytes, in whatever folder they are.
 """

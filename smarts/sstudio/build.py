@@ -1,8 +1,8 @@
-"""Builds scenarios, at once if they are up to date: artefacts are found by a hash of all that they depend on.
+"""Builds scenarios; artefacts that are up to date are found by a hash of all their inputs.
 
-The inputs are the scenario file, the seed and this program; they lead through the index to a key, the hash of
-what the scenario says and of its map, and to the hashes of all other files that the scenario file imported or
-opened under its folder. So a changed comment runs the scenario file again but writes nothing.
+The inputs are the scenario file, the seed and this program. The index maps them to a key, the hash of the
+scenario and its map, and to the hashes of all other files that the scenario file imported or opened under its
+folder. So a changed comment runs the scenario file again but writes nothing.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ LIBRARIES = ("eclipse-sumo", "numpy", "shapely")
 
 
 def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) -> BuiltScenario:
-    """Return a built scenario; nothing is written where nothing has changed.
+    """Return a built scenario; nothing is written if nothing has changed.
 
     Args:
         path: A scenario's folder, a map file, or a name of the suite; with "@variation" for one of the
@@ -57,7 +57,7 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
         seed: For what is drawn when the scenario is built; unless given, what the scenario asks for, or 42.
         egos: How many learning agents it is for; that it has missions for them is checked before it is built.
 
-    Where the scenario is not played as its files say, the logger "smarts" warns once.
+    The logger "smarts" warns once of differences between the scenario's files and what is simulated.
 
     Raises:
         ScenarioError: The scenario cannot be found, run, or be on its map; the message says where and why.
@@ -80,7 +80,7 @@ def build_scenario(path: str | Path, *, seed: int | None = None, egos: int = 0) 
 
 
 def read_scenario(path: str | Path) -> Scenario:
-    """Return what a scenario says, without building it; its file runs only if there is no build of it.
+    """Return a scenario without building it; its file runs only if there is no build of it.
 
     Raises:
         SmartsError: As `build_scenario` does for what is found without building.
@@ -302,7 +302,7 @@ def _hashes(directory: Path, files: Iterable[str]) -> dict[str, Any]:
 
 @cache
 def _toolchain() -> str:
-    """Return a hash of what turns sources into artefacts: this program's own code, and its libraries."""
+    """Return a hash of this program's code and libraries, which turn sources into artefacts."""
     return fingerprint_program(PACKAGE)
 
 

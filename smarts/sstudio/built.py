@@ -1,4 +1,4 @@
-"""A built scenario: artefacts on disk, and what they say."""
+"""A built scenario: its artefacts on disk and their content."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ Content = TypeVar("Content")
 
 @dataclass(frozen=True)
 class BuiltScenario:
-    """A scenario ready to run. Its artefacts are never changed; a changed scenario gets other ones."""
+    """A scenario ready to run. Artefacts never change; a changed scenario gets new ones."""
 
     name: str
-    """What people call it, with the variation, as in "intersection@dense"."""
+    """Its name with the variation, as in "intersection@dense"."""
     source: Path
     """The folder of its sources."""
     directory: Path
@@ -44,7 +44,7 @@ class BuiltScenario:
     """The variations of the traffic that are played; None: all of them."""
 
     def _read(self, name: str, read: Callable[[Path], Content]) -> Content:
-        """Read an artefact; should it turn out to be damaged, see to it that it is built anew next time."""
+        """Read an artefact; if it is damaged, remove the manifest so that the next start rebuilds it."""
         try:
             with named_failures("reading the built scenario", str(self.directory / name)):
                 return read(self.directory / name)
@@ -57,7 +57,7 @@ class BuiltScenario:
             raise ScenarioError(
                 f"the built scenario is damaged: {damaged} is not as it was built",
                 place=f"{self.source}, built in {self.directory}",
-                remedy="start again: it is then built anew by itself",
+                remedy="start again; the scenario is then rebuilt",
             ) from error
 
     @cached_property
@@ -66,7 +66,7 @@ class BuiltScenario:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """What the scenario says, read from the artefacts."""
+        """The scenario, read from the artefacts."""
         return decode(self._read(SCENARIO, _load_json))
 
     @property
@@ -76,17 +76,17 @@ class BuiltScenario:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user may want to know, such as what a map converter remarks on."""
+        """Remarks for the user, such as those of a map converter."""
         return tuple(self._manifest["map_notes"] + self._manifest["notes"])
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Where the scenario is not played as its files say, such as links that were left out of its map."""
+        """Differences between the scenario's files and the simulation, such as dropped links."""
         return tuple(self._manifest["map_warnings"] + self._manifest["warnings"])
 
     @property
     def seed(self) -> int:
-        """What random routes and sampled drivers were drawn with."""
+        """The seed of random routes and sampled drivers."""
         return self._manifest["seed"]
 
     @property

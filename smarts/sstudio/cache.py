@@ -1,11 +1,11 @@
-"""The folder of a scenario's artefacts: complete or absent at any moment, whoever writes and is killed.
+"""The folder of a scenario's artefacts, written atomically: an artefact is complete or absent.
 
 build/<key>/                artefacts, never changed once there; its manifest lists their sizes and hashes
 build/index/<inputs>.json   which artefacts some inputs lead to
-build/.partial-*            being written by the holder of build/.lock, or left behind by the dead
+build/.partial-*            being written by the holder of build/.lock, or left by a killed process
 
-Artefacts that were damaged count as absent. Those that nobody asked for in `KEPT_DAYS` are deleted when new
-ones are built.
+Damaged artefacts count as absent. Artefacts that were unused for `KEPT_DAYS` are deleted when new ones are
+built.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PARTIAL = ".partial-"
 MANIFEST = "manifest.json"
 """The artefact that lists the others."""
 KEPT_DAYS = 14
-"""For how long artefacts are kept that nobody asks for [days]."""
+"""How long unused artefacts are kept [days]."""
 _DAY = 86400.0
 
 
@@ -69,7 +69,7 @@ class BuildCache:
     def lock(self) -> Iterator[None]:
         """Keep other processes from building here meanwhile.
 
-        The system lets go when the holder dies, so whatever is half done at that time was left by the dead.
+        The system releases the lock when its holder dies, so partial folders found here are abandoned.
         """
         with open(self.root / ".lock", "w") as handle:
             fcntl.flock(handle, fcntl.LOCK_EX)
@@ -81,7 +81,7 @@ class BuildCache:
 
     @contextmanager
     def publish(self, key: str) -> Iterator[Path]:
-        """Give a folder to write to, which becomes the artefacts of `key` if all goes well."""
+        """Provide a folder that becomes the artefacts of `key` if the body succeeds."""
         partial = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=self.root))
         try:
             yield partial
@@ -102,7 +102,7 @@ class BuildCache:
                 raise
 
     def artefacts(self, key: str) -> Path | None:
-        """Return the folder of the artefacts under `key`, if they are there as they were built."""
+        """Return the folder of the artefacts under `key` if they are complete and undamaged."""
         folder = self.root / key
         with contextlib.suppress(OSError):
             if time.time() - folder.stat().st_mtime > _DAY:
@@ -110,9 +110,9 @@ class BuildCache:
         return None if damaged_file(folder) else folder
 
     def prune(self) -> None:
-        """Delete artefacts that nobody has asked for in `KEPT_DAYS`, and entries of the index without any.
+        """Delete artefacts unused for `KEPT_DAYS`, and index entries without artefacts.
 
-        For the holder of the lock.
+        The caller holds the lock.
         """
         keys = set()
         for folder in self.root.iterdir():
@@ -128,13 +128,13 @@ class BuildCache:
                 file.unlink(missing_ok=True)
 
     def _discard(self, folder: Path) -> None:
-        """Delete artefacts so that they are never there by half."""
+        """Delete artefacts atomically."""
         away = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=self.root))
         folder.rename(away / folder.name)
         shutil.rmtree(away, ignore_errors=True)
 
     def read(self, entry: str) -> dict[str, Any] | None:
-        """Return an entry of the index, None where there is none that can be read."""
+        """Return an entry of the index, None if it is missing or unreadable."""
         try:
             content = json.loads((self.root / "index" / f"{entry}.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -142,7 +142,7 @@ class BuildCache:
         return content if isinstance(content, dict) else None
 
     def write(self, entry: str, content: dict[str, Any]) -> None:
-        """Put an entry into the index, whole or not at all."""
+        """Write an entry of the index atomically."""
         descriptor, name = tempfile.mkstemp(prefix=PARTIAL, dir=self.root / "index")
         try:
             with os.fdopen(descriptor, "w", encoding="utf-8") as file:
@@ -177,9 +177,9 @@ def damaged_file(folder: Path) -> str | None:
 
 
 def file_hash(file: Path) -> str | None:
-    """Return a fingerprint of a file's content, None for what is not a file that can be read."""
+    """Return a fingerprint of a file's content, None if it is no readable file."""
     try:
-        # What is no regular file might never end.
+        # Other files than regular ones might never end.
         return hashlib.blake2b(file.read_bytes(), digest_size=16).hexdigest() if file.is_file() else None
     except OSError:
         return None

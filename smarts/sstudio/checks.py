@@ -1,4 +1,4 @@
-"""Small checks of values, each of which raises an error that names the value and where it is."""
+"""Checks of values, each of which raises an error that names the value and its place."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from smarts import errors
 from smarts.errors import ScenarioError, nearest_names
 
 LONGEST_NAME = 100
-"""How many characters a name may have; it becomes part of file names."""
+"""Characters of a name, which becomes part of file names."""
 
 
 @dataclass(frozen=True)
 class Checks:
     """Checks of the values of one file.
 
-    In every method `where` is what the value is called in the file, as "traffic['dense'].flows[2].rate".
+    In every method `where` is the place of the value in the file, as in "traffic['dense'].flows[2].rate".
 
     Raises:
         ScenarioError: In every method, if the value is not what it should be.
@@ -33,18 +33,18 @@ class Checks:
         return f"{self.place}: {where}"
 
     def error(self, where: str, problem: str, remedy: str) -> ScenarioError:
-        """Return an error for the caller to raise, where the message is costly to make."""
+        """Return an error for the caller to raise."""
         return ScenarioError(problem, place=self.at(where), remedy=remedy)
 
     def require(self, holds: bool, where: str, problem: str, remedy: str) -> None:
-        """Require that something holds."""
+        """Raise unless a condition holds."""
         if not holds:
             raise self.error(where, problem, remedy)
 
     def number(
         self, value: Any, where: str, above: float | None = None, most: float = math.inf, least: float = 0.0
     ) -> None:
-        """Require a finite number: from `least`, or above a bound, to at most another."""
+        """Require a finite number from `least`, or greater than `above`, to `most`."""
         bound = f"{least:g} or more" if above is None else f"above {above:g}"
         bound += "" if most == math.inf else f" and at most {most:g}"
         numeric = is_number(value) and math.isfinite(value)
@@ -52,8 +52,15 @@ class Checks:
         if not holds:
             raise self.error(where, f"{shown(value)} is not a number {bound}", f"use a number {bound}")
 
+    def numbers(
+        self, owner: Any, where: str, above: float | None = None, least: float = 0.0, **most: float
+    ) -> None:
+        """Require a number in each of some fields of `owner`; `most` gives their largest values."""
+        for name, limit in most.items():
+            self.number(getattr(owner, name), f"{where}.{name}", above, limit, least)
+
     def name(self, value: Any, where: str) -> None:
-        """Require a name that files can have, too."""
+        """Require a name that files can have too."""
         self.type(value, str, where)
         fits = (
             1 <= len(value) <= LONGEST_NAME and value.isprintable() and len(quote(value)) <= 2 * LONGEST_NAME
@@ -63,17 +70,17 @@ class Checks:
             raise self.error(where, f"{shown(value)} is not a name", remedy)
 
     def count(self, value: Any, where: str) -> None:
-        """Require a whole number from 1."""
+        """Require a whole number of at least 1."""
         whole = isinstance(value, int) and not isinstance(value, bool) and value >= 1
         self.require(whole, where, f"{shown(value)} is not a count", "use 1, 2, 3, ...")
 
     def index(self, value: Any, where: str) -> None:
-        """Require a whole number from 0."""
+        """Require a whole number of at least 0."""
         whole = isinstance(value, int) and not isinstance(value, bool) and value >= 0
         self.require(whole, where, f"{shown(value)} is not an index", "use 0, 1, 2, ...")
 
     def order(self, first: float, last: float, where: str, name: str) -> None:
-        """Require that a span does not end before it begins, at what is called `name`."""
+        """Require that `last` is not less than `first`, which is the field `name`."""
         self.require(last >= first, where, f"{last} is before {name}, {first}", "exchange the two")
 
     def choice(self, value: Any, known: Collection[str], where: str) -> None:
@@ -89,23 +96,34 @@ class Checks:
             raise self.error(where, f"a {type(value).__name__}: {shown(value)}", f"use a {names}")
 
     def named(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
-        """Require a dict by name, or None, and return what its items are called, and the items."""
+        """Require a dict by name, or None; return the items with their places."""
         if not isinstance(value, Mapping | None) or not all(isinstance(name, str) for name in value or ()):
             raise self.error(where, f"not a dict by name: {shown(value)}", 'use {"name": ...}')
         return ((f"{where}[{name!r}]", item) for name, item in (value or {}).items())
 
     def listed(self, value: Any, where: str) -> Iterator[tuple[str, Any]]:
-        """Require a list, or None, and return what its items are called, and the items."""
+        """Require a list, or None; return the items with their places."""
         if not isinstance(value, list | tuple | None):
             raise self.error(where, f"not a list: {shown(value)}", "use [...]")
         return ((f"{where}[{number}]", item) for number, item in enumerate(value or ()))
 
+    def each(self, value: Any, kind: type, where: str) -> Iterator[tuple[str, Any]]:
+        """Require a list of values of a type, or None; yield the items with their places."""
+        for at, item in self.listed(value, where):
+            self.type(item, kind, at)
+            yield at, item
+
+    def unique(self, name: str, seen: dict[str, str], where: str) -> None:
+        """Require a name that is not in `seen`, the names so far with their places; add it."""
+        earlier = seen.setdefault(name, where)
+        self.require(earlier == where, where, f"{earlier} is {name!r}, too", "rename one of them")
+
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is a number; True and False are none."""
+    """Return whether a value is a number and not a bool."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def shown(value: Any) -> str:
-    """Return a value as messages show it: as Python would, but never long."""
+    """Return the shortened `repr` of a value for messages."""
     return errors.shown(value, 100)

@@ -1,4 +1,4 @@
-"""Where the `gen_*` functions put what a scenario file says."""
+"""Collects the calls of the `gen_*` functions of a scenario file."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from smarts.sstudio.sstypes.scenario import Scenario
 
 @dataclass
 class Collection:
-    """What a running scenario file has said so far."""
+    """The scenario that a running file has described so far."""
 
     scenario: Scenario | None = None
     """None until the file calls the first `gen_*` function."""
     seed: int | None = None
-    """The seed that the file asks for, if it does."""
+    """The seed that the file names, if any."""
     whole_from: str | None = None
-    """Where the file hands over a whole scenario, if it has."""
+    """Line of the file that hands over a whole scenario, if any."""
 
     def add_whole(self, scenario: Scenario, seed: int | None, call: str) -> None:
         """Join a whole scenario to what came before.
@@ -43,7 +43,7 @@ class Collection:
         self.add(scenario, seed)
 
     def add(self, part: Scenario, seed: int | None) -> None:
-        """Join what one `gen_*` function was given to what came before."""
+        """Join the part given to one `gen_*` function to the earlier ones."""
         self.scenario = part if self.scenario is None else join(self.scenario, part)
         self.seed = self.seed if seed is None else seed
 
@@ -58,7 +58,7 @@ def current_collection() -> Collection | None:
 
 @contextmanager
 def collecting() -> Iterator[Collection]:
-    """Gather what the `gen_*` functions are given meanwhile."""
+    """Collect the calls of the `gen_*` functions in the body."""
     collection = Collection()
     token = _current.set(collection)
     try:

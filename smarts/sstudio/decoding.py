@@ -74,7 +74,7 @@ def _known(name: str) -> Any:
 def _foreign(problem: str) -> ScenarioError:
     return ScenarioError(
         f"the built scenario is of another version: {problem}",
-        remedy="delete its build folder; it is built anew",
+        remedy="delete its build folder; it is then rebuilt",
     )
 
 

@@ -1,4 +1,4 @@
-"""Scenario objects as plain data: what identifies them, and what a built scenario stores.
+"""Scenario objects as plain data, which identifies them and is stored by a built scenario.
 
 The same value always gives the same text, on every machine and in every process: fields in their declared
 order and left out where they hold their default, sequences of any kind as lists, numbers by value (1 and
@@ -64,7 +64,7 @@ def canonical(value: Any) -> str:
 
 
 def digest(value: Any, size: int = 16) -> str:
-    """Return a hexadecimal fingerprint of `size` bytes of what `value` says."""
+    """Return a hexadecimal fingerprint of `size` bytes of a value's content."""
     return hashlib.blake2b(canonical(value).encode(), digest_size=size).hexdigest()
 
 
@@ -90,7 +90,7 @@ def _encode_set(value: Set, where: str) -> Json:
 def _encode_mapping(value: Mapping, where: str) -> Json:
     arguments = getattr(value, "constructor_arguments", None)
     if arguments is not None:
-        # A mapping of our own, such as LaneChangingModel: what it was made from says more than its items.
+        # Our own mappings, such as LaneChangingModel, are stored by their constructor's arguments.
         return {TYPE: type(value).__name__, **_encode_items(arguments, where)}
     if all(isinstance(key, str) and not key.startswith("$") for key in value):
         return _encode_items(value, where)

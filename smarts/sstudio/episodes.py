@@ -1,4 +1,4 @@
-"""What episodes of a scenario are made of: a variation of the traffic, and missions for the egos."""
+"""Episodes of a scenario: a traffic variation, and missions for the egos."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EpisodePlan:
-    """One combination that an environment plays."""
+    """Traffic and missions of one episode."""
 
     traffic: str | None
     """The variation of the traffic; None where the scenario has none."""
@@ -32,7 +32,7 @@ def episode_plans(
     traffic: Sequence[str] | None = None,
     place: str = "",
 ) -> tuple[EpisodePlan, ...]:
-    """Return every variation of the traffic with every set of missions, to be cycled through.
+    """Return every variation of the traffic with every set of missions; episodes cycle through them.
 
     With as many missions as egos there is one set. With fewer egos, sets of that many follow each other
     through the missions, round to the first if need be, until each mission has been in one. Without

@@ -1,4 +1,4 @@
-"""What a scenario file says, found out by running it."""
+"""Runs a scenario file and returns the scenario that it describes."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Description:
 
     scenario: Scenario
     seed: int
-    """For what is drawn when the scenario is built."""
+    """Seed of the build."""
     files: tuple[Path, ...] = ()
-    """What the scenario file imports and reads: it may say something else when they change."""
+    """Files that the scenario file imports or reads; the scenario may change with them."""
 
 
 def run_scenario_file(script: Path, seed: int) -> Description:
-    """Run a scenario file and return what it says.
+    """Run a scenario file and return its scenario.
 
     The file runs in its own folder and in a process of its own, for `smarts.roads.children.TIME_LIMIT` at
     the longest; what it prints is shown, and it cannot ask for input.

@@ -1,4 +1,4 @@
-"""The one place where failures that nobody named become errors that name their place."""
+"""Turns unexpected exceptions into errors that name the file and the operation."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _REMEDIES = {
 
 @contextmanager
 def named_failures(doing: str, place: str) -> Iterator[None]:
-    """Turn every failure into an error that says what was being done, and for which file of the user.
+    """Turn every exception into an error that names the operation and the user's file.
 
     Args:
-        doing: What fails then, as "building the scenario".
+        doing: The operation, as "building the scenario".
         place: The user's file or folder.
 
     Raises:
-        SmartsError: As it was, where it has a name already.
-        ScenarioError: In place of all else, interruptions excepted.
+        SmartsError: Raised unchanged.
+        ScenarioError: In place of every other exception but interruptions.
     """
     try:
         yield
@@ -41,9 +41,9 @@ def named_failures(doing: str, place: str) -> Iterator[None]:
 
 
 def named(error: BaseException, doing: str, place: str) -> ScenarioError:
-    """Return the error that says what happened to the user's file."""
+    """Return an exception as an error of the user's file."""
     if isinstance(error, OSError):
-        # What came of it may be called otherwise: no temporary folder can be used then, for one.
+        # Running out of file descriptors may surface as another error, such as a missing temporary folder.
         error = _used_up() or error
         where = f" ({error.filename})" if error.filename and str(error.filename) != place else ""
         problem = f"{doing} failed: {error.strerror or error}{where}"
@@ -58,7 +58,7 @@ def named(error: BaseException, doing: str, place: str) -> ScenarioError:
 
 
 def _used_up() -> OSError | None:
-    """Return the error of a process that may open no more files, else None."""
+    """Return the error if the process may open no more files, else None."""
     try:
         os.close(os.open(os.devnull, os.O_RDONLY))
     except OSError as error:

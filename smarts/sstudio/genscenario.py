@@ -1,10 +1,10 @@
-"""The functions that a scenario file ends with: they hand over what it describes.
+"""The functions that a scenario file ends with; they hand over the scenario.
 
 While a scenario is being built they contribute to it. Called by hand they build at once:
 
 - by `python scenario.py`, the whole file is built, as by `build_scenario`;
-- from a notebook or another program, what was given for a folder so far, a later call of the same kind
-  replacing an earlier one.
+- from a notebook or another program, everything given for a folder so far is built; a later call of the same
+  kind replaces an earlier one.
 
 Arguments that had a meaning in the original and have none here, since builds are implicit, are accepted
 and ignored: `overwrite`, `ovewrite` (sic), `output_dir` beside a scenario's folder.
@@ -102,7 +102,7 @@ def gen_missions(
         missions: The missions.
         seed: For what is drawn when the scenario is built.
         overwrite: Ignored.
-        actors: Who the missions are for; social agents, or None for the learning agents.
+        actors: Social agents, or None for the learning agents.
         name: The group's name, for social agents.
         output_dir: Ignored.
         map_spec: The map, if it is not the one in the folder.
@@ -143,14 +143,14 @@ def gen_group_laps(
     overwrite: bool = False,
     map_spec: t.MapSpec | None = None,
 ) -> None:
-    """Hand over lap missions of learning agents who start staggered on a grid; see `GroupedLapMission`.
+    """Hand over lap missions of learning agents that start staggered on a grid; see `GroupedLapMission`.
 
     Args:
         scenario: The scenario's folder.
         begin: Edge, lane and offset of the first start.
         end: Edge, lane and offset of the first finish.
-        grid_offset: How far each starts behind the one before [m].
-        used_lanes: Over how many lanes they are spread.
+        grid_offset: Distance from each start to the one ahead [m].
+        used_lanes: Number of lanes of the grid.
         vehicle_count: How many agents.
         entry_tactic: How they get their vehicles.
         num_laps: How many laps.

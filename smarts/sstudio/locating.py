@@ -1,4 +1,4 @@
-"""What people call scenarios: names of the suite, folders, map files, each with a variation."""
+"""Names of scenarios: of the suite, folders, map files, each with an optional variation."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Location:
     """Where a scenario's sources are and where its artefacts go."""
 
     name: str
-    """What people call it, without the variation."""
+    """Its name, without the variation."""
     directory: Path
     """The folder of its sources, absolute."""
     variation: str | None = None
     """Which of its held-out variations is meant."""
     map_file: str | None = None
-    """The map in `directory` that is all there is, where a map file was named."""
+    """The map in `directory`, if the scenario is a bare map file."""
     described_only: bool = False
     """Whether a scenario file counts as absent, since the scenario was handed over by hand."""
 
@@ -86,7 +86,7 @@ def locate(path: str | Path) -> Location:
 
 
 def resolved(name: str) -> str:
-    """Return a scenario's name as it means the same from every folder.
+    """Return a scenario's name that means the same from every folder.
 
     That is the name in the suite, also for a path to the suite's own folder; of other folders and map files
     the absolute path; of what does not exist, `name`. A variation stays.

@@ -1,10 +1,10 @@
-"""Missions on their map: where exactly each ego starts, by which edges it drives, and where it is to arrive.
+"""Missions on their map: the exact start, route and goal of each ego.
 
-Resolved anew for every episode, since random routes, random offsets and varied starts are drawn then.
+Resolved per episode, because random routes, random offsets and varied starts are drawn then.
 
-Starts on one lane never overlap: behind the ego ahead, `GAP` metres stay free to its rear bumper (or as much
-as the scenario itself leaves), however the starts are drawn. A start is where the front bumper is, and stays
-on its lane; the rear bumper, too, wherever the lane is long enough: the least offset is a vehicle's length.
+Starts on one lane never overlap: `GAP` metres stay free behind the ego ahead, or as much as the scenario
+itself leaves. A start is the place of the front bumper, on its lane; the rear bumper is on the lane too where
+the lane is long enough: the least offset is the vehicle's length.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from smarts.sstudio.random_routes import draw_route
 from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, MISSING, RANDOM_OFFSET
 
 GAP = 2.5
-"""What stays free between egos that start on one lane, bumper to bumper [m]."""
+"""Free distance between egos that start on one lane, bumper to bumper [m]."""
 CAR_LENGTH = 5.0
-"""The length of an ego unless told otherwise [m]."""
+"""Default length of an ego [m]."""
 ROUNDING = 1e-6
-"""What counts as no overlap yet, since offsets are scaled [m]."""
+"""Overlap that is ignored, because offsets are scaled [m]."""
 TRIES = 100
-"""How often a random start is drawn anew to find room."""
+"""Draws of a random start until the search for room fails."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class PlacedVia:
     required_speed: float
     """[m/s]"""
     hit_distance: float
-    """Within which it counts as passed [m]."""
+    """Distance within which it counts as passed [m]."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class PlacedMission:
     """A mission of one episode."""
 
     mission: t.AnyMission
-    """What it comes from."""
+    """The mission in the scenario."""
     start: LanePoint
     """Of the front bumper."""
     pose: tuple[float, float, float]
@@ -128,7 +128,7 @@ def place_missions(
 def _drafts(
     missions: Sequence[t.AnyMission], roads: LaneGraph, generator: Generator, length: float, place: str
 ) -> list[_Draft]:
-    """Return the missions with their starts: fixed ones first, then random ones where there is room."""
+    """Return the missions with their starts; fixed starts are placed before random ones."""
     drafts: dict[int, _Draft] = {}
     for number in sorted(range(len(missions)), key=lambda number: _is_random(missions[number])):
         mission, where = missions[number], f"{place}: mission {number}"
@@ -249,7 +249,7 @@ def _overlap(queue: Sequence[_Draft], roads: LaneGraph, length: float) -> Scenar
 
 
 def _speed(mission: t.AnyMission, generator: Generator, variation: t.StartVariation | None) -> float:
-    """Return the speed at the start: what the mission itself names, else as varied, else 0 [m/s]."""
+    """Return the speed at the start [m/s]: the mission's, else a varied one, else 0."""
     task = mission.task if isinstance(mission, t.Mission) else None
     if isinstance(task, t.UTurn) and task.initial_speed is not None:
         return task.initial_speed
@@ -289,12 +289,12 @@ def _route(draft: _Draft, roads: LaneGraph) -> tuple[str, ...]:
         return (roads.edge_ids[roads.lane_edge[draft.lane]],)
     mission = draft.mission
     if isinstance(mission, t.Mission) and isinstance(mission.task, t.UTurn):
-        return (draft.route.begin[0], draft.route.end[0])  # the turn itself is the way between the two
+        return (draft.route.begin[0], draft.route.end[0])  # the turn joins the two
     lap = route_edges(roads, draft.route, draft.where)
     if not isinstance(mission, t.LapMission) or mission.num_laps == 1:
         return lap
     with blame(draft.where):
-        # From the goal's edge round to the begin's, both of which the laps themselves have.
+        # From the goal's edge back to the first edge; both belong to the laps.
         back = shortest_route(roads, lap[-1], lap[0], lap=True)[1:-1]
     further = (*back, *lap) if lap[0] != lap[-1] else (*back, *lap[-1:])
     return lap + further * (mission.num_laps - 1)

@@ -1,4 +1,4 @@
-"""Places and routes of a scenario on its map: which lane is meant, how far along, by which edges.
+"""Places and routes of a scenario on its map: lane, offset and edges.
 
 Offsets of scenarios are SUMO's positions along a lane; arc lengths s of the drawn centreline differ from
 them, see `LaneGraph.arc_length`.
@@ -27,13 +27,13 @@ def usable_lanes(vehicle_type: str) -> frozenset[LaneKind]:
     return BUSES if vehicle_type in ("bus", "coach") else CARS
 
 
-# Missions are placed anew at every reset, mostly on the same routes.
+# Missions are placed at every reset, mostly on the same routes.
 _shortest_route = lru_cache(maxsize=1024)(shortest_route)
 
 
 @contextmanager
 def blame(where: str) -> Iterator[None]:
-    """Turn what a map lacks into an error of the scenario's object that asked for it."""
+    """Turn a MapError into an error of the scenario's object."""
     try:
         yield
     except MapError as error:
@@ -78,8 +78,8 @@ def check_offset(roads: LaneGraph, lane: int, offset: Any, where: str) -> None:
 def via_place(roads: LaneGraph, via: t.Via, where: str) -> tuple[int, float]:
     """Return the row of the lane of a via point and the offset along it [m].
 
-    In a junction an offset may run on into the lane behind a turn's waiting point: where maps put that
-    point, scenarios cannot know.
+    In a junction an offset may reach into the lane behind a turn's waiting point, because scenarios do not
+    know where the map puts that point.
 
     Raises:
         ScenarioError: The edge or the lane is not on the map, or the offset is off the lane.
@@ -101,7 +101,7 @@ def via_place(roads: LaneGraph, via: t.Via, where: str) -> tuple[int, float]:
 
 
 def target_lane(roads: LaneGraph, edge_id: str, task: t.UTurn) -> int:
-    """Return the row of the lane of an edge that a vehicle is to turn into."""
+    """Return the row of the lane that a U-turn leads into."""
     edge = roads.edge_number(edge_id)
     index = min(task.target_lane_index, int(roads.edge_lane_count[edge]) - 1)
     return int(roads.edge_first_lane[edge]) + index

@@ -1,9 +1,9 @@
-"""Runs a scenario file in a process of its own and writes down what it says.
+"""Runs a scenario file in its own process and writes the scenario as JSON.
 
     python -m smarts.sstudio.runner SCENARIO_FILE ANSWER_FILE_DESCRIPTOR SEED
 
-A process of its own, so that the file meets the same world every time: fresh modules, a fixed order of
-sets, fixed seeds, its own folder as the working directory; and so that nothing it does stays behind.
+Its own process, so that each run is the same (fresh modules, a fixed order of sets, fixed seeds, its own
+folder as the working directory) and leaves nothing behind.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main(arguments: list[str]) -> None:
     try:
         answer = json.dumps(_describe(script, seed))
     except BaseException as error:
-        # All of it, even what is meant to end the process: the answer is the only way to tell the user.
+        # Even exceptions that end a process: the answer is the only way to report them.
         said = error if isinstance(error, SmartsError) else named(error, "writing it down", str(script))
         reply = {"problem": said.problem, "place": said.place, "remedy": said.remedy}
         answer = json.dumps({"error": reply})
@@ -103,7 +103,7 @@ def _encoded(collection: Collection, script: Path) -> Json:
 def _record_opened(folder: Path) -> set[str]:
     """Return a set that from now on takes in every file under `folder` that is opened for reading.
 
-    Those that are not there count, too: the scenario file may say something else once they are.
+    Missing files count too: the scenario may change once they exist.
     """
     opened: set[str] = set()
     root = str(folder) + os.sep
@@ -141,7 +141,7 @@ def _own_modules() -> set[str]:
 
 def _seed_global_generators(seed: int) -> None:
     # The one place that touches the process-wide generators: scenario files written for the original draw
-    # from them directly, and must say the same at every build. This process ends with the file.
+    # from them directly, and must give the same scenario at every build. This process ends with the file.
     import random
 
     import numpy

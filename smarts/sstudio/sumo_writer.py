@@ -1,7 +1,7 @@
 """Traffic as SUMO's input files.
 
 Every flow becomes one SUMO flow over a fixed sequence of edges. Its drivers are a distribution of vehicle
-types whose probabilities are the actors' shares. "random" offsets stay random: SUMO draws them anew in every
+types whose probabilities are the actors' shares. "random" offsets stay random: SUMO draws them in every
 episode. Files are sorted by time of departure, as SUMO wants them.
 """
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 ROUND_TRIP_EDGES = 2000
-"""How many edges a repeated route gets at least; enough for hours, and SUMO holds it in memory once."""
+"""Least number of edges of a repeated route: enough for hours; SUMO holds it in memory once."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class SumoDocuments:
     additional: str
     """Bus stops; empty without any."""
     notes: tuple[str, ...]
-    """What SUMO cannot do of what was asked."""
+    """Parts of the scenario that SUMO does not support."""
 
 
 def sumo_traffic(traffic: t.Traffic, roads: LaneGraph, generator: Generator, where: str) -> SumoDocuments:
@@ -110,7 +110,7 @@ class _Writer:
     stops: dict[str, _Element] = field(default_factory=dict)
     """Bus stops by id."""
     drawn: dict[t.RandomRoute, t.Route] = field(default_factory=dict)
-    """What each random route turned out to be."""
+    """The route drawn for each random route."""
     notes: dict[str, None] = field(default_factory=dict)
     """In order, each once."""
 
@@ -228,7 +228,7 @@ class _Writer:
         return self._route(circuit, rounds=-(-ROUND_TRIP_EDGES // len(circuit)))
 
     def _ends(self, route: t.Route, speed: float | str) -> dict[str, Any]:
-        """Return where and how vehicles depart and arrive, in SUMO's words."""
+        """Return SUMO's attributes for where and how vehicles depart and arrive."""
         (_, depart_lane, depart), (_, arrival_lane, arrival) = route.begin, route.end
         if depart == MAX_OFFSET:
             depart = float(self.roads.sumo_length[self.roads.lane_number(*route.begin[:2])])

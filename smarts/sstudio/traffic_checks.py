@@ -1,4 +1,4 @@
-"""Checks the traffic that a scenario describes against its map; see `smarts.sstudio.validation`."""
+"""Checks a scenario's traffic against its map; see `smarts.sstudio.validation`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ENGINES = (*TRAFFIC_ENGINES, "SMARTS")
 VEHICLE_TYPES = tuple(kind.name.lower() for kind in VehicleKind)
 DEPART_SPEEDS = ("max", "desired", "random", "speedLimit", "avg", "last")
 LARGEST = 1e6
-"""The largest value of what has no other bound, so that nothing overflows in SUMO."""
+"""Bound of values without a bound of their own, so that nothing overflows in SUMO."""
 LATEST = 1e9
 """The latest time [s]."""
 LONGEST_WARM_UP = 3600.0
@@ -39,24 +39,15 @@ class TrafficChecks(Checks):
         self.type(traffic, t.Traffic, where)
         self.choice(traffic.engine, ENGINES, f"{where}.engine")
         self.number(traffic.warm_up, f"{where}.warm_up", most=LONGEST_WARM_UP)
-        for at, flow in self.listed(traffic.flows, f"{where}.flows"):
+        for at, flow in self.each(traffic.flows, t.Flow, f"{where}.flows"):
             self._flow(flow, at)
         seen: dict[str, str] = {}
-        for at, trip in self.listed(traffic.trips, f"{where}.trips"):
+        for at, trip in self.each(traffic.trips, t.Trip, f"{where}.trips"):
             self._trip(trip, at)
-            earlier = seen.setdefault(trip.vehicle_name, at)
-            self.require(
-                earlier == at,
-                f"{at}.vehicle_name",
-                f"{earlier} has the name {trip.vehicle_name!r}, too",
-                "give every trip a name of its own",
-            )
+            self.unique(trip.vehicle_name, seen, f"{at}.vehicle_name")
 
     def _flow(self, flow: t.Flow, where: str) -> None:
-        self.type(flow, t.Flow, where)
-        self.number(flow.rate, f"{where}.rate", most=HIGHEST_RATE)
-        self.number(flow.begin, f"{where}.begin", most=LATEST)
-        self.number(flow.end, f"{where}.end", most=LATEST)
+        self.numbers(flow, where, rate=HIGHEST_RATE, begin=LATEST, end=LATEST)
         self.order(flow.begin, flow.end, f"{where}.end", "begin")
         self._weights(flow.actors, f"{where}.actors")
         for actor in flow.actors:
@@ -73,7 +64,6 @@ class TrafficChecks(Checks):
         self.require(sum(actors.values()) > 0, where, "the weights sum to zero", "give one a weight above 0")
 
     def _trip(self, trip: t.Trip, where: str) -> None:
-        self.type(trip, t.Trip, where)
         self.name(trip.vehicle_name, f"{where}.vehicle_name")
         self.require(
             bool(trip.vehicle_name) and sumo_id(trip.vehicle_name) == trip.vehicle_name,
@@ -97,27 +87,26 @@ class TrafficChecks(Checks):
         edges = None
         if isinstance(route, t.Route):
             edges = route_edges(self.roads, route, self.at(f"{where}.route"), kinds)
-        for at, stop in self.listed(stops, f"{where}.stops"):
+        for at, stop in self.each(stops, t.Stop, f"{where}.stops"):
             self._stop(stop, edges, at)
 
     def own_map(self, route: t.Route | t.RandomRoute, where: str) -> None:
         """Require a route, on the scenario's map."""
         self.type(route, (t.Route, t.RandomRoute), where)
         if isinstance(route, t.Route):
-            for at, edge in self.listed(route.via, f"{where}.via"):
-                self.type(edge, str, at)
-        self.require(
-            route.map_spec is None,
-            f"{where}.map_spec",
-            "a route cannot be on a map of its own",
-            "leave it out: routes are on the scenario's map",
-        )
+            self.texts(route.via, f"{where}.via")
+        remedy = "leave it out: routes are on the scenario's map"
+        self.require(route.map_spec is None, f"{where}.map_spec", "a route has no map of its own", remedy)
+
+    def texts(self, values: Any, where: str) -> None:
+        """Require a list of texts."""
+        for _ in self.each(values, str, where):
+            pass
 
     def _stop(self, stop: t.Stop, edges: tuple[str, ...] | None, where: str) -> None:
-        self.type(stop, t.Stop, where)
         lane_of(self.roads, (stop.road_id, stop.lane_index, stop.offset), self.at(where))
-        self.number(stop.duration, f"{where}.duration", most=LATEST)
-        self.number(stop.length, f"{where}.length", above=0, most=LARGEST)
+        self.numbers(stop, where, duration=LATEST)
+        self.numbers(stop, where, above=0, length=LARGEST)
         if edges is None:
             raise self.error(where, "a random route cannot have stops", "use a Route")
         if stop.road_id not in edges:
@@ -126,16 +115,15 @@ class TrafficChecks(Checks):
 
     def _actor(self, actor: t.TrafficActor, where: str) -> None:
         self.choice(actor.vehicle_type, VEHICLE_TYPES, f"{where}.vehicle_type")
-        for name in ("accel", "decel", "emergency_decel", "max_speed"):
-            self.number(getattr(actor, name), f"{where}.{name}", above=0, most=LARGEST)
-        self.number(actor.tau, f"{where}.tau", above=0, most=LARGEST)
-        self.number(actor.sigma, f"{where}.sigma", most=1)
+        positive = ("accel", "decel", "emergency_decel", "max_speed", "tau")
+        self.numbers(actor, where, above=0, **dict.fromkeys(positive, LARGEST))
+        self.numbers(actor, where, sigma=1)
         for name in ("speed", "imperfection", "min_gap"):
             self._distribution(getattr(actor, name), f"{where}.{name}")
         if isinstance(actor.depart_speed, str):
             self.choice(actor.depart_speed, DEPART_SPEEDS, f"{where}.depart_speed")
         else:
-            self.number(actor.depart_speed, f"{where}.depart_speed", most=LARGEST)
+            self.numbers(actor, where, depart_speed=LARGEST)
         ignored = ignored_models(actor)
         models = (("lane_changing_model", LANE_CHANGING), ("junction_model", JUNCTIONS))
         for name, known in models:
@@ -150,11 +138,9 @@ class TrafficChecks(Checks):
     def _distribution(self, value: Any, where: str) -> None:
         self.type(value, (t.Distribution, t.UniformDistribution, t.TruncatedDistribution), where)
         if isinstance(value, t.Distribution):
-            self.number(value.mean, f"{where}.mean", most=LARGEST)
-            self.number(value.sigma, f"{where}.sigma", most=LARGEST)
+            self.numbers(value, where, mean=LARGEST, sigma=LARGEST)
             return
-        for name in ("a", "b"):
-            self.number(getattr(value, name), f"{where}.{name}", least=-LARGEST, most=LARGEST)
+        self.numbers(value, where, least=-LARGEST, a=LARGEST, b=LARGEST)
         if isinstance(value, t.TruncatedDistribution):
-            self.number(value.loc, f"{where}.loc", least=-LARGEST, most=LARGEST)
-            self.number(value.scale, f"{where}.scale", most=LARGEST)
+            self.numbers(value, where, least=-LARGEST, loc=LARGEST)
+            self.numbers(value, where, scale=LARGEST)

@@ -1,10 +1,11 @@
-"""Checks a described scenario against its map, so that nothing of it fails in mid-episode.
+"""Checks a scenario against its map before it is built, so that no episode fails halfway.
 
-Every error names the object (`traffic['dense'].flows[2].route.begin`), the value and what to do.
+Every error names the object (`traffic['dense'].flows[2].route.begin`), the value and a remedy.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,13 +18,7 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
 from smarts.sstudio.checks import shown
 from smarts.sstudio.episodes import grid
-from smarts.sstudio.placement import (
-    blame,
-    lane_of,
-    route_edges,
-    target_lane,
-    via_place,
-)
+from smarts.sstudio.placement import blame, lane_of, route_edges, target_lane, via_place
 from smarts.sstudio.sstypes.constants import MISSING
 from smarts.sstudio.traffic_checks import LARGEST, LATEST, TrafficChecks
 from smarts.sstudio.ways import is_on_way, leads_back_beside
@@ -33,12 +28,12 @@ FARTHEST = 1e9
 FASTEST_START = 100.0
 """The highest speed at a start or a via point, which is the highest that vehicles have [m/s]."""
 LONGEST_SHIFT = 1000.0
-"""By how much starts may vary [m]."""
+"""Largest variation of a start [m]."""
 HISTORY_SOURCES = ("NGSIM", "INTERACTION", "Waymo", "Argoverse")
 
 
 def validate(scenario: t.Scenario, roads: LaneGraph, place: str) -> None:
-    """Check everything that a scenario says.
+    """Check all fields of a scenario.
 
     Args:
         scenario: The scenario.
@@ -46,7 +41,7 @@ def validate(scenario: t.Scenario, roads: LaneGraph, place: str) -> None:
         place: The file that describes it, for errors.
 
     Raises:
-        ScenarioError: The first thing that cannot be.
+        ScenarioError: Names the first invalid value.
     """
     _Validation(place, roads).scenario(scenario)
 
@@ -55,12 +50,9 @@ def validate(scenario: t.Scenario, roads: LaneGraph, place: str) -> None:
 class _Validation(TrafficChecks):
     def scenario(self, scenario: t.Scenario) -> None:
         spec = scenario.map_spec
-        self.require(
-            spec is None or spec.builder_fn is None,
-            "map_spec.builder_fn",
-            "maps cannot be built by a function of one's own",
-            "leave it out, and give the map as a SUMO, OpenDRIVE or OSM file",
-        )
+        remedy = "leave it out, and give the map as a SUMO, OpenDRIVE or OSM file"
+        is_file = spec is None or spec.builder_fn is None
+        self.require(is_file, "map_spec.builder_fn", "functions that build maps are not supported", remedy)
         for where, traffic in self.named(scenario.traffic, "traffic"):
             self.traffic(traffic, where)
         for name in scenario.traffic or {}:
@@ -70,7 +62,7 @@ class _Validation(TrafficChecks):
         for where, group in self.named(scenario.social_agent_missions, "social_agent_missions"):
             self._social_agents(group, where)
         self._bubbles(scenario.bubbles)
-        for where, patch in self.listed(scenario.friction_maps, "friction_maps"):
+        for where, patch in self.each(scenario.friction_maps, t.RoadSurfacePatch, "friction_maps"):
             self._patch(patch, where)
         for where, history in self.listed(scenario.traffic_histories, "traffic_histories"):
             self._history(history, where)
@@ -88,7 +80,7 @@ class _Validation(TrafficChecks):
 
     def _start_variation(self, variation: Any, where: str) -> None:
         self.type(variation, t.StartVariation, where)
-        self.number(variation.offset, f"{where}.offset", most=LONGEST_SHIFT)
+        self.numbers(variation, where, offset=LONGEST_SHIFT)
         speeds = variation.speed
         if not isinstance(speeds, list | tuple) or len(speeds) != 2:
             raise self.error(f"{where}.speed", f"not two speeds: {shown(speeds)}", "use (least, largest)")
@@ -108,17 +100,17 @@ class _Validation(TrafficChecks):
             begin = mission.begin[0]
         else:
             begin, edges = self._mission_route(mission, where)
-        self._time(mission.start_time, f"{where}.start_time")
-        for at, via in self.listed(mission.via, f"{where}.via"):
+        self._time(mission, where)
+        for at, via in self.each(mission.via, t.Via, f"{where}.via"):
             self._via(via, edges, at)
         if isinstance(mission, t.Mission) and mission.task is not None:
             self._task(mission.task, mission.route, f"{where}.task")
         if mission.entry_tactic is not None:
             self._entry(mission.entry_tactic, begin, f"{where}.entry_tactic")
 
-    def _time(self, value: Any, where: str) -> None:
-        if value != MISSING:
-            self.number(value, where, most=LATEST)
+    def _time(self, owner: Any, where: str) -> None:
+        if owner.start_time != MISSING:
+            self.numbers(owner, where, start_time=LATEST)
 
     def _mission_route(
         self, mission: t.Mission | t.LapMission, where: str
@@ -132,7 +124,7 @@ class _Validation(TrafficChecks):
         if not isinstance(route, t.Route):
             return None, None
         if isinstance(mission, t.Mission) and isinstance(mission.task, t.UTurn):
-            # The turn itself is the way: no road need lead from begin to end.
+            # A U-turn needs no road from begin to end.
             for end in ("begin", "end"):
                 lane_of(self.roads, getattr(route, end), self.at(f"{where}.route.{end}"))
             edges = (route.begin[0], route.end[0])
@@ -147,21 +139,15 @@ class _Validation(TrafficChecks):
         self.count(group.actor_count, f"{where}.actor_count")
         self.count(group.lanes, f"{where}.lanes")
         self.type(group.route, t.Route, f"{where}.route")
-        begin = group.route.begin[2]
-        self.require(
-            not isinstance(begin, str),
-            f"{where}.route.begin",
-            f"{begin!r} is not a number",
-            "use an offset [m]",
-        )
+        begin, at = group.route.begin[2], f"{where}.route.begin"
+        self.require(not isinstance(begin, str), at, f"{begin!r} is not a number", "use an offset [m]")
         for number, mission in enumerate(grid(group)):
             self._mission(mission, f"{where}, start {number}")
 
     def _via(self, via: t.Via, edges: tuple[str, ...] | None, where: str) -> None:
-        self.type(via, t.Via, where)
         lane, _ = via_place(self.roads, via, self.at(where))
-        self.number(via.required_speed, f"{where}.required_speed", most=FASTEST_START)
-        self.number(via.hit_distance, f"{where}.hit_distance", least=-LARGEST, most=LARGEST)
+        self.numbers(via, where, required_speed=FASTEST_START)
+        self.numbers(via, where, least=-LARGEST, hit_distance=LARGEST)
         if edges is not None and not is_on_way(self.roads, lane, edges):
             problem = f"the route does not pass lane '{self.roads.lane_ids[lane]}'"
             remedy = "put it on the route, or lead the route there by Route(via=[...])"
@@ -183,23 +169,21 @@ class _Validation(TrafficChecks):
             problem = f"edge '{route.end[0]}' does not lead back beside edge '{route.begin[0]}'"
             remedy = "end the route on the road of the other direction, beside the one that it begins on"
             raise self.error(where, problem, remedy)
-        # Compiled code; whoever only reads an experiment's file does without it.
+        # Imported here: reading an experiment's file needs no compiled code.
         from smarts.geometry.binding import bind
         from smarts.roads.atlas import RoadAtlas
         from smarts.roads.turning import can_turn_round
 
         lanes = self.roads.edge_lanes(int(self.roads.lane_edge[lane]))
         can_turn = bind(can_turn_round, RoadAtlas([self.roads]).roads)
-        self.require(
-            any(can_turn(0, int(own), back, s) for own in lanes),
-            where,
-            f"there is not road all the way from '{route.begin[0]}' over to '{self.roads.lane_ids[back]}'",
-            "use two roads without a median between them, or no task and a route round by a junction",
-        )
+        if not any(can_turn(0, int(own), back, s) for own in lanes):
+            problem = f"no road surface joins '{route.begin[0]}' to '{self.roads.lane_ids[back]}'"
+            remedy = "use two roads without a median, or no task and a route through a junction"
+            raise self.error(where, problem, remedy)
 
     def _task(self, task: t.UTurn | t.CutIn, route: t.Route | t.RandomRoute, where: str) -> None:
         self.type(task, (t.UTurn, t.CutIn), where)
-        self.number(task.trigger_radius, f"{where}.trigger_radius")
+        self.numbers(task, where, trigger_radius=math.inf)
         if isinstance(task, t.UTurn):
             self._u_turn(task, route, where)
         if isinstance(task, t.CutIn) and task.complete_on_edge_id is not None:
@@ -211,26 +195,18 @@ class _Validation(TrafficChecks):
 
     def _entry(self, tactic: t.EntryTactic, begin: str | None, where: str) -> None:
         self.type(tactic, t.EntryTactic, where)
-        self._time(tactic.start_time, f"{where}.start_time")
+        self._time(tactic, where)
         if not isinstance(tactic, t.TrapEntryTactic):
             return
-        self.number(tactic.wait_to_hijack_limit_s, f"{where}.wait_to_hijack_limit_s", most=LATEST)
+        self.numbers(tactic, where, wait_to_hijack_limit_s=LATEST)
         self._start_speed(tactic.default_entry_speed, f"{where}.default_entry_speed")
-        self._prefixes(tactic.exclusion_prefixes, f"{where}.exclusion_prefixes")
+        self.texts(tactic.exclusion_prefixes, f"{where}.exclusion_prefixes")
         if tactic.zone is not None:
             self._zone(tactic.zone, f"{where}.zone")
             if isinstance(tactic.zone, t.MapZone) and begin is not None:
-                edge = tactic.zone.start[0]
-                self.require(
-                    edge == begin,
-                    f"{where}.zone.start",
-                    f"the zone is on edge '{edge}', but the mission begins on '{begin}'",
-                    f"put the zone on edge '{begin}'",
-                )
-
-    def _prefixes(self, prefixes: Sequence[str], where: str) -> None:
-        for at, prefix in self.listed(prefixes, where):
-            self.type(prefix, str, at)
+                edge, at = tactic.zone.start[0], f"{where}.zone.start"
+                problem = f"the zone is on edge '{edge}', but the mission begins on '{begin}'"
+                self.require(edge == begin, at, problem, f"put the zone on edge '{begin}'")
 
     def _social_agents(self, group: Any, where: str) -> None:
         if not isinstance(group, list | tuple) or len(group) != 2:
@@ -239,45 +215,29 @@ class _Validation(TrafficChecks):
         actors = [actors] if isinstance(actors, t.SocialAgentActor) else actors
         self.type(actors, (list, tuple), f"{where}[0]")
         self.require(len(actors) > 0, where, "the group has no actors", "give at least one SocialAgentActor")
-        names = set()
-        for actor in actors:
-            self.type(actor, t.SocialAgentActor, where)
-            self._start_speed(actor.initial_speed, f"{where} actor.initial_speed")
-            self.name(actor.name, f"{where} actor.name")
-            self.require(
-                not isinstance(actor, t.BoidAgentActor),
-                where,
-                f"{actor.name!r} is a BoidAgentActor, which drives several vehicles",
-                "let a bubble give it vehicles",
-            )
-            self.require(
-                actor.name not in names, where, f"two actors are named {actor.name!r}", "rename one of them"
-            )
-            names.add(actor.name)
+        seen: dict[str, str] = {}
+        for at, actor in self.each(actors, t.SocialAgentActor, f"{where}[0]"):
+            self._start_speed(actor.initial_speed, f"{at}.initial_speed")
+            self.name(actor.name, f"{at}.name")
+            problem = f"{actor.name!r} is a BoidAgentActor, which drives several vehicles"
+            is_boid = isinstance(actor, t.BoidAgentActor)
+            self.require(not is_boid, at, problem, "let a bubble give it vehicles")
+            self.unique(actor.name, seen, f"{at}.name")
         for at, mission in self.listed(missions, f"{where}.missions"):
             self._mission(mission, at)
 
     def _bubbles(self, bubbles: Sequence[t.Bubble] | None) -> None:
-        seen: set[str] = set()
-        for where, bubble in self.listed(bubbles, "bubbles"):
-            self.type(bubble, t.Bubble, where)
-            self.require(
-                bubble.id not in seen,
-                f"{where}.id",
-                f"two bubbles are named {bubble.id!r}",
-                "rename one of them",
-            )
-            seen.add(bubble.id)
+        seen: dict[str, str] = {}
+        for where, bubble in self.each(bubbles, t.Bubble, "bubbles"):
+            self.unique(bubble.id, seen, f"{where}.id")
             self.type(bubble.actor, (t.SocialAgentActor, t.TrafficEngineActor), f"{where}.actor")
             self._zone(bubble.zone, f"{where}.zone")
-            self._prefixes(bubble.exclusion_prefixes, f"{where}.exclusion_prefixes")
+            self.texts(bubble.exclusion_prefixes, f"{where}.exclusion_prefixes")
 
     def _patch(self, patch: t.RoadSurfacePatch, where: str) -> None:
-        self.type(patch, t.RoadSurfacePatch, where)
         self._zone(patch.zone, f"{where}.zone")
-        self.number(patch.friction_coefficient, f"{where}.friction_coefficient", above=0)
-        self.number(patch.begin_time, f"{where}.begin_time")
-        self.number(patch.end_time, f"{where}.end_time")
+        self.numbers(patch, where, above=0, friction_coefficient=math.inf)
+        self.numbers(patch, where, begin_time=math.inf, end_time=math.inf)
         self.order(patch.begin_time, patch.end_time, f"{where}.end_time", "begin_time")
 
     def _zone(self, zone: t.Zone, where: str) -> None:
@@ -305,7 +265,7 @@ class _Validation(TrafficChecks):
             )
 
     def _pair(self, value: Any, where: str, above: float | None = None, least: float = 0.0) -> None:
-        """Require two or more numbers, of which the first two count."""
+        """Require at least two items whose first two are numbers."""
         if not isinstance(value, list | tuple) or len(value) < 2:
             raise self.error(where, f"not a pair of numbers: {shown(value)}", "use (x, y)")
         for number in value[:2]:

@@ -35,10 +35,10 @@ class ParameterRange:
     least: float = -1e6
     most: float = 1e6
     apart: float | str | None = None
-    """A value outside the range that it takes, too."""
+    """A further valid value, outside the range."""
 
     def holds(self, value: Any) -> bool:
-        """Return whether a value is one of them."""
+        """Return whether a value is valid."""
         if isinstance(value, str):
             return value == self.apart
         numeric = isinstance(value, int | float) and not isinstance(value, bool)
@@ -77,7 +77,7 @@ LANE_CHANGING = {
     "lcOvertakeDeltaSpeedFactor": ParameterRange(-1.0, 1.0),
     "minGapLat": _FROM_0,
 }
-"""What SUMO 1.28 knows of lane changing; other attributes it ignores without a word."""
+"""Lane-changing attributes of SUMO 1.28, which ignores all others silently."""
 JUNCTIONS = {
     **_ranges("jm", "ExtraGap StoplineCrossingGap TimegapMinor", _ANY),
     **_ranges(
@@ -90,7 +90,7 @@ JUNCTIONS = {
     "jmSigmaMinor": ParameterRange(0.0, 1.0),
     "impatience": ParameterRange(apart="off"),
 }
-"""What SUMO 1.28 knows of junctions."""
+"""Junction attributes of SUMO 1.28."""
 
 
 def vehicle_types(actor: TrafficActor, generator: Generator) -> list[Attributes]:
@@ -141,7 +141,7 @@ def _attributes(actor: TrafficActor, generator: Generator) -> Attributes:
         "vClass": actor.vehicle_type,
         "accel": actor.accel,
         "decel": actor.decel,
-        # Below decel SUMO would take it for a mistake and warn at every start.
+        # SUMO warns at every start if it is below decel.
         "emergencyDecel": max(actor.emergency_decel, actor.decel),
         "tau": actor.tau,
         "sigma": min(max(_imperfection(actor, generator), 0.0), 1.0),

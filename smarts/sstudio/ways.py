@@ -1,4 +1,4 @@
-"""What lies on the way of a mission, and what beside it."""
+"""Lanes on the way of a mission, and roads beside it."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def leads_back_beside(roads: LaneGraph, lane: int, s: float, back: int) -> bool:
     nearest = tree.nearest(shapely.points(points))
     distances = np.linalg.norm(points - others[nearest], axis=1)
     turn = np.cos(roads.point_heading[here][ahead] - roads.point_heading[there][nearest])
-    # Who is nearest to an end of the other lane may be before or behind it.
+    # A point nearest to an end of the other lane may lie before or behind that lane.
     between = (nearest > 0) & (nearest < len(others) - 1)
     return bool((between & (turn <= OPPOSITE) & (distances <= FARTHEST_BESIDE)).any())
 
 
 def _out_of_junction(roads: LaneGraph, lane: int, onward: Callable[[int], Iterable[int]]) -> set[str]:
-    """Return the edges that one comes to from a lane inside a junction."""
+    """Return the edges that a lane inside a junction leads to."""
     found: set[str] = set()
     open_lanes, seen = [lane], {lane}
     while open_lanes:

@@ -11,7 +11,7 @@ from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.types.agent_states import AgentStates
 from smarts.types.guidance import Guidance
 from smarts.types.mission import Missions
-from smarts.types.route_table import RouteTable
+from smarts.types.planned_routes import PlannedRoutes
 from smarts.types.vehicle_registry import VehicleRegistry
 from smarts.types.vehicles import VehicleStates
 
@@ -93,7 +93,7 @@ class World:
         )
         self.registry = VehicleRegistry(self.vehicles)
         """Issues slots and names."""
-        self.routes = RouteTable(worlds)
+        self.routes = PlannedRoutes(worlds)
         """The routes that `vehicles.route` and `missions.route` number."""
         self._pairs = list(zip(self.vehicles, self.before, strict=True))
 

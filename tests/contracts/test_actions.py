@@ -1,5 +1,6 @@
 """Every way of acting, through `HiWayEnv`: what works, what is refused by name, what is made of it."""
 
+import math
 import shutil
 import textwrap
 from pathlib import Path
@@ -18,7 +19,7 @@ KINDS = tuple(ActionSpaceType)
 NAN = float("nan")
 POINTS = np.arange(1.0, 11.0)
 SCENARIO = textwrap.dedent(
-    """
+    f"""
     from pathlib import Path
 
     from smarts.sstudio import gen_scenario
@@ -26,8 +27,8 @@ SCENARIO = textwrap.dedent(
 
     missions = [
         t.Mission(t.Route(begin=("east_half", lane, 30 * place), end=("west_half", lane, 200)))
+        for place in range(1, {1 + math.ceil(len(KINDS) / 3)})
         for lane in range(3)
-        for place in range(1, 5)
     ]
     gen_scenario(t.Scenario(ego_missions=missions), output_dir=Path(__file__).parent)
     """

@@ -30,6 +30,7 @@ def light_at_the_end(connections, edge, state_of):
     return max(lights | {0.0}, key=OPENNESS.__getitem__)
 
 
+@pytest.mark.slow
 def test_agents_are_told_what_sumo_shows_at_the_end_of_their_lane(city):
     net = sumolib.net.readNet(str(build_scenario("city").directory / "map.net.xml"))
     now, batch, told = city.reset(), city._runner, Counter()

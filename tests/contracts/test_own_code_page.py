@@ -84,22 +84,13 @@ def test_what_raises_in_mid_training_ends_that_run_only(folder):
     assert RunFolder(folder / "results" / "mine" / "ppo/loop/no_social_vehicles/seed_1").status == "finished"
 
 
-def test_what_raises_in_a_metric_is_named(folder):
-    file = folder / "my_code" / "metric.py"
-    file.write_text(file.read_text().replace("episode.dt *", "episode.agents['no such column'] *"))
-    code, _, err = run(folder, "--set", "algorithms=[ppo]", "--set", "scripted=[]")
-    assert code == 1
-    (said,) = [line for line in err.splitlines() if line.startswith("error: ")]
-    assert f"{file}:{line_of(file, 'no such column')}" in said
-    assert "KeyError" in said
-
-
 @pytest.mark.parametrize(
     ("name", "old", "new", "wrong"),
     [
         ("observation", "np.nonzero(observe_mask)", "np.nonzero()", "np.nonzero()"),
         ("observation", "    def bind", f"{RAISES}    def bind", "assert False"),
         ("reward", "step.speed", "step.sped", "step.sped"),
+        ("metric", "episode.dt *", "episode.agents['no such column'] *", "no such column"),
     ],
 )
 def test_what_raises_in_the_first_decision_is_said_before_ray_starts(folder, name, old, new, wrong):

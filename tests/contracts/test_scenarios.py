@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.survey import FULL, density, flow, mission_routes
-from smarts.envision.route_lines import CAR_LENGTH, goal_pose, route_line, start_pose
+from perf.scenario_traffic import FULL, density, flow, mission_routes
+from smarts.envision.route_lines import CAR_LENGTH, pose_on_map, route_line, start_pose
 from smarts.sstudio import types as t
 from smarts.sstudio.build import build_scenario, suite
 from smarts.sstudio.built import BuiltScenario
@@ -82,7 +82,7 @@ def test_every_mission_can_be_driven(case):
             x, y, heading = start_pose(roads, mission)
             bumper = x + CAR_LENGTH / 2 * np.cos(heading), y + CAR_LENGTH / 2 * np.sin(heading)
             assert line[0] == pytest.approx(bumper, abs=0.5)
-            assert line[-1] == pytest.approx(goal_pose(roads, mission)[:2], abs=0.5)
+            assert line[-1] == pytest.approx(pose_on_map(roads, mission.route.end)[:2], abs=0.5)
             # Whatever lanes lie between, the line follows them; only lane changes are single strokes.
             assert gaps.max() < 30.0
 
@@ -145,7 +145,10 @@ def test_has_a_page(name):
     assert "**Numbers.**" in text
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "city"])
+@pytest.mark.parametrize(
+    "name",
+    [n if n == "loop" else pytest.param(n, marks=pytest.mark.slow) for n in NAMES if n != "city"],
+)
 def test_is_full_of_traffic_from_the_start(name):
     full = density(build_scenario(name), episodes=8)
     least = LEAST_AROUND_EGOS.get(name, LEAST_ELSEWHERE)

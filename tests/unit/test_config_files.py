@@ -7,6 +7,7 @@ import pytest
 from pydantic import Field
 
 from smarts.config import ConfigError, Section, fitted, read_config, sources
+from tests.raising import raises
 
 
 class Wheel(Section):
@@ -223,7 +224,7 @@ def test_names_that_are_not_beside_the_file_are_those_of_the_package(write, monk
     (problem,) = problems(Path("bse.yaml"))
     assert "'base.yaml'" in problem
     # What names a folder means that folder.
-    with pytest.raises(ConfigError, match=r"below/base\.yaml"):
+    with raises(ConfigError, values=["below/base.yaml"]):
         read_config(Path("below.yaml"), Car)
     (own / "base.yaml").write_text("name: nearest\nwheels: [{radius: 1}]\n")
     assert read_config(Path("car.yaml"), Car).name == "nearest"

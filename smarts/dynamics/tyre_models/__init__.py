@@ -53,14 +53,3 @@ def side_share(car, slip, curvature):
     if car.tyre_model == LINEAR:
         return linear.curve(slip) / slip
     return pacejka.curve(slip, car.pcy1, curvature) / slip
-
-
-@kernel
-def steady_forces(car, wheel, load, friction, slip, slip_angle):
-    """Return forces (x, y) [N] at a steady slip and slip angle [rad], both positive forward and left."""
-    peak_x, peak_y, stiffness_x, stiffness_y, curvature_x, curvature_y = characteristics(
-        car, wheel, load, friction
-    )
-    force_x, force_y = stiffness_x * slip, stiffness_y * math.tan(slip_angle)
-    share_x, share_y = shares(car, force_x / peak_x, force_y / peak_y, curvature_x, curvature_y)
-    return share_x * force_x, share_y * force_y

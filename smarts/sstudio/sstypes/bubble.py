@@ -26,7 +26,7 @@ class Bubble(Described):
     zone: Zone
     """The area."""
     actor: SocialAgentActor | TrafficEngineActor
-    """Who takes over."""
+    """The actor that takes over."""
     margin: float = 2
     """The width of the margin [m]."""
     limit: BubbleLimits | None = None

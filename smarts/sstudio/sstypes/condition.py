@@ -4,8 +4,8 @@ A condition is evaluated with the facts that it `requires`, by their names:
 
     (TimeWindowCondition(2, 5) & DependeeActorCondition("leader")).evaluate(time=3.0, actor_ids={"leader"})
 
-Triggers remember when their inner condition was first met. Whoever runs several simulations gives each of
-them a `memory` of its own; without one, a trigger uses the one that belongs to it.
+Triggers remember when their inner condition was first met. A caller of several simulations passes a `memory`
+for each; by default a trigger uses its own.
 """
 
 from __future__ import annotations
@@ -74,19 +74,19 @@ class Condition:
         return NegatedCondition(self)
 
     def conjunction(self, other: Condition) -> CompoundCondition:
-        """Return what holds when both do; otherwise the worst of EXPIRED, BEFORE, FALSE."""
+        """Return the conjunction; if it is not true, the first of EXPIRED, BEFORE, FALSE that applies."""
         return CompoundCondition(self, other, operator=ConditionOperator.CONJUNCTION)
 
     def disjunction(self, other: Condition) -> CompoundCondition:
-        """Return what holds when either does; otherwise BEFORE if one may yet, EXPIRED if none can."""
+        """Return the disjunction; if it is not true, BEFORE if one may become true, EXPIRED if none can."""
         return CompoundCondition(self, other, operator=ConditionOperator.DISJUNCTION)
 
     def implication(self, other: Condition) -> CompoundCondition:
-        """Return what holds unless this does and the other does not."""
+        """Return the implication `not self or other`."""
         return CompoundCondition(self, other, operator=ConditionOperator.IMPLICATION)
 
     def trigger(self, delay_seconds: float, persistent: bool = False) -> ConditionTrigger:
-        """Return what holds for good once this has been met and the delay has passed.
+        """Return a condition that stays true from `delay_seconds` after this one was first met.
 
         Args:
             delay_seconds: How long after the first time [s].
@@ -97,7 +97,7 @@ class Condition:
     def expire(
         self, time: float, expired_state: ConditionState = ConditionState.EXPIRED, relative: bool = False
     ) -> ExpireTrigger:
-        """Return what is this until a time and `expired_state` from then on.
+        """Return a condition that is this until a time and `expired_state` afterwards.
 
         Args:
             time: The simulation time [s], or with `relative` the time since the first evaluation.
@@ -173,7 +173,7 @@ class DependeeActorCondition(Condition):
     """Holds while a road user is in the simulation."""
 
     actor_id: str
-    """Who."""
+    """The road user's name."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.actor_id, str):
@@ -185,7 +185,7 @@ class DependeeActorCondition(Condition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """Who is in the simulation."""
+        """The road users in the simulation."""
         return ConditionRequires.actor_ids
 
 
@@ -362,7 +362,7 @@ class ExpireTrigger(Condition):
 
 @dataclass(frozen=True)
 class ConditionTrigger(Condition):
-    """Switches for good once the inner condition has been met and a delay has passed."""
+    """Switches to `triggered_state` after the inner condition was met and a delay has passed."""
 
     inner_condition: Condition
     """What sets it off."""

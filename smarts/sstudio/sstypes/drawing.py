@@ -1,6 +1,6 @@
-"""What a scenario file draws from while it runs: serial numbers for unnamed things, and one random stream.
+"""Serial numbers of unnamed objects, and the random stream, of a running scenario file.
 
-Both start afresh with every build, so the same file says the same thing every time.
+Both restart with every build, so that the same file always describes the same scenario.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _current: ContextVar[Drawing | None] = ContextVar("drawing", default=None)
 
 
 def drawing() -> Drawing:
-    """Return what the scenario file that runs now draws from."""
+    """Return the numbers and the stream of the running scenario file."""
     current = _current.get()
     if current is None:
         current = Drawing()
@@ -54,7 +54,7 @@ def drawing() -> Drawing:
 
 @contextmanager
 def fresh_drawing(seed: int = DEFAULT_SEED) -> Iterator[Drawing]:
-    """Start numbers and stream anew, for one run of a scenario file."""
+    """Restart numbers and stream for one run of a scenario file."""
     token = _current.set(Drawing(seed))
     try:
         yield drawing()

@@ -1,4 +1,4 @@
-"""What makes two scenario objects the same: what they say."""
+"""Equality of scenario objects by content."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from smarts.sstudio.encoding import canonical, digest
 class Described:
     """A description that is identified by its content.
 
-    Two descriptions are equal when they are of one type and say the same, whatever kind of sequence holds
-    their parts; fingerprints and hashes are the same in every process and on every machine.
+    Two descriptions are equal if their types and contents are equal, whatever kind of sequence holds their
+    parts; fingerprints and hashes are the same in every process and on every machine.
     """
 
     def fingerprint(self, digits: int = 6) -> str:

@@ -1,4 +1,4 @@
-"""What an agent is asked to do."""
+"""Missions: what an agent has to do."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ class Via(Described):
 
 @dataclass(frozen=True, eq=False)
 class UTurn(Described):
-    """The task to turn round: the route is its first road and its last, the turn the way between them.
+    """The task to make a U-turn: the route is the first road and the last road, which the turn joins.
 
-    As soon as a vehicle on the last road is within `trigger_radius`, and that road is beside the agent's, the
-    agent's waypoint paths are one: its lane, at the speed that the turn takes, and once it is that slow, a
-    curve from where it is into the lane across (`world.guidance`). The lane controllers follow it: `Lane` and
-    `LaneWithContinuousSpeed` turn round while they are told to keep the lane. An agent that acts otherwise
-    has to follow the path itself. To mind the others is the agent's part. Without a vehicle on the last road
-    nothing is triggered, as in the original. It turns only where there is road all along the curve, slowing
-    down towards a break in a median; a first road without such a place is refused. The lanes must be at least
-    two turning radii of the vehicle apart, about 10 m for a car.
+    The turn is triggered when a vehicle on the last road is within `trigger_radius` and that road is beside
+    the agent's; without such a vehicle nothing is triggered, as in the original. Then the waypoint paths are
+    replaced by one path: the current lane at the turning speed, then a curve into the opposite lane
+    (`world.guidance`). `Lane` and `LaneWithContinuousSpeed` execute the turn while the action is `keep_lane`;
+    with other action types the agent has to follow the path itself. The agent is responsible for avoiding
+    collisions. The vehicle turns only where the whole curve is on the road, and slows down before a gap in a
+    median; a first road without such a place is an error. The lanes must be at least two turning radii of the
+    vehicle apart, about 10 m for a car.
     """
 
     trigger_radius: float = 100
@@ -59,18 +59,19 @@ class UTurn(Described):
 
 @dataclass(frozen=True, eq=False)
 class CutIn(Described):
-    """The task to cut in on the nearest vehicle in a lane beside the agent's.
+    """The task to cut in ahead of the nearest vehicle in a neighbouring lane.
 
-    As soon as one is within `trigger_radius`, the agent's waypoint paths are one: its lane, at speeds (up to
-    twice the other's) that bring it 15 m ahead of the other, from centre to centre, or into the middle of a
-    gap below 30 m, and from there a curve of 3 s into the other's lane (`world.guidance`). The curve begins
-    only where nobody would have to brake harder than 4 m/s^2 for it (`smarts.sim.gaps`): the agent behind
-    those ahead in both lanes, and who is behind it in the other's. A vehicle with that much room before it is
-    preferred; where there is none, the agent stays beside. The speeds also keep it from who is ahead in its
-    lane, and in the other's during the curve. The lane controllers follow it, at most at these speeds:
-    `Lane` and `LaneWithContinuousSpeed` cut in while they are told to keep the lane. An agent that acts
-    otherwise has to follow the path itself. Discrete lane actions do not exceed the speed limit even if the
-    other drives at it. Behind the curve the task is over, and to mind the others is the agent's part.
+    The task is triggered when such a vehicle is within `trigger_radius`. Then the waypoint paths are replaced
+    by one path (`world.guidance`): the current lane, at speeds of up to twice the other vehicle's that bring
+    the agent 15 m ahead of it, from centre to centre, or into the middle of a gap below 30 m; then a curve of
+    3 s into the other lane. The curve begins only if no vehicle would need to brake harder than 4 m/s^2
+    (`smarts.sim.gaps`): neither the agent behind the leaders in both lanes, nor the follower in the other
+    lane. A vehicle with that much room ahead of it is preferred; without one, the agent stays in its lane.
+    The speeds also keep a distance to the leader, during the curve in both lanes. `Lane` and
+    `LaneWithContinuousSpeed` execute the task, at most at these speeds, while the action is `keep_lane`; with
+    other action types the agent has to follow the path itself. Discrete lane actions do not exceed the speed
+    limit, even if the other vehicle drives at it. After the curve the task is over. The agent is responsible
+    for avoiding collisions.
 
     Whether an agent cut in is measured from the record (`smarts-bench` metric `cut_in_ratio`). The original
     took the distance from the agent's aggressiveness (20 m to 10 m) and had no radius in effect.
@@ -92,20 +93,20 @@ class Mission(Described):
     """Drive a route to its end."""
 
     route: Route | RandomRoute
-    """The way; the front bumper starts at its begin, or as far on as it takes to be all on the lane."""
+    """The route; the front bumper starts at its begin, or further on so that the vehicle fits on the lane."""
     via: Sequence[Via] = ()
     """Points to pass."""
     start_time: float = MISSING
-    """When the mission begins at the earliest [s]; unless given, the entry tactic's, or with the episode."""
+    """Earliest begin of the mission [s]; default: the entry tactic's, else the episode's."""
     entry_tactic: EntryTactic | None = None
-    """How the agent gets its vehicle; unless given, a new one is put in."""
+    """How the agent gets its vehicle; default: a new one is added."""
     task: UTurn | CutIn | None = None
     """A manoeuvre to perform on the way."""
 
 
 @dataclass(frozen=True, eq=False)
 class EndlessMission(Described):
-    """Drive on for ever."""
+    """Drive without a goal."""
 
     begin: tuple[str, int, Any]
     """Edge, lane index and offset of the start, as `Route.begin`."""
@@ -135,14 +136,14 @@ class LapMission(Described):
 
 @dataclass(frozen=True, eq=False)
 class GroupedLapMission(Described):
-    """Lap missions of several agents, who start staggered on a grid."""
+    """Lap missions of several agents that start staggered on a grid."""
 
     route: Route
     """One lap of the first agent; the others begin behind and beside it."""
     offset: float
-    """How far each starts behind the one before [m]."""
+    """Distance from each start to the one ahead [m]."""
     lanes: int
-    """Over how many lanes they are spread."""
+    """Number of lanes of the grid."""
     actor_count: int
     """How many agents."""
     num_laps: int

@@ -1,4 +1,4 @@
-"""All that a scenario says."""
+"""The scenario: map, traffic, missions and more."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ SocialMissions = Mapping[str, tuple[Sequence[SocialAgentActor], Sequence[AnyMiss
 
 @dataclass(frozen=True, eq=False)
 class Scenario(Described):
-    """A map, the traffic on it, and what agents are to do there.
+    """A map, the traffic on it, and the agents' missions.
 
     Raises:
         ValueError: Two groups of social agents share an actor.
@@ -112,22 +112,22 @@ class Scenario(Described):
     traffic: Mapping[str, Traffic] | None = None
     """Variations of the traffic by name; episodes take turns with them."""
     ego_missions: Sequence[AnyMission] | None = None
-    """What the learning agents are to do: one agent takes turns with them, several agents share them out."""
+    """Missions of the learning agents: one agent cycles through them, several agents share them."""
     social_agent_missions: SocialMissions | None = None
     """Groups of other agents and their missions, all present at once.
 
     In a group of several actors and no mission, or of one actor and several missions, episodes take turns;
-    otherwise there are as many actors as missions. Actors' names are unique over all groups. Nothing comes of
-    them so far but a warning.
+    otherwise there are as many actors as missions. Actors' names are unique over all groups. So far they only
+    cause a warning.
     """
     bubbles: Sequence[Bubble] | None = None
-    """Where agents take over vehicles from the traffic. Nothing comes of them so far but a warning."""
+    """Areas in which agents take over traffic vehicles. So far they only cause a warning."""
     friction_maps: Sequence[RoadSurfacePatch] | None = None
-    """Where the road has another friction."""
+    """Areas of different friction."""
     traffic_histories: Sequence[TrafficHistoryDataset | str] | None = None
-    """Recorded traffic. Nothing comes of it so far but a warning."""
+    """Recorded traffic. So far it only causes a warning."""
     scenario_metadata: ScenarioMetadata | None = NO_METADATA
-    """What does not change what happens."""
+    """Facts without effect on the simulation."""
     start_variation: StartVariation | None = None
     """How starts vary from episode to episode; None keeps them fixed (an extension)."""
     held_out: Mapping[str, Variation] | None = None

@@ -1,4 +1,4 @@
-"""Traffic: who drives where, and how many."""
+"""Traffic: flows, trips and vehicle types."""
 
 from __future__ import annotations
 
@@ -41,12 +41,11 @@ class Flow(Described):
     end: float = 1 * 60 * 60
     """When the last one departs at the latest [s]."""
     actors: Mapping[TrafficActor, float] = field(default_factory=dict)
-    """The drivers, with weights: an actor's share is its weight over the sum of all.
-    At least one."""
+    """Required: the drivers with their weights; an actor's share is its weight over the sum of all."""
     randomly_spaced: bool = False
     """Whether departures are a Poisson process instead of evenly spaced."""
     repeat_route: bool = False
-    """Whether vehicles begin anew when they reach the end."""
+    """Whether vehicles restart at the route's beginning."""
     stops: Sequence[Stop] = ()
     """Where they halt on the way (an extension)."""
 
@@ -69,7 +68,7 @@ class Trip(Described):
     depart: float = 0
     """When it departs [s]."""
     actor: TrafficActor | None = None
-    """Who drives; reads as the given actor under the vehicle's name, or as a default car."""
+    """The driver: the given actor under the vehicle's name, or a default car."""
     stops: Sequence[Stop] = ()
     """Where it halts on the way (an extension)."""
 
@@ -98,6 +97,6 @@ class Traffic(Described):
     trips: Sequence[Trip] | None = None
     """Single vehicles."""
     engine: str = "SUMO"
-    """Which drives them: "SUMO", "ConstantSpeed" or "SMARTS", in whose place SUMO drives so far."""
+    """The traffic engine: "SUMO", "ConstantSpeed", or "SMARTS", for which SUMO stands in so far."""
     warm_up: float = 0.0
-    """Simulated before an episode begins, so that it is among traffic [s]; at most 3600 (an extension)."""
+    """Simulated before an episode begins [s], at most 3600 (an extension)."""

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 import torch
 
 import algorithms
@@ -13,6 +14,15 @@ from algorithms.joint.runner import SPEC
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
+
+
+def cases(names):
+    """Return names as cases of a test: PPO and DQN stand for the others among the fast tests."""
+    fast = ("ppo", "dqn")
+    return [name if name in fast else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+EVERY = cases(algorithms.names())
 
 
 class Rig:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import Rig, moved, replayed
+from rigs import EVERY, Rig, cases, moved, replayed
 
 import algorithms
 from algorithms.joint.module import critic_of
@@ -30,7 +30,7 @@ def update(rig, rollout):
     return before, rig.weights()
 
 
-@pytest.mark.parametrize("name", algorithms.names())
+@pytest.mark.parametrize("name", EVERY)
 def test_a_step_moves_exactly_the_named_networks(name, monkeypatch):
     rig = Rig(name, Cues, **settings_of(name))
     steps = []
@@ -62,7 +62,7 @@ def test_independent_learners_feel_only_their_own_rewards(name):
     assert all(module.startswith("agent_1") for module in differing)
 
 
-@pytest.mark.parametrize("name", algorithms.names())
+@pytest.mark.parametrize("name", EVERY)
 def test_planted_numbers_in_dead_rows_change_no_weight(name):
     rig, other = (Rig(name, Ragged, sharing="all", **settings_of(name)) for _ in range(2))
     rollout = rig.rollout(48, epsilon=1.0)
@@ -228,7 +228,7 @@ class Gifts(Game):
         return [float(not mask[action]) for action, mask in zip(actions, self.action_mask, strict=True)]
 
 
-@pytest.mark.parametrize("name", algorithms.names())
+@pytest.mark.parametrize("name", EVERY)
 def test_illegal_actions_are_never_taken(name):
     rig = Rig(name, Gifts, **settings_of(name))
     for epsilon in (1.0, 0.3, 0.0):
@@ -266,7 +266,7 @@ def test_stacked_policies_act_like_separate_ones(name, sharing):
         {"odd": ["b"], "even": ["a", "c"]},
     ],
 )
-@pytest.mark.parametrize("name", algorithms.names())
+@pytest.mark.parametrize("name", EVERY)
 def test_every_kind_of_sharing_learns_on_ragged_games(name, sharing):
     rig = Rig(name, Ragged, sharing=sharing, **settings_of(name))
     before, after = update(rig, rig.rollout(40, epsilon=0.5))
@@ -274,6 +274,7 @@ def test_every_kind_of_sharing_learns_on_ragged_games(name, sharing):
     assert all(torch.isfinite(w).all() for part in after.values() for w in part.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "gru"),
     [
@@ -308,7 +309,7 @@ def test_the_same_seed_gives_the_same_weights_after_twenty_iterations(name):
     assert moved(rig.weights(), other.weights()) == set(rig.weights())
 
 
-@pytest.mark.parametrize("name", algorithms.names())
+@pytest.mark.parametrize("name", EVERY)
 def test_a_restored_learner_continues_exactly(name):
     rig, other = (Rig(name, Cues, seed=seed, **settings_of(name)) for seed in (1, 2))
     rollout = rig.rollout(epsilon=1.0)
@@ -336,7 +337,7 @@ def test_networks_evaluated_as_one_learn_like_separate_ones():
             torch.testing.assert_close(weight, second[module][name], rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", [n for n in algorithms.names() if n != "networked_q"])
+@pytest.mark.parametrize("name", cases([n for n in algorithms.names() if n != "networked_q"]))
 def test_networks_of_groups_of_which_nobody_is_there_do_not_move(name):
     """Adam's momentum would move them; in networked Q every node takes part in every fit."""
     settings = {"sharing": "none", **settings_of(name)}

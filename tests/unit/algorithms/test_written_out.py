@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from rigs import Rig, replayed
+from rigs import EVERY, Rig, cases, replayed
 
 from algorithms.joint.features import MEAN_ACTION
 from algorithms.maac import of_actions
@@ -142,7 +142,7 @@ def test_mf_acs_losses(monkeypatch):
     assert found["shared"].item() == pytest.approx(-gain[batch.alive].mean().item(), rel=1e-5)
 
 
-@pytest.mark.parametrize("name", OFF_POLICY)
+@pytest.mark.parametrize("name", cases(OFF_POLICY))
 def test_target_networks_follow_by_tau_in_every_update(name):
     tau = 1.0 if name == "networked_q" else 0.25  # which copies, every so often
     rig = Rig(name, Constant, tau=tau, **REPLAY)
@@ -171,7 +171,7 @@ class Double(Single):
         return [2.0, 2.0]
 
 
-@pytest.mark.parametrize("name", OFF_POLICY)
+@pytest.mark.parametrize("name", cases(OFF_POLICY))
 def test_nothing_follows_an_end(name):
     """Weights move alike whatever target networks, discount and next moments say."""
     moves = []
@@ -186,7 +186,7 @@ def test_nothing_follows_an_end(name):
             torch.testing.assert_close(weight, moves[1][module][key], rtol=0, atol=0)
 
 
-@pytest.mark.parametrize("name", ["ppo", "a2c", "pg", "centralised_v", "commnet", *OFF_POLICY])
+@pytest.mark.parametrize("name", EVERY)
 def test_scaled_rewards_are_paid_rewards(name):
     settings = REPLAY if name in OFF_POLICY else {"gamma": 0.9}
     if name in ("ppo", "a2c", "centralised_v"):

@@ -116,7 +116,7 @@ def folders(tmp_path):
     for run in runs:
         age_table(run / "episodes.parquet")
         age_json(run / "run.json")
-    (runs[0] / "config.yaml").write_text("copies: 8\nsettings: {lr: 1.0e-3}\n")
+    (runs[0] / "config.yaml").write_text("copies: 8\nsettings: {lr: 1.0e-3, longest_life: 500}\n")
     (runs[1] / "config.yaml").write_text("policy: yielder\n")
     (root / "scripted" / "gap_acceptance").rename(root / "scripted" / "yielder")
     (root / "scripted").rename(root / "reference")
@@ -151,7 +151,7 @@ def test_converted_results_are_read_and_numbers_stay(folders):
     )
     assert config == {"policy": "gap_acceptance"}
     config = yaml.safe_load((new / "ppo/intersection/no_social_vehicles/seed_1/config.yaml").read_text())
-    assert config == {"num_envs_per_env_runner": 8, "settings": {"lr": 0.001}}
+    assert config == {"num_envs_per_env_runner": 8, "settings": {"lr": 0.001, "longest_trajectory": 500}}
     assert (old / "reference" / "yielder").is_dir()
 
 

@@ -8,6 +8,7 @@ from benchmark.results.commands import EXPERIMENT, last_experiment
 from benchmark.results.files import ResultsError
 from benchmark.results.run_folder import RunFolder
 from benchmark.running.evaluate_checkpoint import evaluate_checkpoint, read_run
+from benchmark.running.training import unpickled
 from smarts.config import ConfigError
 from tests.raising import raises
 
@@ -68,3 +69,19 @@ def test_what_is_wrong_with_what_was_asked_for_last(tmp_path):
     (tmp_path / EXPERIMENT).write_text("[")
     assert last_experiment(tmp_path, problems) is None
     assert problems[EXPERIMENT].endswith("; `run` writes it again")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"cno_such_module\nName\n.", "another version"),
+        (b"calgorithms.joint.env\nNoSuchName\n.", "another version"),
+        (b"calgorithms.joint", "damaged"),
+        (b"", "damaged"),
+    ],
+)
+def test_a_checkpoint_that_cannot_be_read_is_named(tmp_path, content, said):
+    file = tmp_path / "state.pkl"
+    file.write_bytes(content)
+    with raises(ResultsError, file, values=[said]):
+        unpickled(file)

@@ -73,7 +73,7 @@ def test_a_run_that_is_killed_goes_on_and_is_finished_once(experiment):
     assert "is writing here" in err
     code, out, _ = finish(goes_on)
     assert code == 0
-    assert "training ended by: agent_steps in 1 runs" in out
+    assert "training ended by: agent_steps in 1 run\n" in out
     lines = progress(run)
     assert [int(line["iteration"]) for line in lines] == [*range(1, len(lines) + 1)]
     steps = [int(line["agent_steps"]) for line in lines]

@@ -177,6 +177,8 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("tune.parameters={lr: 3}", "tune.parameters.lr: 3 is nothing to search in; give a list"),
         ("tune.parameters={lr: []}", "[] is nothing to search in"),
         ("tune.parameters={lr: {normal: [0, 1]}}", "is nothing to search in"),
+        ("tune.parameters={lr: {uniform: [1]}}", "is nothing to search in"),
+        ("tune.parameters={lr: {uniform: [0, 1], randint: [0, 1]}}", "is nothing to search in"),
         ("tune.parameters={lr: {uniform: [a, b]}}", "tune.parameters.lr.uniform: ['a', 'b'] are no numbers"),
         ("tune.parameters={lr: {loguniform: [0, 1]}}", "[0, 1] are no bounds; give [low, high] with 0 < low"),
         ("tune.parameters={lr: {loguniform: [1, 0.1]}}", "[1, 0.1] are no bounds"),

@@ -2,14 +2,23 @@
 
 import numpy as np
 import pytest
+import yaml
 
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.config import Experiment, VehicleName, check_whole, read_experiment
+from benchmark.experiment.own_code import own_digests
 from benchmark.experiment.runs import run_from, runs_of, scripted_runs_of
-from benchmark.metrics import METRICS, Measure
+from benchmark.metrics import METRICS, Measure, write_table
+from benchmark.results.files import ResultsError
+from benchmark.results.run_folder import FINISHED, RunFolder
+from benchmark.running.experiment import run_experiment
+from benchmark.running.jobs import JobScheduler, jobs_of
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.agents.interface import VEHICLE_CLASSES
 from smarts.config import ConfigError
+from smarts.errors import OwnCodeError
+from tests.hand_made_results import agent_episodes
+from tests.raising import raises
 
 HEAD = "tasks: [loop]\ntraffic: [no_social_vehicles]\n"
 
@@ -276,6 +285,124 @@ def test_an_experiment_made_in_python_names_its_own_code():
     reward = {"reward": {"terms": lambda step: step.speed}}
     with pytest.raises(ConfigError, match="'module:Class'"):
         check_whole(Experiment(name="x", environment=reward, **given))
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A package of own code whose `main` imports `.near`, which imports `far`, a file beside it."""
+    home = tmp_path / "own_package"
+    (home / "inner").mkdir(parents=True)
+    (home / "__init__.py").write_text("")
+    (home / "inner" / "__init__.py").write_text("def late():\n    from own_package.inner import deep\n")
+    (home / "inner" / "deep.py").write_text("x = 1\n")
+    (home / "main.py").write_text("from . import near\nfrom .inner import late\nclass Mine: ...\n")
+    (home / "near.py").write_text("import numpy\nimport own_far\n")
+    (home / "other.py").write_text("x = 1\n")
+    (tmp_path / "own_far.py").write_text("x = 1\n")
+    return home
+
+
+@pytest.mark.parametrize(
+    ("file", "counts"),
+    [
+        ("main.py", True),
+        ("__init__.py", True),
+        ("near.py", True),
+        ("inner/__init__.py", True),
+        ("inner/deep.py", True),
+        ("../own_far.py", True),
+        ("other.py", False),
+    ],
+)
+def test_a_digest_covers_what_own_code_imports(package, monkeypatch, file, counts):
+    monkeypatch.setattr("smarts.registry._GIVEN", {})
+    imports = [str(package), str(package.parent / "own_far.py")]
+    part = {"reward": "own_package.main:Mine", "other": ["no_such_module:A", "plain text"]}
+    before = own_digests(imports, part)
+    assert [*before] == ["own_package.main:Mine"]
+    path = package / file
+    path.write_text(path.read_text() + "# a comment\n")
+    assert own_digests(imports, part) == before
+    path.write_text(path.read_text() + "y = 2\n")
+    assert (own_digests(imports, part) != before) == counts
+
+
+def finish(experiment, root):
+    """Leave results of the only run of an experiment as if it were finished; return its folder."""
+    (run,) = runs_of(experiment)
+    folder = RunFolder(root / run.folder)
+    folder.open(run.content())
+    folder.note(status=FINISHED, tested=run.task_setting.test_content())
+    labels = {"algorithm": run.label, "task": "loop", "task_traffic": "no_social_vehicles"}
+    table = agent_episodes([["goal"]], mode="greedy", training_seed=1, **labels)
+    write_table(table.assign(long=1.0), folder.table)
+    return folder
+
+
+def test_a_run_of_other_own_code_is_refused_and_kept(write, tmp_path):
+    file = write(
+        "algorithms: [ppo]\nseeds: [1]\nmetrics: ['own_v:LONG']\nevaluation: {episodes: 1, modes: [greedy]}\n"
+        "environment: {reward: 'own_w:speed'}\n",
+        own_v=METRIC,
+        own_w="def speed(step):\n    return step.speed\n",
+    )
+    experiment, code = read_experiment(file), file.parent / "own_w.py"
+    folder = finish(experiment, tmp_path)
+
+    def scheduler():
+        return JobScheduler(jobs_of(experiment), tmp_path, experiment.resources)
+
+    assert scheduler().is_done
+    metric = file.parent / "own_v.py"
+    metric.write_text(METRIC.replace("1.0", "2.0"))
+    assert not scheduler().is_done, "another metric: the run is tested again"
+    metric.write_text(METRIC)
+    written = folder.config.read_bytes(), folder.run.read_bytes()
+    code.write_text("def speed(step):\n    return 2 * step.speed\n")
+    with raises(ResultsError, folder.path, values=["own_w:speed"]):
+        scheduler()
+    assert (folder.config.read_bytes(), folder.run.read_bytes()) == written
+    # Runs of earlier versions recorded no digest: they are taken as they are.
+    content = folder.read_config()
+    del content["own_code"]
+    folder.config.write_text(yaml.safe_dump(content))
+    assert scheduler().is_done
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("episode.duration >= 1.0", "episode.no_such_field"),
+        ('"long": episode', '"wrong": episode'),
+        ('totals["long"]', 'totals["no_such_column"]'),
+    ],
+)
+def test_an_own_metric_is_tried_before_training(write, tmp_path, old, new):
+    module = f"own_t{abs(hash(new))}"
+    assert old in METRIC
+    file = write(f"algorithms: [ppo]\nmetrics: ['{module}:LONG']\n", **{module: METRIC.replace(old, new)})
+    with pytest.raises(OwnCodeError) as caught:
+        run_experiment(read_experiment(file), tmp_path / "results")
+    assert module in caught.value.place
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "value", "place"),
+    [
+        ({"algorithms": ["pp0"]}, "'pp0'", "algorithms[0]"),
+        ({"seeds": [1, 1]}, "1", "seeds"),
+        ({"budget": {"minutes": -1}}, "-1", "budget.minutes"),
+        ({"bugdet": {}}, "bugdet", "Experiment"),
+    ],
+)
+def test_an_experiment_made_in_python_raises_the_projects_error(given, value, place):
+    with pytest.raises(ConfigError) as caught:
+        Experiment(**{"algorithms": ["ppo"], "tasks": ["loop"], **given})
+    (problem,) = caught.value.problems
+    assert value in problem.text
+    assert place in str(problem)
 
 
 def test_vehicles_are_those_of_interfaces():

@@ -228,6 +228,7 @@ def test_own_code_may_be_added_and_none_be_exchanged(tmp_path):
         folder.check({"a": 1, "imports": ["/other/mine"]})
 
 
+@pytest.mark.slow
 def test_the_committed_results_are_finished(tmp_path):
     """Whatever keys with defaults configs have got since; on a copy, since nothing may be written there."""
     shutil.copytree(ROOT / "results" / "paper_table", tmp_path / "table")
@@ -353,7 +354,7 @@ def test_lines_after_the_checkpoint_are_made_again(tmp_path):
     with folder.progress.open("a") as file:
         file.write("6,12")  # cut short by a kill
     begin_progress(folder.progress, 3)
-    assert [line["iteration"] for line in read_progress(folder.progress)[0]] == ["1", "2", "3"]
+    assert read_progress(folder.progress)["iteration"].tolist() == [1, 2, 3]
 
 
 def test_an_unwritable_folder_is_named(tmp_path):

@@ -1,13 +1,14 @@
-"""`smarts-bench scenario ...` as a user meets it: in a process of its own."""
+"""`smarts-bench scenario ...` as a user meets it."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from benchmark.cli import main
 from smarts.sstudio.locating import suite
+from tests.commands import begin, finish
 
 TINY = {
     "map.nod.xml": """<nodes>
@@ -37,10 +38,20 @@ def tiny(tmp_path):
     return folder
 
 
-def smarts_bench(*arguments, cwd=None):
-    command = [sys.executable, "-c", "from benchmark.cli import main; main()", *map(str, arguments)]
-    environment = {**os.environ, "COLUMNS": "200"}
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, env=environment)
+@pytest.fixture
+def smarts_bench(monkeypatch, capfd):
+    """Return a function that runs a command line in this process."""
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments, cwd="."):
+        monkeypatch.setattr(sys, "argv", ["smarts-bench", *map(str, arguments)])
+        monkeypatch.chdir(cwd)
+        with pytest.raises(SystemExit) as ended:
+            main()
+        written = capfd.readouterr()
+        return subprocess.CompletedProcess(arguments, ended.value.code or 0, written.out, written.err)
+
+    return run
 
 
 def test_help_reaches_no_heavy_import():
@@ -56,12 +67,12 @@ def test_help_reaches_no_heavy_import():
     assert "scenario" in result.stdout
 
 
-def test_list_names_the_suite_in_order():
+def test_list_names_the_suite_in_order(smarts_bench):
     result = smarts_bench("scenario", "list")
     assert [line.split()[0] for line in result.stdout.splitlines()] == list(suite())
 
 
-def test_build_reports_and_is_idempotent(tiny):
+def test_build_reports_and_is_idempotent(smarts_bench, tiny):
     first, second = smarts_bench("scenario", "build", tiny), smarts_bench("scenario", "build", tiny)
     assert first.returncode == second.returncode == 0, first.stderr
     assert "tiny: " in first.stdout
@@ -69,7 +80,7 @@ def test_build_reports_and_is_idempotent(tiny):
     assert first.stdout.splitlines()[1] == second.stdout.splitlines()[1]
 
 
-def test_run_counts_vehicles_and_draws(tiny):
+def test_run_counts_vehicles_and_draws(smarts_bench, tiny):
     out = tiny / "pictures" / "end.png"
     result = smarts_bench("scenario", "run", tiny, "--seconds", "30", "--out", out)
     assert result.returncode == 0, result.stderr
@@ -82,28 +93,29 @@ def test_run_counts_vehicles_and_draws(tiny):
 @pytest.mark.parametrize(
     "suffix", [".pdf", *(pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".png", ".svg"))]
 )
-def test_show_draws_any_format(tiny, suffix):
+def test_show_draws_any_format(smarts_bench, tiny, suffix):
     out = tiny / f"picture{suffix}"
     result = smarts_bench("scenario", "show", tiny, "--seconds", "5", "--out", out)
     assert result.returncode == 0, result.stderr
     assert out.stat().st_size > 5_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["build", "show"])
 def test_what_is_left_out_of_a_map_is_said_once(tiny, command):
-    assert smarts_bench("scenario", "build", tiny).returncode == 0
+    assert finish(begin("scenario", "build", str(tiny)))[0] == 0
     (net,) = tiny.glob("build/*/map.net.xml")
     bad = '<connection from="first" to="gone" fromLane="0" toLane="0"/></net>'
     (tiny / "map.net.xml").write_text(net.read_text().replace("</net>", bad))
-    options = ["--out", tiny / "map.png"] if command == "show" else []
-    result = smarts_bench("scenario", command, tiny, *options)
-    assert result.returncode == 0, result.stderr
-    said = [line for line in (result.stdout + result.stderr).splitlines() if "left out 1 of" in line]
+    options = ["--out", str(tiny / "map.png")] if command == "show" else []
+    code, *written = finish(begin("scenario", command, str(tiny), *options))
+    assert code == 0, written
+    said = [line for line in "".join(written).splitlines() if "left out 1 of" in line]
     assert len(said) == 1
     assert "'first_0' to 'gone_0'" in said[0]
 
 
-def test_show_draws_a_map_without_a_scenario_file(tiny):
+def test_show_draws_a_map_without_a_scenario_file(smarts_bench, tiny):
     (tiny / "scenario.py").unlink()
     out = tiny / "map.png"
     result = smarts_bench("scenario", "show", tiny, "--out", out)
@@ -124,7 +136,7 @@ def test_show_draws_a_map_without_a_scenario_file(tiny):
         (["build", "no/such/folder"], "no/such/folder"),
     ],
 )
-def test_bad_input_ends_in_one_message_and_exit_code_2(tiny, arguments, said):
+def test_bad_input_ends_in_one_message_and_exit_code_2(smarts_bench, tiny, arguments, said):
     result = smarts_bench("scenario", *(a.replace("TINY", str(tiny)) for a in arguments), cwd=tiny)
     assert result.returncode == 2
     assert said in result.stderr

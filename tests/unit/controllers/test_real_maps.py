@@ -19,6 +19,7 @@ def towns(tmp_path_factory):
     return {name: load(DATA / f"{name}.osm", folder) for name in TOWNS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TOWNS)
 def test_cars_stay_on_the_road(towns, name):
     drives = drive_all(towns[name], "sedan", 12, seed=1)

@@ -23,6 +23,7 @@ def circle(kind):
     return math.hypot(1.0 / (ABILITIES.sharpest[kind] / 0.95), ABILITIES.centre_to_rear[kind])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["bullet", "dynamic", "kinematic"])
 @pytest.mark.parametrize(("kind", "radius"), [(CAR, 4.0), (TRUCK, 9.0), (BUS, 13.0)])
 def test_leaves_a_tight_bend_no_faster_than_the_steering_unwinds(rig, kind, radius, model):

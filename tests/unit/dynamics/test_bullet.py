@@ -8,6 +8,7 @@ import pytest
 
 from smarts.dynamics import Box, Fleet, layout
 from smarts.dynamics.bullet import BulletWorld
+from tests.fleets import put_body
 
 DT = 0.01
 
@@ -137,7 +138,7 @@ def test_a_car_on_its_side_slides_to_a_stop_on_the_road():
     with Fleet(1, 1) as fleet:
         fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 0.0)
         start[0] = 0.0, 0.0, 1.2, np.sin(0.85), 0.0, 0.0, np.cos(0.85), 10.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        fleet.put_body(0, start[0])
+        put_body(fleet, 0, start[0])
         for _ in range(50):
             motion = fleet.step(np.array([[1.0, 0.0, 0.0]]))
         assert fleet.wheels.load[0].max() == 0.0
@@ -177,7 +178,7 @@ class TestTouches:
         world.place_boxes(boxes)
         velocities = motions[:, 7:].reshape(-1, 2, 3).tolist()
         world.substep(velocities)
-        touches = list(world.touches(velocities))
+        touches = list(world.contacts(velocities))
         world.close()
         return touches
 
@@ -232,11 +233,11 @@ class TestTouches:
             fleet.spawn(1, "passenger", tuple(place), 0.0, size=(5.0, 2.0))
             body = fleet.body(1)
             body[7 + axis] = -10.0
-            fleet.put_body(1, body)
+            put_body(fleet, 1, body)
             for _ in range(5):
                 fleet.step(np.zeros((2, 3)))
-                if fleet.touches:
+                if fleet.contacts:
                     break
-            first, _ = fleet.touches[0]
+            first, _ = fleet.contacts[0]
             apart = fleet.motion.substeps[1, first, axis] - fleet.motion.substeps[0, first, axis]
         assert apart == pytest.approx(reach, abs=0.2)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from smarts.dynamics import Box, Fleet, layout
+from tests.fleets import put_body
 
 FAR = {1: Box((9000.0, 0.0, 1.0), 0.0, 0.0, 4.0, 2.0, 2.0)}
 """With any box, all of a simulation is Bullet's."""
@@ -20,7 +21,7 @@ class Twice:
             for row, (name, (x, y), speed, *tilt) in enumerate(vehicles):
                 fleet.spawn(row, name, (x, y), 0.0, speed)
                 if tilt:
-                    fleet.put_body(row, tilted(layout.pack(name, "pacejka"), x, y, *tilt))
+                    put_body(fleet, row, tilted(layout.pack(name, "pacejka"), x, y, *tilt))
         self.fleets[1].place_boxes(0, FAR)
 
     def step(self, controls=(0.0, 0.0, 0.0)):
@@ -28,7 +29,7 @@ class Twice:
         for fleet in self.fleets:
             fleet.step(np.broadcast_to(controls, (len(fleet.motion.active), 3)))
         ours, bullets = self.fleets
-        return np.abs(ours.motion.substeps - bullets.motion.substeps).max(), bool(bullets.touches)
+        return np.abs(ours.motion.substeps - bullets.motion.substeps).max(), bool(bullets.contacts)
 
     def close(self):
         for fleet in self.fleets:
@@ -105,7 +106,7 @@ def test_overhang_by_hand():
     """A roof 3 m above the road hangs over by half of that at 30 degrees, half the width comes on top."""
     with Fleet(1, 1) as fleet:
         fleet.spawn(0, "bus", (0.0, 0.0), 0.0)
-        fleet.put_body(0, tilted(BUS, 0.0, 0.0, np.radians(30.0), 0.0))
+        put_body(fleet, 0, tilted(BUS, 0.0, 0.0, np.radians(30.0), 0.0))
         assert fleet.motion.overhang[0] == pytest.approx(0.5 * (3.0 + 0.5 * 2.55))
         fleet.step(np.zeros((1, 3)))
         x, y = fleet.body(0)[3:5]

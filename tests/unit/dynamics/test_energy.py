@@ -8,6 +8,7 @@ from smarts.dynamics import TYRE_MODELS, Fleet, vehicle
 from smarts.types.streams import Purpose, stream
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tyres", TYRE_MODELS)
 @pytest.mark.parametrize(("model", "sequences"), [("kinematic", 2000), ("dynamic", 2000), ("bullet", 1000)])
 def test_coasting_vehicles_gain_no_energy(model, tyres, sequences):

@@ -8,6 +8,7 @@ import pytest
 
 from smarts.dynamics import FLAT_TYRE, MODELS, Box, ControlError, Fleet, MotionError, vehicle
 from smarts.errors import UnknownNameError
+from tests.raising import raises
 
 
 def wild_controls(rows, steps, seed=3):
@@ -124,7 +125,7 @@ def test_nan_controls_are_refused_before_anything_moves(column):
         fleet.spawn(1, "passenger", (0.0, 9.0), 0.0, 5.0)
         controls = np.zeros((2, 3))
         controls[1, column] = np.nan
-        with pytest.raises(ControlError, match=r"row 1.*nan"):
+        with raises(ControlError, "row 1", values=["nan"]):
             fleet.step(controls)
         assert fleet.motion.position[0].tolist() == [0.0, 0.0]
         fleet.step(np.zeros((2, 3)))
@@ -155,7 +156,7 @@ def test_a_motion_that_cannot_be_leaves_the_others_alone(model):
                 fleet.spawn(row, "passenger", (0.0, 0.0), 0.0, 5.0, model=model)
             fleet.road.friction[0] = friction
             if np.isnan(friction):
-                with pytest.raises(MotionError, match="row 0"):
+                with raises(MotionError, "row 0"):
                     fleet.step(np.full((2, 3), 0.3))
                 assert fleet.lost.tolist() == [True, False]
             else:
@@ -170,7 +171,7 @@ def test_a_road_that_is_not_a_number_is_a_named_error_and_can_be_cleared(model):
         for _ in range(2):
             fleet.spawn(1, "passenger", (0.0, 0.0), 0.0, 5.0, model=model)
             fleet.road.friction[1] = np.nan
-            with pytest.raises(MotionError, match="row 1"):
+            with raises(MotionError, "row 1"):
                 fleet.step(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.5]]))
             fleet.clear(1)
         fleet.spawn(1, "passenger", (0.0, 0.0), 0.0, 5.0, model=model)
@@ -179,7 +180,7 @@ def test_a_road_that_is_not_a_number_is_a_named_error_and_can_be_cleared(model):
 
 
 def test_controls_of_another_shape_are_refused():
-    with Fleet(1, 2) as fleet, pytest.raises(ControlError, match=r"\(1, 3\)"):
+    with Fleet(1, 2) as fleet, raises(ControlError, values=[(1, 3)]):
         fleet.step(np.zeros((1, 3)))
 
 
@@ -256,7 +257,6 @@ CALLS_ON_A_VEHICLE = {
     "set_fault": lambda fleet, row: fleet.set_fault(row, 0),
     "set_assistance": lambda fleet, row: fleet.set_assistance(row, abs=False, traction_control=False),
     "body": lambda fleet, row: fleet.body(row),
-    "put_body": lambda fleet, row: fleet.put_body(row, np.zeros(13)),
 }
 
 
@@ -266,14 +266,14 @@ def test_rows_that_there_are_not(name):
     with Fleet(1, 2) as fleet:
         fleet.spawn(1, "passenger", (0.0, 0.0), 0.0)
         for row in (-1, 2, 10**6):
-            with pytest.raises(ControlError, match=rf"no row {row}\n.*0 to 1"):
+            with raises(ControlError, values=[row]):
                 calls[name](fleet, row)
         assert fleet.motion.active.tolist() == [False, True]
 
 
 @pytest.mark.parametrize("name", CALLS_ON_A_VEHICLE)
 def test_rows_without_a_vehicle(name):
-    with Fleet(1, 2) as fleet, pytest.raises(ControlError, match="row 1: there is no vehicle"):
+    with Fleet(1, 2) as fleet, raises(ControlError, "row 1"):
         CALLS_ON_A_VEHICLE[name](fleet, 1)
 
 
@@ -282,7 +282,7 @@ def test_simulations_that_there_are_not(simulation):
     with Fleet(1, 2) as fleet:
         fleet.spawn(1, "passenger", (0.0, 0.0), 0.0)
         for call in (fleet.clear, lambda number: fleet.place_boxes(number, {})):
-            with pytest.raises(ControlError, match=f"no simulation {simulation}"):
+            with raises(ControlError, values=[simulation]):
                 call(simulation)
         assert fleet.motion.active.tolist() == [False, True]
 
@@ -291,15 +291,5 @@ def test_simulations_that_there_are_not(simulation):
 def test_a_wheel_that_there_is_not(wheel):
     with Fleet(1, 1) as fleet:
         fleet.spawn(0, "passenger", (0.0, 0.0), 0.0)
-        with pytest.raises(ControlError, match=f"row 0: there is no wheel {wheel}"):
+        with raises(ControlError, "row 0", values=[wheel]):
             fleet.set_fault(0, wheel)
-
-
-def test_only_a_body_in_bullet_can_be_put_elsewhere():
-    with Fleet(1, 2) as fleet:
-        for row, model in enumerate(("bullet", "dynamic")):
-            fleet.spawn(row, "passenger", (0.0, 9.0 * row), 0.0, model=model)
-        with pytest.raises(ControlError, match="model 'dynamic'"):
-            fleet.put_body(1, fleet.body(1))
-        with pytest.raises(ControlError, match="nan"):
-            fleet.put_body(0, np.full(13, np.nan))

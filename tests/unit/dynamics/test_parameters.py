@@ -1,10 +1,10 @@
-import dataclasses
+import re
 
 import pytest
-import yaml
 
-from smarts.dynamics import VehicleParametersError, layout, parameters, vehicle, vehicle_names
-from smarts.dynamics.parameters import SteeringParameters, VehicleParameters, parse, tyre
+from smarts.config import ConfigError, read_config
+from smarts.dynamics import layout, parameters, vehicle, vehicle_names
+from smarts.dynamics.parameters import SteeringParameters, VehicleParameters, tyre
 from smarts.errors import UnknownNameError
 
 
@@ -43,46 +43,46 @@ def test_bmw_320i_in_its_publishers_units():
 
 @pytest.mark.parametrize("name", ["trailer", "pasenger"])
 def test_unknown_vehicle(name):
-    with pytest.raises(UnknownNameError, match=name) as error:
+    with pytest.raises(UnknownNameError) as error:
         vehicle(name)
     assert "passenger" in error.value.remedy
 
 
 def test_unknown_tyre():
-    with pytest.raises(UnknownNameError, match="slick"):
+    with pytest.raises(UnknownNameError):
         tyre("slick")
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "line"),
     [
-        ("{max_angle: 0.5, rate: fast}", "'fast' is not a number"),
-        ("{max_angle: 0.5}", "'rate' is missing"),
-        ("{max_angle: 0.5, rat: 1.0}", "did you mean 'rate'"),
-        ("[0.5, 1.0]", "not a mapping"),
+        ("max_angle: 0.5\nrate: fast", 2),
+        ("max_angle: 0.5", 1),
+        ("max_angle: 0.5\nrate: 1.0\nrat: 1.0", 3),
+        ("[0.5, 1.0]", 1),
     ],
 )
-def test_broken_files_are_refused(text, message):
-    with pytest.raises(VehicleParametersError) as error:
-        parse(SteeringParameters, yaml.safe_load(text), "vehicles/mine.yaml")
-    assert message in str(error.value)
-    assert "vehicles/mine.yaml" in str(error.value)
+def test_broken_files_are_refused(tmp_path, text, line):
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        read_config(file, SteeringParameters)
+    assert [problem.place for problem in error.value.problems] == [f"{file}:{line}"]
 
 
-def test_scientific_notation_is_a_number():
-    assert parse(SteeringParameters, yaml.safe_load("{max_angle: 5e-1, rate: 1}"), "").max_angle == 0.5
-
-
-def test_springs_too_close_together_are_refused(monkeypatch):
-    car = vehicle("bus")
-    topheavy = dataclasses.replace(car, front=dataclasses.replace(car.front, roll_stiffness=-2e6))
-    monkeypatch.setattr(parameters, "vehicle", lambda name: topheavy)
-    with pytest.raises(VehicleParametersError, match="roll_stiffness"):
-        layout.pack("topheavy", "pacejka")
+def test_springs_too_close_together_are_refused(tmp_path):
+    text = (parameters.FOLDER / "vehicles" / "bus.yaml").read_text()
+    softened = re.sub("roll_stiffness: .*", "roll_stiffness: -2.0e+6", text, count=1)
+    (tmp_path / "bus.yaml").write_text(softened)
+    with pytest.raises(ConfigError) as error:
+        read_config(tmp_path / "bus.yaml", VehicleParameters)
+    (problem,) = error.value.problems
+    assert problem.place.startswith(str(tmp_path))
+    assert "-2000000.0" in problem.text
 
 
 def test_fields_are_documented_by_name():
-    assert {field.name for field in dataclasses.fields(VehicleParameters)} >= {
+    assert set(VehicleParameters.model_fields) >= {
         "mass",
         "inertia",
         "tyre",

@@ -15,7 +15,13 @@ def car(request):
 
 
 def force(car, load, friction, slip, slip_angle, wheel=0):
-    return tyre_models.steady_forces(car, wheel, load, friction, slip, slip_angle)
+    """Return forces (x, y) [N] at a steady slip and slip angle [rad], both positive forward and left."""
+    peak_x, peak_y, stiffness_x, stiffness_y, *curvatures = tyre_models.characteristics(
+        car, wheel, load, friction
+    )
+    force_x, force_y = stiffness_x * slip, stiffness_y * math.tan(slip_angle)
+    share_x, share_y = tyre_models.shares(car, force_x / peak_x, force_y / peak_y, *curvatures)
+    return share_x * force_x, share_y * force_y
 
 
 def published_force_x(load, slip):

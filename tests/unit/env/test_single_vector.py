@@ -41,6 +41,7 @@ def row(observations: Any, number: int) -> Any:
     return observations[number]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_first_simulation_is_what_gymnasium_makes_of_a_single_one(kind):
     options: dict[str, Any] = {"agent": SHORT, "scenarios": ["two_way", "intersection"], **KINDS[kind]}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smarts.envision.route_lines import goal_pose, route_line, start_pose
+from smarts.envision.route_lines import pose_on_map, route_line, start_pose
 from smarts.roads.compile import compile_map
 from smarts.roads.sources import find_map_source
 from smarts.roads.sumo_net import read_net
@@ -53,6 +53,5 @@ def test_poses_of_missions(roads):
     mission = t.Mission(t.Route(begin=("first", 0, "base"), end=("second", 1, "max")))
     # The front bumper is at the lane's begin, so the centre of a car of 5 m is behind it.
     assert np.allclose(start_pose(roads, mission), [-2.5, -4.8, 0], atol=0.1)
-    assert np.allclose(goal_pose(roads, mission), [200, -1.6, 0], atol=0.1)
+    assert np.allclose(pose_on_map(roads, mission.route.end), [200, -1.6, 0], atol=0.1)
     assert start_pose(roads, t.Mission(t.RandomRoute())) is None
-    assert goal_pose(roads, t.EndlessMission(begin=("first", 0, 5))) is None

@@ -181,6 +181,7 @@ def test_machine_code_on_disk_follows_changes_of_fields(tmp_path):
     assert int(output(tmp_path, program, "other", "array")) == 14
 
 
+@pytest.mark.slow
 def test_machine_code_on_disk_follows_changes_of_the_layout(tmp_path):
     (tmp_path / "thirds.py").write_text(THIRD)
     program = BOUND_THIRD.format(binding="altered")

@@ -123,6 +123,7 @@ def test_modules_that_import_each_other(package):
         assert evaluate(package, code) == hits
 
 
+@pytest.mark.slow
 def test_a_kernel_follows_changes_of_named_tuples(package):
     (package / "boxes.py").write_text(BOXES)
     code = "from fresh.boxes import *; print(width_of(Box(width=2.0, length=5.0)))"
@@ -163,6 +164,7 @@ def test_digests_follow_all_that_a_module_imports(package):
     assert [one == other for one, other in zip(first, second, strict=True)] == [False] * len(modules) + [True]
 
 
+@pytest.mark.slow
 def test_a_notice_is_given_when_the_first_kernel_is_compiled_and_none_when_it_is_in_the_cache(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     code = "import logging, sys; from numba import njit; from fresh.lengths import double\n"
@@ -185,6 +187,7 @@ def all_widths(narrow, wide):
 """
 
 
+@pytest.mark.slow
 def test_a_kernel_is_compiled_once_for_whole_numbers_from_kernels_and_apart_from_that_for_python(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     (package / "callers.py").write_text(CALLERS)

@@ -8,6 +8,7 @@ import pytest
 from smarts.dynamics import vehicle
 from smarts.types.actions import CommandMode
 from smarts.types.vehicles import Owner, VehicleKind
+from tests.fleets import put_body
 from tests.vehicle_stage import MISSION, ego
 from tests.worlds import Car
 
@@ -56,7 +57,7 @@ class TestNobodyIsLeftOut:
         moved = driven.vehicles.fleet.body(0)
         for index, value in body.items():
             moved[index] = value
-        driven.vehicles.fleet.put_body(0, moved)
+        put_body(driven.vehicles.fleet, 0, moved)
         driven.step()
         vehicles = driven.world.vehicles
         vehicles.position[0, 1] = vehicles.position[0, 0] + place

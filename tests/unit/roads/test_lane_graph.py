@@ -7,6 +7,7 @@ import pytest
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.sumo_net import read_net
+from tests.raising import raises
 
 
 def test_numbers_of_edges_and_lanes(cross):
@@ -20,15 +21,15 @@ def test_numbers_of_edges_and_lanes(cross):
 
 
 def test_unknown_edge_names_the_nearest(cross):
-    with pytest.raises(MapError, match=r"no edge 'west_inn'\n.*did you mean 'west_in'"):
+    with raises(MapError, values=["west_inn", "'west_in'"]):
         cross.edge_number("west_inn")
-    with pytest.raises(MapError, match=r"no lane 'west_in_7'\n.*'west_in_"):
+    with raises(MapError, values=["west_in_7", "west_in_0"]):
         cross.lane_of_id("west_in_7")
 
 
 @pytest.mark.parametrize("index", [-1, 2])
 def test_lane_off_the_edge(cross, index):
-    with pytest.raises(MapError, match=rf"edge 'west_in' has no lane {index}\n.*has lanes 0\.\.1"):
+    with raises(MapError, values=["west_in", index, "0..1"]):
         cross.lane_number("west_in", index)
 
 
@@ -75,7 +76,7 @@ def test_a_damaged_file(tmp_path, content):
     path = tmp_path / "lanes.npz"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(MapError, match="not a saved lane graph") as caught:
+    with raises(MapError) as caught:
         LaneGraph.load(path)
     assert caught.value.place == str(path)
 
@@ -84,7 +85,7 @@ def test_a_truncated_file(tmp_path, cross):
     path = tmp_path / "lanes.npz"
     cross.save(path)
     path.write_bytes(path.read_bytes()[:-500])
-    with pytest.raises(MapError, match="not a saved lane graph"):
+    with raises(MapError):
         LaneGraph.load(path)
 
 
@@ -92,7 +93,7 @@ def test_a_file_of_another_version(tmp_path, cross, monkeypatch):
     path = tmp_path / "lanes.npz"
     cross.save(path)
     monkeypatch.setattr("smarts.roads.lane_graph.FORMAT", 999)
-    with pytest.raises(MapError, match="another version"):
+    with raises(MapError):
         LaneGraph.load(path)
 
 

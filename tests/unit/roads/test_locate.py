@@ -5,19 +5,18 @@ import math
 import numpy as np
 import pytest
 import shapely
-from numba.core.event import install_recorder
 
-from smarts.roads.atlas import LanePositions, RoadAtlas
 from smarts.roads.lane_graph import LaneKind
 from smarts.roads.sumo_net import read_net
 from tests import maps as hand_made
+from tests.road_queries import RoadQueries
 
 from . import maps
 
 
 @pytest.fixture(scope="module")
 def atlas(cross):
-    return RoadAtlas([cross])
+    return RoadQueries([cross])
 
 
 def world(count=1):
@@ -106,7 +105,7 @@ def test_far_away(atlas):
 
 def test_kinds_of_lanes(compile_to):
     graph = read_net(compile_to("kinds", maps.lane_kinds()))
-    kinds = RoadAtlas([graph])
+    kinds = RoadQueries([graph])
     # From the right: sidewalk, bicycles, buses, cars, nobody; the leftmost lane ends at the axis.
     places = np.array([[50, -14.4], [50, -11.2], [50, -8.0], [50, -4.8], [50, -1.6]])
     assert kinds.on_road(world(5), places).tolist() == [False, False, True, True, False]
@@ -130,7 +129,7 @@ def test_footprint_over_the_edge_of_the_road(atlas):
 
 def test_junction_outline_is_road_if_wanted(graphs):
     graph = graphs["roundabout"]
-    ring = RoadAtlas([graph])
+    ring = RoadQueries([graph])
     outlines = [shapely.Polygon(graph.junction_outline(n)) for n in range(len(graph.junction_ids))]
     places = np.random.default_rng(0).uniform(-30, 30, (5000, 2))
     inside = shapely.contains_xy(shapely.union_all(outlines), places)
@@ -152,7 +151,7 @@ def test_route_distances(atlas):
 
 def test_route_distances_on_the_second_time_round(graphs):
     graph = graphs["roundabout"]
-    ring = RoadAtlas([graph])
+    ring = RoadQueries([graph])
     route = ("ring_east", "ring_north", "ring_west", "ring_south", "ring_east")
     table = ring.route_table([(0, route)])
     lane = np.full(3, graph.lane_number("ring_east", 0), np.int32)
@@ -160,29 +159,6 @@ def test_route_distances_on_the_second_time_round(graphs):
     done, _ = ring.route_distances(table, world(3), world(3), lane, np.full(3, 5.0), hint)
     assert done[0] == done[1] < 10
     assert done[2] > 100
-
-
-def test_any_kind_of_array_will_do(atlas):
-    everything = np.array([[-50, -4.0, 0.0, 9.9], [-50, -1.0, 0.0, 9.9]], np.float32)
-    everything.flags.writeable = False
-    atlas.locate(world(), np.array([[-50, -4.0]]))
-    with install_recorder("numba:compile") as compiled:
-        found = atlas.locate(
-            np.array([0, 0]), everything[:, :2], everything[:, 2], np.array([-1, -1]), atlas.no_routes
-        )
-    assert [atlas.graphs[0].lane_ids[lane] for lane in found.lane] == ["west_in_0", "west_in_1"]
-    assert not compiled.buffer
-
-
-def test_routes_without_their_table(atlas):
-    with pytest.raises(TypeError, match="table"):
-        atlas.locate(world(), np.zeros((1, 2)), routes=world())
-
-
-def test_buffers_are_written_in_place(atlas):
-    out = LanePositions.allocate(1)
-    assert atlas.locate(world(), np.array([[-50, -4.0]]), out=out) is out
-    assert out.t[0] == pytest.approx(0.8)
 
 
 def test_the_wedge_between_two_lanes_that_meet_at_an_angle_is_road():
@@ -195,6 +171,6 @@ def test_the_wedge_between_two_lanes_that_meet_at_an_angle_is_road():
     outside = np.array([math.sin(turn / 2), -math.cos(turn / 2)])
     behind = np.array([math.cos(turn), math.sin(turn)]) * 50.1
     points = np.array([outside, 1.5 * outside, 1.7 * outside, (-50.1, 0.0), behind])
-    found = RoadAtlas([graph]).on_road(np.zeros(5, np.int32), points)
+    found = RoadQueries([graph]).on_road(np.zeros(5, np.int32), points)
     # The road ends where its lanes do.
     assert found.tolist() == [True, True, False, False, False]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from smarts.roads.atlas import RoadAtlas
+from tests.road_queries import RoadQueries
 
 from . import maps
 from .oracle import Oracle
@@ -22,7 +22,7 @@ def random_places(graph, generator):
     )
     s = generator.uniform(-2, graph.length[lane] + 2)
     t = generator.normal(scale=3.0, size=near)
-    position, _ = RoadAtlas([graph]).poses(np.zeros(near, np.int32), lane, s, t)
+    position, _ = RoadQueries([graph]).poses(np.zeros(near, np.int32), lane, s, t)
     low, high = graph.point_xy.min(axis=0) - 100, graph.point_xy.max(axis=0) + 100
     return np.concatenate((position, generator.uniform(low, high, (far, 2))))
 
@@ -31,7 +31,7 @@ def random_places(graph, generator):
 def case(request, graphs, sumo_nets):
     graph = graphs[request.param]
     places = random_places(graph, np.random.default_rng(7))
-    atlas = RoadAtlas([graph])
+    atlas = RoadQueries([graph])
     return graph, Oracle(sumo_nets[request.param]), places, atlas, np.zeros(PLACES, np.int32)
 
 

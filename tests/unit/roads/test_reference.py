@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from smarts.roads.atlas import RoadAtlas
 from smarts.roads.corridors import route_corridor
 from smarts.roads.kernels import find_row, lane_length
 from smarts.roads.routes import random_route
+from tests.road_queries import RoadQueries
 
 from . import maps, reference
 
@@ -16,7 +16,7 @@ NAMES = tuple(maps.MAPS)
 
 @pytest.fixture(scope="module")
 def atlas(graphs):
-    return RoadAtlas([graphs[name] for name in NAMES])
+    return RoadQueries([graphs[name] for name in NAMES])
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,9 @@ def test_one_call_for_all_maps_equals_one_call_each(atlas, scene):
     together = atlas.locate(world, position, heading)
     for m in range(len(NAMES)):
         rows = world == m
-        alone = RoadAtlas([atlas.graphs[m]]).locate(np.zeros(POSES, np.int32), position[rows], heading[rows])
+        alone = RoadQueries([atlas.graphs[m]]).locate(
+            np.zeros(POSES, np.int32), position[rows], heading[rows]
+        )
         np.testing.assert_array_equal(alone.lane, together.lane[rows])
         np.testing.assert_array_equal(alone.t, together.t[rows])
 

@@ -9,6 +9,7 @@ from smarts.roads.lane_graph import LaneKind
 from smarts.roads.routes import CARS, edge_graph, random_route, shortest_route
 from smarts.roads.sumo_net import read_net
 from tests.maps import Road, graph_of
+from tests.raising import raises
 
 # Two ways from a to d: 100 m at 10 m/s by b, or 200 m at 30 m/s by c.
 DIAMOND = {
@@ -51,26 +52,24 @@ def test_a_lap_of_the_ring(graphs):
 
 
 def test_no_way(diamond):
-    with pytest.raises(
-        MapError, match=r"no way leads from edge 'fast_1' to edge 'short'\n.*leads into 'fast_2'"
-    ):
+    with raises(MapError, values=["fast_1", "short", "fast_2"]):
         shortest_route(diamond, "in", "out", via=["fast_1", "short"])
-    with pytest.raises(MapError, match=r"from edge 'out' to edge 'in'\n.*'out' is a dead end"):
+    with raises(MapError, values=["'out'", "'in'"]):
         shortest_route(diamond, "out", "in")
-    with pytest.raises(MapError, match="from edge 'in' to edge 'in'"):
+    with raises(MapError, values=["'in'"]):
         shortest_route(diamond, "in", "in", lap=True)
 
 
 def test_unknown_and_unusable_edges(diamond, cross, compile_to):
-    with pytest.raises(MapError, match=r"no edge 'shorter'\n.*'short'"):
+    with raises(MapError, values=["shorter", "'short'"]):
         shortest_route(diamond, "in", "shorter")
-    with pytest.raises(MapError, match="inside a junction"):
+    with raises(MapError):
         shortest_route(cross, ":centre_0", "west_out")
     sources = dict(DIAMOND)
     sources["edg"] = sources["edg"].replace('id="short"', 'id="short" allow="bus"')
     graph = read_net(compile_to("buses", sources))
     assert shortest_route(graph, "in", "out") == ("in", "fast_1", "fast_2", "out")
-    with pytest.raises(MapError, match="'short' is closed"):
+    with raises(MapError, values=["'short'"]):
         shortest_route(graph, "in", "short")
     both = frozenset({LaneKind.CAR, LaneKind.BUS})
     assert shortest_route(graph, "in", "out", kinds=both) == ("in", "short", "out")
@@ -113,6 +112,21 @@ def test_random_routes(graphs):
     assert [random_route(graph, again, max_edges=6) for _ in range(50)] == routes
 
 
+def test_random_routes_have_no_turnarounds(compile_to):
+    """A dead end that vehicles may leave by turning round: the only way out of `in` is `back`."""
+    nodes = (
+        '<nodes><node id="a" x="0" y="0"/><node id="b" x="100" y="0"/><node id="c" x="200" y="0"/></nodes>'
+    )
+    ends = (("in", "b", "c"), ("back", "c", "b"), ("away", "b", "a"))
+    edges = "".join(f'<edge id="{name}" from="{begin}" to="{end}"/>' for name, begin, end in ends)
+    turn = '<connections><connection from="in" to="back" fromLane="0" toLane="0"/></connections>'
+    sources = {"nod": nodes, "edg": f"<edges>{edges}</edges>", "con": turn}
+    graph = read_net(compile_to("turnaround", sources))
+    assert shortest_route(graph, "in", "away") == ("in", "back", "away")
+    generator = np.random.default_rng(1)
+    assert {random_route(graph, generator) for _ in range(20)} == {("back", "away")}
+
+
 def test_corridor_of_a_left_turn(cross):
     corridor = route_corridor(cross, ("west_in", "north_out"))
     names = [cross.lane_ids[lane] for lane in corridor.lane]
@@ -152,7 +166,7 @@ def test_corridor_of_a_lap_has_the_first_road_twice(graphs):
 
 
 def test_corridor_with_a_gap(cross):
-    with pytest.raises(MapError, match="'west_in' does not lead into edge 'west_out'"):
+    with raises(MapError, values=["west_in", "west_out"]):
         route_corridor(cross, ("west_in", "west_out"))
 
 

@@ -2,6 +2,7 @@ import pytest
 
 from smarts.errors import MapError
 from smarts.roads.sources import find_map_source
+from tests.raising import raises
 
 
 def names(source):
@@ -51,25 +52,23 @@ def test_source_as_stem_file_folder_and_absolute_path(tmp_path):
 @pytest.mark.parametrize("source", [None, "nothing", "missing/map.xodr"])
 def test_missing_map_says_what_was_looked_for(tmp_path, source):
     touch(tmp_path, "map.nod.xml")
-    with pytest.raises(
-        MapError, match=r"looked for .*\.net\.xml, .*\.nod\.xml with .*\.edg\.xml.*\.xodr, .*\.osm"
-    ):
+    with raises(MapError, values=[".net.xml", ".nod.xml", ".edg.xml", ".xodr", ".osm"]):
         find_map_source(tmp_path, source)
 
 
 def test_a_file_of_another_kind(tmp_path):
     touch(tmp_path, "map.png")
-    with pytest.raises(MapError, match=r"'map\.png' is not a road map"):
+    with raises(MapError, values=["map.png"]):
         find_map_source(tmp_path, "map.png")
 
 
 def test_half_a_plain_map(tmp_path):
     touch(tmp_path, "map.edg.xml")
-    with pytest.raises(MapError, match=r"looked for map\.nod\.xml with map\.edg\.xml"):
+    with raises(MapError, values=["map.nod.xml", "map.edg.xml"]):
         find_map_source(tmp_path, "map.edg.xml")
 
 
 def test_folder_with_several_maps(tmp_path):
     touch(tmp_path, "a.xodr", "b.osm")
-    with pytest.raises(MapError, match="several maps: a, b"):
+    with raises(MapError, values=["a, b"]):
         find_map_source(tmp_path, ".")

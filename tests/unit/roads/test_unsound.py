@@ -11,30 +11,31 @@ from smarts.errors import MapError
 from smarts.roads.compile import compile_map
 from smarts.roads.sources import MapSource, find_map_source
 from smarts.roads.sumo_net import read_net
+from tests.raising import raises
 
 from . import maps
 
 DATA = Path(__file__).parents[2] / "data"
 CHANGES = {
-    "nan speed": (r'speed="[^"]*"', 'speed="nan"', "speed='nan' is not a number above 0"),
-    "negative speed": (r'speed="[^"]*"', 'speed="-1"', "speed='-1' is not a number above 0"),
-    "no speed": (r'speed="[^"]*"', "", "speed='' is not a number above 0"),
-    "length": (r' length="[^"]*"', ' length="0"', "length='0' is not a number above 0"),
-    "nan in a shape": (r'(<lane [^>]*shape=")[^ ]*', r"\1nan,nan", "'nan,nan' in its shape is not a point"),
-    "half a point": (r'(<lane [^>]*shape=")[^ ]*', r"\g<1>3", "'3' in its shape is not a point"),
-    "twin edges": ('edge id="east_out"', 'edge id="west_out"', "two edges are named 'west_out'"),
-    "twin lanes": ('lane id="east_out_0"', 'lane id="west_out_0"', "two lanes are named 'west_out_0'"),
+    "nan speed": (r'speed="[^"]*"', 'speed="nan"', "speed='nan'"),
+    "negative speed": (r'speed="[^"]*"', 'speed="-1"', "speed='-1'"),
+    "no speed": (r'speed="[^"]*"', "", "speed=''"),
+    "length": (r' length="[^"]*"', ' length="0"', "length='0'"),
+    "nan in a shape": (r'(<lane [^>]*shape=")[^ ]*', r"\1nan,nan", "nan,nan"),
+    "half a point": (r'(<lane [^>]*shape=")[^ ]*', r"\g<1>3", "'3'"),
+    "twin edges": ('edge id="east_out"', 'edge id="west_out"', "west_out"),
+    "twin lanes": ('lane id="east_out_0"', 'lane id="west_out_0"', "west_out_0"),
 }
 
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_nets(nets, tmp_path, change):
-    pattern, replacement, message = CHANGES[change]
+    pattern, replacement, value = CHANGES[change]
     text, count = re.subn(pattern, replacement, nets["cross"].read_text(), count=1)
     assert count == 1
     net = tmp_path / "map.net.xml"
     net.write_text(text)
-    with pytest.raises(MapError, match=re.escape(message)) as caught:
+    with raises(MapError, values=[value]) as caught:
         compile_map(find_map_source(tmp_path), tmp_path / "out.net.xml")
     assert caught.value.place.startswith(str(net))
     assert caught.value.remedy
@@ -42,26 +43,26 @@ def test_nets(nets, tmp_path, change):
 
 
 @pytest.mark.parametrize(
-    ("pattern", "replacement", "message"),
+    ("pattern", "replacement", "value"),
     [
-        (r'<geometry([^>]*) length="[^"]*"', r'<geometry\1 length="nan"', "length='nan' of a <geometry>"),
-        (r'<road([^>]*) length="[^"]*"', r'<road\1 length="-100"', "length='-100' of a <road>"),
-        (r'<width([^>]*) a="[^"]*"', r'<width\1 a="-3.5"', "a='-3.5' of a <width>"),
-        (r'<geometry([^>]*) hdg="[^"]*"', r'<geometry\1 hdg="x"', "hdg='x' of a <geometry>"),
+        (r'<geometry([^>]*) length="[^"]*"', r'<geometry\1 length="nan"', "length='nan'"),
+        (r'<road([^>]*) length="[^"]*"', r'<road\1 length="-100"', "length='-100'"),
+        (r'<width([^>]*) a="[^"]*"', r'<width\1 a="-3.5"', "a='-3.5'"),
+        (r'<geometry([^>]*) hdg="[^"]*"', r'<geometry\1 hdg="x"', "hdg='x'"),
     ],
 )
-def test_opendrive(tmp_path, pattern, replacement, message):
+def test_opendrive(tmp_path, pattern, replacement, value):
     text, count = re.subn(pattern, replacement, (DATA / "bend.xodr").read_text(), count=1)
     assert count == 1
     (tmp_path / "map.xodr").write_text(text)
-    with pytest.raises(MapError, match=re.escape(message)) as caught:
+    with raises(MapError, values=[value]) as caught:
         compile_map(find_map_source(tmp_path), tmp_path / "out.net.xml")
     assert caught.value.place.startswith(f"{tmp_path / 'map.xodr'}: road '")
 
 
 def test_names_with_commas(tmp_path):
     shutil.copy(DATA / "village.osm", tmp_path / "vil,lage.osm")
-    with pytest.raises(MapError, match="has a comma") as caught:
+    with raises(MapError) as caught:
         compile_map(find_map_source(tmp_path, "vil,lage.osm"), tmp_path / "out.net.xml")
     assert caught.value.remedy == "rename the file"
 
@@ -74,7 +75,7 @@ def test_folders_with_commas(tmp_path):
 
 def test_files_that_are_gone(tmp_path):
     gone = MapSource("osm", (tmp_path / "map.osm",))
-    with pytest.raises(MapError, match="cannot read the map: No such file"):
+    with raises(MapError):
         compile_map(gone, tmp_path / "out.net.xml")
 
 
@@ -93,7 +94,7 @@ def test_half_a_network_is_noticed(tmp_path, monkeypatch):
     os.chmod(tool, 0o755)
     monkeypatch.setattr("smarts.roads.compile._sumo_folder", lambda: tmp_path / "sumo")
     folder = maps.write(tmp_path / "maps", **maps.cross())
-    with pytest.raises(MapError, match="could not write the whole network") as caught:
+    with raises(MapError) as caught:
         compile_map(find_map_source(folder), tmp_path / "out" / "net.xml")
     assert caught.value.remedy == "make room on that disk"
     assert list((tmp_path / "out").iterdir()) == []

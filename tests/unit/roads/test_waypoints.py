@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from smarts.roads.atlas import RoadAtlas
 from smarts.roads.waypoints import WaypointPaths
+from tests.road_queries import RoadQueries
 
 
 @pytest.fixture(scope="module")
 def atlas(cross):
-    return RoadAtlas([cross])
+    return RoadQueries([cross])
 
 
 def ahead(atlas, x, y, route=None, heading=0.0, hint=math.nan, **options):
@@ -137,7 +137,7 @@ def test_old_contents_of_the_buffers_are_gone(atlas):
 
 
 def test_round_a_lap(graphs):
-    ring = RoadAtlas([graphs["roundabout"]])
+    ring = RoadQueries([graphs["roundabout"]])
     route = ("ring_east", "ring_north", "ring_west", "ring_south", "ring_east")
     x, y, heading = ring.graphs[0].pose_at(ring.graphs[0].lane_number("ring_east", 0), 3.0)
     # On the first time round the path goes on; on the second the route ends with the road.

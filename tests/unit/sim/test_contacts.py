@@ -79,6 +79,7 @@ def random_pairs(worlds, others, speed):
     return world, poses[:, :1].copy(), poses, size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("worlds", [50, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("speed", [10.0, 60.0])
 def test_against_exact_predicates(speed, worlds):

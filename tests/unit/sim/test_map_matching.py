@@ -9,6 +9,7 @@ from smarts.roads.scene import Scene
 from smarts.sim.map_matching import MapMatcher
 from smarts.types.mission import AgentMission, GoalKind
 from tests.maps import Road, bend, crossing, graph_of, straight
+from tests.road_queries import RoadQueries
 from tests.worlds import Car, world_of
 
 EAST = AgentMission(route=("west_in", "east_out"))
@@ -42,7 +43,8 @@ def test_one_kernel_finds_what_the_atlas_finds():
     row, slot = np.nonzero(vehicles.alive)
     routes = np.full(vehicles.alive.shape, -1, np.int32)
     routes[0, agents.slot[0]] = made.routes.number[0]
-    found = made.atlas.locate(
+    found = RoadQueries.locate(
+        made.atlas,
         made.world.map[row],
         vehicles.position[row, slot],
         vehicles.heading[row, slot],
@@ -54,8 +56,9 @@ def test_one_kernel_finds_what_the_atlas_finds():
     assert (vehicles.lane_offset[row, slot] == found.t).all()
     place = agents.slot[0]
     ones = np.zeros(4, np.int32)
-    assert (agents.on_road[0] == made.atlas.on_road(ones, vehicles.position[0, place])).all()
-    corners = made.atlas.corners_on_road(
+    assert (agents.on_road[0] == RoadQueries.on_road(made.atlas, ones, vehicles.position[0, place])).all()
+    corners = RoadQueries.corners_on_road(
+        made.atlas,
         ones,
         vehicles.position[0, place],
         vehicles.heading[0, place],
@@ -63,7 +66,8 @@ def test_one_kernel_finds_what_the_atlas_finds():
         vehicles.width[0, place],
     )
     assert (agents.corners_on_road[0] == corners).all()
-    done, remaining = made.atlas.route_distances(
+    done, remaining = RoadQueries.route_distances(
+        made.atlas,
         made.routes.table,
         ones,
         made.routes.number[0],

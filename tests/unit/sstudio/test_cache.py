@@ -214,7 +214,7 @@ class TestCommas:
 
     def test_nowhere_without_a_comma(self, scenario_folder, tmp_path, monkeypatch):
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "a,b"))
-        with pytest.raises(ScenarioError, match="comma") as caught:
+        with raises(ScenarioError) as caught:
             build_scenario(scenario_folder(name="com,ma"))
         assert "XDG_CACHE_HOME" in caught.value.remedy
 

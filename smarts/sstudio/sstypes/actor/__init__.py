@@ -12,4 +12,4 @@ class Actor(Described):
     """A road user."""
 
     name: str
-    """What people call it. Two actors of one name and other content are two actors."""
+    """Display name. Actors with equal names but different fields are distinct."""

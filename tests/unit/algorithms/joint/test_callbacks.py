@@ -51,6 +51,7 @@ def test_every_episode_starts_steps_and_ends():
     assert first["num_episodes"] == 2
 
 
+@pytest.mark.slow
 def test_functions_are_called_too_and_broken_episodes_do_not_end():
     calls = []
     (result,) = trained(

@@ -82,7 +82,11 @@ def weights(algo):
     return {f"{m}/{name}": np.array(x) for m, part in state.items() for name, x in part.items()}
 
 
-@pytest.mark.parametrize("steps", [2**11, 2**31, 2**40, 2**53, 2**63 - 1024, 2**63, 10**30])
+STEPS = [2**11, 2**63]
+MORE_STEPS = [pytest.param(n, marks=pytest.mark.slow) for n in (2**31, 2**40, 2**53, 2**63 - 1024, 10**30)]
+
+
+@pytest.mark.parametrize("steps", [*STEPS, *MORE_STEPS])
 def test_no_number_of_steps_is_too_large_to_continue(build, tmp_path, steps):
     folder = aged(build, config_of("ppo"), steps, tmp_path / "saved")
     first, again = build(config_of("ppo"), folder), build(config_of("ppo"), folder)
@@ -195,6 +199,7 @@ class Counting(RLlibCallback):
         metrics_logger.log_value("heard", 1, reduce="lifetime_sum")
 
 
+@pytest.mark.slow
 def test_callbacks_hear_of_episodes_that_were_open_when_training_was_saved(build, tmp_path):
     """The games' copies are saved as they stand, in mid-episode."""
     config = config_of("ppo", Cues).callbacks(Counting)

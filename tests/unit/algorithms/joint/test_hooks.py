@@ -144,6 +144,7 @@ def trained(algo, iterations):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("cluster")
 def test_training_is_the_same_with_a_remote_runner_and_after_a_restore(build, tmp_path):
     local, remote = build(), build(runners=1)

@@ -65,6 +65,7 @@ def test_a_replay_buffer_of_other_sequences_is_refused():
         JointReplay(rig.spec, 64, 4).set_state(rig.learner.replay.get_state())
 
 
+@pytest.mark.slow
 def test_what_shapes_no_network_tells_no_checkpoints_apart():
     hot, cold = (algorithms.config("mf_q").training(temperature=t) for t in (0.1, 2.0))
     assert hot.checkpoint_signature() == cold.checkpoint_signature()

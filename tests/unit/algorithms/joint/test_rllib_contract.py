@@ -311,6 +311,7 @@ def test_runs_under_tune_with_its_own_class_and_settings(name, tmp_path):
     assert all(r.metrics["env_runners"]["num_env_steps_sampled_lifetime"] == 64 for r in results)
 
 
+@pytest.mark.slow
 def test_pettingzoo_environments_run_through_rllibs_wrapper(build):
     from ray.rllib.env.wrappers.pettingzoo_env import ParallelPettingZooEnv
     from ray.tune import register_env

@@ -9,7 +9,7 @@ import numpy as np
 from smarts.arrays import Ints
 
 
-class RouteTable:
+class PlannedRoutes:
     """The routes that vehicles of B simulations have planned.
 
     Numbers are consecutive, hold for the episode, and are only added: readers need to look at new ones only.

@@ -1,4 +1,4 @@
-"""Counts the traffic of the suite: `python -m scenarios.survey` rewrites the table in docs/scenarios.md."""
+"""Traffic of the suite: `python -m perf.scenario_traffic` rewrites the table in docs/scenarios.md."""
 
 from __future__ import annotations
 

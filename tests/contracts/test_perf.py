@@ -1,0 +1,63 @@
+"""Every script in `perf/` runs to its end with the smallest settings that exercise it."""
+
+import importlib
+import subprocess
+import sys
+
+import pytest
+
+from tests.blocks import ROOT
+
+SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
+SMALLEST = {
+    "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
+    "dynamics": ["--seconds", "0.01"],
+    "energy": ["--sequences", "20", "--seconds", "0.1"],
+    "frames": [],
+    "games": ["--games", "pg promise", "--seeds", "1"],
+    "manoeuvres": [],
+    "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
+    "roads": ["--poses", "50", "--repeats", "1"],
+    "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
+    "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
+    "stopping": [],
+    "traffic": ["--scenarios", "loop", "--steps", "50", "--repeats", "1"],
+}
+"""Arguments of the scripts that run in the tests' process."""
+WITH_RAY = {
+    "joint": ["--seconds", "0.01"],
+    "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
+}
+"""Those of scripts that start Ray and get a process of their own."""
+ELSEWHERE = {"endurance", "real_maps", "scenario_files", "scenario_traffic"}
+"""Scripts that take minutes, or have tests of their own."""
+
+
+def test_every_script_is_tried():
+    assert {*SMALLEST, *WITH_RAY, *ELSEWHERE} == SCRIPTS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", SMALLEST)
+def test_script(script, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [script, *SMALLEST[script]])
+    try:
+        code = importlib.import_module(f"perf.{script}").main()
+    except SystemExit as ended:
+        code = ended.code
+    assert not code
+    assert capsys.readouterr().out.strip()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", WITH_RAY)
+def test_script_with_ray(script):
+    command = [sys.executable, "-m", f"perf.{script}", *WITH_RAY[script]]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr[-3000:]
+    assert ended.stdout.strip()
+
+
+@pytest.mark.parametrize("script", sorted(ELSEWHERE))
+def test_script_imports(script):
+    assert importlib.import_module(f"perf.{script}").main
