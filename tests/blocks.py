@@ -5,7 +5,7 @@
 | `python`, `console` | run in the page's folder and namespace |
 | `python`, `yaml`, `xml` with `title="file"` | written to that file |
 | `yaml` without a title | read as an experiment file |
-| `diff` with `title="file"` | its lines without a sign are in that file of the repository, in a row |
+| `diff` with `title="file"` | its lines without a sign are in that file of the repository |
 | `text` with `title="Output"` | what the block before it prints; `...` stands for anything |
 | `--8<-- "examples/..."` | that example, copied to the folder; `test_examples.py` runs it |
 
@@ -17,6 +17,7 @@ import ast
 import contextlib
 import doctest
 import io
+import itertools
 import os
 import re
 import subprocess
@@ -129,9 +130,11 @@ class Page:
             return ""
         if block.language == "diff":
             lines = (ROOT / block.title).read_text().splitlines()
-            around = [line[1:] for line in block.text.splitlines() if line.startswith(" ")]
-            starts = range(len(lines) - len(around) + 1)
-            assert any(lines[i : i + len(around)] == around for i in starts), f"{block.place}: {around}"
+            for is_kept, group in itertools.groupby(block.text.splitlines(), lambda line: line[0] == " "):
+                around = [line[1:] for line in group]
+                starts = range(len(lines) - len(around) + 1)
+                found = any(lines[i : i + len(around)] == around for i in starts)
+                assert found or not is_kept, f"{block.place}: {around}"
             return ""
         if block.title:
             file = self._folder / block.title

@@ -49,7 +49,7 @@ def path(kind, state):
 
 
 def good(kind, state):
-    """Return an action that drives on."""
+    """Return an action that drives on; of other types the first value at its bound, the others 0."""
     x, y, heading = *state.position[:2], float(state.heading)
     ahead = (x + 2.0 * np.cos(heading), y + 2.0 * np.sin(heading), heading, 0.4)
     actions = {
@@ -63,7 +63,10 @@ def good(kind, state):
         ActionSpaceType.Empty: None,
         ActionSpaceType.RelativeTargetPose: (0.5 * np.cos(heading), 0.5 * np.sin(heading), 0.0),
     }
-    return actions[kind] if kind in actions else path(kind, state)
+    if kind in actions or is_path(kind):
+        return actions[kind] if kind in actions else path(kind, state)
+    space: Any = action_space(kind)
+    return np.clip([space.high[0], *[0.0] * (shape(kind)[0] - 1)], space.low, space.high)
 
 
 def shape(kind) -> tuple[int, ...]:

@@ -50,8 +50,8 @@ def builds(case: str) -> list[BuiltScenario]:
     return [build_scenario(f"{base.name}@{variation}") for variation in base.held_out]
 
 
-def test_the_suite_is_the_papers_and_ours():
-    assert list(NAMES) == [*PAPER, "double_merge", "loop", "city"]
+def test_the_suite_begins_with_the_papers():
+    assert list(NAMES)[: len(PAPER)] == PAPER
 
 
 @pytest.mark.parametrize("name", NAMES)
