@@ -31,7 +31,7 @@ def test_a_loop_that_acts_for_all_it_has_observations_of(closing):
         observations, _, terminated, truncated, infos = env.step(dict.fromkeys(observations, "keep_lane"))
         steps += 1
         for name in observations:
-            assert name not in ended, "an agent was told of after its end"
+            assert name not in ended, "an agent is in the results after its end"
             if terminated[name] or truncated[name]:
                 ended[name] = infos[name]["outcome"]
     assert set(ended) == {"a", "b", "c", "d"}

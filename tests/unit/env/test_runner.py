@@ -41,7 +41,7 @@ def actions_of(world, decision, agents=4):
 def play(env, worlds, decisions, episode=0):
     """Return for each world the observations, rewards and ends of some decisions, auto-resets included."""
     now = env.reset(7, np.array(worlds), episode=episode)
-    told = [[now.observations[0][""][row].tobytes()] for row in range(len(worlds))]
+    seen = [[now.observations[0][""][row].tobytes()] for row in range(len(worlds))]
     for decision in range(decisions):
         now = env.step([np.array([actions_of(world, decision) for world in worlds])])
         for row in range(len(worlds)):
@@ -53,8 +53,8 @@ def play(env, worlds, decisions, episode=0):
                 now.alive,
                 now.masks[0],
             )
-            told[row].append(b"".join(part[row].tobytes() for part in parts))
-    return told
+            seen[row].append(b"".join(part[row].tobytes() for part in parts))
+    return seen
 
 
 SCENARIOS = ["intersection", "double_merge"]
@@ -122,7 +122,7 @@ def test_finished_agents_are_zeros_after_their_last_observation(new_env):
         if ended.any() and not now.reset[0]:
             break
     else:
-        pytest.fail("nobody ended before the others")
+        pytest.fail("no agent ended before the others")
     seen = now.observations[0][""][0]
     assert seen[ended].any(axis=1).all()
     assert not now.alive[0, ended].any()

@@ -83,7 +83,7 @@ def test_an_observation_adapter_needs_a_space():
 
 
 def test_observations_may_be_more_precise_than_their_space(closing):
-    """NumPy's arrays are, and spaces of Gymnasium are not, unless told."""
+    """NumPy's arrays are float64 by default, Gymnasium's spaces float32."""
     space = Dict({"speed": Box(-1.0, 100.0, (1,))})
     spec = AgentSpec(
         interface=PLAIN,

@@ -74,8 +74,8 @@ class Drive:
         self.world.vehicles.position[0, 0] = ROUTE - remaining, 0.0
         worlds, agents = shape = self.world.agents.state.shape
         contacts = Contacts.allocate(worlds, agents, self.world.vehicles.capacity)
-        rows, everybody = np.ones(1, np.bool_), np.ones(shape, np.bool_)
-        frame = Frame(self.world, rows, None, None, contacts, self.events, everybody, Readings({}, {}))
+        rows, observe_mask = np.ones(1, np.bool_), np.ones(shape, np.bool_)
+        frame = Frame(self.world, rows, None, None, contacts, self.events, observe_mask, Readings({}, {}))
         self.rewards.collect(frame, is_last)
         return float(self.rewards.values[0, 0])
 
@@ -226,7 +226,7 @@ def test_neighbours_and_steering_are_weighed():
     assert one.decide(ROUTE, in_step=0) == 0.0
     slot = one.world.vehicles
     slot.alive[0, 5], slot.position[0, 5] = True, (30.0, 0.0)
-    # From nobody to one that stands 30 m ahead of a vehicle that stands.
+    # A standing vehicle appears 30 m ahead of a standing vehicle.
     assert one.decide(ROUTE, in_step=0) == pytest.approx(-0.03 * 20 / 8)
     slot.speed[0, 0] = 20.0
     one.world.agents.steering[0, 0] = 0.3
