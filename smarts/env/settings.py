@@ -166,7 +166,7 @@ class EnvSettings:
             SmartsError: A scenario cannot be built or played.
         """
         if not interfaces:
-            raise InterfaceError("there are no agents", remedy="name at least one")
+            raise InterfaceError("there are no agents", place="agents", remedy="name at least one")
         specs = self.specs()
         observed = {
             agent_id: sensors

@@ -177,7 +177,7 @@ def test_vector_env_takes_no_keywords_of_dict_environments(keyword):
 def test_unknown_keywords_are_named_with_environment_and_remedy(name, make):
     for keyword, remedy in (
         ("rewrd", "'reward'"),
-        ("agent", "'agents'"),
+        ("trafic", "'traffic'"),
         ("render_mode", "smarts-bench render"),
     ):
         with pytest.raises(TypeError) as raised:

@@ -108,7 +108,7 @@ def test_every_episode_of_a_vector_has_its_own_rewards(closing, tmp_path):
         ),
     ],
 )
-def test_faces_with_dicts_note_rewards_and_what_is_said(closing, tmp_path, make):
+def test_environments_by_name_record_rewards_and_annotations(closing, tmp_path, make):
     env = closing(make(Options(record=tmp_path)))
     env.reset(seed=1)
     env.annotate("value", {"agent-0": 7})
@@ -122,7 +122,7 @@ def test_faces_with_dicts_note_rewards_and_what_is_said(closing, tmp_path, make)
     assert extras(episode, "value")[0, 0].tolist() == [7]
     with raises(ActionError, values=["agent0", "agent-0"]):
         env.annotate("value", {"agent0": 7})
-    with raises(ActionError, values=["agent-0", "'x'"]):
+    with raises(ActionError, "annotate('value')", values=["'x'"]):
         env.annotate("value", {"agent-0": "x"})
     with raises(InterfaceError, "name", values=["3"]):
         env.annotate(3, {"agent-0": 1.0})
