@@ -1,4 +1,4 @@
-"""An algorithm of one's own: PPO with a second term in its policy loss, and a setting for it."""
+"""A custom algorithm: PPO with a second term in its policy loss, and a setting for it."""
 
 import ray
 from ray.tune import register_env

@@ -1,4 +1,4 @@
-"""A metric of one's own: record episodes, then measure how often agents brake hard."""
+"""A custom metric: record episodes, then measure how often agents brake hard."""
 
 import tempfile
 

@@ -1,4 +1,4 @@
-"""A scenario of one's own on a map of the suite: an agent among slow trucks, written, built and driven."""
+"""A custom scenario on a map of the suite: an agent among slow trucks, written, built and driven."""
 
 import shutil
 import tempfile

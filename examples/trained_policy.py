@@ -1,4 +1,4 @@
-"""A training of half a minute from Python, and its policy in a loop of one's own."""
+"""A training of half a minute from Python, and its policy in your own loop."""
 
 import tempfile
 from pathlib import Path

@@ -3,7 +3,7 @@
 What is in it for a step of 0.1 s of one simulation:
 
 - SUMO: every ego is put where it is (`moveToXY`) and given its speed, one `simulationStep`, then place,
-  angle, speed and acceleration of every vehicle that SUMO drives, and who has come and gone;
+  angle, speed and acceleration of every vehicle that SUMO drives, and arrivals and departures;
 - Bullet: ten times the velocity of every ego's body, `stepSimulation`, and the pose and velocity of every
   body.
 
@@ -39,7 +39,7 @@ class Beginning(NamedTuple):
     poses: Sequence[Pose]
     """Of the egos."""
     traffic: Collection[str]
-    """Who is left of SUMO's vehicles after room was made for the egos."""
+    """SUMO's vehicles that remain after the egos' places were cleared."""
 
 
 class BareTraffic:

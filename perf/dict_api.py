@@ -5,7 +5,7 @@
 
 Four agents of type `LanerWithSpeed` drive on the scenario `loop` with a decision in every step. Each tree
 runs in a process of its own, one block of steps at a time, in alternation, so that both see the same load of
-the machine. Two figures for each tree: observations that nobody reads, and observations whose vehicle,
+the machine. Two figures for each tree: observations that are not read, and observations whose vehicle,
 waypoints and events are read. Time is the processor time of the process; the ratio is the median over blocks
 of NEW / BASE.
 """

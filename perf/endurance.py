@@ -1,4 +1,4 @@
-"""Whether training survives what happens to it: killed, stopped, without its worker, with other settings.
+"""Whether training survives kills, stops, a lost worker and changed settings.
 
     python -m perf.endurance [--families ppo dqn ...] [--steps 50000] [--out FOLDER]
 
@@ -53,7 +53,7 @@ class Training:
     process: Any = None
 
     def start(self) -> None:
-        """Give the command, in a session of its own, so that its processes can be told from others'."""
+        """Start the command in a new session, so that its processes can be identified."""
         with (self.run.parents[4] / "log.txt").open("a") as log:
             line = [sys.executable, "-m", "benchmark.cli", *self.arguments]
             self.process = subprocess.Popen(line, stdout=log, stderr=log, start_new_session=True)
@@ -127,7 +127,7 @@ def endure(name: str, steps: int, root: Path) -> tuple[str, bool]:
 
 
 def exploit(name: str, steps: int, root: Path) -> tuple[str, bool]:
-    """Search with a population of two; return its row, and whether one went on with the other's policy."""
+    """Search with a population of two; return its row, and whether one continued from the other's policy."""
     training = _training(name, steps, root)
     training.start()
     code = training.process.wait(2 * PATIENCE)
@@ -135,8 +135,8 @@ def exploit(name: str, steps: int, root: Path) -> tuple[str, bool]:
     exploits = [json.loads(line) for line in (trials / "pbt_global.txt").open()]
     reports = {file.parent.name: [*map(json.loads, file.open())] for file in trials.glob("*/result.json")}
     reached = [lines[-1]["agent_steps"] for lines in reports.values()]
-    told = f"{len(exploits)} exploits, trials end at {reached}, exit code {code}"
-    return f"{name:<16} {told}", code == 0 and bool(exploits) and min(reached) >= steps
+    row = f"{len(exploits)} exploits, trials end at {reached}, exit code {code}"
+    return f"{name:<16} {row}", code == 0 and bool(exploits) and min(reached) >= steps
 
 
 def _training(name: str, steps: int, root: Path) -> Training:
@@ -173,7 +173,9 @@ def main() -> int:
     """Do what is asked for; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--families", nargs="+", choices=[*FAMILIES], default=[*FAMILIES])
-    parser.add_argument("--steps", type=int, default=50_000, help="agent-steps before the first interruption")
+    parser.add_argument(
+        "--steps", type=int, default=50_000, help="agent-steps before the first interruption; at least 50,000"
+    )
     parser.add_argument("--out", type=Path, help="folder of all results; by default one that is removed")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="endurance-") as temporary:

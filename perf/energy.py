@@ -1,6 +1,6 @@
 """Whether vehicles that nothing drives gain energy, over random brakes and steering.
 
-python perf/energy.py --sequences 10000 [--model kinematic] [--seconds 10]
+    python perf/energy.py --sequences 10000 [--model kinematic] [--seconds 10]
 
 Every sequence is a vehicle of one of the types, on one of six frictions, with sound tyres or a flat one, that
 starts forwards or backwards, single tracks also in a spin, and coasts, brakes and steers at random with the

@@ -42,7 +42,7 @@ KERNELS = {
 """Bound kernels of `smarts.dynamics.Fleet`, by vehicle model."""
 
 
-def made(interface: AgentInterface) -> dict[str, tuple[Any, Callable[[Any], Any]]]:
+def environments(interface: AgentInterface) -> dict[str, tuple[Any, Callable[[Any], Any]]]:
     """Return for each environment API an environment with one agent, and a function that steps it."""
     agents = {NAME: interface}
     return {
@@ -76,7 +76,7 @@ def project_frames() -> list[str]:
 
 
 @contextmanager
-def seen_calls(owner: Any, names: tuple[str, ...]) -> Iterator[dict[str, list[str]]]:
+def recorded_frames(owner: Any, names: tuple[str, ...]) -> Iterator[dict[str, list[str]]]:
     """Record the frames of the first call of some functions of an object."""
     calls: dict[str, list[str]] = {}
 
@@ -124,15 +124,15 @@ def paths(model: Any) -> Iterator[tuple[str, str, list[str]]]:
     from smarts.dynamics import bullet
 
     interface = AgentInterface(action=ActionSpaceType.Lane, vehicle_model=model)
-    for api, (env, step) in made(interface).items():
+    for api, (env, step) in environments(interface).items():
         try:
             env.reset(seed=1)
             fleet = runner_of(env).simulation._stages.vehicles.fleet
-            with seen_calls(fleet, KERNELS[model]) as calls:
+            with recorded_frames(fleet, KERNELS[model]) as calls:
                 step(env)
             yield from ((api, name, frames) for name, frames in calls.items())
             if model == "bullet":
-                with always_touching(fleet), seen_calls(bullet.pybullet, ("stepSimulation",)) as calls:
+                with always_touching(fleet), recorded_frames(bullet.pybullet, ("stepSimulation",)) as calls:
                     step(env)
                 yield from ((api, name, frames) for name, frames in calls.items())
         finally:

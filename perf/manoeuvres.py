@@ -1,6 +1,6 @@
 """Record four golden manoeuvres of the passenger car, and draw them.
 
-python perf/manoeuvres.py --record tests/unit/dynamics/manoeuvres.npz --plot docs/dynamics.png
+    python perf/manoeuvres.py --record tests/unit/dynamics/manoeuvres.npz --plot docs/dynamics.png
 
 The record holds, every 50 ms: steering, speed, lateral acceleration, yaw rate, position, and each wheel's
 spin, slip and load. `tests/unit/dynamics/test_manoeuvres.py` drives them again and compares.
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from smarts.dynamics import Fleet, vehicle
 
 DT = 0.01
-EVERY = 5
+RECORD_EVERY = 5
 """Sub-steps between two rows of the record."""
 SPEED = 22.0
 """Of every manoeuvre's start [m/s]."""
@@ -87,7 +87,7 @@ def drive(name: str) -> dict[str, NDArray[np.float64]]:
         for step in range(round(seconds / DT)):
             throttle, brake, angle = driver(step * DT, fleet)
             motion = fleet.step(np.array([[throttle, brake, angle / CAR.steering.max_angle]]))
-            if (step + 1) % EVERY == 0:
+            if (step + 1) % RECORD_EVERY == 0:
                 planar = (motion.steering[0], motion.velocity[0, 0], motion.acceleration[0, 1])
                 wheels = (fleet.wheels.spin[0], fleet.wheels.slip[0], fleet.wheels.load[0])
                 rows.append(

@@ -4,9 +4,9 @@
     python -m perf.memory --episodes 2000 --record
 
 Prints the resident set every 200 episodes, and what the C heap and Python hold: these two do not depend on
-how the allocator cuts its pages, so they tell a leak from fragments. What there is of a leak is SUMO 1.28's
-own: at every load it loses the name of each file some ten times (`XMLSubSys::transcodeToLocal`), and adds its
-examples of calls to a list that is never emptied (`OptionsCont::addCallExample`).
+how the allocator cuts its pages, so they distinguish a leak from fragmentation. The remaining leak is SUMO
+1.28's: at every load it loses the name of each file some ten times (`XMLSubSys::transcodeToLocal`), and adds
+its examples of calls to a list that is never emptied (`OptionsCont::addCallExample`).
 """
 
 from __future__ import annotations
@@ -100,11 +100,11 @@ def measure(options: argparse.Namespace) -> None:
             if over and episodes % EARLY == 0:
                 now = memory()
                 early = now if episodes == EARLY else early
-                _tell(episodes, now, early, time.perf_counter() - begin)
+                _print_row(episodes, now, early, time.perf_counter() - begin)
         env.close()
 
 
-def _tell(episodes: int, now: Memory, early: Memory, seconds: float) -> None:
+def _print_row(episodes: int, now: Memory, early: Memory, seconds: float) -> None:
     since = max(episodes - EARLY, 1)
     print(
         f"{episodes:5} episodes, {seconds:5.0f} s: resident {now.resident / 1e6:7.2f} MB"

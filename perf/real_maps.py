@@ -86,7 +86,7 @@ class Drive:
 
 
 class _Drives:
-    """A provider that drives on with any vehicle."""
+    """A provider that accepts every vehicle."""
 
     def can_accept(self, rows: NDArray[np.int32], slots: NDArray[np.int32]) -> NDArray[np.int8]:
         return np.full(len(rows), Refusal.NONE, np.int8)
@@ -222,7 +222,7 @@ def _follow(
 
 
 def _note(graph: LaneGraph, world: World, row: int, drive: Drive, length: float) -> bool:
-    """Write what one vehicle did in this step; tell whether its drive is over."""
+    """Record one vehicle's step; return whether its drive is over."""
     vehicles, agents = world.vehicles, world.agents
     x, y = vehicles.position[row, 0].tolist()
     lane, s, t = (getattr(vehicles, name)[row, 0] for name in ("lane", "lane_position", "lane_offset"))

@@ -101,7 +101,7 @@ class Plain:
         return nearest
 
     def on_road(self, places: np.ndarray) -> np.ndarray:
-        """Tell which places are on the road, by one prepared polygon."""
+        """Return which places are on the road, by one prepared polygon."""
         return shapely.contains_xy(self.road, places)
 
     def waypoints(

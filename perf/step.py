@@ -168,7 +168,7 @@ class Run:
         return now
 
     def _watched(self, actions: Actions, env_mask: np.ndarray, observe_mask: np.ndarray) -> Frame:
-        """Make a step and note where everybody is; the time for the notes is left out."""
+        """Step and record all poses; recording is not timed."""
         frame = self._advance(actions, env_mask, observe_mask)
         begin = time.process_time()
         self._now.poses.append([self._poses(row) for row in range(len(env_mask))])

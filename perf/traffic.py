@@ -1,6 +1,6 @@
 """Cost of the SUMO traffic provider beside bare SUMO, measured side by side in one run.
 
-python perf/traffic.py [--scenarios loop intersection city] [--steps 600] [--repeats 5]
+    python perf/traffic.py [--scenarios loop intersection city] [--steps 600] [--repeats 5]
 
 "bare" is the same library on the same files: load, then a loop over `simulationStep` without reading.
 "subscribed" is the usual way to read it: a subscription per vehicle and all results as dictionaries.

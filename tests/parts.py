@@ -5,11 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from smarts.agents.interface import AgentInterface
 from smarts.errors import SmartsError
 from smarts.providers.sumo_engine import SumoEngine
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
+from smarts.sim.agent_pool import AgentPool
 from smarts.sim.entries import Entries
 from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
@@ -145,11 +147,14 @@ def simulation_of(
     )
     traffic = SumoEngine(world, maps)
     vehicles = Bicycles(world, agents)
-    ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
     routes = AgentRoutes(atlas, worlds, agents)
+    pool = AgentPool(
+        world, routes, [AgentInterface()] if spare_agents else (), [spare_agents] if spare_agents else ()
+    )
+    ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles}, pool)
     stages = Stages(
         ownership=ownership,
-        entries=Entries(world, ownership, routes),
+        entries=Entries(world, ownership, routes, pool),
         controllers=PassOn(worlds, agents),
         vehicles=vehicles,
         traffic=traffic,

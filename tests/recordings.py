@@ -193,7 +193,7 @@ def _agent_id(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: int, 
         {
             **dict(agent_id=agent_id, name=drive.agent, slot=slot, generation=1, length=LENGTH, width=WIDTH),
             **dict(entry_step=drive.begin, end_step=last, outcome=int(drive.outcome), partner=""),
-            **dict(partner_slot=drive.partner, partner_generation=1, partner_agent_id=-1),
+            **dict(partner_slot=drive.partner, partner_generation=1, partner_agent_id=-1, interface=-1),
             **dict(start_x=x, start_y=y, start_heading=heading, start_speed=0.0, route=-1),
             **dict(goal_lane=graph.lane_of_id(drive.goal_lane) if drive.goal_lane else -1),
             **dict(route_length=100.0, free_flow_time=drive.free_flow_time, remaining=drive.remaining),

@@ -9,6 +9,7 @@ from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
+from smarts.sim.agent_pool import AgentPool, Hold
 from smarts.sim.map_matching import MapMatcher
 from smarts.sim.ownership import Ownership
 from smarts.types.episode import AgentStart
@@ -42,6 +43,7 @@ class HandMade:
     atlas: RoadAtlas
     routes: AgentRoutes
     ownership: Ownership
+    pool: AgentPool
 
     def locate(self) -> None:
         MapMatcher(Scene(self.world, self.atlas, self.routes)).match(np.ones(self.world.worlds, np.bool_))
@@ -70,13 +72,10 @@ def world_of(
         lanes=max(len(graph.lane_ids) for graph in maps),
         vias=vias,
     )
-    willing = Willing()
-    made = HandMade(
-        world,
-        atlas,
-        AgentRoutes(atlas, len(rows), agents),
-        Ownership(world, {Owner.TRAFFIC: willing, Owner.AGENT: willing}),
-    )
+    willing, routes = Willing(), AgentRoutes(atlas, len(rows), agents)
+    pool = AgentPool(world, routes)
+    ownership = Ownership(world, {Owner.TRAFFIC: willing, Owner.AGENT: willing}, pool)
+    made = HandMade(world, atlas, routes, ownership, pool)
     for row, cars in enumerate(rows):
         world.map[row] = row % len(maps)
         _place(made, row, cars)
@@ -98,6 +97,9 @@ def _place(made: HandMade, row: int, cars: Sequence[Car]) -> None:
             pose = (car.x, car.y, car.heading)
             start = AgentStart(car.name, pose, car.speed, car.mission, car.kind, car.length, car.width)
             made.ownership.admit(row, agent_id, start)
+            made.world.agents.agent[row, agent_id] = agent_id
+            made.pool.starts[row].append(start)
+            made.pool.holds[row].append(Hold(agent_id, agent_id, 0))
             agent_id += 1
         else:
             slot = made.world.registry.admit(row, car.name, car.owner, car.kind, car.length, car.width)

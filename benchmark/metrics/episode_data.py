@@ -6,7 +6,7 @@ A vehicle that is not recorded at an instant is not `present` and has NaN and -1
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
@@ -131,13 +131,16 @@ class EpisodeData:
         self.facts: dict[str, Any] = episode.facts
         self.dt = float(self.facts["dt"])
         self.steps = int(self.facts["steps"])
-        self.agents = dict(episode.table("agents"))
+        is_ego = episode.table("agents")["interface"] < 0
+        self.agents = {name: column[is_ego] for name, column in episode.table("agents").items()}
+        """The egos: agents of the pool are measured as traffic."""
         self.count = len(self.agents["agent_id"])
         """A, the number of agents."""
         self._vehicles = episode.table("vehicles")
-        self._agent_states = episode.table("agent_states")
-        self._decisions = episode.table("decisions")
-        self._extras = episode.table("extras")
+        most = self.count if not is_ego.all() else None
+        self._agent_states, self._decisions, self._extras = (
+            _of_egos(episode.table(name), most) for name in ("agent_states", "decisions", "extras")
+        )
         self._routes = episode.table("routes")
         self.book: PathBook = path_book(episode.folder.parent / MAPS / f"{self.facts['map']}.npz")
         graph = self.book.graph
@@ -333,6 +336,14 @@ class EpisodeData:
         table = self._extras
         rows = np.flatnonzero((table["agent_id"] == self.agents["agent_id"][agent]) & (table["name"] == name))
         return {int(table["step"][row]): np.asarray(table["values"][row], float) for row in rows}
+
+
+def _of_egos(table: Mapping[str, NDArray], most: int | None) -> Mapping[str, NDArray]:
+    """Return the rows of the egos, whose agent_ids are below `most`; all if that is None."""
+    if most is None:
+        return table
+    rows = table["agent_id"] < most
+    return {name: column[rows] for name, column in table.items()}
 
 
 def _check_columns(episode: RecordedEpisode) -> None:

@@ -27,6 +27,7 @@ from smarts.agents.options import (
     Waypoints,
 )
 from smarts.agents.policy import Agent, AgentPolicy
+from smarts.agents.pooled import PooledAgents
 from smarts.agents.spec import AgentSpec
 from smarts.agents.types import AgentType
 from smarts.types.actions import ActionSpaceType
@@ -53,6 +54,7 @@ __all__ = [
     "Lidar",
     "NeighborhoodVehicles",
     "OcclusionMap",
+    "PooledAgents",
     "RoadWaypoints",
     "SensorParams",
     "Signals",

@@ -1,7 +1,6 @@
-"""Acting in two phases: agents get their observations, and the simulation fetches their actions when due.
+"""Asynchronous policies: `dispatch` sends observations, `gather` collects actions when they are due.
 
-In between, the simulation (or the learner) does other work, so that agents in other processes or on other
-hosts think meanwhile; those in this process think when their actions are fetched.
+Agents in other processes compute in between; in-process agents compute in `gather`.
 """
 
 from __future__ import annotations
@@ -13,22 +12,24 @@ from typing import Any, NamedTuple, Protocol
 class ActionRequest(NamedTuple):
     """Identifies one decision of one agent.
 
-    The answer to a request that is no longer open is dropped: since episodes, agents and vehicles follow each
-    other, it could else be taken for the answer to a later one.
+    The answer to a request that is no longer open is dropped: it could be taken for the answer to a later one
+    of another episode or agent.
     """
 
     row: int
     """The simulation."""
     episode: int
     agent_id: int
-    generation: int
-    """Of the vehicle; with its slot, it identifies the vehicle."""
+    name: str
+    """Of the agent."""
+    hold: int
+    """The agent's number among all that have held a column of the simulation, in all of its episodes."""
     step: int
     """Of the episode, when the request was made."""
 
 
 class AgentHost(Protocol):
-    """Runs the agents that are not the environment's user's."""
+    """Runs the social agents."""
 
     def dispatch(self, observations: Mapping[ActionRequest, Any]) -> None:
         """Send agents their observations, without waiting."""
@@ -50,13 +51,13 @@ class InProcess:
     """Runs agents in this process: they decide when their actions are fetched, however long they take.
 
     Args:
-        build: Makes the agent of an agent_id, with a method `act(observation)`; called again for each vehicle
-            that the agent gets.
+        build: Makes an agent, with a method `act(observation)`, given its first request; called once for each
+            agent that enters.
     """
 
-    def __init__(self, build: Callable[[int], Any]) -> None:
+    def __init__(self, build: Callable[[ActionRequest], Any]) -> None:
         self._build = build
-        self._agents: dict[tuple[int, int], tuple[tuple[int, int], Any]] = {}
+        self._agents: dict[tuple[int, int], tuple[int, Any]] = {}
         self._asked: dict[ActionRequest, Any] = {}
 
     def dispatch(self, observations: Mapping[ActionRequest, Any]) -> None:
@@ -64,7 +65,7 @@ class InProcess:
         self._asked.update(observations)
 
     def gather(self, deadline: float) -> Mapping[ActionRequest, Any]:
-        """Let every agent decide that has a request; there is no deadline, so that runs can be repeated."""
+        """Return the actions of all requests; the deadline is ignored, so that runs can be repeated."""
         asked, self._asked = self._asked, {}
         return {request: self._agent(request).act(seen) for request, seen in asked.items()}
 
@@ -74,8 +75,8 @@ class InProcess:
         self._asked.clear()
 
     def _agent(self, request: ActionRequest) -> Any:
-        """Return the agent of a request; it lives as long as it has the same vehicle."""
-        place, lifetime = (request.row, request.agent_id), (request.episode, request.generation)
-        if place not in self._agents or self._agents[place][0] != lifetime:
-            self._agents[place] = (lifetime, self._build(request.agent_id))
+        """Return the agent of a request; it lives as long as it holds its column."""
+        place = request.row, request.agent_id
+        if place not in self._agents or self._agents[place][0] != request.hold:
+            self._agents[place] = request.hold, self._build(request)
         return self._agents[place][1]

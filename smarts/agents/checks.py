@@ -1,4 +1,4 @@
-"""Checks of users' values; each raises an error that names the value, its place and what to give."""
+"""Checks of users' values; each raises an error that names value, place and remedy."""
 
 from __future__ import annotations
 

@@ -16,14 +16,14 @@ from smarts.agents.checks import (
 from smarts.types.events import Event
 
 MOST_AGENTS = 10_000
-"""More than there can be."""
+"""The most agents of a simulation."""
 LARGEST_DISTANCE = 1e6
 """[m]"""
 
 
 @dataclass(frozen=True)
 class AgentsListAlive:
-    """Some agents, and how many of them must be left."""
+    """Some egos, and how many of them must be left."""
 
     agents_list: tuple[str, ...]
     """Their names; any sequence will do."""
@@ -38,14 +38,14 @@ class AgentsListAlive:
 
 @dataclass(frozen=True)
 class AgentsAliveDoneCriteria:
-    """The agent ends when too few others are left; None: however few there are."""
+    """The agent ends when too few others are left; None: no limit."""
 
     minimum_ego_agents_alive: int | None = None
-    """Of the learning agents."""
+    """Least number of egos."""
     minimum_total_agents_alive: int | None = None
-    """Of all agents."""
+    """Least number of all agents."""
     agent_lists_alive: tuple[AgentsListAlive, ...] | None = None
-    """One list with too few agents left is enough."""
+    """Each is a condition of its own."""
 
     def __post_init__(self) -> None:
         place = "AgentsAliveDoneCriteria"
@@ -67,7 +67,7 @@ class InterestDoneCriteria:
     include_scenario_marked: bool = True
     """Whether those that the scenario marks are of interest too."""
     strict: bool = False
-    """Whether to end at once when none is there yet."""
+    """Whether to end at once if there is none at the beginning."""
 
     def __post_init__(self) -> None:
         place = "InterestDoneCriteria"

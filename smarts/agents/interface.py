@@ -6,6 +6,7 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from enum import Enum
 from typing import Any, Literal, TypeVar
 
@@ -124,7 +125,7 @@ class AgentInterface:
     """
 
     debug: bool = False
-    """Without effect. Kept so that the original's interfaces can be read."""
+    """Without effect; the original's interfaces have it."""
     event_configuration: EventConfiguration = field(default_factory=EventConfiguration)
     done_criteria: DoneCriteria = field(default_factory=DoneCriteria)
     max_episode_steps: int | None = None
@@ -264,6 +265,13 @@ class AgentInterface:
         raise AttributeError(f"AgentInterface has no field {name!r}", name=name, obj=self)
 
 
+def _member_like(given: Any, kind: type[Enum]) -> str:
+    """Return the remedy for a value that is not a member: the member with the most similar name."""
+    names = [*kind.__members__]
+    nearest = [*get_close_matches(str(given), names, n=1), names[0]][0]
+    return f"give a member, such as {kind.__name__}.{nearest}"
+
+
 def _switched_on(sensors: tuple[tuple[str, Any], ...]) -> tuple[tuple[str, Any], ...]:
     """Return the further sensors that are not off."""
     for name, option in sensors:
@@ -274,13 +282,6 @@ def _switched_on(sensors: tuple[tuple[str, Any], ...]) -> tuple[tuple[str, Any],
                 remedy="leave it out: every agent has it" if name in ALWAYS_ON else "give True or the sensor",
             )
     return tuple((name, option) for name, option in sensors if option)
-
-
-def _member_like(given: Any, kind: type[Enum]) -> str:
-    """Return the remedy for a value that is not a member of an enumeration: the member of that name."""
-    if str(given) in kind.__members__:
-        return f"give {kind.__name__}.{given}"
-    return f"give a member of {kind.__name__}; {nearest_names(str(given), kind.__members__)}"
 
 
 def _is_wheel(value: object) -> bool:

@@ -15,14 +15,14 @@ from smarts.types.actions import ActionSpaceType
 from smarts.types.interface import AgentRules
 
 NEVER = np.iinfo(np.int32).max
-"""More steps than an episode has."""
+"""Larger than any episode length."""
 
 
 def agent_rules(interfaces: Sequence[AgentInterface | None], dt: float = 0.1) -> AgentRules:
-    """Return the rules for each agent; an agent without an interface has the default ones.
+    """Return the rules for each agent.
 
     Args:
-        interfaces: Of each agent, shape (A,).
+        interfaces: One interface per column, shape (A,); None for the defaults.
         dt: Length of a step [s].
     """
     rules = AgentRules.allocate(len(interfaces))
@@ -51,27 +51,30 @@ class AliveRule:
 def alive_rules(
     interfaces: Sequence[AgentInterface | None], names: Sequence[str], egos: int
 ) -> tuple[AliveRule, ...]:
-    """Return what the interfaces demand of the number of agents that are left.
+    """Return one rule per `agents_alive` criterion.
 
     Args:
-        interfaces: Of each agent, shape (A,).
-        names: Of the agents, shape (A,).
-        egos: How many agents, the first ones, are the learning agents'.
+        interfaces: One interface per column, shape (A,).
+        names: The egos' names; lists cannot name other agents, which come and go.
+        egos: Number of egos; they come first.
 
     Raises:
         InterfaceError: A list names an unknown agent.
     """
-    every_agent = np.ones(len(names), np.bool_)
+    columns = np.arange(len(interfaces))
     rules: list[AliveRule] = []
     for agent_id, interface in enumerate(interfaces):
         criteria = interface and interface.done_criteria.agents_alive
         if not criteria:
             continue
         groups = [
-            (np.arange(len(names)) < egos, criteria.minimum_ego_agents_alive),
-            (every_agent, criteria.minimum_total_agents_alive),
+            (columns < egos, criteria.minimum_ego_agents_alive),
+            (columns >= 0, criteria.minimum_total_agents_alive),
             *(
-                (_agent_ids_of(alive.agents_list, names), alive.minimum_agents_alive_in_list)
+                (
+                    np.isin(columns, _agent_ids_of(alive.agents_list, names)),
+                    alive.minimum_agents_alive_in_list,
+                )
                 for alive in criteria.agent_lists_alive or ()
             ),
         ]
@@ -79,7 +82,7 @@ def alive_rules(
     return tuple(rules)
 
 
-def _agent_ids_of(wanted: Sequence[str], names: Sequence[str]) -> NDArray[np.bool_]:
+def _agent_ids_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
     for name in wanted:
         if name not in names:
             raise InterfaceError(
@@ -87,4 +90,4 @@ def _agent_ids_of(wanted: Sequence[str], names: Sequence[str]) -> NDArray[np.boo
                 place="AgentsListAlive.agents_list",
                 remedy=nearest_names(name, names),
             )
-    return np.isin(names, wanted)
+    return [names.index(name) for name in wanted]

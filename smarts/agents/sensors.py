@@ -39,7 +39,8 @@ SENSORS = Registry(
     _adopt,
 )
 """Name of a field of `AgentInterface`, and of an attribute of `Observation` -> "module:Class" of a
-`smarts.sensors.protocol.Sensor`. A name beyond the original's fields is a keyword of `AgentInterface` too."""
+`smarts.sensors.protocol.Sensor`. Names that the original does not have are also keywords of
+`AgentInterface`."""
 
 ALWAYS_ON = ("ego_vehicle_state", "mission", "via_data")
 """The sensors that every agent has."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Bytes, Floats
 from smarts.controllers import CONTROLLERS
@@ -45,6 +46,12 @@ class ControllerSet:
         types = np.array(in_order, np.int8)
         self._chosen = np.zeros((len(types) + 1, *shape), np.bool_)
         self._group = LateBound(group_by_action_type, scene.world.state, types, self._commands, self._chosen)
+
+    @property
+    def columns(self) -> tuple[NDArray, ...]:
+        """What is kept of each agent, to be cleared for another agent, shape (B, A, ...)."""
+        kept = (array for each in self._controllers for array in getattr(each, "columns", ()))
+        return (*self._commands, *kept)
 
     def command(self, actions: Actions, env_mask: Bools) -> Commands:
         """Return what the vehicles of all active agents are to do in this step."""

@@ -32,8 +32,10 @@ class TargetPose:
     relative: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        # An agent's plan is made by its first action, which is fresh, so nothing is to be reset.
+        # An agent's plan is made by its first action, which is fresh.
         plans = np.zeros((*scene.world.agents.slot.shape, PLAN))
+        self.columns = (plans,)
+        """Each agent's plan, to be cleared for another agent, shape (B, A, PLAN)."""
         self._place = LateBound(place_by_targets, scene.world.state, int(self.relative), plans)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:

@@ -34,6 +34,8 @@ class TrajectoryInterpolation:
 
     def __init__(self, scene: Scene) -> None:
         begin = np.zeros(scene.world.agents.slot.shape, np.int32)
+        self.columns = (begin,)
+        """First step of each agent's path, to be cleared for another agent, shape (B, A)."""
         self._follow = LateBound(follow_times, scene.world.state, begin)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:

@@ -115,7 +115,9 @@ class SimulationRunner:
         """Takes the agents' actions."""
         self._schedule, self._recorder = assembly.schedule, assembly.recorder
         self._listeners = tuple(listeners)
-        self._requests = None if others is None else SocialAgentRequests(others, self.world, self.encoder)
+        self._requests = (
+            None if others is None else SocialAgentRequests(others, self.world, assembly.pool, self.encoder)
+        )
         worlds, egos = self.world.worlds, self.world.egos
         shape = (worlds, egos)
         self.running = np.zeros(worlds, np.bool_)

@@ -1,8 +1,8 @@
-"""Agents that are not the user's: they are asked for actions while the user's agents think."""
+"""Social agents: they are asked for actions while the user's agents compute theirs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from smarts.agents.acting import ActionRequest, AgentHost
 from smarts.arrays import Bools
 from smarts.env.actions import ActionEncoder
+from smarts.sim.agent_pool import AgentPool
 from smarts.types.agent_states import AgentStatus
 from smarts.types.frame import Frame
 from smarts.types.world import World
@@ -20,13 +21,11 @@ _ACTIVE, _SHADOWING = int(AgentStatus.ACTIVE), int(AgentStatus.SHADOWING)
 
 @dataclass(frozen=True)
 class SocialAgents:
-    """The agents that are not the user's; their ids follow the egos'."""
+    """The policies of the agents that are no egos."""
 
     acting: AgentHost
     observe: Callable[[Frame, int, int], Any]
     """Makes the observation of (row, agent_id) out of a frame; it stays valid after the frame."""
-    names: Sequence[str]
-    """By agent_id, the egos' included."""
     deadline: float = 0.5
     """How long to wait for answers [s]."""
 
@@ -37,13 +36,14 @@ class SocialAgentRequests:
     Args:
         agents: The agents.
         world: The state; `next_due` of the agents is written.
+        pool: Knows which agent holds a column.
         encoder: Takes their actions.
     """
 
-    def __init__(self, agents: SocialAgents, world: World, encoder: ActionEncoder) -> None:
+    def __init__(self, agents: SocialAgents, world: World, pool: AgentPool, encoder: ActionEncoder) -> None:
         self.late = 0
         """Answers that did not come in time."""
-        self._agents, self._world, self._encoder = agents, world, encoder
+        self._agents, self._world, self._pool, self._encoder = agents, world, pool, encoder
         self._open: dict[tuple[int, int], ActionRequest] = {}
 
     def dispatch(self, frame: Frame, due: Bools) -> None:
@@ -60,8 +60,8 @@ class SocialAgentRequests:
         asked = {}
         for row, agent_id in np.argwhere(due).tolist():
             step = int(world.step[row])
-            generation = int(agents.generation[row, agent_id])
-            request = ActionRequest(row, int(world.episode[row]), agent_id, generation, step)
+            name, hold = self._pool.name(row, agent_id), int(self._pool.serial[row, agent_id])
+            request = ActionRequest(row, int(world.episode[row]), agent_id, name, hold, step)
             asked[request] = self._agents.observe(frame, row, agent_id)
             agents.next_due[row, agent_id] = step + agents.period[row, agent_id]
             self._open[row, agent_id] = request
@@ -81,8 +81,7 @@ class SocialAgentRequests:
             if self._open.get(place) != request:
                 continue
             del self._open[place]
-            name = self._agents.names[agent_id]
-            self._encoder.write([self._encoder.parse(name, action, row, agent_id)])
+            self._encoder.write([self._encoder.parse(request.name, action, row, agent_id)])
         self.late += len(self._open)
         self._open.clear()
 

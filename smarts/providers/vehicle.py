@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Bytes, Ints
 from smarts.controllers import tracking
@@ -130,6 +131,14 @@ class FleetVehicles:
         if driven:
             self._drive(commands, env_mask)
         return self._tracks
+
+    @property
+    def columns(self) -> tuple[NDArray, ...]:
+        """What is kept of each agent's vehicle, to be cleared for another agent, shape (B, A, ...)."""
+        shape = self._held.slot.shape
+        # A generation of 0 is no vehicle's, so the next vehicle is new to the fleet, even if it is the last.
+        kept = (self._held.generation, self._memory.reshape(*shape, -1), self._shown.reshape(*shape, -1))
+        return (*self._tracks, *kept)
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """Return for each vehicle the `Refusal` to let an agent drive it: some kinds have no model."""

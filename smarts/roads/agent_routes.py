@@ -52,8 +52,12 @@ class AgentRoutes:
         Raises:
             MapError: The route has an unknown edge or a gap.
         """
-        self._routes[row][agent_id] = tuple(route)
-        self._tabulate()
+        before, self._routes[row][agent_id] = self._routes[row][agent_id], tuple(route)
+        if not route:
+            # The table keeps the old route until the next one is written: that takes milliseconds.
+            self.number[row, agent_id] = -1
+        elif before != tuple(route):
+            self._tabulate()
 
     def route(self, row: int, agent_id: int) -> tuple[str, ...]:
         """Return the ids of the road edges of an agent's route."""

@@ -97,7 +97,8 @@ class SensorSuite:
     """Observes agents; an implementation of `smarts.sim.stages.Sensors`.
 
     In the readings, the block of a sensor has its name; where agents have the same sensor with other options,
-    the second group has its name and ":2", and so on. Groups are in the order of their first agents.
+    the second group has its name and ":2", and so on. Groups are in the order of their first agents. Egos
+    share no group with other agents, so that their arrays are the same without these.
 
     Args:
         scene: What is to be observed.
@@ -114,7 +115,7 @@ class SensorSuite:
         self._groups = _groups(scene, interfaces, looked_at or {})
         masks = {id(group.observe_mask): (group.agent_ids, group.observe_mask) for group in self._groups}
         self._masks = tuple(masks.values())
-        self._readings = Readings(
+        self.readings = Readings(
             {group.name: group.block for group in self._groups},
             {group.name: group.agent_ids for group in self._groups},
         )
@@ -126,7 +127,7 @@ class SensorSuite:
         if np.count_nonzero(observe_mask):
             for group in self._groups:
                 group.observe(group.observe_mask)
-        return self._readings
+        return self.readings
 
 
 def _groups(
@@ -136,8 +137,8 @@ def _groups(
     worlds = scene.world.worlds
     masks: dict[tuple[int, ...], Bools] = {}
     groups = []
-    for name, by_sensor in _members(interfaces, looked_at).items():
-        for number, (sensor, members) in enumerate(by_sensor.items(), start=1):
+    for name, by_sensor in _members(interfaces, looked_at, scene.world.egos).items():
+        for number, ((_, sensor), members) in enumerate(by_sensor.items(), start=1):
             mask = masks.setdefault(tuple(members), np.zeros((worlds, len(members)), np.bool_))
             agent_ids = np.array(members, np.int32)
             block = Block(sensor.fields(), (worlds, len(members)))
@@ -154,12 +155,12 @@ def _groups(
 
 
 def _members(
-    interfaces: Sequence[AgentInterface | None], looked_at: Mapping[int, Collection[str]]
-) -> dict[str, dict[Sensor, list[int]]]:
-    """Return the agents that have a sensor, by its name and its options, in the order of the registry."""
-    members: dict[str, dict[Sensor, list[int]]] = {name: {} for name in SENSORS}
+    interfaces: Sequence[AgentInterface | None], looked_at: Mapping[int, Collection[str]], egos: int
+) -> dict[str, dict[tuple[bool, Sensor], list[int]]]:
+    """Return the agents with a sensor, by its name, whether they are egos, and its options."""
+    members: dict[str, dict[tuple[bool, Sensor], list[int]]] = {name: {} for name in SENSORS}
     for agent_id, interface in enumerate(interfaces):
         made = sensors_of(interface, looked_at.get(agent_id)) if interface else {}
         for name, sensor in made.items():
-            members[name].setdefault(sensor, []).append(agent_id)
+            members[name].setdefault((agent_id < egos, sensor), []).append(agent_id)
     return members

@@ -1,1 +1,1 @@
-"""The step: who owns which vehicle, and in what order things happen."""
+"""The step: ownership of vehicles, agents that come and go, and the order of the stages."""

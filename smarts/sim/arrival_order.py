@@ -21,9 +21,9 @@ _DONE = int(AgentStatus.DONE)
 def assign_arrival_order(state: State, roads: Roads, routes: RouteTable, row: int) -> None:
     """Write `arrival_number` and `arrival_junction` of the agents in one simulation.
 
-    An agent draws one when it comes near, keeps it until it is through, and has none on the way to a junction
-    far off. Among those who hold one for the same junction, a lower number came earlier; of agents who come
-    in the same step, the nearer, then the one in the lower agent. Who is done keeps it for this one step.
+    An agent gets a number within `NEAR` of a junction and keeps it until it has left the junction. Lower
+    numbers arrived earlier. Agents that arrive in the same step are ordered by distance, then by agent_id. An
+    agent that is DONE keeps its number for that step.
     """
     agents = state.agents
     count = agents.slot.shape[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
+from smarts.agents.pooled import PooledAgents, merge_pools
 from smarts.agents.rules import agent_rules, alive_rules
 from smarts.arrays import Bools
 from smarts.controllers import action_format
@@ -25,6 +26,7 @@ from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
 from smarts.sensors.suite import SensorSuite
+from smarts.sim.agent_pool import AgentPool
 from smarts.sim.contacts import FootprintContacts
 from smarts.sim.entries import Entries
 from smarts.sim.events import AgentEvents
@@ -92,21 +94,23 @@ class Options:
 
 @dataclass(frozen=True)
 class Assembly:
-    """A simulation and what its users need beside it."""
+    """A simulation and its parts that callers use."""
 
     simulation: Simulation
     schedule: Schedule
-    """Which episode comes when; `simulation.reset({row: schedule.start(world, episode)})`."""
+    """The episodes of the run; `simulation.reset({row: schedule.start(world, episode)})`."""
     scene: Scene
-    """What sensors, controllers and adapters look at."""
+    """The state, the maps and the routes, for sensors, controllers and adapters."""
     rules: AgentRules
     """Of all agents."""
     actions: Actions
     """Buffers with the kinds of all agents."""
+    pool: AgentPool
+    """The agents of each episode, and the columns that they hold."""
     ownership: Ownership
     """Carries out transfers of vehicles between owners."""
     recorder: EpisodeRecorder | None
-    """Takes notes on what is recorded (`annotate`); None if nothing is."""
+    """Takes annotations of the episodes that are recorded; None if none are."""
 
 
 class NoRecorder:
@@ -136,7 +140,7 @@ def assemble(
     interfaces: Sequence[AgentInterface],
     *,
     agents: Sequence[str] = (),
-    others: Mapping[str, AgentInterface] | None = None,
+    pool: Sequence[PooledAgents] = (),
     looked_at: Mapping[int, Collection[str]] | None = None,
     worlds: int = 1,
     seed: int = 42,
@@ -145,41 +149,46 @@ def assemble(
     """Return B simulations of some scenarios, to be reset before the first step.
 
     Args:
-        scenarios: What is played, in turns.
-        interfaces: Of the egos, in the order of their agents.
+        scenarios: The scenarios, played in turns.
+        interfaces: One per ego, in the order of their columns.
         agents: The egos' names; by default `agent_names`.
-        others: Agents that are not the user's, by name. Their agents are behind the egos' and vacant until
-            an episode or a transfer puts somebody there: a social agent, or one that takes a vehicle over.
-        looked_at: Names of the sensors that somebody looks at, by agent: the others are not observed. All are
-            in the agents that are not in it.
+        pool: Room for agents that come and go: social agents, and agents that take vehicles over. Their
+            columns are behind the egos', vacant until an agent enters. Entries of one interface are merged.
+        looked_at: Names of the sensors that are read, by agent_id: the others are not observed. An agent that
+            is missing has all of its sensors observed.
         worlds: B.
         seed: Of the run.
-        options: How it is run.
+        options: How the simulations are run.
 
     Raises:
         ScenarioError: A scenario cannot be played with so many egos.
-        InterfaceError: The names do not fit the interfaces, or each other.
+        InterfaceError: The names do not fit the interfaces, or the pool is no sequence of `PooledAgents`.
         UnknownNameError: There is no such traffic engine.
     """
-    options, others = options or Options(), others or {}
-    names = _names(agents, len(interfaces), others)
+    options, merged = options or Options(), merge_pools(pool)
+    names = _names(agents, len(interfaces))
     shapes = [_shape(interface) for interface in interfaces]
     engine = options.traffic_engine
-    schedule = Schedule(scenarios, names, shapes=shapes, others=len(others), seed=seed, engine=engine)
-    scene = _scene(schedule, worlds, len(interfaces), len(others), options)
-    egos_now = [*interfaces, *others.values()]
+    schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=engine)
+    every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
+    scene = _scene(schedule, worlds, len(interfaces), len(every), options)
+    agent_pool = AgentPool(
+        scene.world, scene.routes, [each.interface for each in merged], [each.capacity for each in merged]
+    )
     with ExitStack() as on_failure:
-        vehicles = _vehicles(scene, egos_now, schedule, options)
+        vehicles = _vehicles(scene, every, schedule, options)
         on_failure.callback(vehicles.close)
         traffic = traffic_of(schedule.engines, scene.world, schedule.maps)
         on_failure.callback(traffic.close)
-        parts = _assemble(scene, egos_now, (*names, *others), schedule, vehicles, traffic, options, looked_at)
+        parts = _assemble(
+            scene, every, names, schedule, agent_pool, vehicles, traffic, options, looked_at or {}
+        )
         on_failure.pop_all()
     return parts
 
 
-def _scene(schedule: Schedule, worlds: int, egos: int, others: int, options: Options) -> Scene:
-    atlas, agents = RoadAtlas(schedule.maps), egos + others
+def _scene(schedule: Schedule, worlds: int, egos: int, agents: int, options: Options) -> Scene:
+    atlas = RoadAtlas(schedule.maps)
     world = World(
         worlds=worlds,
         capacity=schedule.limit + agents,
@@ -211,39 +220,50 @@ def _assemble(
     interfaces: Sequence[AgentInterface],
     names: Sequence[str],
     schedule: Schedule,
+    pool: AgentPool,
     vehicles: FleetVehicles,
     traffic: TrafficEngine,
     options: Options,
-    looked_at: Mapping[int, Collection[str]] | None,
+    looked_at: Mapping[int, Collection[str]],
 ) -> Assembly:
     world, rules = scene.world, agent_rules(interfaces, options.dt)
-    ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles})
-    entries = Entries(world, ownership, scene.routes)
-    alive = alive_rules(interfaces, names, world.egos)
-    interest = interest_of(world, interfaces, schedule, entries)
-    recorder = _recorder(scene, options)
+    ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles}, pool)
+    entries = Entries(world, ownership, scene.routes, pool)
+    recorder = _recorder(scene, pool, options)
+    controllers = ControllerSet(scene, rules.action.tolist(), schedule.speeds)
+    alive, interest = (
+        alive_rules(interfaces, names, world.egos),
+        interest_of(world, interfaces, schedule, entries),
+    )
+    contacts, events = FootprintContacts(world), AgentEvents(scene, rules, alive, interest)
+    sensors = SensorSuite(scene, interfaces, looked_at)
     stages = Stages(
         ownership=ownership,
         entries=entries,
-        controllers=ControllerSet(scene, rules.action.tolist(), schedule.speeds),
+        controllers=controllers,
         vehicles=vehicles,
         traffic=traffic,
         matcher=MatcherStage(scene),
-        contacts=FootprintContacts(world),
-        events=AgentEvents(scene, rules, alive, interest),
-        transfer_rules=HandoverRules(world, entries, vehicles.can_accept),
-        sensors=SensorSuite(scene, interfaces, looked_at),
+        contacts=contacts,
+        events=events,
+        transfer_rules=HandoverRules(world, entries, pool, vehicles.can_accept),
+        sensors=sensors,
         recorder=recorder or NoRecorder(),
     )
     actions = _actions(rules, world.worlds, options)
-    return Assembly(Simulation(world, stages), schedule, scene, rules, actions, ownership, recorder)
+    for columns in (actions, controllers.columns, vehicles.columns, contacts.contacts, events.columns):
+        pool.clear_with(columns)
+    pool.clear_readings_with(sensors.readings)
+    simulation = Simulation(world, stages)
+    return Assembly(simulation, schedule, scene, rules, actions, pool, ownership, recorder)
 
 
-def _names(agents: Sequence[str], egos: int, others: Iterable[str]) -> tuple[str, ...]:
+def _names(agents: Sequence[str], egos: int) -> tuple[str, ...]:
     names = tuple(agents) or agent_names(egos)
-    if len(names) != egos or len(set(names)) != egos or not set(names).isdisjoint(others):
+    if len(names) != egos or len(set(names)) != egos:
         raise InterfaceError(
-            f"{egos} interfaces, and the names {', '.join(map(repr, (*names, *others)))}",
+            f"{egos} interfaces, and the names {', '.join(map(repr, names))}",
+            place="assemble",
             remedy="give every interface a name of its own",
         )
     return names
@@ -262,10 +282,10 @@ def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
     return actions
 
 
-def _recorder(scene: Scene, options: Options) -> EpisodeRecorder | None:
+def _recorder(scene: Scene, pool: AgentPool, options: Options) -> EpisodeRecorder | None:
     if options.record is None:
         return None
     # Only recording runs wait for pyarrow.
     from smarts.sim.recorder import EpisodeRecorder
 
-    return EpisodeRecorder(scene, Path(options.record))
+    return EpisodeRecorder(scene, Path(options.record), pool)

@@ -1,8 +1,8 @@
-"""Room for a vehicle that is put into traffic: who would have to crash into it, or is in its place."""
+"""Room for a vehicle that is put into traffic: the vehicles that have too little distance from it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,9 @@ from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import Owner, VehicleStates
 
 BRAKING = 3.0
-"""What a driver behind is to get by with [m/s^2]."""
+"""Deceleration that suffices for the driver behind [m/s^2]."""
 REACTION = 1.0
-"""Time that a driver gets on top of that [s]."""
+"""Reaction time of that driver [s]."""
 MARGIN = (10.0, 1.0)
 """Kept free before and behind, and on either side, whatever the speeds [m]."""
 
@@ -25,16 +25,16 @@ def vehicles_in_the_way(
     slot: int,
     leads_here: Callable[[int], bool] = lambda other: True,
 ) -> list[int]:
-    """Return the slots of traffic that a vehicle has too little room from.
+    """Return the slots of traffic vehicles that are too near to a vehicle.
 
-    That is who is within `MARGIN`, and who would have to brake harder than `BRAKING` because of the
-    difference in speed, or the vehicle for them.
+    These are the vehicles within `MARGIN`, those that would have to brake harder than `BRAKING` for the
+    vehicle, and those for which the vehicle would have to.
 
     Args:
         roads: The map.
         states: The vehicles of one simulation, located.
         slot: The vehicle's.
-        leads_here: Whether another, on a lane that may lead to the vehicle's, is going to come there.
+        leads_here: Returns whether the vehicle in a slot, behind on another lane, is going to this lane.
     """
     others = np.flatnonzero(states.alive & (states.owner != Owner.AGENT))
     others = others[others != slot]
@@ -77,26 +77,35 @@ def _along(
     *,
     ahead: bool,
 ) -> list[tuple[int, float]]:
-    """Return the others on the lanes that lead on (or hither), with the distance of the centres [m]."""
+    """Return the vehicles on the lanes ahead (or behind), with the distance of the centres [m]."""
     home, s = int(states.lane[slot]), float(states.lane_position[slot])
     if home < 0:
         return []
     found = []
     reach = horizon + float(states.length.max())
     # Distance from the vehicle to where each lane begins, counted in the direction of the search.
-    open_lanes, seen = [(home, -s if ahead else s - float(roads.length[home]))], {home}
-    while open_lanes:
-        lane, begin = open_lanes.pop()
+    first = -s if ahead else s - float(roads.length[home])
+    for lane, begin in _lanes_along(roads, home, first, reach, ahead=ahead):
         whole = float(roads.length[lane])
         for other in others[states.lane[others] == lane].tolist():
             place = float(states.lane_position[other])
             distance = begin + (place if ahead else whole - place)
             if 0.0 < distance <= reach:
                 found.append((other, distance))
-        if begin + whole <= reach:
-            onward = roads.successors(lane) if ahead else roads.predecessors(lane)
-            for following in onward.tolist():
-                if following not in seen:
-                    seen.add(following)
-                    open_lanes.append((following, begin + whole))
     return found
+
+
+def _lanes_along(
+    roads: LaneGraph, home: int, begin: float, reach: float, *, ahead: bool
+) -> Iterator[tuple[int, float]]:
+    """Yield the lanes ahead of a lane (or behind it) within reach, with the distances to their begins [m]."""
+    onward = roads.successors if ahead else roads.predecessors
+    open_lanes, seen = [(home, begin)], {home}
+    while open_lanes:
+        lane, begin = open_lanes.pop()
+        yield lane, begin
+        end = begin + float(roads.length[lane])
+        if end <= reach:
+            following = [each for each in onward(lane).tolist() if each not in seen]
+            seen.update(following)
+            open_lanes += [(each, end) for each in following]

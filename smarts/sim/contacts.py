@@ -43,8 +43,8 @@ class FootprintContacts:
 
     def __init__(self, world: World) -> None:
         worlds, agents = world.agents.slot.shape
-        self._contacts = Contacts.allocate(worlds, agents, world.vehicles.capacity)
-        self._find = LateBound(find_contacts, world.state, self._contacts)
+        self.contacts = Contacts.allocate(worlds, agents, world.vehicles.capacity)
+        self._find = LateBound(find_contacts, world.state, self.contacts)
 
     def find(self, tracks: Tracks, env_mask: Bools) -> Contacts:
         """Return the first contact of each agent's vehicle during the step.
@@ -54,7 +54,7 @@ class FootprintContacts:
             env_mask: Which simulations made the step, shape (B,).
         """
         self._find.to(tracks)(env_mask)
-        return self._contacts
+        return self.contacts
 
 
 @kernel

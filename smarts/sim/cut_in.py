@@ -68,7 +68,7 @@ def plan_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
     if abs(lacking) > NEAR_ENOUGH or length > left:
         return
     gaps = gaps_in(state, roads, b, slot, other_lane)
-    # Until it is over there, who is ahead in its own lane has to be far enough, too.
+    # Until it is over there, the gap ahead in its own lane has to suffice, too.
     is_safe = may_follow(own_speed, gaps.speed_ahead, gaps.ahead, 0.5 * CHANGE_TIME)
     is_safe &= may_follow(gaps.speed_behind, own_speed, gaps.behind, 0.5 * CHANGE_TIME)
     if is_safe and may_follow(own_speed, own.speed_ahead, own.ahead, 0.5 * CHANGE_TIME):
@@ -81,7 +81,7 @@ def plan_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
 
 @kernel
 def pace_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
-    """Write the speed of an agent that is going over: a tenth faster than the other, but for who is ahead."""
+    """Write the speed during a cut-in: 1.1 times the target vehicle's, limited by the leader ahead."""
     vehicles, guidance = state.vehicles, state.guidance
     slot, target = state.agents.slot[b, a], guidance.target[b, a]
     pace = max(guidance.speed[b, a], SLOWEST)
@@ -100,7 +100,7 @@ def _heeding(pace: float, gap: float, speed: float) -> float:
 
 @kernel
 def _is_beside(state: State, roads: Roads, b: int, lane: int, other: int) -> bool:
-    """Tell whether a vehicle is in a lane to the left or right of a lane outside junctions."""
+    """Return whether a vehicle is in a lane to the left or right of a lane outside junctions."""
     its = lane_of(state, roads, state.vehicles, b, other)
     is_neighbour = its >= 0 and (its == roads.lane_left[lane] or its == roads.lane_right[lane])
     return is_neighbour and not roads.lane_inside[lane]
@@ -110,8 +110,8 @@ def _is_beside(state: State, roads: Roads, b: int, lane: int, other: int) -> boo
 def _target_of(state: State, roads: Roads, b: int, a: int, slot: int, lane: int) -> int:
     """Return the vehicle to cut in on, -1 for none: the one chosen before, else the nearest beside.
 
-    One stays chosen as long as it is within the radius and not in the agent's own lane, but one with room
-    before it is better than one without.
+    A vehicle stays chosen while it is within the radius and not in the agent's own lane; a vehicle with room
+    before it is preferred.
     """
     vehicles, guidance = state.vehicles, state.guidance
     radius, known = state.missions.task_radius[b, a], int(guidance.target[b, a])
@@ -140,7 +140,7 @@ def _target_of(state: State, roads: Roads, b: int, a: int, slot: int, lane: int)
 
 @kernel
 def _has_room(state: State, roads: Roads, b: int, slot: int, other: int) -> bool:
-    """Tell whether a vehicle fits in before another that is in a lane, when all there are equally fast."""
+    """Return whether a vehicle fits in before another that is in a lane, when all there are equally fast."""
     vehicles = state.vehicles
     gap = gaps_in(state, roads, b, other, lane_of(state, roads, vehicles, b, other)).ahead
     return 0.5 * (gap - vehicles.length[b, slot]) >= least_gap(vehicles.speed[b, other], 0.0)

@@ -1,10 +1,9 @@
-"""Entries: how agents come into an episode."""
+"""Entries: how agents enter an episode."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,53 +13,48 @@ from smarts.geometry.boxes import boxes_overlap
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.routes import shortest_route
+from smarts.sim.agent_pool import AgentPool
 from smarts.sim.clearing import vehicles_in_the_way
 from smarts.sim.ownership import Ownership
 from smarts.sim.starts import corridor_of, distance_along
-from smarts.types.agent_states import AgentStatus
+from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, EpisodeStart
-from smarts.types.mission import GoalKind
+from smarts.types.mission import AgentMission, GoalKind
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
 
 class Entries:
-    """Puts agents into their agents, at the beginning of the episode or when their time has come.
+    """Lets agents enter, at the beginning of the episode or when their time has come.
 
-    An agent's new vehicle is put into a cleared gap: traffic that would have to brake hard for it is taken
-    out of the world. An agent that is to take over a vehicle waits until `HandoverRules` has found one; if
-    its patience ends first, it gets a new vehicle.
+    An agent's new vehicle is put into a cleared gap: traffic that would have to brake hard for it is removed.
+    An agent that is to take over a vehicle waits until `HandoverRules` has found one; after the patience of
+    its start it gets a new vehicle. An agent that is no ego gets its column when it enters, and waits as long
+    as all columns of its interface are held.
     """
 
-    def __init__(self, world: World, ownership: Ownership, routes: AgentRoutes) -> None:
-        self.episodes: list[EpisodeStart | None] = [None] * len(routes.number)
-        """What each simulation plays."""
-        self.pending: set[int] = set()
-        """Simulations in whose episode somebody enters later than at the beginning."""
+    def __init__(self, world: World, ownership: Ownership, routes: AgentRoutes, pool: AgentPool) -> None:
+        worlds = len(routes.number)
+        self.episodes: list[EpisodeStart | None] = [None] * worlds
+        """The present episode of each simulation."""
+        self.waiting: list[list[int]] = [[] for _ in range(worlds)]
+        """Numbers of the agents that have yet to enter, by simulation."""
         self._world, self._ownership = world, ownership
-        self._routes = routes
-
-    def starts(self, row: int) -> Sequence[AgentStart]:
-        """Return how the agents of a simulation begin, in the order of their agents."""
-        episode = self.episodes[row]
-        return episode.agents if episode else ()
+        self._routes, self._pool = routes, pool
 
     def reset(self, row: int, start: EpisodeStart) -> None:
-        """Assign an episode's missions in an empty simulation; let in the agents that enter at once."""
-        world = self._world
+        """Begin an episode in an empty simulation; let in the agents that enter at once.
+
+        Raises:
+            ScenarioError: The run has no room for an agent; see `AgentPool.begin`.
+        """
         self.episodes[row] = start
-        self.pending.discard(row)
-        self._routes.assign(row, start.map, [agent_id.mission.route for agent_id in start.agents])
-        roads = self._routes.atlas.graphs[start.map]
-        for agent_id, agent_start in enumerate(start.agents):
-            route = world.routes.number(row, map(roads.edge_number, agent_start.mission.route))
-            world.missions.write(row, agent_id, agent_start.mission, route)
-            world.agents.agent[row, agent_id] = agent_id
-            world.agents.state[row, agent_id] = AgentStatus.WAITING
-            if agent_start.entry_time <= 0 and not agent_start.take_over:
-                self._ownership.admit(row, agent_id, agent_start)
-            else:
-                self.pending.add(row)
+        self._pool.begin(row, start)
+        self.waiting[row] = [
+            number
+            for number, agent in enumerate(start.agents)
+            if agent.entry_time > 0 or agent.take_over or self._admit(row, number, agent) is None
+        ]
 
     def clear_way(self, row: int) -> None:
         """Clear traffic that blocks agents' spawns; requires map matching."""
@@ -69,32 +63,48 @@ class Entries:
 
     def enter(self, env_mask: Bools) -> None:
         """Let in the agents whose time has come; give routes to those that have just taken over a vehicle."""
-        world = self._world
-        state = world.agents.state
-        for row in sorted(row for row in self.pending if env_mask[row]):
-            # This is the beginning of the step: its number is already that of its end.
-            now = (int(world.step[row]) - 1) * world.dt
-            for agent_id, start in enumerate(self.starts(row)):
-                if state[row, agent_id] == AgentStatus.WAITING:
-                    self._enter(row, agent_id, start, now)
-                elif start.take_over and world.agents.entry_step[row, agent_id] == world.step[row]:
-                    self._go_on(row, agent_id)
+        for row, waiting in enumerate(self.waiting):
+            if waiting and env_mask[row]:
+                self.waiting[row] = [number for number in waiting if not self._enters(row, number)]
 
-    def _enter(self, row: int, agent_id: int, start: AgentStart, now: float) -> None:
-        world = self._world
+    def is_waiting(self, row: int, number: int) -> bool:
+        """Return whether an agent that has not entered still can: it has no column, or waits in it."""
+        agent_id = self._pool.column(row, number)
+        return agent_id == UNSET or self._world.agents.state[row, agent_id] == AgentStatus.WAITING
+
+    def _enters(self, row: int, number: int) -> bool:
+        """Let an agent in if it can enter now; return whether it has no longer to wait."""
+        start, world = self._pool.starts[row][number], self._world
+        if not self.is_waiting(row, number):
+            agent_id = self._pool.column(row, number)
+            if start.take_over and world.agents.entry_step[row, agent_id] == world.step[row]:
+                self._go_on(row, agent_id, start)
+            return True
+        # This is the beginning of the step: its number is already that of its end.
+        now = (int(world.step[row]) - 1) * world.dt
         patience = start.take_over.patience if start.take_over else 0.0
         if now < start.entry_time + patience - 1e-9 or self._is_occupied(row, start):
-            return
-        slot = self._ownership.admit(row, agent_id, start)
+            return False
+        slot = self._admit(row, number, start)
+        if slot is None:
+            return False
         vehicles = world.vehicles
         found = self._routes.atlas.locate(
             world.map[[row]], vehicles.position[row, [slot]], vehicles.heading[row, [slot]]
         )
         vehicles.lane[row, slot], vehicles.lane_position[row, slot] = found.lane[0], found.s[0]
         self._clear_around(row, slot)
+        return True
+
+    def _admit(self, row: int, number: int, start: AgentStart) -> int | None:
+        """Put an agent's vehicle at its start and return its slot, None if no column is free."""
+        agent_id = self._pool.column(row, number)
+        if agent_id == UNSET:
+            agent_id = self._pool.take(row, number)
+        return None if agent_id == UNSET else self._ownership.admit(row, agent_id, start)
 
     def _is_occupied(self, row: int, start: AgentStart) -> bool:
-        """Return whether another agent's vehicle is at the start, which only time can clear."""
+        """Return whether another agent's vehicle is at the start."""
         vehicles = self._world.vehicles.of(row)
         others = np.flatnonzero(vehicles.owner == Owner.AGENT)
         x, y, heading = start.pose
@@ -123,7 +133,7 @@ class Entries:
         for other in vehicles_in_the_way(roads, vehicles, slot, leads_here):
             world.registry.dismiss(row, other)
 
-    def _go_on(self, row: int, agent_id: int) -> None:
+    def _go_on(self, row: int, agent_id: int, start: AgentStart) -> None:
         """Give an agent that has taken a vehicle over a route from where that is, if it is off its own."""
         world = self._world
         slot, lane = int(world.agents.slot[row, agent_id]), -1
@@ -132,23 +142,26 @@ class Entries:
         route, roads = self._routes.route(row, agent_id), self._roads(row)
         if lane < 0 or not route:
             return
-        s, goal = float(world.vehicles.lane_position[row, slot]), int(world.missions.goal_lane[row, agent_id])
+        s = float(world.vehicles.lane_position[row, slot])
         if math.isnan(distance_along(corridor_of(roads, route), roads, lane, s)):
             try:
                 route = shortest_route(roads, _edge_ahead(roads, lane), route[-1])
             except MapError:
                 return  # No way leads from here to the goal, so the agent begins off its route.
-            self._routes.assign_agent(row, agent_id, route)
-            number = world.routes.number(row, map(roads.edge_number, route))
-            world.missions.route[row, agent_id] = world.vehicles.route[row, slot] = number
-            mission = dataclasses.replace(self.starts(row)[agent_id].mission, route=route)
-            world.missions.write(row, agent_id, mission, number)
-        corridor, goal_s = corridor_of(roads, route), float(world.missions.goal_s[row, agent_id])
+            self._reroute(row, agent_id, replace(start.mission, route=route))
+        corridor, goal = corridor_of(roads, route), int(world.missions.goal_lane[row, agent_id])
         begin = distance_along(corridor, roads, lane, s)
-        length = distance_along(corridor, roads, goal, goal_s, last=True) - (
-            0.0 if math.isnan(begin) else begin
-        )
+        end = distance_along(corridor, roads, goal, float(world.missions.goal_s[row, agent_id]), last=True)
+        length = end - (0.0 if math.isnan(begin) else begin)
         world.missions.route_length[row, agent_id] = max(0.0, length)
+
+    def _reroute(self, row: int, agent_id: int, mission: AgentMission) -> None:
+        """Give an agent its mission with another route, which its vehicle plans from now on."""
+        world = self._world
+        self._routes.assign_agent(row, agent_id, mission.route)
+        number = world.routes.number(row, map(self._roads(row).edge_number, mission.route))
+        world.vehicles.route[row, world.agents.slot[row, agent_id]] = number
+        world.missions.write(row, agent_id, mission, number)
 
     def _roads(self, row: int) -> LaneGraph:
         return self._routes.atlas.graphs[self._world.map[row]]

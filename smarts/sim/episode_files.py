@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from smarts.errors import MapError, RecordError
 from smarts.roads.lane_graph import LaneGraph
-from smarts.types.episode_schema import EPISODE, INTEGERS, NUMBERS, TABLE, TEXT, VERSION, Table
+from smarts.types.episode_schema import AGENTS, EPISODE, INTEGERS, NUMBERS, READABLE, TABLE, TEXT, Table
 
 MAPS = "maps"
 PARTIAL = ".partial"
@@ -150,9 +150,9 @@ class RecordedEpisode:
         if "version" not in self.table(EPISODE.name):
             raise self._damaged(EPISODE.name, "it has no column 'version'")
         found = int(self.facts["version"])
-        if found != VERSION:
+        if found not in READABLE:
             raise RecordError(
-                f"written in format {found}, this program reads format {VERSION}",
+                f"written in format {found}, this program reads formats {READABLE}",
                 place=str(folder),
                 remedy="convert it with results/convert_v1.py, or record the episode again",
             )
@@ -179,14 +179,17 @@ class RecordedEpisode:
                 ) from error
             except (OSError, pa.ArrowException) as error:
                 raise self._damaged(name, str(error)) from error
-            self._tables[name] = {column: _plain(read[column]) for column in read.column_names}
+            columns = {column: _plain(read[column]) for column in read.column_names}
+            if name == AGENTS.name and self.facts["version"] == 2:
+                columns["interface"] = np.full(read.num_rows, -1, np.int16)
+            self._tables[name] = columns
         return self._tables[name]
 
     def _damaged(self, table: str, problem: str) -> RecordError:
         return RecordError(
             f"the table '{table}' of the recorded episode is damaged: {problem}",
             place=str(self.folder),
-            remedy="bring the folder back from a copy, or record the episode anew",
+            remedy="bring the folder back from a copy, or record the episode again",
         )
 
     def roads(self) -> LaneGraph:
@@ -269,7 +272,7 @@ def _remove(partial: Path) -> None:
 
 
 def _is_abandoned(partial: str) -> bool:
-    """Tell whether the process that began to write it on this machine is gone."""
+    """Return whether the process that began to write it on this machine is gone."""
     here = f"{PARTIAL}-{socket.gethostname()}-"
     process = partial.removeprefix(here).partition("-")[0]
     if not partial.startswith(here) or not process.isdigit():

@@ -1,4 +1,4 @@
-"""The tables of an episode that are made when it has ended, out of what was noted while it went on."""
+"""Builds an episode's tables from the recorded steps when the episode has ended."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smarts.arrays import Floats, Ints
+from smarts.sim.agent_pool import Hold
 from smarts.types.agent_states import UNSET
-from smarts.types.episode import AgentStart, EpisodeStart
+from smarts.types.episode import AgentStart
 from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS
 from smarts.types.events import Outcome
 
 Rows = Mapping[str, Sequence[Any] | NDArray]
+
+NEVER = 2**31 - 1
+"""Later than every step."""
 
 
 @dataclass
@@ -37,31 +41,44 @@ class Ending:
 
 
 def agents_table(
-    start: EpisodeStart,
+    starts: Sequence[AgentStart],
+    holds: Sequence[Hold],
     endings: Mapping[int, Ending],
     tables: Mapping[str, Mapping[str, Floats]],
     routes: Mapping[tuple[str, ...], int],
 ) -> Rows:
-    """Return a row for each agent that was to take part.
+    """Return one row per agent of the episode.
 
     Args:
-        start: Of the episode.
-        endings: By agent; who is not in it had not ended.
-        tables: Columns of `agents` and `decisions`.
+        starts: How the agents enter, by number.
+        holds: The columns that they held, in order.
+        endings: How the agents ended, by number; agents that have not ended are missing.
+        tables: Columns of `agent_states` and `decisions`.
         routes: Number of each route.
     """
+    spans = {hold.number: _span(holds, place) for place, hold in enumerate(holds)}
     rows = []
-    for agent_id, begin in enumerate(start.agents):
-        ending = endings.get(agent_id, Ending())
-        row = {"agent_id": agent_id, **_of_start(begin, routes), **dataclasses.asdict(ending)}
-        rows.append(row | _of_drive(agent_id, tables[AGENT_STATES.name], tables[DECISIONS.name]))
+    for number, start in enumerate(starts):
+        agent_id, steps = spans.get(number, (UNSET, range(0)))
+        ending = endings.get(number, Ending())
+        row = {"agent_id": agent_id, **_start_columns(start, routes), **dataclasses.asdict(ending)}
+        rows.append(row | _drive_columns(agent_id, steps, tables[AGENT_STATES.name], tables[DECISIONS.name]))
     return {name: [row[name] for row in rows] for name in AGENTS.names}
 
 
-def _of_start(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> dict[str, Any]:
+def _span(holds: Sequence[Hold], place: int) -> tuple[int, range]:
+    """Return the column of a hold, and its steps: those until the next hold of the same column."""
+    hold = holds[place]
+    later = (each.step for each in holds[place + 1 :] if each.agent_id == hold.agent_id)
+    return hold.agent_id, range(hold.step, next(later, NEVER))
+
+
+def _start_columns(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> dict[str, Any]:
+    """Return the columns of an agent's start and mission."""
     mission = start.mission
     return {
         "name": start.name,
+        "interface": start.interface,
         "kind": start.kind,
         "length": start.length,
         "width": start.width,
@@ -83,10 +100,12 @@ def _of_start(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> dict[
     }
 
 
-def _of_drive(agent_id: int, agents: Mapping[str, Floats], decisions: Mapping[str, Floats]) -> dict[str, Any]:
-    """Return what an agent's rows tell of its drive, from the first to the last."""
-    own = np.flatnonzero(agents["agent_id"] == agent_id)
-    first_decision = np.flatnonzero(decisions["agent_id"] == agent_id)[:1]
+def _drive_columns(
+    agent_id: int, steps: range, agents: Mapping[str, Floats], decisions: Mapping[str, Floats]
+) -> dict[str, Any]:
+    """Return the columns of an agent's drive: first action, vehicle, distances, first and last step."""
+    own = _rows_of(agents, agent_id, steps)
+    first_decision = _rows_of(decisions, agent_id, steps)[:1]
     drive: dict[str, Any] = {
         "action": int(decisions["action"][first_decision[0]]) if len(first_decision) else -1
     }
@@ -95,6 +114,12 @@ def _of_drive(agent_id: int, agents: Mapping[str, Floats], decisions: Mapping[st
         drive[name] = agents[name][own[-1]] if len(own) else without
     drive["entry_step"], drive["end_step"] = agents["step"][own[[0, -1]]] if len(own) else (-1, -1)
     return drive
+
+
+def _rows_of(table: Mapping[str, Floats], agent_id: int, steps: range) -> NDArray[np.intp]:
+    """Return the rows of a column's agent in some steps."""
+    is_then = (table["step"] >= steps.start) & (table["step"] < steps.stop)
+    return np.flatnonzero((table["agent_id"] == agent_id) & is_then)
 
 
 def routes_table(routes: Sequence[Ints]) -> Rows:

@@ -1,4 +1,4 @@
-"""The rules of events: what one agent's vehicle has done in a step. Compiled, for one agent at a time."""
+"""The rules of events; kernels for one agent."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from smarts.arrays import Shorts
 from smarts.controllers.lane_path import place_on_lane
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import project, segment_at
@@ -60,27 +59,23 @@ def judge(
     routes: RouteTable,
     rules: AgentRules,
     patience: int,
-    laps_before: Shorts,
     row: int,
     agent_id: int,
 ) -> int:
-    """Return the events of one agent in this step, but for those that others cause; write what it remembers.
+    """Return one agent's events in this step, except those caused by other agents; write its memory.
 
     Args:
         state: The world.
         roads: The maps' lanes.
         routes: The agents' routes.
-        rules: Of the agents.
+        rules: The agents' rules.
         patience: Steps off its route after which a vehicle counts as off-route.
-        laps_before: `AgentStates.lap` one step ago, shape (B, A).
         row: The simulation.
         agent_id: An agent with a vehicle.
     """
     has_left = _has_left_map(state, roads, row, agent_id)
     bits = 0 if has_left else _road_events(state, roads, routes, patience, row, agent_id)
-    bits |= _goal_events(state, roads, routes, laps_before, has_left, row, agent_id) | _via_events(
-        state, laps_before, row, agent_id
-    )
+    bits |= _goal_events(state, roads, routes, has_left, row, agent_id) | _via_events(state, row, agent_id)
     if _rests(state, roads, routes, rules, row, agent_id):
         bits |= _NOT_MOVING
     limit = rules.max_steps[agent_id]
@@ -91,7 +86,7 @@ def judge(
 
 @kernel
 def _was_there(state: State, row: int, slot: int) -> bool:
-    """Tell whether the vehicle was in the world a step ago."""
+    """Return whether the vehicle was in the world a step ago."""
     was = state.before.alive[row, slot]
     return was and state.before.generation[row, slot] == state.vehicles.generation[row, slot]
 
@@ -106,14 +101,14 @@ def _way(state: State, row: int, slot: int) -> tuple[float, float, float, float]
 
 @kernel
 def _passes(state: State, row: int, slot: int, x: float, y: float, radius: float) -> bool:
-    """Tell whether a vehicle's centre has come within a radius of a point on its way since a step ago."""
+    """Return whether a vehicle's centre has come within a radius of a point on its way since a step ago."""
     begin_x, begin_y, end_x, end_y = _way(state, row, slot)
     return project(x, y, begin_x, begin_y, end_x, end_y)[1] <= radius * radius
 
 
 @kernel
 def _has_left_map(state: State, roads: Roads, row: int, agent_id: int) -> bool:
-    """Tell whether an agent without a goal on the map has driven off it, over the end of a road."""
+    """Return whether an agent without a goal on the map has driven off it, over the end of a road."""
     goal, slot = state.missions.goal[row, agent_id], state.agents.slot[row, agent_id]
     lane = lane_of(state, roads, state.vehicles, row, slot)
     if goal not in (_ENDLESS, _OFF_MAP) or state.agents.on_road[row, agent_id] or lane < 0:
@@ -147,7 +142,7 @@ def _road_events(
 
 @kernel
 def _is_against_lane(state: State, roads: Roads, row: int, slot: int) -> bool:
-    """Tell whether a vehicle points against the direction of its lane; inside junctions none does."""
+    """Return whether a vehicle points against the direction of its lane; inside junctions none does."""
     lane = lane_of(state, roads, state.vehicles, row, slot)
     if lane < 0 or roads.lane_inside[lane]:
         return False
@@ -158,7 +153,7 @@ def _is_against_lane(state: State, roads: Roads, row: int, slot: int) -> bool:
 
 @kernel
 def _is_off_route(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
-    """Tell whether an agent that has a route is beside it; on the other side of its road it is not."""
+    """Return whether an agent has left its route; the opposite direction of the same road does not count."""
     if state.agents.on_route[row, agent_id] or routes.number[row, agent_id] < 0:
         return False
     if state.missions.goal[row, agent_id] in (_ENDLESS, _OFF_MAP):
@@ -169,11 +164,11 @@ def _is_off_route(state: State, roads: Roads, routes: RouteTable, row: int, agen
 
 
 @kernel
-def _via_events(state: State, laps_before: Shorts, row: int, agent_id: int) -> int:
+def _via_events(state: State, row: int, agent_id: int) -> int:
     """Mark the via points that were passed, each once, or once in every lap."""
     missions, slot = state.missions, state.agents.slot[row, agent_id]
     lap, bits = state.agents.lap[row, agent_id], 0
-    begins_lap = laps_before[row, agent_id] < lap < missions.laps[row, agent_id]
+    begins_lap = state.agents.lap_before[row, agent_id] < lap < missions.laps[row, agent_id]
     for via in range(missions.via_count[row, agent_id]):
         if begins_lap and missions.goal[row, agent_id] == _LAPS:
             state.agents.via_hit[row, agent_id, via] = False
@@ -189,7 +184,7 @@ def _via_events(state: State, laps_before: Shorts, row: int, agent_id: int) -> i
 def _rests(
     state: State, roads: Roads, routes: RouteTable, rules: AgentRules, row: int, agent_id: int
 ) -> bool:
-    """Tell whether the vehicle has stayed near one place for too long; see `_has_to_wait`."""
+    """Return whether the vehicle has stayed near one place for too long; see `_has_to_wait`."""
     agents, slot = state.agents, state.agents.slot[row, agent_id]
     x, y = state.vehicles.position[row, slot]
     rest = agents.last_moved_position[row, agent_id]
@@ -203,7 +198,7 @@ def _rests(
 
 @kernel
 def _has_to_wait(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
-    """Tell whether a vehicle waits near a red light, behind one that stands, or for crossing vehicles.
+    """Return whether a vehicle waits near a red light, behind one that stands, or for crossing vehicles.
 
     Waiting is not resting. The first of a queue at a green light or a crossing rests while no vehicle comes
     (`yields_to_stream`); as soon as it has moved, or is gone, the next is the first.
@@ -240,7 +235,6 @@ def _goal_events(
     state: State,
     roads: Roads,
     routes: RouteTable,
-    laps_before: Shorts,
     has_left: bool,
     row: int,
     agent_id: int,
@@ -251,7 +245,7 @@ def _goal_events(
         return _REACHED if has_left else 0
     behind, crossed, is_last = _at_line(state, roads, routes, row, agent_id)
     if goal == _LAPS:
-        laps, before = state.missions.laps[row, agent_id], laps_before[row, agent_id]
+        laps, before = state.missions.laps[row, agent_id], state.agents.lap_before[row, agent_id]
         # Map matching counts laps on the route, which a vehicle has left that crosses a line at its very end.
         if crossed and is_last and before == laps - 1:
             state.agents.lap[row, agent_id] = laps
@@ -267,7 +261,7 @@ def _goal_events(
 
 @kernel
 def _is_at_goal(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
-    """Tell whether the centre has come within the goal's radius; where a route passes twice, at last."""
+    """Return whether the centre is within the goal's radius, on routes that pass it again the last time."""
     missions, slot = state.missions, state.agents.slot[row, agent_id]
     x, y = missions.goal_position[row, agent_id]
     if not _passes(state, row, slot, x, y, missions.goal_radius[row, agent_id]):
@@ -279,7 +273,7 @@ def _is_at_goal(state: State, roads: Roads, routes: RouteTable, row: int, agent_
 
 @kernel
 def _is_last_time(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int, lane: int) -> bool:
-    """Tell whether the route does not come by this lane again; so it is without a route."""
+    """Return whether the rest of the route does not use this lane again; True without a route."""
     here = corridor_row(state, routes, row, agent_id, lane)
     if here < 0:
         return bool(routes.number[row, agent_id] < 0)

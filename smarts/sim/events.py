@@ -1,4 +1,4 @@
-"""Events: what happened to the agents in a step, and whose episode ended how."""
+"""Events: what happened to the agents in a step, and how their episodes ended."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smarts.agents.rules import AliveRule
-from smarts.arrays import Bools, Ints, Shorts
+from smarts.arrays import Bools, Ints
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
@@ -29,7 +30,7 @@ _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
 class Interest(Protocol):
-    """Knows which vehicles matter to which agent."""
+    """Knows the vehicles of interest to each agent."""
 
     def is_gone(self, env_mask: Bools) -> Bools:
         """Return for which agents no vehicle of interest is left, shape (B, A)."""
@@ -45,16 +46,16 @@ class AliveColumns(NamedTuple):
 
 
 class AgentEvents:
-    """Judges each agent by the rules of its agent.
+    """Finds each agent's events, and ends episodes by the rules of the agents' interfaces.
 
-    Every step reports all events, whether or not they end the agent's episode. What ends it decides the
-    outcome; several endings in one step are put in order by `smarts.sim.outcomes`.
+    Every step reports all events, whether or not they end the agent's episode. The event that ends it decides
+    the outcome; `smarts.sim.outcomes` orders several endings in one step.
 
     Args:
         scene: The world, its maps and the agents' routes.
         rules: Of all agents.
-        alive: Endings for want of others.
-        interest: Tells when vehicles of interest are gone; needed if an agent ends by that.
+        alive: Endings by the number of agents that are left.
+        interest: Finds vehicles of interest; needed if an agent ends by them.
     """
 
     def __init__(
@@ -68,7 +69,8 @@ class AgentEvents:
         worlds, agents = world.agents.slot.shape
         self._interest = interest
         self._nobody = np.zeros((worlds, agents), np.bool_)
-        self._events = Events.allocate(worlds, agents)
+        self.events = Events.allocate(worlds, agents)
+        """Of the last step."""
         counted = np.zeros((len(alive), agents), np.bool_)
         for number, rule in enumerate(alive):
             counted[number] = rule.counted
@@ -77,11 +79,15 @@ class AgentEvents:
             counted,
             np.array([rule.minimum for rule in alive], np.int32),
         )
-        laps_before = world.agents.lap.copy()
-        given = world.state, scene.atlas.roads, scene.routes.current, laps_before, world.egos, self._events
+        given = world.state, scene.atlas.roads, scene.routes.current, world.egos, self.events
         patience = round(OFF_ROUTE_TIME / world.dt)
         self._begin = LateBound(begin_episodes, *given)
         self._detect = LateBound(detect_events, *given, rules, counts, patience)
+
+    @property
+    def columns(self) -> Sequence[NDArray]:
+        """The events of each agent, to be cleared for another agent, shape (B, A)."""
+        return [column for column in self.events if column.ndim == 2]
 
     def reset(self, contacts: Contacts, env_mask: Bools) -> Events:
         """Return the events at the beginning of an episode: none, unless an agent's vehicle overlaps another.
@@ -89,18 +95,18 @@ class AgentEvents:
         Such an episode is invalid: all its agents are done before they begin.
         """
         self._begin.to(contacts)(env_mask)
-        return self._events
+        return self.events
 
     def detect(self, contacts: Contacts, env_mask: Bools) -> Events:
         """Return what happened to the agents in this step."""
         gone = self._nobody if self._interest is None else self._interest.is_gone(env_mask)
         self._detect.to(contacts)(gone, env_mask)
-        return self._events
+        return self.events
 
 
 @kernel
 def _clear(out: Events) -> None:
-    """Forget the last step."""
+    """Clear the events of the last step."""
     out.bits[:] = 0
     out.just_done[:] = False
     out.terminated[:] = False
@@ -113,7 +119,6 @@ def begin_episodes(
     state: State,
     roads: Roads,
     routes: RouteTable,
-    laps_before: Shorts,
     egos: int,
     out: Events,
     contacts: Contacts,
@@ -127,7 +132,7 @@ def begin_episodes(
             continue
         is_invalid = False
         for agent_id in range(count):
-            laps_before[row, agent_id] = state.agents.lap[row, agent_id]
+            state.agents.lap_before[row, agent_id] = state.agents.lap[row, agent_id]
             if contacts.partner[row, agent_id] >= 0:
                 out.bits[row, agent_id] = _COLLISION
                 is_invalid = True
@@ -144,7 +149,6 @@ def detect_events(
     state: State,
     roads: Roads,
     routes: RouteTable,
-    laps_before: Shorts,
     egos: int,
     out: Events,
     rules: AgentRules,
@@ -162,10 +166,10 @@ def detect_events(
             continue
         for agent_id in range(agents.slot.shape[1]):
             if agents.state[row, agent_id] in (_ACTIVE, _SHADOWING) and agents.slot[row, agent_id] >= 0:
-                bits = judge(state, roads, routes, rules, patience, laps_before, row, agent_id)
+                bits = judge(state, roads, routes, rules, patience, row, agent_id)
                 bits |= _COLLISION if contacts.partner[row, agent_id] >= 0 else 0
                 out.bits[row, agent_id] = bits | (_INTEREST if gone[row, agent_id] else 0)
-            laps_before[row, agent_id] = agents.lap[row, agent_id]
+            agents.lap_before[row, agent_id] = agents.lap[row, agent_id]
         _miss_others(state, rules, alive, row, out.bits)
         for agent_id in range(agents.slot.shape[1]):
             ended = out.bits[row, agent_id] & rules.ending[agent_id]
@@ -177,9 +181,11 @@ def detect_events(
 
 @kernel
 def _miss_others(state: State, rules: AgentRules, alive: AliveColumns, row: int, bits: Ints) -> None:
-    """Add the events of agents that have too few others left, after all that happened so far."""
+    """Add the events of agents for which too few others are left, given all other events of the step."""
     agents = state.agents
     for rule in range(len(alive.agent_id)):
+        if agents.state[row, alive.agent_id[rule]] != _ACTIVE:
+            continue
         left = 0
         for agent_id in range(agents.slot.shape[1]):
             is_in = agents.state[row, agent_id] in (_WAITING, _SHADOWING, _ACTIVE)
@@ -187,13 +193,13 @@ def _miss_others(state: State, rules: AgentRules, alive: AliveColumns, row: int,
             if is_ending and agents.state[row, agent_id] == _ACTIVE:
                 is_in = False
             left += alive.counted[rule, agent_id] and is_in
-        if left < alive.minimum[rule] and agents.state[row, alive.agent_id[rule]] == _ACTIVE:
+        if left < alive.minimum[rule]:
             bits[row, alive.agent_id[rule]] |= _AGENTS_ALIVE
 
 
 @kernel
 def _close(state: State, row: int, agent_id: int, outcome: int, out: Events) -> None:
-    """End the episode of an agent that drives, or is still to come."""
+    """End the episode of an agent that is active, shadowing or waiting."""
     agents = state.agents
     was = agents.state[row, agent_id]
     if was in (_VACANT, _DONE):
@@ -208,7 +214,7 @@ def _close(state: State, row: int, agent_id: int, outcome: int, out: Events) -> 
 
 @kernel
 def _is_finished(state: State, row: int, egos: int) -> bool:
-    """Tell whether no learning agent drives or is to come."""
+    """Return whether no ego is active or waiting."""
     left = 0
     for agent_id in range(egos):
         left += state.agents.state[row, agent_id] in (_WAITING, _ACTIVE, _SHADOWING)

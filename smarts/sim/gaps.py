@@ -1,7 +1,7 @@
 """Gaps between vehicles in a lane, and whether one may follow another in them; compiled.
 
 Whether a gap is enough is the safety criterion of MOBIL (Kesting, Treiber, Helbing, TRR 1999 (2007) 86-94):
-a change of lanes may make nobody brake harder than `SAFE_BRAKING`. How hard a driver brakes is taken from the
+a lane change must not make any driver brake harder than `SAFE_BRAKING`. The driver's deceleration is the
 interaction term of the intelligent driver model (Treiber, Hennecke, Helbing, Phys. Rev. E 62 (2000) 1805),
 with the parameters for towns in Treiber and Kesting, Traffic Flow Dynamics (2013), table 11.2.
 """
@@ -30,7 +30,7 @@ HEADWAY = 1.0
 STANDSTILL_GAP = 2.0
 """[m]"""
 FARTHEST = 100.0
-"""From where on nobody matters [m]."""
+"""Vehicles farther away are ignored [m]."""
 ALONG = 0.5
 """Cosine of the angle between a vehicle and another, from which on they drive the same way."""
 
@@ -50,7 +50,8 @@ class Gaps(NamedTuple):
 def gaps_in(state: State, roads: Roads, b: int, slot: int, lane: int) -> Gaps:
     """Return the gaps that a vehicle has, or would have beside where it is, in a lane.
 
-    In the lane is who drives along and touches it, or the straight lines on which it goes on beyond its ends.
+    A vehicle counts as in the lane if it drives along it and its footprint overlaps the lane, which is
+    extended straight beyond both ends.
     """
     vehicles = state.vehicles
     x, y = vehicles.position[b, slot]
@@ -79,13 +80,13 @@ def gaps_in(state: State, roads: Roads, b: int, slot: int, lane: int) -> Gaps:
 
 @kernel
 def may_follow(speed: float, leader_speed: float, gap: float, delay: float) -> bool:
-    """Tell whether a vehicle may be made to follow another.
+    """Return whether a vehicle may be made to follow another.
 
     Args:
-        speed: Of who follows [m/s].
+        speed: The follower's [m/s].
         leader_speed: [m/s]
         gap: Bumper to bumper [m].
-        delay: How long who follows drives on as ever [s].
+        delay: Time before the follower reacts [s].
     """
     closing = speed - leader_speed
     return gap - max(closing, 0.0) * delay >= least_gap(speed, closing)
@@ -96,7 +97,7 @@ def least_gap(speed: float, closing: float) -> float:
     """Return the gap in which one brakes as hard as anybody may have to [m].
 
     Args:
-        speed: Of who follows [m/s].
+        speed: The follower's [m/s].
         closing: By how much it is faster than its leader [m/s].
     """
     following = speed * HEADWAY + speed * closing / (2.0 * math.sqrt(ACCELERATION * BRAKING))
@@ -107,7 +108,7 @@ def least_gap(speed: float, closing: float) -> float:
 
 @kernel
 def pace_behind(leader_speed: float, gap: float) -> float:
-    """Return the speed from which one can stop behind a leader who brakes as hard [m/s], infinite for none.
+    """Return the highest speed to stop behind a leader that brakes as hard [m/s], infinite for none.
 
     Krauss (Phys. Rev. E 55 (1997) 5597) with a reaction time of `HEADWAY`.
 

@@ -1,4 +1,4 @@
-"""Vehicles of interest: agents may end when those that matter are gone."""
+"""Vehicles of interest: an agent may end when they are gone."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from smarts.agents.interface import AgentInterface
 from smarts.arrays import Bools
 from smarts.sim.entries import Entries
 from smarts.sim.schedule import Schedule
+from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.world import World
 
 
 class NamedInterest:
-    """Knows by their names the vehicles that matter to each agent's agent.
+    """Finds by their names the vehicles of interest to each agent.
 
     Args:
         world: What is read.
-        criteria: Of each agent, None for agents that end without regard to others.
+        criteria: Of each column; None for agents without vehicles of interest.
         marked: The pattern of the names that each scenario marks, by the scenario's name; "" for none.
         entries: Knows which scenarios are played.
     """
@@ -36,29 +37,34 @@ class NamedInterest:
         self._criteria = {agent_id: each for agent_id, each in enumerate(criteria) if each is not None}
         self._marked = marked
         self._world, self._entries = world, entries
-        self._seen = np.zeros(shape, np.bool_)
+        # Number of the agent for which each column has seen a vehicle of interest.
+        self._seen_by = np.full(shape, UNSET, np.int32)
         self._gone = np.zeros(shape, np.bool_)
 
     def is_gone(self, env_mask: Bools) -> Bools:
         """Return for which agents no vehicle of interest is left, shape (B, A)."""
         world = self._world
         self._gone[:] = False
-        self._seen[env_mask & (world.step <= 1)] = False
+        self._seen_by[env_mask & (world.step <= 1)] = UNSET
         for row in np.flatnonzero(env_mask).tolist():
             slots = np.flatnonzero(world.vehicles.alive[row]).tolist()
             names = {slot: world.registry.name(row, slot) for slot in slots}
             for agent_id, criteria in self._criteria.items():
-                own = int(world.agents.slot[row, agent_id])
-                patterns = self._patterns(row, criteria)
-                is_there = any(
-                    slot != own and any(re.match(pattern, name) for pattern in patterns)
-                    for slot, name in names.items()
-                )
-                self._seen[row, agent_id] |= is_there
-                self._gone[row, agent_id] = not is_there and (
-                    bool(self._seen[row, agent_id]) or criteria.strict
-                )
+                if world.agents.state[row, agent_id] != AgentStatus.VACANT:
+                    self._gone[row, agent_id] = self._is_gone(row, agent_id, criteria, names)
         return self._gone
+
+    def _is_gone(
+        self, row: int, agent_id: int, criteria: InterestDoneCriteria, names: Mapping[int, str]
+    ) -> bool:
+        """Return whether no vehicle of interest to an agent is left; `names` are those of all, by slot."""
+        agents, patterns = self._world.agents, self._patterns(row, criteria)
+        own, number = int(agents.slot[row, agent_id]), agents.agent[row, agent_id]
+        for slot, name in names.items():
+            if slot != own and any(re.match(pattern, name) for pattern in patterns):
+                self._seen_by[row, agent_id] = number
+                return False
+        return criteria.strict or bool(self._seen_by[row, agent_id] == number)
 
     def _patterns(self, row: int, criteria: InterestDoneCriteria) -> tuple[str, ...]:
         episode = self._entries.episodes[row]

@@ -35,5 +35,5 @@ def outcome_of(bits: int) -> int:
 
 @kernel
 def is_truncating(outcome: int) -> bool:
-    """Tell whether the agent could have gone on; after any other outcome it is terminated."""
+    """Return whether the outcome truncates the episode; all others terminate it."""
     return outcome in _TRUNCATING

@@ -1,8 +1,7 @@
-"""Ownership: the only place that says who drives which vehicle, and which agent it belongs to.
+"""Ownership: assigns each vehicle to a provider and an agent; the only module that writes the owner column.
 
-Providers follow: at the beginning of their stage they compare the owner column with what they saw last. So a
-hand-over is a write to one row, pose and speed stay as they are, and nothing is carried from one provider to
-the other.
+Providers follow: at the beginning of their stage they compare the owner column with its last values. So a
+hand-over is a write to one row: pose and speed stay as they are, and providers exchange nothing.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
+from smarts.sim.agent_pool import AgentPool
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart
 from smarts.types.transfers import NO_TRANSFERS, Refusal, Transfers
@@ -21,10 +21,10 @@ from smarts.types.world import World
 
 
 class Driver(Protocol):
-    """What ownership asks of a provider before it hands over a vehicle."""
+    """The method of a provider that `Ownership` calls before a hand-over."""
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """Return for each vehicle the `Refusal` to drive on with it from where it is; changes nothing."""
+        """Return each vehicle's `Refusal` to be taken as it is; changes nothing."""
         ...
 
 
@@ -35,13 +35,14 @@ class Ownership:
     that is alive and of the agent's generation; an active agent's vehicle is owned by AGENT.
 
     Args:
-        world: What is written to.
+        world: The state; written.
         drivers: The providers by their number.
+        pool: Hands out columns to agents that get theirs with a vehicle; None: transfers name no such agents.
     """
 
-    def __init__(self, world: World, drivers: Mapping[int, Driver]) -> None:
+    def __init__(self, world: World, drivers: Mapping[int, Driver], pool: AgentPool | None = None) -> None:
         self._world = world
-        self._drivers = drivers
+        self._drivers, self._pool = drivers, pool
         self._queue = NO_TRANSFERS
 
     def clear(self, row: int) -> None:
@@ -49,7 +50,7 @@ class Ownership:
         self._queue = self._queue[self._queue["row"] != row]
 
     def admit(self, row: int, agent_id: int, start: AgentStart) -> int:
-        """Let an agent's vehicle in at its start, put the agent in the agent, and return the slot.
+        """Put an agent's vehicle into the world at its start, and return the slot.
 
         Raises:
             TrafficError: No slot is free.
@@ -60,7 +61,7 @@ class Ownership:
         vehicles.position[row, slot] = x, y
         vehicles.speed[row, slot] = start.speed
         vehicles.route[row, slot] = self._world.missions.route[row, agent_id]
-        self._sit(row, agent_id, slot, AgentStatus.ACTIVE)
+        self._give(row, agent_id, slot, AgentStatus.ACTIVE)
         return slot
 
     def submit(self, transfers: Transfers) -> None:
@@ -69,18 +70,18 @@ class Ownership:
             self._queue = np.concatenate([self._queue, transfers])
 
     def apply(self, env_mask: Bools) -> Sequence[Any]:
-        """Carry out what is pending in some simulations; return the transfers that were refused.
+        """Carry out the pending transfers of some simulations; return those that were refused.
 
-        They are tried in the order of `Reason`, then by agent, then by slot, whatever the order in which they
-        were proposed. One is refused, and changes nothing, if its vehicle is gone or no longer with the owner
-        and the agent that the proposer saw, if the agent it is to go to is taken, or if the new owner cannot
-        drive on with it.
+        They are tried in the order of `Reason`, then by agent, by number, and by slot, whatever the order in
+        which they were proposed. A transfer is refused, and changes nothing, if its vehicle is gone or no
+        longer with the owner and the agent that the proposer saw, if the agent that is to get it has a
+        vehicle, if all columns of that agent's interface are held, or if the new owner does not accept it.
         """
         if not len(self._queue):
             return ()
         due = env_mask[self._queue["row"]]
         pending, self._queue = self._queue[due], self._queue[~due]
-        order = np.lexsort((pending["slot"], pending["to_agent"], pending["reason"], pending["row"]))
+        order = np.lexsort([pending[name] for name in ("slot", "number", "to_agent", "reason", "row")])
         pending = pending[order]
         is_accepted = self._answers(pending) == Refusal.NONE
         return [
@@ -90,7 +91,7 @@ class Ownership:
         ]
 
     def _answers(self, pending: Transfers) -> Bytes:
-        """Return what the new owners answer to transfers, shape (T,); each is asked once for all of its."""
+        """Return the new owners' answers to transfers, shape (T,); each owner is asked once."""
         answers = np.full(len(pending), Refusal.NONE, np.int8)
         changes = pending["to_owner"] != pending["from_owner"]
         for owner, driver in self._drivers.items():
@@ -100,29 +101,38 @@ class Ownership:
         return answers
 
     def _carry_out(self, transfer: Any) -> bool:
-        row, slot, to_agent = int(transfer["row"]), int(transfer["slot"]), int(transfer["to_agent"])
+        """Carry out a transfer if nothing forbids it; return whether it was carried out."""
         if not (self._is_as_seen(transfer) and self._can_go(transfer)):
             return False
+        row, slot, to_agent = int(transfer["row"]), int(transfer["slot"]), int(transfer["to_agent"])
+        if self._pool and transfer["number"] != UNSET:
+            to_agent = self._pool.take(row, int(transfer["number"]))
+            if to_agent == UNSET:
+                return False
         from_agent, owner = int(transfer["from_agent"]), int(transfer["to_owner"])
-        vehicles = self._world.vehicles
         if from_agent not in (UNSET, to_agent):
-            self._rise(row, from_agent)
+            self._release(row, from_agent)
         if owner == Owner.NOBODY:
             self._world.registry.dismiss(row, slot)
-            return True
-        if owner != vehicles.owner[row, slot]:
-            vehicles.owner[row, slot] = owner
-            # Whoever drives now has plans of its own.
-            vehicles.route[row, slot] = UNSET
-        if to_agent != UNSET:
-            state = AgentStatus.ACTIVE if owner == Owner.AGENT else AgentStatus.SHADOWING
-            self._sit(row, to_agent, slot, state)
-            if owner == Owner.AGENT:
-                vehicles.route[row, slot] = self._world.missions.route[row, to_agent]
+        else:
+            self._assign(row, slot, owner, to_agent)
         return True
 
+    def _assign(self, row: int, slot: int, owner: int, agent_id: int) -> None:
+        """Write a vehicle's new owner, and give it to an agent unless that is -1."""
+        vehicles = self._world.vehicles
+        if owner != vehicles.owner[row, slot]:
+            vehicles.owner[row, slot] = owner
+            # The new owner plans its own route.
+            vehicles.route[row, slot] = UNSET
+        if agent_id != UNSET:
+            state = AgentStatus.ACTIVE if owner == Owner.AGENT else AgentStatus.SHADOWING
+            self._give(row, agent_id, slot, state)
+            if owner == Owner.AGENT:
+                vehicles.route[row, slot] = self._world.missions.route[row, agent_id]
+
     def _is_as_seen(self, transfer: Any) -> bool:
-        """Return whether the vehicle is still with whom the proposer saw it."""
+        """Return whether the vehicle's owner and agent are unchanged since the transfer was proposed."""
         row, slot = int(transfer["row"]), int(transfer["slot"])
         vehicles, agents = self._world.vehicles, self._world.agents
         if not vehicles.alive[row, slot] or vehicles.generation[row, slot] != transfer["generation"]:
@@ -132,17 +142,23 @@ class Ownership:
         return agent_id == transfer["from_agent"] and vehicles.owner[row, slot] == transfer["from_owner"]
 
     def _can_go(self, transfer: Any) -> bool:
-        """Return whether the vehicle can go where it is to go."""
+        """Return whether the new owner and the new agent fit, and that agent has no vehicle."""
         row = int(transfer["row"])
         owner, to_agent = int(transfer["to_owner"]), int(transfer["to_agent"])
+        has_agent = to_agent != UNSET or transfer["number"] != UNSET
         if owner == Owner.NOBODY:
-            return to_agent == UNSET
-        if owner == Owner.AGENT and to_agent == UNSET:
+            return not has_agent
+        if owner == Owner.AGENT and not has_agent:
             return False
-        is_taken = to_agent != UNSET and to_agent != transfer["from_agent"]
-        return not (is_taken and self._world.agents.slot[row, to_agent] != UNSET)
+        if to_agent in (UNSET, transfer["from_agent"]):
+            return True
+        agents = self._world.agents
+        is_pooled = self._pool is not None and self._pool.interface_id[to_agent] != UNSET
+        is_handed_out = not is_pooled or agents.state[row, to_agent] != AgentStatus.VACANT
+        return is_handed_out and agents.slot[row, to_agent] == UNSET
 
-    def _sit(self, row: int, agent_id: int, slot: int, state: AgentStatus) -> None:
+    def _give(self, row: int, agent_id: int, slot: int, state: AgentStatus) -> None:
+        """Give a vehicle to an agent, which enters or becomes its driver."""
         agents, vehicles = self._world.agents, self._world.vehicles
         agents.slot[row, agent_id] = slot
         agents.generation[row, agent_id] = vehicles.generation[row, slot]
@@ -152,7 +168,10 @@ class Ownership:
         agents.last_moved_position[row, agent_id] = vehicles.position[row, slot]
         agents.last_moved_step[row, agent_id] = self._world.step[row]
 
-    def _rise(self, row: int, agent_id: int) -> None:
+    def _release(self, row: int, agent_id: int) -> None:
+        """Take the vehicle from an agent, whose column is vacant then."""
         agents = self._world.agents
         agents.slot[row, agent_id] = UNSET
         agents.state[row, agent_id] = AgentStatus.VACANT
+        # The next agent of the column is observed at once.
+        agents.next_due[row, agent_id] = 0

@@ -1,4 +1,4 @@
-"""The recorder: takes what is wanted out of every frame, and writes an episode when it has ended."""
+"""The recorder: copies rows out of every frame, and writes an episode when it has ended."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from smarts.errors import TrafficError
 from smarts.geometry.binding import LateBound
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
+from smarts.sim.agent_pool import AgentPool, Hold
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
 from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table
 from smarts.sim.recorder_kernel import (
@@ -30,7 +31,7 @@ from smarts.sim.recorder_kernel import (
 from smarts.sim.recorder_thread import WriterThread
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET
-from smarts.types.episode import EpisodeStart
+from smarts.types.episode import AgentStart, EpisodeStart
 from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, TABLE, VEHICLES, VERSION
 from smarts.types.events import Outcome
 from smarts.types.frame import Frame
@@ -48,7 +49,7 @@ _TABLES = (
 
 @dataclass
 class _Episode:
-    """What is known of an unfinished episode."""
+    """The notes on an unfinished episode."""
 
     start: EpisodeStart
     graph: LaneGraph
@@ -56,10 +57,14 @@ class _Episode:
     steps: int = 0
     is_complete: bool = False
     invalid: str = ""
-    """Why it does not count."""
+    """Why the episode is to be discarded, "" if it is not."""
     routes: list[Ints] = field(default_factory=list)
     names: list[tuple[int, int, str, int]] = field(default_factory=list)
+    agents: list[AgentStart] = field(default_factory=list)
+    """By number."""
+    holds: list[Hold] = field(default_factory=list)
     endings: dict[int, Ending] = field(default_factory=dict)
+    """By the agent's number."""
     extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
     """Name, step, agents (S,), values (S, ...)."""
     small: dict[str, list[Floats]] = field(
@@ -78,15 +83,16 @@ class EpisodeRecorder:
     Args:
         scene: The world and its maps.
         folder: Of the store; several recorders may share one.
+        pool: The agents of each episode.
 
     Raises:
         RecordError: The folder cannot be written to.
     """
 
-    def __init__(self, scene: Scene, folder: Path) -> None:
+    def __init__(self, scene: Scene, folder: Path, pool: AgentPool) -> None:
         world = scene.world
         worlds, agents = world.agents.slot.shape
-        self._scene = scene
+        self._scene, self._pool = scene, pool
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds
@@ -106,26 +112,20 @@ class EpisodeRecorder:
         for row, start in frame.starts.items():
             self._finish(row)
             self._begin(row, start)
-        world = frame.world
         events, contacts = frame.events, frame.contacts
         actions = self._no_actions if frame.actions is None else frame.actions
         is_busy = self._take.to(events, contacts, actions)(frame.env_mask)
-        rows = np.flatnonzero(frame.env_mask).tolist()
-        for row in rows:
+        for row in np.flatnonzero(frame.env_mask).tolist():
             episode = self._episodes[row]
             if episode is not None:
-                episode.steps = int(world.step[row])
-                self._take_routes(row, episode)
-                if is_busy:
-                    self._take_names(row, episode)
-                    self._flush(row, episode)
+                self._take_notes(row, episode, is_busy)
         if events.just_done.any() or events.finished.any():
             self._take_endings(frame)
         for row, failure in frame.failures.items():
             episode = self._episodes[row]
             if episode is not None:
-                who = "traffic" if isinstance(failure, TrafficError) else "a vehicle"
-                episode.invalid = f"{who} failed: {failure.problem}"
+                failed = "traffic" if isinstance(failure, TrafficError) else "a vehicle"
+                episode.invalid = f"{failed} failed: {failure.problem}"
 
     def annotate(self, name: str, values: ArrayLike, agent_ids: Bools, step: Ints | None = None) -> None:
         """Add to the record what an algorithm says about its decisions, or what came of them.
@@ -133,7 +133,7 @@ class EpisodeRecorder:
         Args:
             name: What it is, such as "probabilities" or "reward".
             values: Numbers of each agent, shape (B, N, ...), N at most A.
-            agent_ids: Whose count, shape (B, N).
+            agent_ids: Mask of the agents whose values are recorded, shape (B, N).
             step: Step of the state on which each simulation's decision was made, shape (B,); by default now,
                 which is right for what is said before the step.
         """
@@ -142,9 +142,9 @@ class EpisodeRecorder:
         for row in np.flatnonzero(agent_ids.any(axis=1)).tolist():
             episode = self._episodes[row]
             if episode is not None:
-                who = np.flatnonzero(agent_ids[row]).astype(np.int32)
-                # Fancy indexing copies: the caller may go on with its array.
-                episode.extras.append((name, int(steps[row]), who, table[row, who]))
+                chosen = np.flatnonzero(agent_ids[row]).astype(np.int32)
+                # Fancy indexing copies: the caller may reuse its array.
+                episode.extras.append((name, int(steps[row]), chosen, table[row, chosen]))
 
     def finish(self, env_mask: Bools) -> None:
         """Have the episodes of some simulations written, since all has been said about them.
@@ -181,11 +181,25 @@ class EpisodeRecorder:
         self._episodes[row] = _Episode(start, graph, writer)
         self._buffers.clear(row)
 
+    def _take_notes(self, row: int, episode: _Episode, is_busy: bool) -> None:
+        """Note what is new in a simulation's step; `is_busy` if vehicles are new or a buffer is full."""
+        episode.steps = int(self._scene.world.step[row])
+        self._take_routes(row, episode)
+        self._take_agents(row, episode)
+        if is_busy:
+            self._take_names(row, episode)
+            self._flush(row, episode)
+
     def _take_routes(self, row: int, episode: _Episode) -> None:
         """Note the routes that are new: the table is emptied before the episode is written."""
         routes = self._scene.world.routes
         for number in range(len(episode.routes), routes.count(row)):
             episode.routes.append(routes.edges(row, number))
+
+    def _take_agents(self, row: int, episode: _Episode) -> None:
+        """Note the agents and the holds that are new: the pool forgets them before the episode is written."""
+        episode.agents += self._pool.starts[row][len(episode.agents) :]
+        episode.holds += self._pool.holds[row][len(episode.holds) :]
 
     def _take_names(self, row: int, episode: _Episode) -> None:
         buffers, step = self._buffers, int(self._scene.world.step[row])
@@ -202,8 +216,9 @@ class EpisodeRecorder:
                 continue
             episode.is_complete |= bool(events.finished[row])
             for agent_id in np.flatnonzero(agents.outcome[row] != Outcome.NONE).tolist():
-                if agent_id not in episode.endings:
-                    episode.endings[agent_id] = self._ending(frame, row, agent_id)
+                number = int(agents.agent[row, agent_id])
+                if number not in episode.endings:
+                    episode.endings[number] = self._ending(frame, row, agent_id)
             if (agents.outcome[row] == Outcome.INVALID).any():
                 episode.invalid = episode.invalid or _OVERLAP
 
@@ -247,7 +262,7 @@ class EpisodeRecorder:
             self._thread.submit(lambda: writer.append(name, _by_name(name, rows)))
 
     def _finish(self, row: int) -> None:
-        """Have the episode of a simulation written, if there is one."""
+        """Queue the rest of a simulation's episode, if it has one, to be written."""
         episode, self._episodes[row] = self._episodes[row], None
         if episode is None:
             return
@@ -269,7 +284,7 @@ class EpisodeRecorder:
             tuple(names[edge] for edge in route.tolist()): number
             for number, route in enumerate(episode.routes)
         }
-        writer.append("agents", agents_table(episode.start, episode.endings, small, numbers))
+        writer.append("agents", agents_table(episode.agents, episode.holds, episode.endings, small, numbers))
         writer.append("extras", extras_table(episode.extras))
         slots, generations, called, steps = zip(*episode.names, strict=True) if episode.names else ((),) * 4
         writer.append(

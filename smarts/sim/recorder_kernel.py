@@ -1,4 +1,4 @@
-"""What the recorder copies out of a frame, in one call for all simulations.
+"""The recorder's copies out of a frame, in one call for all simulations.
 
 Rows are floating-point numbers in the order of the columns of `smarts.types.episode_schema`; all its whole
 numbers are exact in them. Axis letters: B simulations, A agents, V slots, L lanes.
@@ -125,7 +125,7 @@ def take_frame(
 
 @kernel
 def _is_full(row: int, agents: int, out: Buffers) -> bool:
-    """Tell whether a buffer has no room for another frame."""
+    """Return whether a buffer has no room for another frame."""
     used = out.used[row]
     return (
         used[VEHICLE_ROWS] + out.until.shape[1] > out.vehicles.shape[1]
@@ -161,7 +161,7 @@ def _take_vehicles(
 
 @kernel
 def _is_near(row: int, slot: int, vehicles: VehicleStates, agents: AgentStates) -> bool:
-    """Tell whether a vehicle is near an agent's that drives, or has ended in this step."""
+    """Return whether a vehicle is near an agent's that drives, or has ended in this step."""
     for agent_id in range(agents.state.shape[1]):
         other = agents.slot[row, agent_id]
         if other < 0 or agents.state[row, agent_id] not in (_SHADOWING, _ACTIVE, _DONE):

@@ -11,7 +11,7 @@ from smarts.errors import RecordError
 Job = Callable[[], object]
 
 _MOST_WAITING = 64
-"""Jobs; whoever is faster than the disk waits for it from then on."""
+"""Queued jobs; `submit` blocks beyond this."""
 
 
 class WriterThread:
@@ -21,35 +21,35 @@ class WriterThread:
         self._place = place
         self._jobs: queue.Queue[Job | None] = queue.Queue(_MOST_WAITING)
         self._failure: Exception | None = None
-        self._has_told = False
+        self._is_raised = False
         # A daemon, since a program that ends without closing is not to hang.
         self._thread = threading.Thread(target=self._work, name="episode-writer", daemon=True)
         self._thread.start()
 
     def submit(self, job: Job) -> None:
-        """Have a job done.
+        """Queue a job.
 
         Raises:
             RecordError: An earlier one failed; then nothing more is done.
         """
-        self._tell()
+        self._raise_failure()
         self._jobs.put(job)
 
     def close(self) -> None:
         """Wait until all is done, and end; may be called again.
 
         Raises:
-            RecordError: A job failed, and nobody has been told.
+            RecordError: A job failed and the error was not raised yet.
         """
         if self._thread.is_alive():
             self._jobs.put(None)
             self._thread.join()
-        if not self._has_told:
-            self._tell()
+        if not self._is_raised:
+            self._raise_failure()
 
-    def _tell(self) -> None:
+    def _raise_failure(self) -> None:
         if self._failure is not None:
-            self._has_told = True
+            self._is_raised = True
             raise RecordError(
                 f"episodes cannot be written: {self._failure}",
                 place=self._place,
@@ -62,5 +62,5 @@ class WriterThread:
                 continue
             try:
                 job()
-            except Exception as error:  # raised by `_tell` in the thread that submits
+            except Exception as error:  # raised by `_raise_failure` in the thread that submits
                 self._failure = error

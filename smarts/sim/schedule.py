@@ -1,9 +1,9 @@
-"""The schedule: which episode each simulation of a run plays when, as a pure function of its seed."""
+"""The schedule: the episodes of each simulation of a run, as a pure function of its seed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,9 +54,10 @@ def _ground(built: BuiltScenario) -> tuple[int, tuple[RoadSurfacePatch, ...], fl
     return id(built.roads()), patches, math.inf if speed is None else float(speed)
 
 
-def _interest(built: BuiltScenario) -> str:
-    metadata = built.scenario.scenario_metadata or {}
-    return str(metadata.get(ScenarioMetadataFields.actor_of_interest_re_filter.name) or "")
+def _interests(scenarios: Iterable[BuiltScenario]) -> dict[str, str]:
+    """Return the pattern of the names of the vehicles that each scenario marks, "" for none."""
+    key = ScenarioMetadataFields.actor_of_interest_re_filter.name
+    return {built.name: str((built.scenario.scenario_metadata or {}).get(key) or "") for built in scenarios}
 
 
 @dataclass(frozen=True)
@@ -70,19 +71,23 @@ class Combination:
     """Which of `TRAFFIC_ENGINES` drives the traffic."""
 
 
+def _combinations(built: BuiltScenario, map: int, egos: int, engine: str | None) -> Iterator[Combination]:
+    for plan in built.episodes(egos):
+        yield Combination(built, map, plan, engine or engine_of(built, plan.traffic))
+
+
 class Schedule:
     """The episodes of a run.
 
-    Each simulation goes through all combinations of scenarios, traffic and missions in an order of its own,
-    then through all of them in another order.
+    Each simulation plays all combinations of scenarios, traffic and missions in an order of its own, then all
+    of them in another order, and so on.
 
     Args:
-        scenarios: What is played.
+        scenarios: The scenarios.
         agents: Names of the egos.
-        shapes: Their vehicles', by default cars.
-        others: How many further agents there may be, whose vehicles come on top of traffic's, too.
+        shapes: The egos' vehicles, by default cars.
         seed: Of the run.
-        engine: Which of `TRAFFIC_ENGINES` drives, whatever the scenarios say; by default as they say.
+        engine: One of `TRAFFIC_ENGINES`; by default the one that each scenario names.
 
     Raises:
         ScenarioError: There is no scenario, or one has fewer missions than there are egos.
@@ -94,7 +99,6 @@ class Schedule:
         agents: Sequence[str],
         *,
         shapes: Sequence[Shape] | None = None,
-        others: int = 0,
         seed: int = 42,
         engine: str | None = None,
     ) -> None:
@@ -103,24 +107,22 @@ class Schedule:
         check_seed(seed, "seed")
         self.seed = seed
         self.agents = tuple(agents)
-        self._most_agents = len(self.agents) + others
         self._shapes = tuple(shapes) if shapes else (Shape(),) * len(self.agents)
         grounds = [_ground(built) for built in scenarios]
         unique = [*dict.fromkeys(grounds)]
-        first = [scenarios[grounds.index(ground)] for ground in unique]
-        self.maps: tuple[LaneGraph, ...] = tuple(built.roads() for built in first)
+        self.maps: tuple[LaneGraph, ...] = tuple(scenarios[grounds.index(each)].roads() for each in unique)
         """Each map once, or as often as it is driven on differently, in the order of its number."""
         self.surfaces = tuple(surface for _, surface, _ in unique)
         """Where each map has another friction than a dry road."""
         self.speeds = np.array([speed for _, _, speed in unique])
         """The largest speed of the discrete lane actions on each map [m/s]."""
         self.combinations = tuple(
-            Combination(built, unique.index(ground), plan, engine or engine_of(built, plan.traffic))
+            combination
             for built, ground in zip(scenarios, grounds, strict=True)
-            for plan in built.episodes(len(self.agents))
+            for combination in _combinations(built, unique.index(ground), len(self.agents), engine)
         )
-        """Everything that is played, in the order of the scenarios."""
-        self.interests = {built.name: _interest(built) for built in scenarios}
+        """All combinations, in the order of the scenarios."""
+        self.interests = _interests(scenarios)
         """Pattern of the names of the vehicles that each scenario marks, "" for none."""
         self._limits = {built.name: vehicle_limit(built) for built in scenarios}
 
@@ -166,7 +168,7 @@ class Schedule:
             traffic=built.traffic_files(plan.traffic),
             traffic_name=plan.traffic,
             traffic_seed=traffic_seed(seed, world=world, episode=episode),
-            limit=self._limits[built.name] + self._most_agents,
+            limit=self._limits[built.name] + len(self.agents),
             agents=draw_starts(built, plan.missions, self.agents, self._shapes, generator),
             engine=chosen.engine,
         )

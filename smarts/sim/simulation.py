@@ -37,7 +37,7 @@ _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 @dataclass(frozen=True)
 class Stages:
-    """What a simulation consists of."""
+    """The parts of a simulation."""
 
     ownership: Ownership
     entries: EntryRules
@@ -73,7 +73,7 @@ def _without(env_mask: Bools, failures: Mapping[int, SmartsError]) -> Bools:
 
 
 class Simulation:
-    """B simulations; what happens in one does not depend on the others, nor on how many there are.
+    """B simulations; an episode does not depend on the other simulations, nor on how many there are.
 
     Args:
         world: The state, written by the stages.
@@ -86,7 +86,7 @@ class Simulation:
         worlds, agents = world.agents.slot.shape
         self._no_tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, 0)
         self._nobody = np.zeros(world.agents.slot.shape, np.bool_)
-        self._see = bind(find_seen, world.state)
+        self._see = bind(find_seen, world.state, world.egos)
 
     def step(self, actions: Actions, env_mask: Bools, observe_mask: Bools) -> Frame:
         """Advance some simulations by `dt`; the order of these lines is the contract.
@@ -98,12 +98,12 @@ class Simulation:
 
         Returns:
             What happened. Where traffic failed, or a vehicle's command or motion is not finite, the frame's
-            `failures` say so, and the episode is invalid: its agents are done, and the simulation is to be
-            reset. The others have made the step.
+            `failures` has the error, and the episode is invalid: its agents are done, and the simulation is
+            to be reset. The others have made the step.
         """
         world, stages = self.world, self._stages
         world.advance(env_mask)
-        # Agents that are done were still to be seen in the last frame.
+        # Agents that are done still have their vehicles in the last frame.
         stages.ownership.apply(env_mask)
         stages.entries.enter(env_mask)
         commands = stages.controllers.command(actions, env_mask)
@@ -155,10 +155,10 @@ class Simulation:
         return frame
 
     def close(self) -> None:
-        """Give back what the parts hold; may be called again."""
+        """Free the parts' resources; may be called again."""
         self._stages.traffic.close()
         self._stages.vehicles.close()
-        # The last, since it may have to say that the disk is full.
+        # The last, since it may raise that the disk is full.
         self._stages.recorder.close()
 
     def _begin(self, row: int, start: EpisodeStart) -> None:
@@ -171,11 +171,16 @@ class Simulation:
 
 
 @kernel
-def find_seen(state: State, env_mask: Bools, observe_mask: Bools, just_done: Bools) -> Bools:
-    """Return which agents are observed, shape (B, A): wanted and with an agent in a vehicle, or just done."""
+def find_seen(state: State, egos: int, env_mask: Bools, observe_mask: Bools, just_done: Bools) -> Bools:
+    """Return which agents are observed, shape (B, A).
+
+    An agent is observed if it has a vehicle and is in `observe_mask`, if it is done in this step, and, if it
+    is no ego, in the step in which it enters.
+    """
     seen = just_done.copy()
     for b in range(len(env_mask)):
         for a in range(seen.shape[1]):
-            if env_mask[b] and observe_mask[b, a] and state.agents.state[b, a] in (_ACTIVE, _SHADOWING):
+            is_wanted = observe_mask[b, a] or (a >= egos and state.agents.entry_step[b, a] == state.step[b])
+            if env_mask[b] and is_wanted and state.agents.state[b, a] in (_ACTIVE, _SHADOWING):
                 seen[b, a] = True
     return seen

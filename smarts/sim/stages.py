@@ -1,4 +1,4 @@
-"""The stages of the step: what each takes, and what it may write.
+"""The stages of the step: their inputs, and what they may write.
 
 A stage gets the world when it is made. `env_mask` says which simulations take part, shape (B,); a stage
 leaves every array of the others as it is. What a stage returns, its next call refills in place. The stage of
@@ -21,7 +21,7 @@ from smarts.types.transfers import Transfers
 
 
 class EntryRules(Protocol):
-    """Let agents in; write missions, and through `Ownership` the agents."""
+    """Lets agents enter; writes missions and, through `Ownership`, the agents."""
 
     def reset(self, row: int, start: EpisodeStart) -> None:
         """Begin an episode of one simulation, which is empty."""
@@ -37,15 +37,15 @@ class EntryRules(Protocol):
 
 
 class Controllers(Protocol):
-    """Turn actions into commands; write the latch of lane changes in the agents."""
+    """Turns actions into commands; writes the latch of lane changes in the agents."""
 
     def command(self, actions: Actions, env_mask: Bools) -> Commands:
-        """Return what the vehicles of all active agents are to do in this step."""
+        """Return the commands to the vehicles of all active agents for this step."""
         ...
 
 
 class Vehicles(Protocol):
-    """Move the vehicles of owner AGENT; write their rows, and the agents' actuators."""
+    """Moves the vehicles of owner AGENT; writes their rows, and the agents' actuators."""
 
     @property
     def failures(self) -> Mapping[int, SmartsError]:
@@ -61,16 +61,16 @@ class Vehicles(Protocol):
         ...
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """Return for each vehicle the `Refusal` to let an agent drive on with it."""
+        """Return each vehicle's `Refusal` to be driven by an agent."""
         ...
 
     def close(self) -> None:
-        """Give back what is held."""
+        """Free resources."""
         ...
 
 
 class Matcher(Protocol):
-    """Match all vehicles to the map; write lane, lane_position, lane_offset, and the agents' progress."""
+    """Matches all vehicles to the map; writes lane, lane_position, lane_offset, and the agents' progress."""
 
     def match(self, env_mask: Bools) -> None:
         """Match all vehicles of some simulations."""
@@ -78,7 +78,7 @@ class Matcher(Protocol):
 
 
 class ContactFinder(Protocol):
-    """Tells which vehicles touch; writes nothing."""
+    """Finds vehicles that touch; writes nothing."""
 
     def find(self, tracks: Tracks, env_mask: Bools) -> Contacts:
         """Return the first contact of each agent's vehicle during the step."""
@@ -86,7 +86,7 @@ class ContactFinder(Protocol):
 
 
 class EventDetector(Protocol):
-    """Judge what happened; write state, outcome, lap, last_moved_*, off_route_since, via_hit, arrival_*."""
+    """Finds events; writes state, outcome, lap*, last_moved_*, off_route_since, via_hit, arrival_*."""
 
     def reset(self, contacts: Contacts, env_mask: Bools) -> Events:
         """Return the (usually absent) events at the beginning of an episode."""
@@ -98,7 +98,7 @@ class EventDetector(Protocol):
 
 
 class TransferRules(Protocol):
-    """Decide which vehicles are to change hands; write nothing."""
+    """Proposes which vehicles change hands; writes nothing."""
 
     def propose(self, events: Events, env_mask: Bools) -> Transfers:
         """Return the transfers that are to happen at the beginning of the next step."""
@@ -106,7 +106,7 @@ class TransferRules(Protocol):
 
 
 class Sensors(Protocol):
-    """See the world for the agents; write nothing."""
+    """Observes for the agents; writes nothing."""
 
     def observe(self, observe_mask: Bools) -> Readings:
         """Return the readings of the agents of a mask, shape (B, A)."""
@@ -114,12 +114,12 @@ class Sensors(Protocol):
 
 
 class Recorder(Protocol):
-    """Keeps what happened."""
+    """Records frames."""
 
     def record(self, frame: Frame) -> None:
-        """Take what is wanted out of a frame, before the next step overwrites it."""
+        """Copy the frame's data that is recorded, before the next step overwrites it."""
         ...
 
     def close(self) -> None:
-        """Write what is left, and end."""
+        """Write the rest, and end."""
         ...

@@ -40,14 +40,14 @@ TRAP_LENGTH = 20.0
 TRAP_BEHIND = 5.0
 """How much of that area lies before the start [m]."""
 KNOWN_FACTS = t.ConditionRequires.time | t.ConditionRequires.actor_ids
-"""What conditions of entry may be about."""
+"""The facts that entry conditions may use."""
 _ACCELERATION = 3.0
 """With which an undisturbed driver reaches the limit [m/s^2]."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What an agent drives."""
+    """An agent's vehicle."""
 
     kind: VehicleKind = VehicleKind.PASSENGER
     length: float = 5.0
@@ -63,7 +63,7 @@ def draw_starts(
     shapes: Sequence[Shape],
     generator: Generator,
 ) -> tuple[AgentStart, ...]:
-    """Return how the egos of one episode begin, drawn anew while two overlap or one is past its goal.
+    """Draw the egos' starts of one episode, again while two overlap or a goal is not ahead of its start.
 
     Args:
         built: The scenario.
@@ -90,14 +90,14 @@ def draw_starts(
         if not problem:
             return starts
     raise ScenarioError(
-        f"{problem}, in {TRIES} draws out of {TRIES}",
+        f"{problem}, in all of {TRIES} draws",
         place=built.name,
         remedy="move the missions' starts and goals apart, or vary the starts less",
     )
 
 
 def _problem(starts: Sequence[AgentStart]) -> str:
-    """Return why an episode cannot begin like this, "" if it can."""
+    """Return why these starts are invalid, "" if they are valid."""
     for start in starts:
         if start.mission.route and start.mission.route_length < LEAST_ROUTE:
             return f"the goal of {start.name!r} is not ahead of its start"
@@ -117,7 +117,7 @@ def agent_start(placed: PlacedMission, roads: LaneGraph, name: str, shape: Shape
     """Return the start of one agent.
 
     Raises:
-        ScenarioError: A condition of entry is about what nobody knows then.
+        ScenarioError: An entry condition needs a fact that is unknown at entry.
     """
     return AgentStart(
         name=name,
@@ -233,7 +233,7 @@ def _take_over(placed: PlacedMission, roads: LaneGraph, place: str) -> TakeOver 
         raise ScenarioError(
             f"the condition is about {unknown.name}, which is not known when an agent enters",
             place=f"{place}.entry_tactic.condition",
-            remedy="use conditions on time and on who is there",
+            remedy="use conditions on time and on present vehicles",
         )
     if isinstance(tactic, t.IdEntryTactic):
         return TakeOver(vehicle=tactic.actor_id, condition=tactic.condition)

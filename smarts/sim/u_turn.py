@@ -1,4 +1,4 @@
-"""Turning round: out of the lane and into one of the road of the other direction. Compiled, for one agent."""
+"""Guidance of U-turns into a lane of the opposite direction; kernels for one agent."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LATERAL = 2.0
 SLOW_ENOUGH = 0.5
 """How much faster than that one may begin the turn [m/s]."""
 SIGHT = 100.0
-"""How far ahead to look for a place to turn where there is none here [m]."""
+"""How far ahead to look for a place to turn [m]."""
 BRAKING = 1.5
 """With which to slow down towards it [m/s^2]."""
 
@@ -26,7 +26,7 @@ _FREE, _APPROACH, _MANOEUVRE = int(GuidePhase.FREE), int(GuidePhase.APPROACH), i
 
 @kernel
 def plan_u_turn(state: State, roads: Roads, b: int, a: int) -> None:
-    """Write the guidance of an agent that is to turn and does not yet; see `smarts.sstudio.types.UTurn`."""
+    """Write the guidance of an agent that has not begun its U-turn; see `smarts.sstudio.types.UTurn`."""
     vehicles, missions, guidance = state.vehicles, state.missions, state.guidance
     slot = state.agents.slot[b, a]
     back = roads.lane_base[state.map[b]] + missions.task_lane[b, a]
@@ -69,7 +69,7 @@ def _way_to_turn(state: State, roads: Roads, b: int, slot: int, back: int) -> fl
 
 @kernel
 def _is_anybody_near(state: State, roads: Roads, b: int, a: int, slot: int, edge: int) -> bool:
-    """Tell whether a vehicle on a road is within the task's radius of the agent's."""
+    """Return whether a vehicle on a road is within the task's radius of the agent's."""
     vehicles = state.vehicles
     for other in range(vehicles.alive.shape[1]):
         if vehicles.alive[b, other] and other != slot:

@@ -1,4 +1,4 @@
-"""Yielding: standing at a junction because others cross one's path. Compiled, for one vehicle."""
+"""Yielding: whether an agent waits at a junction for crossing traffic; kernels for one vehicle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STOP = int(Signal.STOP)
 
 @kernel
 def yields_to_stream(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
-    """Tell whether the lanes on which an agent's standing vehicle is to go on are being crossed.
+    """Return whether the lanes on which an agent's standing vehicle is to go on are being crossed.
 
     It is at a stop line or inside a junction, and within `STREAM_TIME` a moving vehicle gets to where its
     lane overlaps one of those ahead in this junction (`LaneGraph.conflict_lane`), or is there. Where another
@@ -108,7 +108,7 @@ def _comes(
     lanes: Ints,
     extents: Floats,
 ) -> bool:
-    """Tell whether a moving vehicle is within one of some stretches of lanes, or reaches one soon."""
+    """Return whether a moving vehicle is within one of some stretches of lanes, or reaches one soon."""
     lane = lane_of(state, roads, state.vehicles, row, other)
     if lane < 0:
         return False

@@ -62,22 +62,22 @@ class LaneAction(enum.IntEnum):
 
 
 class Actions(NamedTuple):
-    """What the agents of all agents ask for, shape (B, A), refilled in place.
+    """The actions of all agents, shape (B, A), refilled in place.
 
-    Values are finite and within their bounds: that was seen to when they were taken in.
+    Values are finite and within their bounds: they are checked when they are encoded.
     """
 
     kind: Bytes
     """An `ActionSpaceType`."""
     given: Bools
-    """Whether the agent has acted since it entered; until then its controller does what is neutral."""
+    """Whether the agent has acted since it entered; until then `FallbackController` drives."""
     fresh: Bools
     """Whether the action is new in this step. What happens once (a lane change, a relative pose, a path that
-    begins now) happens only when fresh; what lasts (a speed, a throttle) goes on."""
+    begins now) happens only when fresh; lasting parts (a speed, a throttle) are kept."""
     values: Floats
     """Shape (B, A, 8); how many count and what they mean follows from the kind."""
     action_mask: Bools
-    """`AgentStates.legal` as the agent saw it when it decided, shape (B, A, 4)."""
+    """`AgentStates.action_mask` at the agent's decision, shape (B, A, 4)."""
     path: Floats
     """Rows of time, x, y, heading, speed, shape (B, A, P, 5); P is 0 if no agent acts by paths."""
     path_length: Ints
@@ -101,7 +101,7 @@ class CommandMode(enum.IntEnum):
     """How a command moves a vehicle."""
 
     NONE = 0
-    """Not at all: it rolls on."""
+    """Without a command: the vehicle rolls."""
     ACTUATORS = 1
     """By throttle, brake and steering."""
     ACTUATORS_RATE = 2
@@ -109,7 +109,7 @@ class CommandMode(enum.IntEnum):
     TRACK = 3
     """By a reference that it steers along."""
     PLACE = 4
-    """By poses that it takes, whatever its dynamics."""
+    """By poses, whatever its dynamics."""
 
 
 KINKED = 4.0
@@ -117,7 +117,7 @@ KINKED = 4.0
 
 
 class Commands(NamedTuple):
-    """What controllers tell the vehicles of all agents for one step, shape (B, A), refilled in place."""
+    """Commands to the vehicles of all agents for one step, shape (B, A), refilled in place."""
 
     mode: Bytes
     """A `CommandMode`."""

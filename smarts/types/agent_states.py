@@ -1,4 +1,4 @@
-"""Agents as arrays: which vehicle each drives, and all that the step remembers of it."""
+"""Agents as arrays: the vehicle that each drives, and what the step remembers of the agent."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class AgentStatus(enum.IntEnum):
     VACANT = 0
     """The agent is not in this episode, or its episode is over."""
     WAITING = 1
-    """The agent enters later: at a time, or into a vehicle that drives into its trap."""
+    """The agent enters later: at a time, or into a traffic vehicle that comes into its trap."""
     SHADOWING = 2
     """The agent observes a vehicle that another drives."""
     ACTIVE = 3
@@ -49,10 +49,10 @@ _UNSET_WHEN_EMPTY = frozenset(
 
 
 class AgentStates(NamedTuple):
-    """The agents of B simulations, shape (B, A): the egos first, then agents that take over traffic vehicles.
+    """The agents of B simulations, shape (B, A): the egos first, then the agents of the pool.
 
-    docs/step.md says which stage writes which column. An agent without a vehicle has slot -1. The columns of
-    an episode keep their values until the row is assigned again, so that they can be read after the end.
+    docs/step.md says which stage writes which column. An agent without a vehicle has slot -1. Columns keep
+    their values after the agent's end until another agent holds them or the simulation is reset.
     """
 
     state: Bytes
@@ -61,8 +61,8 @@ class AgentStates(NamedTuple):
     """The vehicle's slot, -1 for none."""
     generation: Ints
     """The vehicle's generation; with the slot, the vehicle itself."""
-    agent: Shorts
-    """Number of the agent in its episode, -1 for none."""
+    agent: Ints
+    """Number of the agent in its episode, -1 for none; several agents may hold a column in turn."""
     entry_step: Ints
     """Step of the episode in which the agent entered, -1 before."""
     period: Shorts
@@ -90,6 +90,8 @@ class AgentStates(NamedTuple):
     """Distance driven since entry [m]."""
     lap: Shorts
     """Laps completed."""
+    lap_before: Shorts
+    """`lap` one step ago."""
     on_road: Bools
     """Whether the centre is on a lane for motor vehicles or inside a junction."""
     corners_on_road: Bytes
@@ -130,7 +132,7 @@ class AgentStates(NamedTuple):
             state=zeros(np.int8),
             slot=zeros(np.int32),
             generation=zeros(np.int32),
-            agent=zeros(np.int16),
+            agent=zeros(np.int32),
             entry_step=zeros(np.int32),
             period=zeros(np.int16),
             next_due=zeros(np.int32),
@@ -143,6 +145,7 @@ class AgentStates(NamedTuple):
             lane_changes=zeros(np.int8),
             distance_travelled=zeros(np.float64),
             lap=zeros(np.int16),
+            lap_before=zeros(np.int16),
             on_road=zeros(np.bool_),
             corners_on_road=zeros(np.int8),
             on_route=zeros(np.bool_),
@@ -162,12 +165,12 @@ class AgentStates(NamedTuple):
         return made
 
     def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
-        """Forget all of some agents of one simulation."""
+        """Clear all columns of some agents of one simulation."""
         for name, column in self._asdict().items():
             column[row, agent_id] = UNSET if name in _UNSET_WHEN_EMPTY else 0
         self.period[row, agent_id] = 1
 
 
 def agent_names(count: int) -> tuple[str, ...]:
-    """Return default names."""
+    """Return the default names "agent-0", "agent-1", ..."""
     return tuple(f"agent-{number}" for number in range(count))

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from smarts.arrays import Floats
+from smarts.types.agent_states import UNSET
 from smarts.types.mission import AgentMission
 from smarts.types.traffic import DEFAULT_ENGINE, TrafficFiles
 from smarts.types.vehicles import VehicleKind
 
 
 class EntryCondition(Protocol):
-    """What must hold when an agent enters; the conditions of scenarios are such."""
+    """A condition of an agent's entry, such as a condition of the scenario language."""
 
     def evaluate(self, *, memory: Any = None, **facts: Any) -> Any:
         """Return whether it holds, given facts such as `time` [s] and `actor_ids`."""
@@ -23,23 +24,23 @@ class EntryCondition(Protocol):
 
 @dataclass(frozen=True)
 class TakeOver:
-    """Which vehicle of traffic an agent waits for, to go on with it."""
+    """Which traffic vehicle an agent takes over."""
 
     areas: Sequence[Floats] = ()
     """Outlines of the places where a vehicle's front must be, each of shape (., 2) [m]; empty: anywhere."""
     vehicle: str = ""
     """Its public name; "" for any."""
     spared: tuple[str, ...] = ()
-    """Vehicles whose names begin so are left alone."""
+    """Prefixes of the names of vehicles that are left alone."""
     patience: float = math.inf
     """How long to wait for one after the entry time [s]; then a new vehicle is put in at the start."""
     condition: EntryCondition | None = None
-    """What must hold, too."""
+    """A further condition."""
 
 
 @dataclass(frozen=True)
 class AgentStart:
-    """How one agent begins an episode."""
+    """How one agent enters an episode."""
 
     name: str
     """The agent's, and its vehicle's public name."""
@@ -57,6 +58,8 @@ class AgentStart:
     """When it enters [s]; until then its agent waits."""
     take_over: TakeOver | None = None
     """What it waits for from then on; None puts a new vehicle in."""
+    interface: int = UNSET
+    """Number of the agent's interface in the pool (`AgentPool.interface_number`); -1: an ego."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +79,9 @@ class EpisodeStart:
     traffic_seed: int
     """For the traffic engine, in [0, 2^31)."""
     limit: int
-    """The most vehicles at a time that the traffic engine knows, the egos among them."""
+    """The most vehicles at a time that the traffic engine knows, the egos' among them; raise it by the agents
+    that are added with vehicles of their own."""
     agents: tuple[AgentStart, ...]
-    """Of the egos, in the order of their agents."""
+    """The egos, in the order of their columns, then the further agents."""
     engine: str = DEFAULT_ENGINE
     """Which of `TRAFFIC_ENGINES` drives the traffic."""

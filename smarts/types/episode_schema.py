@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-VERSION = 2
-"""Of the format; readers refuse others."""
+VERSION = 3
+"""Of the format that is written. Format 2 is format 3 without `agents.interface`: all agents are egos."""
+READABLE = (2, VERSION)
+"""The formats that can be read."""
 
 TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
 """Kinds of columns beside those of numpy: strings, and lists of numbers of any length."""
@@ -48,7 +50,7 @@ def _step(meaning: str = "the state is that after so many steps") -> Column:
     return Column("step", "int32", meaning)
 
 
-AGENT_ID = Column("agent_id", "int16", "the agent's agent")
+AGENT_ID = Column("agent_id", "int16", "the agent's column; agents that come and go may have it in turn")
 VEHICLE = (
     Column("slot", "int32", "with the generation, the vehicle"),
     Column("generation", "int32", "with the slot, the vehicle"),
@@ -70,7 +72,7 @@ EPISODE = Table(
         Column("traffic_seed", "int64", "of the traffic engine"),
         Column("dt", "float64", "length of a step", "s"),
         Column("steps", "int32", "how many were made"),
-        Column("is_complete", "bool", "whether it went on until no agent was left or to come"),
+        Column("is_complete", "bool", "whether the episode ran until no ego was active or waiting"),
         Column(
             "is_invalid",
             "bool",
@@ -87,10 +89,12 @@ EPISODE = Table(
 )
 AGENTS = Table(
     "agents",
-    "a row for each agent that was to take part",
+    "a row for each agent of the episode, the egos first; its rows in other tables have its agent_id and "
+    "steps from entry_step to end_step",
     (
-        AGENT_ID,
+        Column("agent_id", "int16", "the agent's column; -1 for an agent of the pool that never had one"),
         Column("name", TEXT, "the agent's"),
+        Column("interface", "int16", "number of its interface in the pool, -1 for egos"),
         *VEHICLE,
         Column("kind", "int8", "VehicleKind"),
         Column("length", "float32", "of the vehicle", "m"),
@@ -114,15 +118,15 @@ AGENTS = Table(
         Column("route_length", "float32", "from start to goal, 0 for endless missions", "m"),
         Column("free_flow_time", "float32", "that the route takes at the limits", "s"),
         Column("outcome", "int8", "Outcome, NONE if the recording ended before"),
-        Column("terminated", "bool", "ended for good"),
+        Column("terminated", "bool", "the episode terminated (no bootstrapping)"),
         Column("truncated", "bool", "ended although it could have gone on"),
         Column("remaining", "float32", "left of the route at the end", "m"),
         Column("distance_travelled", "float32", "driven in all", "m"),
         Column("partner_slot", "int32", "vehicle that it collided with when it ended, -1 for none"),
         Column("partner_generation", "int32", "of that vehicle"),
         Column("partner", TEXT, "public name of that vehicle"),
-        Column("partner_owner", "int8", "who drove that vehicle: Owner"),
-        Column("partner_agent_id", "int16", "agent of the agent that drove it, -1 for none"),
+        Column("partner_owner", "int8", "Owner of that vehicle"),
+        Column("partner_agent_id", "int16", "agent_id of the agent that drove it, -1 for none"),
         Column("side", "int8", "where it was hit: 0 front, 1 left, 2 rear, 3 right"),
         Column("closing_speed", "float32", "at the collision", "m/s"),
         Column("substep", "int8", "of the collision"),
@@ -134,7 +138,7 @@ VEHICLES = Table(
     (
         _step(),
         *VEHICLE,
-        Column("owner", "int8", "Owner: who drives it"),
+        Column("owner", "int8", "Owner of the vehicle"),
         Column("kind", "int8", "VehicleKind"),
         Column("x", "float64", "of the centre", "m"),
         Column("y", "float64", "of the centre", "m"),

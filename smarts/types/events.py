@@ -41,7 +41,7 @@ class Outcome(enum.IntEnum):
     NOT_MOVING = 6
     TIME_OUT = 7
     OTHER = 8
-    """Ended for another's sake: too few agents or vehicles of interest are left."""
+    """Too few agents or vehicles of interest are left."""
     OTHER_TERMINAL = 9
     """Ended for driving against the direction or on the shoulder."""
     INVALID = 10
@@ -49,7 +49,7 @@ class Outcome(enum.IntEnum):
 
 
 TRUNCATING = (Outcome.TIME_OUT, Outcome.OTHER, Outcome.INVALID)
-"""The future that an agent would have had is to be estimated; after all other outcomes it has none."""
+"""Outcomes that truncate: the learner bootstraps. All others terminate."""
 
 
 class Contacts(NamedTuple):
@@ -89,9 +89,9 @@ class Events(NamedTuple):
     just_done: Bools
     """Whether the agent's episode ended in this step."""
     terminated: Bools
-    """Ended for good. Never together with `truncated`."""
+    """The episode terminated (no bootstrapping). Never together with `truncated`."""
     truncated: Bools
-    """Ended although it could have gone on."""
+    """The episode was cut short."""
     finished: Bools
     """Whether no agent is left or to come, shape (B,)."""
 

@@ -1,4 +1,4 @@
-"""Frames: what one step, or a reset, has brought about."""
+"""Frames: the results of one step, or of a reset."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from smarts.types.world import World
 
 @dataclass(frozen=True)
 class Readings:
-    """What the sensors have seen, by group of agents with equal options.
+    """The sensors' readings, by group of agents with equal options.
 
-    Only the wanted agents' entries are of this step; the others are left as they were.
+    Only the entries of observed agents are of this step; the others are left as they were.
     """
 
     blocks: Mapping[str, Mapping[str, NDArray]]
@@ -37,7 +37,7 @@ class Frame:
     env_mask: Bools
     """Which simulations were stepped or reset, shape (B,); those that failed are not among them."""
     actions: Actions | None
-    """What was asked for, on the state before; None in the frame of a reset."""
+    """The actions given on the state before; None in the frame of a reset."""
     commands: Commands | None
     """What the vehicles carried out; None in the frame of a reset."""
     contacts: Contacts

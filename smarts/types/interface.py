@@ -44,7 +44,7 @@ ENDING = (
 
 
 class AgentRules(NamedTuple):
-    """What holds for each agent during the whole run, the same in all simulations; shape (A,)."""
+    """The rules of each agent's interface, the same in all simulations during the whole run; shape (A,)."""
 
     action: Bytes
     """An `ActionSpaceType`."""

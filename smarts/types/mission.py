@@ -1,4 +1,4 @@
-"""Missions as arrays: where each agent's agent is bound for."""
+"""Missions as arrays: each agent's route, goal and task."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from smarts.arrays import Bytes, Floats, Ints, Shorts
 
 
 class GoalKind(enum.IntEnum):
-    """What it takes to arrive."""
+    """How the goal is reached."""
 
     ENDLESS = 0
     """There is no goal."""
@@ -44,9 +44,9 @@ class Task:
     radius: float = 0.0
     """Within which another vehicle triggers it [m]."""
     lane: int = -1
-    """To turn into, or of the road on which there is no cutting in any more; -1 for none."""
+    """U-turn: the lane to turn into. Cut-in: a lane of the edge at which the task ends. -1 for none."""
     speed: float = 0.0
-    """To drive at before [m/s], 0 where it does not say."""
+    """Speed before the manoeuvre [m/s]; 0: the speed limit."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Via:
     radius: float
     """Within which it counts as passed [m]."""
     speed: float
-    """To pass it at [m/s]."""
+    """Required speed at the point [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class AgentMission:
 
 
 class Missions(NamedTuple):
-    """The missions of B simulations, shape (B, A); written when an agent is given out, read by all."""
+    """The missions of B simulations, shape (B, A); written when an agent gets its column."""
 
     route: Ints
     """Number of the route in its simulation, as `VehicleStates.route`; -1 without one."""
@@ -150,7 +150,7 @@ class Missions(NamedTuple):
         )
 
     def write(self, row: int, agent_id: int, mission: AgentMission, route: int) -> None:
-        """Put a mission into an agent; `route` is the number that its simulation gave to the route."""
+        """Write an agent's mission; `route` is the number that its simulation gave to the route."""
         self.clear(row, agent_id)
         self.route[row, agent_id] = route
         for name in ("goal", "goal_position", "goal_radius", "goal_lane", "goal_s"):

@@ -14,7 +14,7 @@ LARGEST_SEED = 2**63 - 1
 
 
 class Purpose(enum.IntEnum):
-    """What a stream is for. Values are part of the seeds: never renumber, only append."""
+    """The use of a stream. Values are part of the seeds: never renumber, only append."""
 
     TRAFFIC = 0
     """SUMO's own seed."""
@@ -31,20 +31,20 @@ class Purpose(enum.IntEnum):
     SCENARIOS = 6
     """The order in which a run's scenarios, traffic and missions come."""
     RESAMPLING = 7
-    """Which episodes intervals are made of."""
+    """Bootstrap samples of episodes."""
 
 
 def is_seed(seed: Any) -> bool:
-    """Return whether something is a seed: a whole number from 0 to `LARGEST_SEED`."""
+    """Return whether a value is a seed: a whole number from 0 to `LARGEST_SEED`."""
     is_whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool)
     return is_whole and 0 <= int(seed) <= LARGEST_SEED
 
 
 def check_seed(seed: Any, place: str) -> None:
-    """Refuse what is not a seed.
+    """Raise if `seed` is not a whole number from 0 to `LARGEST_SEED`.
 
     Raises:
-        SmartsError: It is none; the message says what it is and where.
+        SmartsError: Names the value and its place.
     """
     if not is_seed(seed):
         raise SmartsError(f"{seed!r} is not a seed", place=place, remedy="use 0, 1, 2, ..., below 2**63")

@@ -10,7 +10,7 @@ from smarts.arrays import Bytes, Floats
 
 
 class Tracks(NamedTuple):
-    """What happened to the vehicles of A agents between two steps; refilled in place by the next step."""
+    """The motion of A agents' vehicles within a step; refilled in place by the next step."""
 
     poses: Floats
     """x, y [m] and heading [rad] of the footprint after each sub-step, shape (B, A, S, 3); S is 0 where

@@ -1,4 +1,4 @@
-"""What a traffic engine needs to run, and what it says about signals."""
+"""The input of traffic engines, and the states of signals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from smarts.registry import Registry
 
 DEFAULT_ENGINE = "SUMO"
-"""Drives where a scenario names no engine."""
+"""The engine of scenarios that name none."""
 
 TRAFFIC_ENGINES = Registry(
     "traffic engine",

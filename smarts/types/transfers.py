@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smarts.types.agent_states import UNSET
+
 
 class Reason(enum.IntEnum):
-    """Why a vehicle changes hands. Of several transfers in one step, lower numbers go first."""
+    """Why a vehicle changes hands. Of several transfers in one step, those with lower numbers come first."""
 
     LEAVE = 0
     """The vehicle leaves the simulation."""
     RELEASE = 1
-    """An agent lets go of it."""
+    """An agent gives it back."""
     TAKE = 2
     """An agent takes it over."""
     SHADOW = 3
@@ -23,14 +26,36 @@ class Reason(enum.IntEnum):
 
 
 class Refusal(enum.IntEnum):
-    """Why a provider cannot drive on with a vehicle, as its `can_accept` answers."""
+    """Why a provider cannot take a vehicle; the answer of its `can_accept`."""
 
     NONE = 0
-    """It can."""
+    """The provider takes it."""
     OFF_LANES = 1
     """The vehicle stands on no lane."""
     KIND = 2
     """The provider cannot drive vehicles of this kind."""
+
+
+class Transfer(NamedTuple):
+    """Vehicle (slot, generation) of simulation `row` goes from an owner and an agent to others.
+
+    The `from` side is what the proposer saw: a transfer that finds something else is refused.
+    """
+
+    row: int
+    slot: int
+    generation: int
+    from_owner: int
+    from_agent: int
+    """The agent_id that holds the vehicle, -1 for none."""
+    to_owner: int
+    to_agent: int
+    """The agent_id that gets the vehicle, -1 for none."""
+    reason: int
+    """A `Reason`."""
+    number: int = UNSET
+    """Of an agent of the episode that has no column yet: it gets one of its interface's with the vehicle.
+    Needs `to_agent` -1; -1 for none."""
 
 
 TRANSFER = np.dtype(
@@ -43,10 +68,10 @@ TRANSFER = np.dtype(
         ("to_owner", np.int8),
         ("to_agent", np.int16),
         ("reason", np.int8),
+        ("number", np.int32),
     ]
 )
-"""Vehicle (slot, generation) of simulation `row` goes from an owner and an agent to others; agent -1 is none.
-The `from` side is what the proposer saw: a transfer that finds something else is refused."""
+"""A `Transfer` as a row of an array."""
 
 Transfers = NDArray[np.void]
 """Of dtype `TRANSFER`, shape (T,)."""
@@ -55,6 +80,6 @@ NO_TRANSFERS: Transfers = np.zeros(0, TRANSFER)
 NO_TRANSFERS.flags.writeable = False
 
 
-def transfers(rows: Sequence[tuple[int, int, int, int, int, int, int, int]]) -> Transfers:
-    """Return an array of transfers, each given in the order of `TRANSFER`'s columns."""
-    return np.array([*rows], TRANSFER) if rows else NO_TRANSFERS
+def transfers(rows: Sequence[Iterable[Any]]) -> Transfers:
+    """Return an array of transfers, each given by its columns in the order of `Transfer`."""
+    return np.array([Transfer(*row) for row in rows], TRANSFER) if rows else NO_TRANSFERS

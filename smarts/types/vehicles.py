@@ -47,7 +47,7 @@ class VehicleStates(NamedTuple):
     alive: Bools
     """Whether the slot holds a vehicle."""
     generation: Ints
-    """How often the slot has been given out; (slot, generation) names a vehicle for good."""
+    """Counts the vehicles that used the slot; (slot, generation) identifies a vehicle."""
     owner: Bytes
     """An `Owner`, or the number of a further provider."""
     kind: Bytes
@@ -69,7 +69,7 @@ class VehicleStates(NamedTuple):
     lane_position: Floats
     """Arc length of the vehicle's centre along its lane [m]; below 0 while it is on the lane before."""
     desired_speed: Floats
-    """What the driver would drive here if the road were free [m/s]."""
+    """The driver's speed here on a free road [m/s]."""
     lane_offset: Floats
     """Of the vehicle's centre from its lane's centreline, positive to the left [m]."""
     lateral_speed: Floats
@@ -83,7 +83,7 @@ class VehicleStates(NamedTuple):
     route: Ints
     """Number of the planned route among those of its simulation, -1 where none is known."""
     home: Bytes
-    """The provider that the vehicle goes back to when an agent lets go of it; NOBODY: it leaves."""
+    """The provider that gets the vehicle back when its agent is done; NOBODY: it is removed."""
 
     @classmethod
     def allocate(cls, *shape: int) -> VehicleStates:

@@ -1,4 +1,4 @@
-"""The world: everything that the step knows, as arrays over B simulations."""
+"""The world: the state of B simulations as arrays."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class State(NamedTuple):
 
 
 class World:
-    """B simulations side by side. Row b of every array is simulation b, whatever the others do.
+    """B simulations side by side. Row b of every array is simulation b, independent of the others.
 
-    The arrays are written in place by the stages of the step and never replaced, so views of them hold for
-    good. A part that needs more of the past than one step keeps it itself. `state` holds all arrays, for
+    The arrays are written in place by the stages of the step and never replaced, so views of them stay
+    valid. A part that needs more of the past than one step keeps it itself. `state` holds all arrays, for
     kernels; each is an attribute of the world, too.
 
     Args:
@@ -135,7 +135,7 @@ class World:
 
 
 def _in_one_block(states: VehicleStates) -> tuple[NDArray[np.uint8], VehicleStates]:
-    """Return memory and the same states in it, to be copied at once: of twenty copies each has its price."""
+    """Return a block of memory and the same states in it: one copy is cheaper than twenty."""
     # Each column begins on a cache line of its own.
     ends = np.cumsum([-(-column.nbytes // 64) * 64 for column in states]).tolist()
     block = np.zeros(ends[-1], np.uint8)

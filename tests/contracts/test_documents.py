@@ -4,6 +4,7 @@ import importlib
 import re
 import subprocess
 import sys
+import tomllib
 
 import pytest
 
@@ -85,6 +86,14 @@ def test_the_site_builds_without_a_warning_and_loads_nothing_from_the_network(tm
     pages = [*tmp_path.rglob("*.html")]
     assert tmp_path / "index.html" in pages
     assert not [page for page in pages if LOADED.search(page.read_text())]
+
+
+def test_the_changelogs_newest_release_is_the_version():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    releases = re.findall(
+        r"^## (\d\S*) \(\d{4}-\d\d-\d\d\)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE
+    )
+    assert releases[0] == version
 
 
 def test_the_last_nightly_run_was_of_all_pages_that_train_and_nothing_failed():

@@ -346,3 +346,23 @@ def test_generalization_is_what_is_left_of_both_rates():
     assert measure.value(found) == pytest.approx(1.0 - 0.4 / 2)
     assert np.isnan(measure.value(found | {"train_goals": 49.0}))
     assert np.isnan(measure.value(found | {"held_out_agents": 0.0}))
+
+
+def test_agents_of_the_pool_are_measured_as_traffic(tmp_path):
+    """They follow the egos; several of them may have had one agent_id in turn."""
+    ego = Drive(["road_0"], at_speed(5.0, 20), agent="ego", outcome=Outcome.GOAL, actions=[(0, 0)])
+    social = Drive(
+        ["road_0"],
+        at_speed(5.0, 20, begin=50.0),
+        agent="social",
+        outcome=Outcome.COLLISION,
+        columns={"interface": 0},
+        actions=[(0, 1)],
+        extras=[(0, "probabilities", [0.5, 0.5])],
+    )
+    alone = episode_of(tmp_path / "alone", ROAD, ego, Drive(["road_0"], at_speed(5.0, 20, begin=50.0)))
+    beside = episode_of(tmp_path / "beside", ROAD, ego, social)
+    assert beside.agents["name"].tolist() == ["ego"]
+    assert beside.count == 1
+    for name in ("collision_rate", "completion_rate", "safety", "agility", "stability", "stochasticity"):
+        assert value(name, beside) == pytest.approx(value(name, alone), nan_ok=True), name

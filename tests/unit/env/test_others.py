@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from smarts.agents import ActionSpaceType, Agent, AgentInterface, AgentPolicy, DoneCriteria
+from smarts.agents import ActionSpaceType, Agent, AgentInterface, AgentPolicy, DoneCriteria, PooledAgents
 from smarts.agents.acting import InProcess
 from smarts.agents.options import InterfaceError
 from smarts.env.runner import EpisodeKey, SimulationRunner
@@ -16,8 +16,9 @@ from smarts.sensors.observation import ObservationMaker
 from smarts.sim.assembly import assemble
 from smarts.sstudio.build import build_scenario
 from smarts.types.agent_states import AgentStatus
-from smarts.types.episode import TakeOver
-from smarts.types.transfers import Reason, transfers
+from smarts.types.episode import AgentStart, TakeOver
+from smarts.types.mission import AgentMission
+from smarts.types.transfers import Reason, Transfer, transfers
 from smarts.types.vehicles import Owner
 from tests.raising import raises
 
@@ -63,10 +64,9 @@ class Played:
         self, acting, change=lambda agents: agents, *, social=LANER, egos=1, period=1, scenario=None
     ):
         scenarios = [build_scenario(scenario or "intersection")]
-        parts = assemble(scenarios, [LANER] * egos, others={"social": social})
+        parts = assemble(scenarios, [LANER] * egos, pool=[PooledAgents(social, 1)])
         self.parts = dataclasses.replace(parts, schedule=Traffic(parts.schedule, change))
-        names = [*(f"agent-{number}" for number in range(egos)), "social"]
-        others = SocialAgents(acting, ObservationMaker(parts.scene), names, deadline=0.25)
+        others = SocialAgents(acting, ObservationMaker(parts.scene), deadline=0.25)
         self.runner = SimulationRunner(self.parts, [], period=period, others=others)
         self.world, self.agent_id = parts.simulation.world, egos
 
@@ -101,14 +101,16 @@ def play():
 
 def beside(agents):
     """Let a social agent enter with the ego."""
-    return (*agents, dataclasses.replace(agents[0], name="social", pose=second_start(), entry_time=0.0))
+    social = dataclasses.replace(agents[0], name="social", interface=0, pose=second_start(), entry_time=0.0)
+    return (*agents, social)
 
 
 def trap(patience=50.0, agent_id=SOCIAL):
-    """Let the agent of an agent wait for a vehicle of traffic."""
+    """Let the ego, or a social agent, wait for a vehicle of traffic."""
 
     def change(agents):
-        waiting = dataclasses.replace(agents[0], name="social", take_over=TakeOver(patience=patience))
+        interface, rule = agent_id - SOCIAL, TakeOver(patience=patience)
+        waiting = dataclasses.replace(agents[0], name="social", interface=interface, take_over=rule)
         return (*agents[:agent_id], waiting, *agents[agent_id + 1 :])
 
     return change
@@ -131,8 +133,8 @@ def test_a_social_agent_drives_as_its_policy_says(play):
         seen.append(observation)
         return "slow_down"
 
-    def build(agent_id):
-        built.append(agent_id)
+    def build(request):
+        built.append((request.agent_id, request.name))
         return AgentPolicy.from_function(brake)
 
     played = play(InProcess(build), beside)
@@ -141,13 +143,13 @@ def test_a_social_agent_drives_as_its_policy_says(play):
     assert played.world.vehicles.owner[0, vehicle] == Owner.AGENT
     start_speed = float(played.world.vehicles.speed[0, vehicle])
     played.step(30)
-    assert built == [SOCIAL]
+    assert built == [(SOCIAL, "social")]
     assert len(seen) == 30
     assert seen[0].ego_vehicle_state.position[:2] == pytest.approx(second_start()[:2], abs=1e-6)
     assert played.world.vehicles.speed[0, vehicle] < min(start_speed, 0.5) + 0.1
     played.reset(1)
     played.step(2)
-    assert built == [SOCIAL, SOCIAL], "the next episode's agent is another"
+    assert built == [(SOCIAL, "social")] * 2, "the next episode's agent is another"
 
 
 def test_answers_that_are_late_or_of_the_past_are_dropped(play):
@@ -197,6 +199,15 @@ def test_the_episode_ends_with_the_egos_whatever_the_others_do(play):
     assert played.world.agents.state[0, SOCIAL] == AgentStatus.VACANT
 
 
+def taking(played, slot, name="social"):
+    """Announce an agent without a mission; return the transfer of a traffic vehicle to it."""
+    generation = int(played.world.vehicles.generation[0, slot])
+    pose = (*played.world.vehicles.position[0, slot].tolist(), float(played.world.vehicles.heading[0, slot]))
+    start = AgentStart(name, pose, float(played.world.vehicles.speed[0, slot]), AgentMission(), interface=0)
+    number = played.parts.pool.announce(0, start)
+    return Transfer(0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, -1, Reason.TAKE, number)
+
+
 def jumps(played, slot):
     """Return how far a vehicle is from where its speed would have taken it, and the change of speed."""
     now, before = played.world.vehicles, played.world.before
@@ -242,15 +253,14 @@ def test_a_vehicle_goes_from_traffic_to_a_social_agent_and_back(play, model):
 
 
 def test_a_spare_agent_takes_a_vehicle_that_a_transfer_gives_it(play):
-    """As bubbles will do it: no start, no mission, only a transfer at the border of two steps."""
+    """As bubbles will do it: without a start, without a mission, by a transfer at the border of two steps."""
     played = play(InProcess(lambda agent_id: Agent.from_function(lambda seen: "keep_lane")))
     played.reset()
     world, ownership = played.world, played.parts.ownership
     driven = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)
     slot = int(driven[world.vehicles.speed[0, driven].argmax()])
     generation = int(world.vehicles.generation[0, slot])
-    take = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, SOCIAL, Reason.TAKE)
-    ownership.submit(transfers([take]))
+    ownership.submit(transfers([taking(played, slot)]))
     for _ in range(10):
         played.step()
         assert world.vehicles.owner[0, slot] == Owner.AGENT
@@ -258,13 +268,39 @@ def test_a_spare_agent_takes_a_vehicle_that_a_transfer_gives_it(play):
         apart, change = jumps(played, slot)
         assert apart < 0.1
         assert change < 0.95
-    release = (0, slot, generation, Owner.AGENT, SOCIAL, Owner.TRAFFIC, -1, Reason.RELEASE)
+    release = Transfer(0, slot, generation, Owner.AGENT, SOCIAL, Owner.TRAFFIC, -1, Reason.RELEASE)
     ownership.submit(transfers([release]))
     for _ in range(10):
         played.step()
         assert world.vehicles.owner[0, slot] == Owner.TRAFFIC
         assert jumps(played, slot)[0] < 0.1
     assert world.agents.state[0, SOCIAL] == AgentStatus.VACANT
+
+
+def test_an_agent_is_asked_in_the_step_in_which_it_enters_whoever_had_its_column(play):
+    """Two agents in one column, the second in the step in which the first goes; the first decides seldom."""
+    answers, built = Answers(), []
+    played = play(answers)
+    played.reset()
+    world, ownership = played.world, played.parts.ownership
+    first, second = np.flatnonzero(world.vehicles.owner[0] == Owner.TRAFFIC)[:2].tolist()
+    ownership.submit(transfers([taking(played, first)]))
+    played.step()
+    world.agents.period[0, SOCIAL] = 50
+    world.agents.next_due[0, SOCIAL] = 51
+    played.step(5)
+    generation = int(world.vehicles.generation[0, first])
+    release = Transfer(0, first, generation, Owner.AGENT, SOCIAL, Owner.TRAFFIC, -1, Reason.RELEASE)
+    ownership.submit(transfers([taking(played, second), release]))
+    played.step()
+    assert played.slot == second
+    asked = [(request.name, request.step) for request in answers.asked]
+    assert asked == [("social", 1), ("social~2", 7)]
+    assert len({request.hold for request in answers.asked}) == 2
+    host = InProcess(lambda request: built.append(request.name) or AgentPolicy.from_function(str))
+    host.dispatch(dict.fromkeys(answers.asked, "seen"))
+    assert [*host.gather(0.0).values()] == ["seen", "seen"]
+    assert built == ["social", "social~2"], "each agent has a policy of its own"
 
 
 def test_a_vehicle_taken_in_a_bend_is_where_sumo_had_it_and_stays_in_its_lane(play):
@@ -282,9 +318,7 @@ def test_a_vehicle_taken_in_a_bend_is_where_sumo_had_it_and_stays_in_its_lane(pl
     aside = float(vehicles.length[0, slot]) ** 2 * curvature / 8
     assert abs(aside) > 0.1
     assert vehicles.lane_offset[0, slot] == pytest.approx(aside, abs=0.04)
-    generation = int(vehicles.generation[0, slot])
-    take = (0, slot, generation, Owner.TRAFFIC, -1, Owner.AGENT, SOCIAL, Reason.TAKE)
-    ownership.submit(transfers([take]))
+    ownership.submit(transfers([taking(played, slot)]))
     for _ in range(10):
         played.step()
         assert vehicles.owner[0, slot] == Owner.AGENT
@@ -325,6 +359,14 @@ def test_where_nobody_ever_comes_the_error_says_so(play, monkeypatch):
         played.reset()
 
 
-def test_names_of_others_are_their_own():
-    with pytest.raises(InterfaceError, match="'agent-0', 'agent-0'"):
-        assemble([build_scenario("intersection")], [LANER], others={"agent-0": LANER})
+def test_names_of_agents_are_their_own(play):
+    played = play(Answers(), lambda agents: (*agents, dataclasses.replace(agents[0], interface=0)))
+    with pytest.raises(ScenarioError, match="'agent-0', 'agent-0'"):
+        played.reset()
+
+
+@pytest.mark.parametrize("pool", [[3], [PooledAgents(LANER, 1), LANER]])
+def test_what_is_no_pool(pool):
+    with pytest.raises(InterfaceError) as error:
+        assemble([build_scenario("intersection")], [LANER], pool=pool)
+    assert error.value.place == "pool"

@@ -9,6 +9,7 @@ import pytest
 from smarts.roads.agent_routes import AgentRoutes
 from smarts.roads.atlas import RoadAtlas
 from smarts.roads.scene import Scene
+from smarts.sim.agent_pool import AgentPool
 from smarts.sim.clearing import needed_gap, vehicles_in_the_way
 from smarts.sim.entries import Entries
 from smarts.sim.map_matching import MapMatcher
@@ -41,9 +42,12 @@ class Stage:
         )
         self.scene = Scene(self.world, atlas, AgentRoutes(atlas, 1, max(1, len(starts))))
         willing = Willing()
-        self.ownership = Ownership(self.world, {Owner.TRAFFIC: willing, Owner.AGENT: willing})
-        self.entries = Entries(self.world, self.ownership, self.scene.routes)
-        self.rules = HandoverRules(self.world, self.entries, lambda rows, slots: np.isin(slots, [*refused]))
+        self.pool = AgentPool(self.world, self.scene.routes)
+        self.ownership = Ownership(self.world, {Owner.TRAFFIC: willing, Owner.AGENT: willing}, self.pool)
+        self.entries = Entries(self.world, self.ownership, self.scene.routes, self.pool)
+        self.rules = HandoverRules(
+            self.world, self.entries, self.pool, lambda rows, slots: np.isin(slots, [*refused])
+        )
         self.matcher = MapMatcher(self.scene)
         self.events = Events.allocate(1, max(1, len(starts)))
         self.starts = starts

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyarrow import parquet
 
 from smarts.agents.interface import AgentInterface
 from smarts.errors import RecordError
@@ -87,7 +88,7 @@ class Run:
         interface = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=LIMIT)
         parts = assemble([build_scenario("intersection")], [interface] * EGOS, worlds=WORLDS)
         self.parts, self.simulation, self.actions = parts, parts.simulation, parts.actions
-        self.recorder = EpisodeRecorder(parts.scene, folder)
+        self.recorder = EpisodeRecorder(parts.scene, folder, parts.pool)
         self.log = Log(self.recorder)
         self.simulation._stages = dataclasses.replace(self.simulation._stages, recorder=self.log)
 
@@ -365,6 +366,16 @@ def test_another_format_is_refused(tmp_path):
         RecordedEpisode(writer.finish())
     with pytest.raises(RecordError, match="no table 'episode'"):
         RecordedEpisode(tmp_path)
+
+
+def test_all_agents_of_format_2_are_egos(tmp_path):
+    writer = EpisodeStore(tmp_path).begin("one")
+    texts = {name: [""] for name in ("map", "remark", "program", "scenario", "traffic", "traffic_engine")}
+    writer.append("episode", {name: [2] for name in TABLE["episode"].names} | texts)
+    writer.append("agents", {name: [0] for name in TABLE["agents"].names} | {"name": ["a"], "partner": [""]})
+    path = (folder := writer.finish()) / "agents.parquet"
+    parquet.write_table(parquet.read_table(path).drop_columns(["interface"]), path)
+    assert RecordedEpisode(folder).table("agents")["interface"].tolist() == [-1]
 
 
 KILLED = """

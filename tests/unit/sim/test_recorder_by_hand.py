@@ -28,7 +28,7 @@ class Recording:
         self.made = world_of(cars, maps=[maps.straight(length=1000.0)], capacity=capacity)
         self.world = self.made.world
         scene = Scene(self.world, self.made.atlas, self.made.routes)
-        self.recorder = EpisodeRecorder(scene, folder)
+        self.recorder = EpisodeRecorder(scene, folder, self.made.pool)
         self.folder = folder
         shape = self.world.agents.slot.shape
         self.contacts = Contacts.allocate(*shape, capacity)

@@ -1,0 +1,43 @@
+"""Agents that come and go: how many of an interface a simulation has room for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from smarts.agents.checks import check_instance, keep_whole
+from smarts.agents.criteria import MOST_AGENTS
+from smarts.agents.interface import AgentInterface
+
+
+@dataclass(frozen=True)
+class PooledAgents:
+    """Room for agents of one interface beside the egos: social agents, and agents that take vehicles over.
+
+    Raises:
+        InterfaceError: `interface` is no `AgentInterface`, or `capacity` no whole number from 1.
+    """
+
+    interface: AgentInterface
+    capacity: int
+    """The most agents of the interface that a simulation has at a time."""
+
+    def __post_init__(self) -> None:
+        check_instance("interface", self.interface, AgentInterface, "AgentInterface(...)", "PooledAgents")
+        keep_whole(self, "capacity", 1, MOST_AGENTS)
+
+
+def merge_pools(pool: Iterable[PooledAgents]) -> tuple[PooledAgents, ...]:
+    """Return one entry per distinct interface, in order of appearance; capacities of equal ones are added.
+
+    Raises:
+        InterfaceError: An entry is no `PooledAgents`, or an interface has too many agents in all.
+    """
+    merged: list[PooledAgents] = []
+    for entry in pool:
+        check_instance("pool", entry, PooledAgents, "[PooledAgents(AgentInterface(...), capacity=10)]")
+        # By comparison: an interface with options of the user's own need not be hashable.
+        place = next((n for n, each in enumerate(merged) if each.interface == entry.interface), len(merged))
+        before = merged.pop(place).capacity if place < len(merged) else 0
+        merged.insert(place, PooledAgents(entry.interface, before + entry.capacity))
+    return tuple(merged)

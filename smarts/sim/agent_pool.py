@@ -1,0 +1,250 @@
+"""The pool: agents of each episode, and the columns of `AgentStates` that are handed out to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.agents.interface import AgentInterface
+from smarts.arrays import Ints
+from smarts.errors import ScenarioError, SmartsError
+from smarts.roads.agent_routes import AgentRoutes
+from smarts.types.agent_states import UNSET, AgentStatus
+from smarts.types.episode import AgentStart, EpisodeStart
+from smarts.types.frame import Readings
+from smarts.types.world import World
+
+
+class Hold(NamedTuple):
+    """One agent's time in a column."""
+
+    number: int
+    """Of the agent in its episode."""
+    agent_id: int
+    """The column."""
+    step: int
+    """First step of the episode in which the agent has the column."""
+
+
+class _Cleared(NamedTuple):
+    """An array that is cleared with each hold."""
+
+    array: NDArray
+    """Shape (B, A, ...)."""
+    empty: NDArray
+    """The value of each column of a fresh agent, shape (A,)."""
+    place: Ints
+    """Index of each agent_id on the second axis, -1 for none, shape (A,)."""
+
+
+class AgentPool:
+    """The agents of each simulation's episode, and which column each of them holds.
+
+    Agents have a number in their episode: first those of `EpisodeStart.agents`, then those that `announce`
+    adds. Egos have fixed columns, 0 to E - 1. A further agent gets a column when it enters, of those of its
+    interface the lowest that is free, and has it until it has given up its vehicle. Columns of an interface
+    are contiguous; `columns` says which. If none is free the agent does not enter, which is counted.
+
+    A column that is handed out is cleared: no agent sees what the one before it left. Parts that keep arrays
+    of agents register them by `clear_with`; parts that keep other things keep them by the agent's number, or
+    by `serial`.
+
+    Args:
+        world: The state; agents and missions are written.
+        routes: The agents' routes; written.
+        interfaces: Of the further agents, all different.
+        capacities: Columns for each of them; they follow those of the egos.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        routes: AgentRoutes,
+        interfaces: Sequence[AgentInterface] = (),
+        capacities: Sequence[int] = (),
+    ) -> None:
+        worlds, agents = world.agents.slot.shape
+        self._world, self._routes = world, routes
+        self.interfaces = tuple(interfaces)
+        """The interfaces of further agents, by number."""
+        ends = world.egos + np.cumsum([0, *capacities])
+        self._columns = tuple(slice(*pair) for pair in zip(ends.tolist(), ends[1:].tolist(), strict=False))
+        self.interface_id: Ints = np.full(agents, UNSET, np.int32)
+        """Number of each column's interface, -1 for egos, shape (A,)."""
+        for number, columns in enumerate(self._columns):
+            self.interface_id[columns] = number
+        self.refused: Ints = np.zeros((worlds, len(self._columns)), np.int32)
+        """How many agents of the present episode have found no free column, by interface, shape (B, I)."""
+        self.serial = np.zeros((worlds, agents), np.int64)
+        """Number of each column's hold among all of its simulation, episodes before included; 0: none yet."""
+        self.starts: list[list[AgentStart]] = [[] for _ in range(worlds)]
+        """All agents of each simulation's episode, by number."""
+        self.holds: list[list[Hold]] = [[] for _ in range(worlds)]
+        """The holds of each simulation's episode, in order."""
+        self._names: list[set[str]] = [set() for _ in range(worlds)]
+        self._column_of: list[dict[int, int]] = [{} for _ in range(worlds)]
+        self._refused: list[set[int]] = [set() for _ in range(worlds)]
+        self._cleared: list[_Cleared] = []
+        state = world.state
+        self.clear_with((*state.agents, *state.missions, *state.guidance))
+
+    def columns(self, interface: int) -> slice:
+        """Return the columns of the agents of an interface, given by its number."""
+        return self._columns[interface]
+
+    def interface_number(self, interface: AgentInterface) -> int:
+        """Return the number of an interface.
+
+        Raises:
+            SmartsError: The pool has no room for agents of this interface.
+        """
+        if interface not in self.interfaces:
+            raise SmartsError(
+                f"the pool has no agents of the interface {interface}",
+                place="AgentPool",
+                remedy="give assemble(..., pool=[PooledAgents(interface, capacity)])",
+            )
+        return self.interfaces.index(interface)
+
+    def clear_with(self, arrays: Iterable[NDArray], agent_ids: Ints | None = None) -> None:
+        """Clear further arrays whenever a column is handed out, to the values that they have now.
+
+        Args:
+            arrays: Shape (B, A, ...), or (B, G, ...) for some agents; a column's values are equal now.
+            agent_ids: Those agents, shape (G,).
+        """
+        agents = len(self.interface_id)
+        held = np.arange(agents) if agent_ids is None else agent_ids
+        place = np.full(agents, UNSET, np.int32)
+        place[held] = np.arange(len(held))
+        for array in arrays:
+            if array.size:
+                self._cleared.append(_Cleared(array, array[0].reshape(len(held), -1)[:, 0].copy(), place))
+
+    def clear_readings_with(self, readings: Readings) -> None:
+        """Clear sensors' readings, too, whenever a column is handed out."""
+        for name, block in readings.blocks.items():
+            self.clear_with(block.values(), readings.agent_ids[name])
+
+    def begin(self, row: int, start: EpisodeStart) -> None:
+        """Begin an episode in an empty simulation: its agents get their numbers, the egos their columns.
+
+        Raises:
+            ScenarioError: Two agents have one name, or an agent needs what the run has no room for.
+        """
+        names = [agent.name for agent in start.agents]
+        if len(set(names)) != len(names):
+            raise ScenarioError(
+                f"two of the agents {', '.join(map(repr, names))} have one name",
+                place=start.scenario,
+                remedy="give every agent a name of its own",
+            )
+        egos = [agent for agent in start.agents if agent.interface == UNSET]
+        for number, agent in enumerate(start.agents):
+            self._check(agent, is_ego=number < len(egos))
+        if len(egos) > self._world.egos:
+            raise ScenarioError(
+                f"{len(egos)} egos in a run of {self._world.egos}",
+                place=start.scenario,
+                remedy="give further agents an interface of the pool: AgentStart(interface=...)",
+            )
+        self.starts[row], self._names[row] = [*start.agents], set(names)
+        self.holds[row] = []
+        self._column_of[row].clear()
+        self._refused[row].clear()
+        self.refused[row] = 0
+        self._routes.assign(row, start.map, [agent.mission.route for agent in egos])
+        for number in range(len(egos)):
+            self._hold(row, number, number)
+
+    def announce(self, row: int, start: AgentStart) -> int:
+        """Add an agent to the episode that a simulation plays; return its number.
+
+        The agent gets a column with its vehicle: by a transfer that has its number. Its name is made unique
+        by a number after "~" if another agent of the episode has it.
+
+        Raises:
+            ScenarioError: The agent needs what the run has no room for.
+        """
+        self._check(start, is_ego=False)
+        name, count = start.name, 1
+        while name in self._names[row]:
+            count += 1
+            name = f"{start.name}~{count}"
+        self._names[row].add(name)
+        self.starts[row].append(replace(start, name=name))
+        return len(self.starts[row]) - 1
+
+    def take(self, row: int, number: int) -> int:
+        """Hand out a column to an agent of the episode; return it, -1 if all of its interface are held.
+
+        The column is cleared, gets the agent's mission, and is WAITING for a vehicle. An agent gets one only
+        once.
+        """
+        if number in self._column_of[row]:
+            return UNSET
+        agents, start = self._world.agents, self.starts[row][number]
+        columns = self._columns[start.interface]
+        is_free = (agents.state[row, columns] == AgentStatus.VACANT) & (agents.slot[row, columns] == UNSET)
+        if not is_free.any():
+            if number not in self._refused[row]:
+                self._refused[row].add(number)
+                self.refused[row, start.interface] += 1
+            return UNSET
+        agent_id = columns.start + int(is_free.argmax())
+        for array, empty, place in self._cleared:
+            if place[agent_id] != UNSET:
+                array[row, place[agent_id]] = empty[place[agent_id]]
+        self._routes.assign_agent(row, agent_id, start.mission.route)
+        self._hold(row, number, agent_id)
+        return agent_id
+
+    def column(self, row: int, number: int) -> int:
+        """Return the column of an agent of the episode, -1 without one; it keeps its last until reused."""
+        agent_id = self._column_of[row].get(number, UNSET)
+        is_held = agent_id != UNSET and self._world.agents.agent[row, agent_id] == number
+        return agent_id if is_held else UNSET
+
+    def start(self, row: int, agent_id: int) -> AgentStart | None:
+        """Return the start of the agent that holds a column, or has held it last; None without one."""
+        number = int(self._world.agents.agent[row, agent_id])
+        return self.starts[row][number] if number != UNSET else None
+
+    def name(self, row: int, agent_id: int) -> str:
+        """Return the name of the agent that holds a column, or has held it last; "" without one."""
+        start = self.start(row, agent_id)
+        return start.name if start else ""
+
+    def _hold(self, row: int, number: int, agent_id: int) -> None:
+        """Let an agent hold a column, which is clear."""
+        world, mission = self._world, self.starts[row][number].mission
+        roads = self._routes.atlas.graphs[world.map[row]]
+        world.missions.write(
+            row, agent_id, mission, world.routes.number(row, map(roads.edge_number, mission.route))
+        )
+        world.agents.agent[row, agent_id] = number
+        world.agents.state[row, agent_id] = AgentStatus.WAITING
+        self.serial[row, agent_id] = self.serial[row].max() + 1
+        self.holds[row].append(Hold(number, agent_id, int(world.step[row])))
+        self._column_of[row][number] = agent_id
+
+    def _check(self, start: AgentStart, *, is_ego: bool) -> None:
+        """Raise if an agent does not fit the pool, or its mission the arrays."""
+        if (start.interface == UNSET) != is_ego or not UNSET <= start.interface < len(self.interfaces):
+            raise ScenarioError(
+                f"the agent {start.name!r} has interface {start.interface}",
+                place="AgentStart.interface",
+                remedy=f"give -1 for egos, which come first, and for others a number below "
+                f"{len(self.interfaces)}, that of their interface in the pool",
+            )
+        most = self._world.missions.via_lane.shape[-1]
+        if len(start.mission.vias) > most:
+            raise ScenarioError(
+                f"the mission of {start.name!r} has {len(start.mission.vias)} via points",
+                place="AgentStart.mission",
+                remedy=f"give at most {most}, the most of the egos' missions",
+            )

@@ -1,0 +1,607 @@
+"""The pool: agents come and go, leave nothing behind, and change nothing while they are not there."""
+
+import dataclasses
+import hashlib
+from functools import partial
+
+import numpy as np
+import pytest
+
+from smarts.agents import AgentInterface, DoneCriteria, InterfaceError, PooledAgents, Waypoints
+from smarts.agents.pooled import merge_pools
+from smarts.errors import ScenarioError, SmartsError
+from smarts.sim.assembly import Options, assemble
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from smarts.sstudio.build import build_scenario
+from smarts.types.actions import ActionSpaceType
+from smarts.types.agent_states import UNSET, AgentStatus
+from smarts.types.episode import AgentStart, TakeOver
+from smarts.types.events import Outcome
+from smarts.types.mission import AgentMission, Via
+from smarts.types.transfers import Reason, Transfer, transfers
+from smarts.types.vehicles import Owner
+
+LANER = AgentInterface(
+    action=ActionSpaceType.Lane,
+    vehicle_model="kinematic",
+    waypoint_paths=Waypoints(lookahead=20),
+    neighborhood_vehicle_states=True,
+)
+DRIVER = AgentInterface(action=ActionSpaceType.Continuous, signals=True, max_episode_steps=70)
+BUS = LANER.replace(vehicle_class="bus", done_criteria=DoneCriteria(off_route=False), road_waypoints=True)
+
+
+def assembled(egos=(LANER,), pool=(), *, traffic=None, **more):
+    built = build_scenario("intersection")
+    return assemble([built.with_traffic([traffic]) if traffic else built], egos, pool=pool, **more)
+
+
+@pytest.fixture
+def make():
+    made = []
+
+    def one(*arguments, **more):
+        made.append(assembled(*arguments, **more))
+        return made[-1]
+
+    yield one
+    for parts in made:
+        parts.simulation.close()
+
+
+def first_start(parts, *, traffic, world=0):
+    """Return an episode with traffic, or without."""
+    starts = (parts.schedule.start(world, episode) for episode in range(30))
+    return next(start for start in starts if bool(start.traffic.warm_up) == traffic)
+
+
+def step(parts, rows=None):
+    worlds, agents = parts.simulation.world.agents.slot.shape
+    mask = np.ones(worlds, np.bool_) if rows is None else np.isin(np.arange(worlds), rows)
+    frame = parts.simulation.step(parts.actions, mask, np.ones((worlds, agents), np.bool_))
+    assert not frame.failures
+    return frame
+
+
+def announced(parts, row, slot, name="social", interface=0):
+    """Announce an agent for a traffic vehicle; return the transfer that gives it the vehicle."""
+    vehicles = parts.simulation.world.vehicles
+    pose = (*vehicles.position[row, slot].tolist(), float(vehicles.heading[row, slot]))
+    start = AgentStart(name, pose, float(vehicles.speed[row, slot]), AgentMission(), interface=interface)
+    number = parts.pool.announce(row, start)
+    owner, generation = int(vehicles.owner[row, slot]), int(vehicles.generation[row, slot])
+    return Transfer(row, slot, generation, owner, UNSET, Owner.AGENT, UNSET, Reason.TAKE, number)
+
+
+def released(parts, row, agent_id):
+    """Return the transfer of an agent's vehicle to traffic."""
+    agents = parts.simulation.world.agents
+    slot, generation = int(agents.slot[row, agent_id]), int(agents.generation[row, agent_id])
+    return Transfer(row, slot, generation, Owner.AGENT, agent_id, Owner.TRAFFIC, UNSET, Reason.RELEASE)
+
+
+def driven_by_traffic(parts, row):
+    return np.flatnonzero(parts.simulation.world.vehicles.owner[row] == Owner.TRAFFIC).tolist()
+
+
+# The layout of columns.
+
+
+def test_columns_of_an_interface_are_contiguous_and_equal_interfaces_share_theirs(make):
+    pool = [PooledAgents(LANER, 2), PooledAgents(BUS, 3), PooledAgents(LANER.replace(), 1)]
+    parts = make([DRIVER, LANER], pool)
+    assert parts.pool.interfaces == (LANER, BUS)
+    assert parts.pool.interface_id.tolist() == [-1, -1, 0, 0, 0, 1, 1, 1]
+    assert [parts.pool.columns(number) for number in range(2)] == [slice(2, 5), slice(5, 8)]
+    assert parts.pool.interface_number(BUS.replace()) == 1
+    assert parts.actions.kind[0].tolist() == [0, *[1] * 7]
+    with pytest.raises(SmartsError) as error:
+        parts.pool.interface_number(DRIVER)
+    assert error.value.place == "AgentPool"
+
+
+def test_merged_capacities_of_interfaces_that_cannot_be_hashed():
+    flat = AgentInterface(flat_tyres=[1])
+    assert merge_pools([PooledAgents(flat, 2), PooledAgents(LANER, 1), PooledAgents(flat, 3)]) == (
+        PooledAgents(flat, 5),
+        PooledAgents(LANER, 1),
+    )
+
+
+@pytest.mark.parametrize("capacity", [0, -1, 1.5, "3", True, None, np.nan, 10**9])
+def test_capacities_that_are_none(capacity):
+    with pytest.raises(InterfaceError) as error:
+        PooledAgents(LANER, capacity)
+    assert error.value.place == "PooledAgents"
+    assert str(capacity).strip("'") in error.value.problem
+
+
+@pytest.mark.parametrize("interface", [None, "laner", {}, AgentInterface])
+def test_interfaces_that_are_none(interface):
+    with pytest.raises(InterfaceError) as error:
+        PooledAgents(interface, 1)
+    assert error.value.place == "PooledAgents"
+
+
+def test_capacities_of_one_interface_have_a_sum_that_is_allowed():
+    assert merge_pools([PooledAgents(LANER, np.int8(100))] * 2)[0].capacity == 200
+    with pytest.raises(InterfaceError):
+        merge_pools([PooledAgents(LANER, 10_000)] * 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (dict(name="social", interface=1), "interface 1"),
+        (dict(name="social", interface=-2), "interface -2"),
+        (dict(name="social"), "2 egos"),
+        (dict(interface=0), "'agent-0', 'agent-0'"),
+        (dict(name="social", interface=0, mission=AgentMission(vias=(Via((0, 0), 0, 1, 1),) * 99)), "99"),
+    ],
+)
+def test_agents_that_a_run_has_no_room_for_are_refused_before_the_first_step(make, change, named):
+    parts = make(pool=[PooledAgents(LANER, 1)])
+    start = first_start(parts, traffic=False)
+    agents = (*start.agents, dataclasses.replace(start.agents[0], **change))
+    with pytest.raises(ScenarioError) as error:
+        parts.simulation.reset({0: dataclasses.replace(start, agents=agents)})
+    assert named in error.value.problem
+    assert error.value.place
+
+
+# A full pool, names, columns.
+
+
+def test_a_full_pool_is_counted_and_the_vehicle_stays_traffic(make):
+    parts = make(pool=[PooledAgents(LANER, 1), PooledAgents(BUS, 2)], worlds=2)
+    parts.simulation.reset({row: first_start(parts, traffic=True, world=row) for row in range(2)})
+    vehicles, pool = parts.simulation.world.vehicles, parts.pool
+    first, second, third = driven_by_traffic(parts, 1)[:3]
+    ownership, taken = parts.ownership, announced(parts, 1, first)
+    refused = announced(parts, 1, second)
+    ownership.submit(transfers([announced(parts, 1, third, interface=1), refused, taken]))
+    step(parts)
+    assert vehicles.owner[1, [first, second, third]].tolist() == [Owner.AGENT, Owner.TRAFFIC, Owner.AGENT]
+    assert pool.refused.tolist() == [[0, 0], [1, 0]]
+    assert [pool.name(1, agent_id) for agent_id in range(4)] == ["agent-0", "social", "social~3", ""]
+    for _ in range(3):
+        ownership.submit(transfers([refused]))
+        step(parts)
+    assert pool.refused.tolist() == [[0, 0], [1, 0]], "an agent that is refused again is counted once"
+    ownership.submit(transfers([released(parts, 1, 1), refused]))
+    step(parts)
+    assert vehicles.owner[1, [first, second]].tolist() == [Owner.TRAFFIC, Owner.AGENT]
+    assert pool.name(1, 1) == "social~2"
+    assert pool.column(1, 1) == UNSET
+    assert pool.column(1, 2) == 1
+    parts.simulation.reset({1: first_start(parts, traffic=True, world=1)})
+    assert pool.refused.tolist() == [[0, 0], [0, 0]]
+    assert pool.name(1, 1) == ""
+
+
+def test_a_transfer_to_a_column_that_nobody_was_given_is_refused(make):
+    parts = make(pool=[PooledAgents(LANER, 1)])
+    parts.simulation.reset({0: first_start(parts, traffic=True)})
+    slot = driven_by_traffic(parts, 0)[0]
+    direct = announced(parts, 0, slot)._replace(to_agent=1, number=UNSET)
+    parts.ownership.submit(transfers([direct]))
+    step(parts)
+    assert parts.simulation.world.vehicles.owner[0, slot] == Owner.TRAFFIC
+    assert parts.simulation.world.agents.state[0, 1] == AgentStatus.VACANT
+
+
+def test_a_refused_transfer_holds_no_column(make):
+    parts = make(pool=[PooledAgents(LANER, 1)])
+    parts.simulation.reset({0: first_start(parts, traffic=True)})
+    slot = driven_by_traffic(parts, 0)[0]
+    take = announced(parts, 0, slot)
+    parts.ownership.submit(transfers([take._replace(generation=99)]))
+    step(parts)
+    assert parts.simulation.world.agents.state[0, 1] == AgentStatus.VACANT
+    parts.ownership.submit(transfers([take, take]))
+    step(parts)
+    assert parts.simulation.world.agents.state[0, 1] == AgentStatus.ACTIVE
+    assert parts.pool.refused.tolist() == [[0]]
+
+
+def test_an_agent_that_observes_a_vehicle_first_keeps_its_column_when_it_drives(make):
+    parts = make(pool=[PooledAgents(LANER, 1)])
+    parts.simulation.reset({0: first_start(parts, traffic=True)})
+    agents, slot = parts.simulation.world.agents, driven_by_traffic(parts, 0)[0]
+    take = announced(parts, 0, slot)
+    parts.ownership.submit(transfers([take._replace(to_owner=Owner.TRAFFIC, reason=Reason.SHADOW)]))
+    frame = step(parts)
+    assert (agents.state[0, 1], agents.slot[0, 1]) == (AgentStatus.SHADOWING, slot)
+    assert frame.observe_mask[0, 1]
+    serial = parts.pool.serial[0, 1]
+    parts.ownership.submit(transfers([take._replace(from_agent=1, to_agent=1, number=UNSET)]))
+    step(parts)
+    assert (agents.state[0, 1], agents.slot[0, 1]) == (AgentStatus.ACTIVE, slot)
+    assert parts.pool.serial[0, 1] == serial
+    assert parts.pool.name(0, 1) == "social"
+
+
+def test_a_mission_is_its_agents_alone(make):
+    """The agent after it in the column has no route, and none of the mission's goals."""
+    parts = make(pool=[PooledAgents(LANER, 1)])
+    start, pose = first_start(parts, traffic=False), second_pose()
+    agent = dataclasses.replace(start.agents[0], name="first", interface=0, pose=pose)
+    parts.simulation.reset({0: dataclasses.replace(start, agents=(*start.agents, agent))})
+    world, routes = parts.simulation.world, parts.scene.routes
+    assert routes.route(0, 1) == agent.mission.route
+    assert world.missions.goal_lane[0, 1] == agent.mission.goal_lane
+    slot = int(world.agents.slot[0, 1])
+    leave = released(parts, 0, 1)._replace(to_owner=Owner.NOBODY, reason=Reason.LEAVE)
+    parts.ownership.submit(transfers([leave]))
+    step(parts)
+    assert not world.vehicles.alive[0, slot]
+    parts.simulation._stages.entries.waiting[0].append(
+        parts.pool.announce(0, dataclasses.replace(agent, mission=AgentMission()))
+    )
+    step(parts)
+    assert world.agents.slot[0, 1] >= 0
+    assert routes.route(0, 1) == ()
+    assert routes.number[0].tolist() == [0, -1]
+    assert world.missions.goal_lane[0, 1] == -1
+    assert world.agents.on_route[0, 1], "without a route an agent counts as on its route"
+    assert world.agents.route_progress[0, 1] == 0.0
+
+
+def test_agents_that_start_later_get_their_column_when_they_enter(make):
+    """Two agents in turn in one column; a third waits until it is free."""
+    short = LANER.replace(max_episode_steps=10, done_criteria=DoneCriteria(off_route=False))
+    parts = make(pool=[PooledAgents(short, 1)])
+    start, poses = first_start(parts, traffic=False), [second_pose(), second_pose(2)]
+    others = [
+        dataclasses.replace(start.agents[0], name=name, interface=0, pose=pose, entry_time=time)
+        for name, pose, time in (("a", poses[0], 0.0), ("b", poses[0], 2.0), ("c", poses[1], 2.5))
+    ]
+    parts.simulation.reset({0: dataclasses.replace(start, agents=(*start.agents, *others))})
+    world, seen = parts.simulation.world, []
+    for _ in range(50):
+        seen.append(parts.pool.name(0, 1) if world.agents.slot[0, 1] >= 0 else "")
+        step(parts)
+    runs = [name for name, before in zip(seen, [None, *seen], strict=False) if name != before]
+    assert runs == ["a", "", "b", "c", ""]
+    assert [seen.count(name) for name in "abc"] == [11, 11, 11]
+    assert parts.pool.refused.tolist() == [[1]]
+    assert [hold[:2] for hold in parts.pool.holds[0]] == [(0, 0), (1, 1), (2, 1), (3, 1)]
+
+
+def second_pose(number=1):
+    """Return where the second ego of the scenario begins, or another, far from the first."""
+    parts = assembled([LANER] * 3)
+    try:
+        return first_start(parts, traffic=False).agents[number].pose
+    finally:
+        parts.simulation.close()
+
+
+# What is left behind.
+
+
+def arrays_of_agents(parts):
+    """Yield path and array of everything that is kept of each agent, shape (B, A, ...)."""
+    stages = parts.simulation._stages
+    tables = dict(
+        agents=parts.simulation.world.agents,
+        missions=parts.simulation.world.missions,
+        guidance=parts.simulation.world.guidance,
+        actions=parts.actions,
+        contacts=stages.contacts.contacts,
+        events=stages.events.events,
+        commands=stages.controllers._commands,
+        tracks=stages.vehicles._tracks,
+    )
+    for name, table in tables.items():
+        for column, array in table._asdict().items():
+            if array.shape[:2] == parts.simulation.world.agents.slot.shape:
+                yield f"{name}.{column}", array
+    for number, array in enumerate((*stages.controllers.columns, *stages.vehicles.columns)):
+        yield f"memory {number}", array
+
+
+def spoil(array, row, place):
+    """Fill an entry with what no fresh agent has."""
+    array[row, place] = True if array.dtype == np.bool_ else 77
+
+
+def readings_of(parts, agent_id):
+    """Yield path and entries of an agent's readings in all simulations, shape (B, ...)."""
+    readings = parts.simulation._stages.sensors.readings
+    for name, block in readings.blocks.items():
+        for place in np.flatnonzero(readings.agent_ids[name] == agent_id).tolist():
+            for field, array in block.items():
+                yield f"{name}.{field}", array[:, place : place + 1]
+
+
+@pytest.mark.parametrize("kind", ["TargetPose", "TrajectoryWithTime", "Lane"])
+def test_a_column_that_is_handed_out_is_like_new(make, kind):
+    """All arrays of a column are filled with garbage; a fresh hold in another column is the oracle."""
+    interface = LANER.replace(action=ActionSpaceType[kind], signals=True, lidar_point_cloud=True)
+    parts = make([DRIVER], [PooledAgents(interface, 2)], worlds=2)
+    start, used, fresh = first_start(parts, traffic=False), 1, 2
+    parts.simulation.reset(dict.fromkeys(range(2), start))
+    arrays = {name: array for name, array in arrays_of_agents(parts) if name != "agents.agent"}
+    for name, array in arrays.items():
+        if name not in ("agents.state", "agents.slot"):
+            spoil(array, 1, used)
+    readings = dict(readings_of(parts, used))
+    for array in readings.values():
+        spoil(array, 1, 0)
+    parts.scene.routes.assign_agent(1, used, start.agents[0].mission.route)
+    agent = dataclasses.replace(start.agents[0], name="first", interface=0, mission=AgentMission())
+    numbers = [parts.pool.announce(1, agent) for _ in range(2)]
+    assert [parts.pool.take(1, number) for number in numbers] == [used, fresh]
+    for name, array in arrays.items():
+        assert np.array_equal(array[1, used], array[1, fresh]), name
+        # In the other simulation nobody has held the column.
+        is_given = name.startswith("missions") or name == "agents.state"
+        assert is_given or np.array_equal(array[1, used], array[0, used]), name
+    assert len(arrays) > 90
+    assert len(readings) > 30
+    assert not any(array.any() for array in readings.values())
+    assert parts.scene.routes.number[1, used] == -1
+    assert parts.scene.routes.route(1, used) == ()
+
+
+def every_array(thing, path, found, known, leading):
+    """Find all arrays with a leading shape in an object, by path."""
+    if id(thing) in known or isinstance(thing, (str, bytes, type)) or path.count(".") > 12:
+        return
+    known.add(id(thing))
+    if isinstance(thing, np.ndarray):
+        if thing.shape[: len(leading)] == leading:
+            found[path] = thing
+        return
+    if hasattr(thing, "_asdict"):
+        parts = thing._asdict()
+    elif isinstance(thing, dict):
+        parts = thing
+    elif isinstance(thing, (list, tuple, set)):
+        parts = dict(enumerate(thing))
+    elif isinstance(thing, partial):
+        parts = {"args": thing.args, "held": getattr(thing, "held", ())}
+    elif type(thing).__module__.startswith("smarts"):
+        parts = {name: getattr(thing, name, None) for name in _slots(thing)}
+    else:
+        return
+    for name, part in parts.items():
+        every_array(part, f"{path}.{name}", found, known, leading)
+
+
+def _slots(thing):
+    return [*getattr(thing, "__dict__", ()), *getattr(type(thing), "__slots__", ())]
+
+
+ROUGH = {
+    ActionSpaceType.Lane: lambda step: [2 if step % 12 < 6 else 3],
+    ActionSpaceType.Continuous: lambda step: [1.0, 0.0, 0.5 if step > 10 else -0.1],
+    ActionSpaceType.LaneWithContinuousSpeed: lambda step: [15.0, 1 if step % 3 else -1],
+    ActionSpaceType.TargetPose: lambda step: [float(step), 3.0, 1.0, 2.0],
+}
+
+
+@pytest.mark.parametrize("model", ["kinematic", "bullet"])
+@pytest.mark.parametrize("kind", [*ROUGH])
+def test_an_agent_drives_as_if_nobody_had_held_its_column_before(make, kind, model):
+    """Two equal simulations without traffic; in one of them another agent has had the column before.
+
+    Afterwards every array of the program is equal, but for scratch and the counter of holds.
+    """
+    interface = LANER.replace(
+        action=kind,
+        vehicle_model=model,
+        max_episode_steps=40,
+        done_criteria=DoneCriteria(off_road=False, off_route=False, collision=False),
+    )
+    stands = LANER.replace(action=ActionSpaceType.LaneWithContinuousSpeed)
+    # Seven simulations, so that their arrays are known by their shape; two of them are played.
+    parts = make([stands], [PooledAgents(interface, 1)], worlds=7)
+    start, pose = first_start(parts, traffic=False), second_pose()
+    via = Via(pose[:2], 0, 30.0, 5.0)
+    social = dataclasses.replace(start.agents[0], name="first", interface=0, pose=pose)
+    vias = (via,) * parts.simulation.world.missions.via_lane.shape[-1]
+    social = dataclasses.replace(social, mission=dataclasses.replace(social.mission, vias=vias))
+    later = dataclasses.replace(social, name="second", entry_time=8.0)
+    episodes = {
+        row: dataclasses.replace(
+            start, agents=(*start.agents, dataclasses.replace(social, entry_time=time), later)
+        )
+        for row, time in ((0, 0.0), (1, np.inf))
+    }
+    parts.simulation.reset(episodes)
+    world, actions = parts.simulation.world, parts.actions
+    # The other simulation's vehicle gets the same generation.
+    world.registry.dismiss(1, world.registry.admit(1, "first", Owner.TRAFFIC, 0, 5.0, 1.8))
+    for number in range(110):
+        active = world.agents.state[:, 1] == AgentStatus.ACTIVE
+        actions.given[:, 1] = actions.fresh[:, 1] = active
+        # The ego stands, so that it meets nobody.
+        actions.given[:, 0] = True
+        values = ROUGH[kind](number)
+        actions.values[active, 1, : len(values)] = values
+        actions.action_mask[active, 1] = True
+        step(parts, [0, 1])
+        if number == 30:
+            assert active[:2].tolist() == [True, False]
+        if number == 60:
+            assert not active.any()
+            assert world.agents.outcome[0, 1] == Outcome.TIME_OUT
+    assert (world.agents.state[:2, 1] == AgentStatus.ACTIVE).all()
+    assert (world.agents.entry_step[:2, 1] == 81).all()
+    assert parts.pool.name(0, 1) == parts.pool.name(1, 1) == "second"
+    compared = 0
+    for leading in ((7,), (14,)):
+        found = {}
+        every_array(parts, "", found, set(), leading)
+        for path, array in found.items():
+            first, other = array.reshape(7, -1)[:2]
+            is_float = array.dtype.kind == "f"
+            assert path.endswith(SCRATCH) or np.array_equal(first, other, equal_nan=is_float), path
+            compared += 1
+    assert compared > 200
+
+
+SCRATCH = ("pool.serial",)
+"""May differ: a count of the holds."""
+
+
+# A pool in which nobody is.
+
+
+class Hashed:
+    """A run whose bits that concern egos and traffic are hashed, row by row."""
+
+    def __init__(self, egos, pool, worlds, **more):
+        traffic = "random_social_vehicles"
+        self.parts = assembled(egos, pool, worlds=len(worlds), traffic=traffic, **more)
+        self.world, self.worlds, self.egos = self.parts.simulation.world, worlds, len(egos)
+        self.hashes = [hashlib.blake2b() for _ in worlds]
+        self.episodes = [0] * len(worlds)
+        self.everybody = False
+        self.reset(range(len(worlds)))
+
+    def reset(self, rows):
+        starts = {row: self.parts.schedule.start(self.worlds[row], self.episodes[row]) for row in rows}
+        self.hash(self.parts.simulation.reset(starts))
+        for row in rows:
+            self.episodes[row] += 1
+
+    def step(self):
+        world, actions = self.world, self.parts.actions
+        for row, number in enumerate(self.worlds):
+            now = int(world.step[row])
+            is_active = world.agents.state[row] == AgentStatus.ACTIVE
+            actions.given[row] = actions.fresh[row] = is_active
+            actions.action_mask[row] = world.agents.action_mask[row]
+            lane = actions.kind[row] == ActionSpaceType.Lane
+            actions.values[row, lane, 0] = (now // 10 + number + np.flatnonzero(lane)) % 4
+            actions.values[row, ~lane, :3] = 0.4, 0.0, 0.05 * np.sin(now / 5)
+        frame = step(self.parts)
+        self.hash(frame)
+        if finished := np.flatnonzero(frame.events.finished).tolist():
+            self.reset(finished)
+
+    def hash(self, frame):
+        world = self.world
+        columns = slice(None) if self.everybody else slice(0, self.egos)
+        for row in np.flatnonzero(frame.env_mask).tolist():
+            told = self.hashes[row].update
+            there = np.flatnonzero(world.vehicles.alive[row])
+            for table in (world.vehicles, world.before):
+                for column in table:
+                    told(column[row, there].tobytes())
+            for table in (world.agents, world.missions, world.guidance, frame.events[:4]):
+                for column in table:
+                    told(column[row, columns].tobytes())
+            for sensor, block in frame.readings.blocks.items():
+                for place, agent_id in enumerate(frame.readings.agent_ids[sensor].tolist()):
+                    if frame.observe_mask[row, agent_id] and (self.everybody or agent_id < self.egos):
+                        told(b"".join(array[row, place].tobytes() for array in block.values()))
+
+    def play(self, steps, act=lambda run: None):
+        try:
+            for _ in range(steps):
+                act(self)
+                self.step()
+            return [each.hexdigest() for each in self.hashes]
+        finally:
+            self.parts.simulation.close()
+
+
+@pytest.mark.parametrize("model", ["kinematic", "bullet"])
+def test_a_pool_in_which_nobody_is_changes_no_bit(model):
+    egos = [LANER.replace(vehicle_model=model, max_episode_steps=90), DRIVER]
+    pool = [PooledAgents(LANER, 7), PooledAgents(BUS, 3)]
+    without, beside = (Hashed(egos, each, [0, 3]).play(130) for each in ((), pool))
+    assert without == beside
+    assert without[0] != without[1]
+
+
+# Come and go.
+
+
+def crowd(run):
+    """Let agents take vehicles of traffic and give them back, more in some simulations than in others."""
+    parts, world = run.parts, run.world
+    proposed = []
+    for row, number in enumerate(run.worlds):
+        now = int(world.step[row])
+        if now % (4 + number) == 1:
+            slots = driven_by_traffic(parts, row)[: 1 + number]
+            interfaces = [(now + place) % 2 for place in range(len(slots))]
+            proposed += [
+                announced(parts, row, slot, f"agent {now}", interface=interface)
+                for slot, interface in zip(slots, interfaces, strict=True)
+            ]
+        if now % 15 == 14:
+            held = np.flatnonzero(
+                (world.agents.state[row] == AgentStatus.ACTIVE) & (parts.pool.interface_id >= 0)
+            )
+            proposed += [released(parts, row, agent_id) for agent_id in held[:2].tolist()]
+    parts.ownership.submit(transfers(proposed))
+
+
+class Crowd(Hashed):
+    """Agents come and go beside egos of different interfaces; everybody is hashed."""
+
+    def __init__(self, worlds):
+        egos = [LANER.replace(max_episode_steps=100), DRIVER]
+        pool = [PooledAgents(LANER.replace(signals=True), 3), PooledAgents(BUS, 2)]
+        self.counts = [set() for _ in worlds]
+        super().__init__(egos, pool, worlds)
+        self.everybody = True
+
+    def step(self):
+        super().step()
+        for row, counts in enumerate(self.counts):
+            counts.add(int((self.world.agents.state[row, 2:] == AgentStatus.ACTIVE).sum()))
+
+
+def test_a_row_of_a_batch_in_which_agents_come_and_go_equals_the_run_alone():
+    together = Crowd([0, 1, 4])
+    hashes = together.play(150, crowd)
+    assert max(together.episodes) > 1
+    assert len({*map(frozenset, together.counts)}) > 1
+    assert all(len(counts) > 2 for counts in together.counts)
+    assert together.parts.pool.refused.any()
+    for place, world in ((1, 1), (2, 4)):
+        assert Crowd([world]).play(150, crowd) == [hashes[place]]
+    assert Crowd([0, 1, 4]).play(150, crowd) == hashes
+
+
+# Records.
+
+
+def test_agents_that_come_in_the_middle_are_recorded_under_their_names(make, tmp_path):
+    options = Options(record=tmp_path)
+    parts = make(pool=[PooledAgents(LANER.replace(max_episode_steps=12), 1)], options=options)
+    start = first_start(parts, traffic=True)
+    never = dataclasses.replace(
+        start.agents[0], name="never", interface=0, take_over=TakeOver(vehicle="none")
+    )
+    parts.simulation.reset({0: dataclasses.replace(start, agents=(*start.agents, never))})
+    world, spans = parts.simulation.world, {}
+    for number in range(60):
+        if number in (5, 30):
+            slot = driven_by_traffic(parts, 0)[0]
+            parts.ownership.submit(transfers([announced(parts, 0, slot, f"at {number}")]))
+        active = world.agents.slot[0, 1] >= 0
+        parts.actions.given[0, 1] = parts.actions.fresh[0, 1] = active
+        step(parts)
+        if world.agents.slot[0, 1] >= 0:
+            spans.setdefault(parts.pool.name(0, 1), []).append(int(world.step[0]))
+    parts.simulation.close()
+    (folder,) = episodes_in(tmp_path)
+    agents = RecordedEpisode(folder).table("agents")
+    assert agents["name"].tolist() == ["agent-0", "never", "at 5", "at 30"]
+    assert agents["interface"].tolist() == [-1, 0, 0, 0]
+    assert agents["agent_id"].tolist() == [0, -1, 1, 1]
+    assert agents["entry_step"].tolist() == [0, -1, spans["at 5"][0], spans["at 30"][0]]
+    assert agents["end_step"].tolist()[1:] == [-1, spans["at 5"][-1], spans["at 30"][-1]]
+    assert [spans[name][0] for name in ("at 5", "at 30")] == [6, 31]
+    assert agents["outcome"].tolist()[1:] == [Outcome.NONE, *[Outcome.TIME_OUT] * 2]
+    assert agents["action"].tolist()[1:] == [-1, *[ActionSpaceType.Lane] * 2]
+    assert agents["distance_travelled"][2] > 0
+    assert (agents["slot"][2:] >= 0).all()
