@@ -93,8 +93,8 @@ class Registry(Mapping[str, Any]):
             place: "module:attribute".
 
         Raises:
-            SmartsError: `place` is not a "module:attribute"; or, in a registry that checks users' parts, there is
-                another part of this name.
+            SmartsError: `place` is not a "module:attribute"; or the name is taken, in a registry that checks
+                users' parts.
         """
         if self._adopt is not None and self._places.get(name, place) != place:
             raise SmartsError(
