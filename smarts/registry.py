@@ -93,9 +93,10 @@ class Registry(Mapping[str, Any]):
             place: "module:attribute".
 
         Raises:
-            SmartsError: There is another part of this name, or `place` is not a "module:attribute".
+            SmartsError: `place` is not a "module:attribute"; or the name is taken, in a registry that checks
+                users' parts.
         """
-        if self._places.get(name, place) != place:
+        if self._adopt is not None and self._places.get(name, place) != place:
             raise SmartsError(
                 f"there is a {self.kind} {name!r} already, {self._places[name]}", remedy="choose another name"
             )
