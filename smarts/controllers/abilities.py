@@ -1,4 +1,4 @@
-"""What each kind of vehicle can drive."""
+"""Limits of the motion of each kind of vehicle."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from smarts.types.vehicles import VehicleKind
 
 
 class Abilities(NamedTuple):
-    """What each `VehicleKind` can drive, shape (K,) each."""
+    """Limits of each `VehicleKind`, shape (K,) each."""
 
     agility: Floats
-    """How fast it can change its curvature, for its steering's rate [1/(m s)]."""
+    """Largest rate of change of its curvature [1/(m s)]."""
     wheelbase: Floats
     """[m]"""
     centre_to_rear: Floats
-    """From the footprint's centre back to the rear axle [m]."""
+    """Distance from the footprint's centre back to the rear axle [m]."""
     sharpest: Floats
     """The largest curvature of the rear axle's path [1/m]."""
 

@@ -34,12 +34,12 @@ class Rejected(NamedTuple):
     """Why the first bad one of several actions is rejected."""
 
     first: int
-    """Of the action."""
+    """Index of the action."""
     problem: str
 
 
 class ActionFormat(Protocol):
-    """What agents of one action type give.
+    """The format of one action type.
 
     `parse` and `parse_batch` check in full and write nothing; what they return is finite and within the
     bounds, and `write` cannot fail. So a caller parses the actions of all agents before it writes any.

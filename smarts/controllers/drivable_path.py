@@ -31,7 +31,7 @@ STEP = 1.0
 RADII = 6.0
 """Length of a plan, in turning radii of the vehicle."""
 MOST_POINTS = 46
-"""Of a plan."""
+"""Most points of a plan."""
 LOOK_AHEAD = 30
 """Points ahead among which a bend is looked for that is too tight."""
 TIGHT_SHARE = 0.93
@@ -41,32 +41,32 @@ UNWOUND_SHARE = 0.3
 MOST_PASSED = 3
 """Segments of the lane that one step of a plan may pass, so that it leaves no loop out."""
 RESERVED = 0.92
-"""Of the sharpest curvature, what plans use; the rest is for feedback."""
+"""Share of the sharpest curvature that plans use; the rest is for feedback."""
 ITERATIONS = 6
 SMOOTHNESS = 2.0
 """Cost of a change of the steering along the way, over squared wheelbases, at rest [m^2]."""
 SMOOTHNESS_PER_SPEED = 1.0
-"""By how much it grows with the square of the speed [s^2/m^2]."""
+"""Its growth with the square of the speed [s^2/m^2]."""
 BOUND_COST = 200.0
-"""Of curvature beyond the sharpest, over the sharpest, squared."""
+"""Cost of the excess over the sharpest curvature, relative to it, squared."""
 EASY_OFFSET = 0.6
 FAR_COST = 10.0
-"""Of what offsets are more than `EASY_OFFSET` [m], squared, over that of offsets."""
+"""Cost of the excess over `EASY_OFFSET` [m], squared, relative to that of offsets."""
 EDGE_MARGIN = 0.5
 """Between a vehicle's centre and the edge of the road [m]."""
 LEAST_ROOM, MOST_ROOM, ROOM_STEP = 0.8, 3.2, 0.4
 """Beside the middle of a lane, to that margin [m]."""
 EDGE_COST = 100.0
-"""Of what offsets are more than the room [m], squared."""
+"""Cost of the excess over the room [m], squared."""
 END_COST = 5.0
-"""Of offset and heading [m] at the end of the plan, over that of a point."""
+"""Cost of offset and heading [m] at the plan's end, relative to that of a point."""
 CRAWL = 1.2
 """The least speed to which a plan brakes [m/s]."""
 GAIN = 1.5
 """Acceleration that a plan reckons with [m/s^2]."""
 _ROAD = 1 << LaneKind.CAR | 1 << LaneKind.BUS
 _PURSUED = 4.0
-"""Of the pursuit that the first guess comes from [m]."""
+"""Look-ahead of the pursuit that gives the first guess [m]."""
 
 
 @kernel

@@ -24,14 +24,14 @@ LATERAL_TIME = 0.9
 STEEPEST = 0.25
 """The largest slope of the way to the centreline."""
 TRACKED_OFFSET = 0.3
-"""Up to here an offset is an error to be tracked away; beyond, the reference leads to the centreline [m]."""
+"""Offsets up to this are left to tracking; beyond, the reference leads to the centreline [m]."""
 
 CURVE_ACCELERATION = 3.0
 """Lateral, in curves [m/s^2]."""
 BRAKING = 2.0
 """Deceleration before what is slower ahead [m/s^2]."""
 AGILITY_SHARE = 0.95
-"""Of the steering's rate, what curves may take; the rest is for feedback."""
+"""Share of the steering's rate that curves may take; the rest is for feedback."""
 LEAST_CURVE_SPEED = 2.0
 """[m/s]"""
 _REACH_ROWS = 48

@@ -32,17 +32,17 @@ OFFSET_WEIGHT = 1.0
 HEADING_WEIGHT = 5.0
 """[1/rad^2]"""
 RATE_WEIGHT = 40.0
-"""Of the change of curvature along the way, squared, at rest [m^4]."""
+"""Weight of the squared change of curvature along the path, at rest [m^4]."""
 SPEED_WEIGHT = 40.0
-"""By how much the above grows with the square of the speed [m^2 s^2]."""
+"""Its growth with the square of the speed [m^2 s^2]."""
 LATERAL_ACCELERATION = 6.0
 """The most that is planned [m/s^2]."""
 ROUNDS = 12
-"""Of the alternating direction method."""
+"""Rounds of the alternating direction method."""
 PENALTY = 50.0
-"""Of that method, over the curvature's difference squared [m^2]."""
+"""Penalty of that method on the squared difference of curvature [m^2]."""
 LOCK_SHARE = 0.95
-"""Of the lock; the rest is for tracking."""
+"""Share of the steering lock that plans use; the rest is for tracking."""
 
 
 def sharpest_curvatures() -> Floats:

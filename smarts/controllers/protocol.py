@@ -17,7 +17,7 @@ class Controller(Protocol):
     """
 
     action_format: ClassVar[ActionFormat]
-    """What agents of this type give."""
+    """The format of this type's actions."""
     follows_lanes: ClassVar[bool]
     """Whether it writes the agents' target lane and the vehicles' desired speed. Such a controller is made
     with the largest speeds on each map [m/s], shape (M,), too."""

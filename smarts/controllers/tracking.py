@@ -32,9 +32,9 @@ FREQUENCY_PER_WHEELBASE = 0.7
 STEERED_TURN = 0.4
 """The largest error of heading that the steering, at its rate, still answers in time [rad]."""
 DAMPING = 1.0
-"""Of the lateral motion."""
+"""Damping of the lateral motion."""
 STEERING_DELAY = 0.15
-"""How late the steering is [s]."""
+"""Delay of the steering [s]."""
 LEAST_SPEED = 1.0
 """At which gains are taken for vehicles that hardly move [m/s]."""
 FARTHEST_OFFSET = 0.5

@@ -9,7 +9,7 @@ from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import types as t
-from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
+from smarts.sstudio.sstypes.constants import named_offset
 
 Place = tuple[str, int, float | str]
 
@@ -104,6 +104,6 @@ def place_on_map(roads: LaneGraph, place: Place) -> tuple[int, float]:
     """Return the lane and arc length [m] of a scenario's place; a random one is taken to be in the middle."""
     edge, index, offset = place
     lane = roads.lane_number(edge, index)
-    length = float(roads.length[lane])
-    named = {BASE_OFFSET: 0.0, MAX_OFFSET: length, RANDOM_OFFSET: length / 2}
-    return lane, named[offset] if isinstance(offset, str) else roads.arc_length(lane, float(offset))
+    if not isinstance(offset, str):
+        return lane, roads.arc_length(lane, float(offset))
+    return lane, named_offset(offset, 0.0, float(roads.length[lane]), lambda low, high: (low + high) / 2)

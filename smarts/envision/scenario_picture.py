@@ -247,11 +247,7 @@ def _legend(pictures: Sequence[Picture]) -> list[Patch]:
     flows = [*chain.from_iterable(traffic.flows for traffic in traffics)]
     kinds = _social_kinds(pictures)
     entries = {
-        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(
-            start_pose(built.roads(), mission)
-            for built, _, _ in pictures
-            for mission in expand(built.scenario.ego_missions or ())
-        ),
+        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(map(_has_fixed_missions, pictures)),
         Patch(facecolor=CAR, label="car"): bool(kinds - set(LARGE_VEHICLES)),
         Patch(facecolor=BUS, label="bus"): bool(kinds & {VehicleKind.BUS, VehicleKind.COACH}),
         Patch(facecolor=TRUCK, label="truck"): bool(kinds & {VehicleKind.TRUCK, VehicleKind.TRAILER}),
@@ -260,6 +256,11 @@ def _legend(pictures: Sequence[Picture]) -> list[Patch]:
         Patch(facecolor=BUBBLE, alpha=0.4, label="bubble"): any(s.bubbles for s in scenarios),
     }
     return [entry for entry, shown in entries.items() if shown]
+
+
+def _has_fixed_missions(picture: Picture) -> bool:
+    built = picture[0]
+    return any(start_pose(built.roads(), each) for each in expand(built.scenario.ego_missions or ()))
 
 
 def _social_kinds(pictures: Sequence[Picture]) -> set[int]:

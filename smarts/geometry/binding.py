@@ -1,4 +1,4 @@
-"""Kernels whose arguments are handed over once.
+"""Kernels whose arguments are bound once.
 
 To hand numba a tuple of sixty arrays costs 20 us a call: it looks up the tuple's type and takes every array
 out of its Python object, which is more than many kernels of the step take themselves. So what stays the same
@@ -27,7 +27,7 @@ from numba.np.arrayobj import get_itemsize, populate_array
 from smarts.geometry.compiling import kernel, sources_digest
 
 _MOST_BOUND = 4
-"""How many bindings a `LateBound` keeps."""
+"""Bindings that a `LateBound` keeps."""
 _WORD = 8
 """Bytes of a number, an address, an extent or a stride."""
 
@@ -48,12 +48,12 @@ class Replaceable(Generic[T]):
 
     @property
     def value(self) -> T:
-        """What is bound now."""
+        """The value that is bound now."""
         return self._value
 
     @property
     def address(self) -> int:
-        """Where compiled code reads it."""
+        """The address at which compiled code reads it."""
         return self._words.ctypes.data
 
     def replace(self, value: T) -> None:

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-import numpy as np
-
 from smarts.arrays import Floats
 
 Angle = TypeVar("Angle", float, Floats)
@@ -30,9 +28,3 @@ def heading_from_compass(degrees: Angle) -> Angle:
 def compass_from_heading(heading: Angle) -> Angle:
     """Return SUMO's angle in [0, 360) of a heading [rad]."""
     return (90.0 - heading * (180.0 / math.pi)) % 360.0
-
-
-def rotate(points: Floats, angle: float) -> Floats:
-    """Return points of shape (..., 2) turned counter-clockwise about the origin by `angle` [rad]."""
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return points @ np.array([[cosine, sine], [-sine, cosine]])

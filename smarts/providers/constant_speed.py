@@ -27,7 +27,7 @@ from smarts.types.vehicles import Owner, VehicleKind
 from smarts.types.world import World
 
 LENGTH, WIDTH = 5.0, 1.8
-"""Of every vehicle [m]."""
+"""Size of every vehicle [m]."""
 ROOM = 15.0
 """Distance of an arrival from other vehicles [m]."""
 DEPARTURE = np.dtype([("row", np.int32), ("time", np.float64), ("path", np.int32)])
@@ -54,7 +54,7 @@ class ConstantSpeed(TrafficEngine):
         self._limit = np.zeros(world.worlds, np.int32)
         shape = world.vehicles.alive.shape
         self._generation = np.full(shape, -1, np.int32)
-        """Of the vehicle that the engine drives in each slot, -1 for none, shape (B, V), as are these:"""
+        """Generation of the vehicle that the engine drives in each slot, -1 for none, shape (B, V)."""
         self._path = np.zeros(shape, np.int32)
         self._s, self._t = np.zeros(shape), np.zeros(shape)
         """Along the path, and to the left of it [m]."""

@@ -15,6 +15,7 @@ import importlib.machinery
 import importlib.util
 import os
 import re
+import shutil
 import sys
 import tempfile
 import threading
@@ -199,7 +200,7 @@ class _Files:
 
     def __init__(self) -> None:
         self.log = -1
-        """What SUMO says of errors. An anonymous file, one for each start: nothing stays behind when the
+        """SUMO's log of errors. An anonymous file, one for each start: nothing stays behind when the
         process is killed, and a forked child does not write into its parent's."""
         self.inputs: dict[str, int] = {}
 
@@ -334,11 +335,7 @@ def _copied(original: Path) -> IO[bytes]:
             raise
         file = tempfile.TemporaryFile()  # noqa: SIM115
     try:
-        with open(original, "rb") as source:
-            size = os.fstat(source.fileno()).st_size
-            done = 0
-            while done < size:
-                done += os.sendfile(file.fileno(), source.fileno(), done, size - done)
+        shutil.copyfile(original, _FILE.format(file.fileno()))
     except OSError as error:
         file.close()
         if _is_used_up(error):

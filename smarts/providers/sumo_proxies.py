@@ -27,7 +27,7 @@ SUFFIX = "-proxy"
 _KEEP_CLOSE = 2
 _NO_LANE_CHANGES = 0
 _SEAM = 0.5
-"""How far apart the edges of two opposite lanes may be for a vehicle to be in both [m]."""
+"""Largest gap between two opposite lanes that a vehicle can be in at once [m]."""
 
 
 @dataclass
@@ -37,7 +37,7 @@ class _Proxy:
     lane: int
     """The lane that it is led along."""
     id: str = ""
-    """Of its vehicle; empty if there is none yet."""
+    """SUMO id of its vehicle; empty if it has none yet."""
     speed: float = 0.0
     """Along that lane [m/s]."""
 

@@ -42,15 +42,6 @@ from smarts.providers.sumo_rows import lead
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
-_CLASSES = {
-    VehicleKind.PASSENGER: "passenger",
-    VehicleKind.BUS: "bus",
-    VehicleKind.COACH: "coach",
-    VehicleKind.TRUCK: "truck",
-    VehicleKind.TRAILER: "trailer",
-    VehicleKind.MOTORCYCLE: "motorcycle",
-}
-
 _MAY_LEAVE_NET = 2
 _MATCH_WITHIN = 8.0
 """Where SUMO looks for lanes [m]. At the intersection 20 m take three times the time, its own 100 m six.
@@ -385,7 +376,7 @@ class SumoShadows:
         if name not in self._types:
             vehicletype = self._library.vehicletype
             vehicletype.copy("DEFAULT_VEHTYPE", name)
-            vehicletype.setVehicleClass(name, _CLASSES[kind])
+            vehicletype.setVehicleClass(name, kind.name.lower())
             vehicletype.setLength(name, length)
             vehicletype.setWidth(name, width)
             # With a spread, the type would draw from SUMO's random stream.

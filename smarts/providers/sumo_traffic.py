@@ -27,15 +27,9 @@ from smarts.types.world import World
 SPAWN_MARGIN = (10.0, 1.0)
 """Kept free of traffic around a vehicle that enters: before and behind it, and on either side [m]."""
 
-_KINDS = {
-    "bus": VehicleKind.BUS,
-    "coach": VehicleKind.COACH,
-    "truck": VehicleKind.TRUCK,
-    "delivery": VehicleKind.TRUCK,
-    "trailer": VehicleKind.TRAILER,
-    "motorcycle": VehicleKind.MOTORCYCLE,
-    "moped": VehicleKind.MOTORCYCLE,
-}
+_KINDS = {kind.name.lower(): kind for kind in VehicleKind}
+_KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
+"""`VehicleKind` of SUMO's vehicle classes; others are passenger cars."""
 
 _LIGHTS = np.full(256, Signal.NONE, np.int8)
 _LIGHTS[list(b"rR")] = Signal.STOP
@@ -45,7 +39,7 @@ _LIGHTS[list(b"gG")] = Signal.GO
 arrow for turning right after a stop (s)."""
 
 
-class _Seen(NamedTuple):
+class _Snapshot(NamedTuple):
     """The columns that SUMO follows, as of its last step; bytes compare faster than arrays of this size."""
 
     owner: bytes
@@ -53,8 +47,8 @@ class _Seen(NamedTuple):
     route: bytes
 
 
-def _seen(states: VehicleStates) -> _Seen:
-    return _Seen(states.owner.tobytes(), states.generation.tobytes(), states.route.tobytes())
+def _snapshot(states: VehicleStates) -> _Snapshot:
+    return _Snapshot(states.owner.tobytes(), states.generation.tobytes(), states.route.tobytes())
 
 
 def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
@@ -148,7 +142,7 @@ class SumoTraffic:
             self._read_signals()
             self._number_routes()
         # Vehicles placed before the reset are not yet in SUMO.
-        self._remember([slot for slot in self._kept_clear if slot not in self._ids])
+        self._take_snapshot([slot for slot in self._kept_clear if slot not in self._ids])
         self._has_begun = True
 
     def step(self) -> None:
@@ -156,7 +150,7 @@ class SumoTraffic:
         library = self._library
         self._check_begun()
         with library.errors("failed in mid-run"):
-            entering = self._follow_others() if _seen(self._states) != self._last_seen else []
+            entering = self._follow_others() if _snapshot(self._states) != self._last_snapshot else []
             self._shadows.place()
             library.simulation.step(0.0)
             self._shadows.settle()
@@ -169,7 +163,7 @@ class SumoTraffic:
             self._read_signals()
             self._number_routes()
         # They are shadows until the next step.
-        self._remember(entering)
+        self._take_snapshot(entering)
 
     def can_accept(self, slot: int) -> bool:
         """Return whether SUMO could drive on with a vehicle of another: it must stand on a lane."""
@@ -231,14 +225,14 @@ class SumoTraffic:
             if len(lanes := np.flatnonzero(roads.signal == number))
         ]
 
-    def _remember(self, unseen: Sequence[int] = ()) -> None:
+    def _take_snapshot(self, unseen: Sequence[int] = ()) -> None:
         """Note what the vehicles' rows say, except for those slots, which are to be new in the next step."""
         states = self._states
-        self._last_seen = _seen(states)
+        self._last_snapshot = _snapshot(states)
         if unseen:
             owner = states.owner.copy()
             owner[unseen] = Owner.NOBODY
-            self._last_seen = self._last_seen._replace(owner=owner.tobytes())
+            self._last_snapshot = self._last_snapshot._replace(owner=owner.tobytes())
 
     def _follow_others(self) -> list[int]:
         """Bring SUMO in line with the rows; return the slots of traffic that SUMO has yet to take over."""
@@ -246,7 +240,7 @@ class SumoTraffic:
         is_other, is_new, is_rerouted = (
             column != np.frombuffer(before, column.dtype)
             for column, before in zip(
-                (states.owner, states.generation, states.route), self._last_seen, strict=True
+                (states.owner, states.generation, states.route), self._last_snapshot, strict=True
             )
         )
         for slot in np.flatnonzero(is_new | is_other | is_rerouted).tolist():
@@ -262,10 +256,10 @@ class SumoTraffic:
                 if slot in self._shadows:
                     self._take_back(slot)
             else:
-                self._mind(slot, is_rerouted=bool(is_rerouted[slot]))
+                self._lead(slot, is_rerouted=bool(is_rerouted[slot]))
         return entering
 
-    def _mind(self, slot: int, *, is_rerouted: bool) -> None:
+    def _lead(self, slot: int, *, is_rerouted: bool) -> None:
         """Lead the vehicle in a slot as a shadow, on the route in its row if others have written one."""
         if slot not in self._shadows:
             del self._driven[self._ids[slot]]

@@ -1,4 +1,4 @@
-"""What the simulation asks of a traffic engine."""
+"""The interface of traffic engines."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class EnginesByEpisode(TrafficEngine):
         self.is_full = np.zeros(worlds, np.bool_)
         self._engines = dict(engines)
         self._driven = {name: np.zeros(worlds, np.bool_) for name in engines}
-        """Which simulations each engine drives, shape (B,)."""
+        """Simulations that each engine drives, shape (B,)."""
 
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`."""

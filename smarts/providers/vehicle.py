@@ -62,7 +62,7 @@ class FleetVehicles:
     ) -> None:
         worlds, agents = world.agents.slot.shape
         self.failures: dict[int, SmartsError] = {}
-        """What went wrong in the last step, by row: a command that is not finite, a motion that cannot be."""
+        """Errors of the last step by row: commands or motions that are not finite."""
         self._models = [models] * agents if isinstance(models, str) else list(models)
         self.fleet = Fleet(worlds, agents, step=world.dt, substeps=SUBSTEPS)
         """For read-outs and faults; row b * A + a is the vehicle of agent a of simulation b."""
@@ -94,7 +94,7 @@ class FleetVehicles:
         self._driver: tuple[Commands, SubstepDriver] | None = None
 
     def reset(self, env_mask: Bools) -> None:
-        """Forget all vehicles of some simulations; those in their rows now are new."""
+        """Clear the vehicles of some simulations; their rows hold new ones."""
         for row in np.flatnonzero(env_mask).tolist():
             self.fleet.clear(row)
             self._held.slot[row] = NOWHERE
@@ -207,21 +207,21 @@ class FleetVehicles:
 
     def _follow_ownership(self) -> None:
         """Add vehicles to the fleet and remove them, following the agents' slots."""
-        agents, wanted = self._world.agents, self._held.wanted
-        changed = (wanted != self._held.slot) | (
+        agents, target_slot = self._world.agents, self._held.target_slot
+        changed = (target_slot != self._held.slot) | (
             self._groups.active & (agents.generation != self._held.generation)
         )
         for row, agent_id in np.argwhere(changed).tolist():
             number = row * self._held.slot.shape[1] + agent_id
             if self._held.slot[row, agent_id] >= 0:
                 self.fleet.despawn(number)
-            self._held.slot[row, agent_id] = wanted[row, agent_id]
+            self._held.slot[row, agent_id] = target_slot[row, agent_id]
             self._held.generation[row, agent_id] = agents.generation[row, agent_id]
-            if wanted[row, agent_id] >= 0:
+            if target_slot[row, agent_id] >= 0:
                 self._spawn(row, agent_id, number)
 
     def _spawn(self, row: int, agent_id: int, number: int) -> None:
-        """Put an agent's vehicle on the road, going on as its row of the world says."""
+        """Spawn an agent's vehicle in the fleet with its current pose, speed and yaw rate."""
         vehicles = self._world.vehicles
         slot = int(self._held.slot[row, agent_id])
         name = TYPES[VehicleKind(int(vehicles.kind[row, slot]))]
@@ -248,7 +248,7 @@ class FleetVehicles:
         self.fleet.road.friction[number] = DRY
 
     def _place_boxes(self, env_mask: Bools) -> None:
-        """Put the road users that vehicles in Bullet may touch there as boxes."""
+        """Show the road users that vehicles in Bullet may touch to Bullet as boxes."""
         if not self._find_touchable(env_mask) and not self._with_boxes:
             return
         for row in np.flatnonzero(env_mask).tolist():

@@ -18,7 +18,7 @@ from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
 
 FASTEST = 100.0
-"""What a vehicle that is commanded by poses drives at most [m/s]: farther poses are not jumped to."""
+"""Largest speed of a vehicle commanded by poses [m/s]; it does not jump to farther poses."""
 STAYS = 1.0
 """A vehicle that could be touched stays in Bullet until it is this much farther away [m]: to come and go
 costs as much as a step."""
@@ -27,30 +27,30 @@ _ACTIVE, _PLACE = int(AgentStatus.ACTIVE), int(CommandMode.PLACE)
 
 NOWHERE = -1
 BY_POSES = -2
-"""Of the slot that an agent's row of the fleet is for: it holds no vehicle, or one that goes by poses."""
+"""Slot of a fleet row that holds no vehicle, or one commanded by poses."""
 
 
 class AgentGroups(NamedTuple):
-    """Which agents' vehicles are moved how, shape (B, A)."""
+    """Groups of agents by how their vehicles are moved, shape (B, A)."""
 
     active: Bools
     """Agents that drive in this step."""
     by_poses: Bools
-    """Those of them whose vehicle is put where the commands say."""
+    """Agents whose vehicle is placed by commanded poses."""
     driven: Bools
-    """Those of them whose vehicle the fleet moves."""
+    """Agents whose vehicle the fleet moves."""
     in_bullet: Bools
-    """Those of these whose vehicle is in Bullet."""
+    """Agents whose vehicle is in Bullet."""
 
 
 class HeldVehicles(NamedTuple):
-    """Which vehicle each agent's row of the fleet is for, shape (B, A)."""
+    """The vehicle of each agent's fleet row, shape (B, A)."""
 
     slot: Ints
     """A slot, `NOWHERE` or `BY_POSES`."""
     generation: Ints
     """Of the vehicle in that slot."""
-    wanted: Ints
+    target_slot: Ints
     """The slot that the row is to be for in this step."""
 
 
@@ -99,29 +99,29 @@ def group_agents(
 
 @kernel
 def find_changes(state: State, groups: AgentGroups, held: HeldVehicles, env_mask: Bools) -> bool:
-    """Write which slot each agent's row of the fleet is to be for; tell if any is for another vehicle now.
+    """Write the slot that each fleet row should hold; return whether any row changes its vehicle.
 
     Args:
         state: Of the world.
         groups: Of the agents.
-        held: `wanted` is written.
+        held: `target_slot` is written.
         env_mask: Which simulations make the step, shape (B,).
     """
-    agents, slot, wanted = state.agents, held.slot, held.wanted
+    agents, slot, target_slot = state.agents, held.slot, held.target_slot
     any_change = False
     for b in range(slot.shape[0]):
         for a in range(slot.shape[1]):
-            wanted[b, a] = slot[b, a]
+            target_slot[b, a] = slot[b, a]
             if not env_mask[b]:
                 continue
             if not groups.active[b, a]:
-                wanted[b, a] = NOWHERE
+                target_slot[b, a] = NOWHERE
             elif groups.by_poses[b, a]:
-                wanted[b, a] = BY_POSES
+                target_slot[b, a] = BY_POSES
             else:
-                wanted[b, a] = agents.slot[b, a]
+                target_slot[b, a] = agents.slot[b, a]
                 any_change = any_change or agents.generation[b, a] != held.generation[b, a]
-            any_change = any_change or wanted[b, a] != slot[b, a]
+            any_change = any_change or target_slot[b, a] != slot[b, a]
     return any_change
 
 
@@ -210,7 +210,7 @@ def place_vehicles(state: State, tracks: Tracks, groups: AgentGroups, commands: 
 
 @kernel
 def find_touchable(state: State, motion: Motion, groups: AgentGroups, boxed: Bools, env_mask: Bools) -> bool:
-    """Write which road users that are not in Bullet a vehicle in there may touch in this step; tell if any.
+    """Mark the road users outside Bullet that a Bullet vehicle may touch in this step; return whether any is.
 
     Args:
         state: Of the world.

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from smarts.geometry.frames import compass_from_heading, heading_from_compass, rotate, wrap_angle
+from smarts.geometry.frames import compass_from_heading, heading_from_compass, wrap_angle
 
 
 @pytest.mark.parametrize(
@@ -32,9 +32,3 @@ def test_compass_points(compass, heading):
 def test_compass_there_and_back():
     degrees = np.linspace(0, 359.9, 500)
     np.testing.assert_allclose(compass_from_heading(heading_from_compass(degrees)), degrees)
-
-
-def test_rotate_is_counter_clockwise():
-    np.testing.assert_allclose(
-        rotate(np.array([[1.0, 0.0], [0.0, 2.0]]), math.pi / 2), [[0, 1], [-2, 0]], atol=1e-15
-    )
