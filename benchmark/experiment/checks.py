@@ -1,7 +1,4 @@
-"""What the models of experiment files cannot see: ranges of settings, features and rewards, scenarios' names.
-
-The checks look at values as files give them. What does not fit the models is left to them.
-"""
+"""Checks beyond the pydantic models: ranges of settings, adapter options, scenario names."""
 
 from __future__ import annotations
 
@@ -14,30 +11,31 @@ from typing import Any
 from algorithms.registry import ALGORITHMS, ActionKind
 from benchmark.experiment.algorithm_settings import CONFIGS, entry_of, setting_faults, setting_names
 from benchmark.scripted import SCRIPTED_POLICIES
-from smarts.config import Fault
+from smarts.config import Fault, shown
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
 from smarts.registry import Registry, import_own, is_own_name
 from smarts.types.agent_states import agent_names
 
 Values = Mapping[str, Any]
-DRAWS = ("uniform", "loguniform", "randint")
-"""What a search may draw from: all with a lower and an upper bound, whole ones without the upper one."""
+MOST_AGENTS = 64
+DISTRIBUTIONS = ("uniform", "loguniform", "randint")
+"""What a search may draw from, with [low, high]; `randint` excludes high."""
 
 
 def check_experiment(values: Values) -> Iterator[Fault]:
-    """Yield what is wrong with an experiment's values, beside what its model says.
+    """Yield what is wrong with an experiment's values, in addition to the model's errors.
 
     Own code is imported: what is named as `module:Class` is there then, and is what it should be.
     """
     try:
-        import_own(_texts(values.get("imports")))
+        import_own(_strings(values.get("imports")))
     except OwnCodeError as error:
-        yield Fault(("imports",), *_words(error))
+        yield Fault(("imports",), *_message_and_remedy(error))
         return
     broken = yield from _own_names(values)
-    sound = {**values, "algorithms": [n for n in _texts(values.get("algorithms")) if n not in broken]}
+    sound = {**values, "algorithms": [n for n in _strings(values.get("algorithms")) if n not in broken]}
     yield from _settings(sound)
-    yield from _searched(sound)
+    yield from _check_tune(sound)
     yield from _actions(sound)
     yield from _tyres(_section(values, "environment"))
     yield from _observed(_section(values, "environment"))
@@ -56,7 +54,7 @@ def _own_names(values: Values) -> Generator[Fault, None, set[str]]:
                 _registry_of(key)[name]
             except OwnCodeError as error:
                 broken.add(name)
-                yield Fault((key, number), *_words(error))
+                yield Fault((key, number), *_message_and_remedy(error))
     return broken
 
 
@@ -68,7 +66,7 @@ def _registry_of(key: str) -> Registry:
     return METRICS
 
 
-def _words(error: SmartsError) -> tuple[str, str]:
+def _message_and_remedy(error: SmartsError) -> tuple[str, str]:
     """Return problem and remedy of an error, as of a fault."""
     return (f"{error.place}: {error.problem}" if error.place else error.problem), error.remedy
 
@@ -78,17 +76,17 @@ def _settings(values: Values) -> Iterator[Fault]:
     common, own = _section(values, "training"), _section(values, "settings")
     algorithms = _known_algorithms(values)
     yield from _unused(common, algorithms)
-    told: set[tuple[str | int, ...]] = set()
+    reported: set[tuple[str | int, ...]] = set()
     for algorithm in dict.fromkeys([*algorithms, *own]):
         try:
             given = common if algorithm in algorithms else {}
             faults = _setting_faults(algorithm, given, _section(own, algorithm), values)
         except OwnCodeError as error:
-            yield Fault(("settings", algorithm), *_words(error))
+            yield Fault(("settings", algorithm), *_message_and_remedy(error))
             continue
         for fault in faults:
-            if fault.key not in told:
-                told.add(fault.key)
+            if fault.key not in reported:
+                reported.add(fault.key)
                 yield fault
 
 
@@ -110,7 +108,7 @@ def _setting_faults(algorithm: str, common: Values, own: Values, values: Values)
         Fault((*place(fault.key[0]), *fault.key) if fault.key else ("settings", algorithm), text, remedy)
         for fault, text, remedy in setting_faults(algorithm, given)
     ]
-    sharing = _sharing_fault(given.get("sharing"), _section(values, "environment").get("agents", 4))
+    sharing = _sharing_fault(given.get("sharing"), _section(values, "environment"))
     return [*found, Fault((*place("sharing"), "sharing"), sharing)] if sharing else found
 
 
@@ -125,18 +123,22 @@ def _unused(common: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
 
 
 def _known_algorithms(values: Values) -> list[str]:
-    return [name for name in _texts(values.get("algorithms")) if name in ALGORITHMS or is_own_name(name)]
+    return [name for name in _strings(values.get("algorithms")) if name in ALGORITHMS or is_own_name(name)]
 
 
 def _actions(values: Values) -> Iterator[Fault]:
     """Yield algorithms and scripted policies that cannot act as the environment's agents do."""
     environment = _section(values, "environment")
-    action, observation = environment.get("action", "Lane"), environment.get("observation", "benchmark")
+    observation = environment.get("observation", "benchmark")
+    actions = {
+        str(agent.get("action", "Lane")): shown((*key, "action")) for key, agent in _agents(environment)
+    }
     if environment.get("adapter") is None:  # actions of an own adapter are known when it is made
-        yield from _unfit_algorithms(_known_algorithms(values), action)
-    for number, name in enumerate(_texts(values.get("scripted"))):
-        if name in SCRIPTED_POLICIES and not is_own_name(name) and action != "Lane":
-            text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
+        yield from _unfit_algorithms(_known_algorithms(values), actions)
+    other = next((action for action in actions if action != "Lane"), None)
+    for number, name in enumerate(_strings(values.get("scripted"))):
+        if name in SCRIPTED_POLICIES and not is_own_name(name) and other:
+            text = f"{name!r} acts by lane actions, and {actions[other]} is {other!r}"
             yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
         if name == "gap_acceptance" and observation in ("paper", "raw"):
             text = (
@@ -145,39 +147,59 @@ def _actions(values: Values) -> Iterator[Fault]:
             yield Fault(("scripted", number), text, "remove it")
 
 
-def _unfit_algorithms(algorithms: Sequence[str], action: Any) -> Iterator[Fault]:
-    kind = ActionKind.DISCRETE if action == "Lane" else ActionKind.CONTINUOUS
-    fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
+def _agents(environment: Values) -> list[tuple[tuple[str, ...], Values]]:
+    """Return the key of each agent's values, and the values: its own laid over the environment's."""
+    agents = environment.get("agents")
+    if not isinstance(agents, dict) or not agents:
+        return [(("environment",), environment)]
+    return [(("environment", "agents", name), {**environment, **_section(agents, name)}) for name in agents]
+
+
+def _unfit_algorithms(algorithms: Sequence[str], actions: Mapping[Any, str]) -> Iterator[Fault]:
+    """Yield algorithms that cannot act as the agents do, whose actions have a key each."""
     for number, name in enumerate(algorithms):
         entry = entry_of(name)
-        if not entry.acts_in(kind):
-            text = f"{name!r} needs {entry.actions} actions, and environment.action is {action!r}"
-            yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
+        for action, key in actions.items():
+            kind = ActionKind.DISCRETE if action == "Lane" else ActionKind.CONTINUOUS
+            if not entry.acts_in(kind):
+                fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
+                text = f"{name!r} needs {entry.actions} actions, and {key} is {action!r}"
+                yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
 
 
 def _tyres(environment: Values) -> Iterator[Fault]:
     """Yield a model of tyres that the model of the vehicle has no use for."""
-    tyres = environment.get("tyre_model", "pacejka")
-    if environment.get("vehicle_model") == "kinematic" and tyres != "pacejka":
-        text = f"the kinematic vehicle has no tyres that slip, so no {tyres!r} ones"
-        yield Fault(("environment", "tyre_model"), text, "remove it, or use vehicle_model 'dynamic'")
+    for key, agent in _agents(environment):
+        tyres = agent.get("tyre_model", "pacejka")
+        if agent.get("vehicle_model") == "kinematic" and tyres != "pacejka":
+            text = f"the kinematic vehicle has no tyres that slip, so no {tyres!r} ones"
+            yield Fault((*key, "tyre_model"), text, "remove it, or use vehicle_model 'dynamic'")
 
 
-def _sharing_fault(sharing: Any, agents: Any) -> str:
+def _sharing_fault(sharing: Any, environment: Values) -> str:
     """Return which agents are not in exactly one group; nothing where there are no groups."""
-    if not isinstance(sharing, dict) or not isinstance(agents, int):
+    known = _names_of_agents(environment)
+    if not isinstance(sharing, dict) or not known:
         return ""
     groups = [members for members in sharing.values() if isinstance(members, list)]
-    named, known = Counter(map(str, chain(*groups))), agent_names(agents)
+    named = Counter(map(str, chain(*groups)))
     if wrong := [agent for agent in known if named[agent] != 1]:
         return f"{wrong[0]} is in {named[wrong[0]] or 'no'} groups, instead of in one"
     strange = sorted(named.keys() - {*known})
-    return f"there is no agent {strange[0]!r}, but {known[0]} to {known[-1]}" if strange else ""
+    return f"there is no agent {strange[0]!r}, but {', '.join(known)}" if strange else ""
 
 
-def _searched(values: Values) -> Iterator[Fault]:
+def _names_of_agents(environment: Values) -> tuple[str, ...]:
+    """Return the agents' names; none where the value is not one."""
+    agents = environment.get("agents", 4)
+    if isinstance(agents, dict):
+        return tuple(agents)
+    return agent_names(min(agents, MOST_AGENTS)) if isinstance(agents, int) else ()
+
+
+def _check_tune(values: Values) -> Iterator[Fault]:
     """Yield what a search cannot set, or cannot choose from."""
-    agents = _section(values, "environment").get("agents", 4)
+    environment = _section(values, "environment")
     for algorithm in _known_algorithms(values)[:1]:
         for name, given in _section(_section(values, "tune"), "parameters").items():
             key = ("tune", "parameters", name)
@@ -192,7 +214,7 @@ def _searched(values: Values) -> Iterator[Fault]:
                 for fault, text, remedy in setting_faults(algorithm, {name: value}):
                     if fault.key:  # how settings fit each other depends on what is drawn
                         yield Fault((*key, *inner, *fault.key[1:]), text, remedy)
-                if name == "sharing" and (text := _sharing_fault(value, agents)):
+                if name == "sharing" and (text := _sharing_fault(value, environment)):
                     yield Fault((*key, *inner), text)
 
 
@@ -201,9 +223,9 @@ def _draw_fault(given: Any) -> Fault | None:
     if isinstance(given, list) and given:
         return None
     (kind, bounds), *more = given.items() if isinstance(given, dict) and given else [("", None)]
-    if kind not in DRAWS or more or not isinstance(bounds, list) or len(bounds) != 2:
-        draws = ", ".join(f"{{{draw}: [low, high]}}" for draw in DRAWS)
-        return Fault((), f"{given!r} is nothing to search in", f"give a list of values, or one of {draws}")
+    if kind not in DISTRIBUTIONS or more or not isinstance(bounds, list) or len(bounds) != 2:
+        draws = ", ".join(f"{{{draw}: [low, high]}}" for draw in DISTRIBUTIONS)
+        return Fault((), f"{given!r} is not a search space", f"give a list of values, or one of {draws}")
     return _bounds_fault(kind, bounds)
 
 
@@ -211,12 +233,12 @@ def _bounds_fault(kind: str, bounds: list[Any]) -> Fault | None:
     """Return what is wrong with the bounds of a draw."""
     kinds, numbers = ((int,), "whole numbers") if kind == "randint" else ((int, float), "numbers")
     if any(type(bound) not in kinds for bound in bounds):
-        return Fault((kind,), f"{bounds!r} are no {numbers}")
+        return Fault((kind,), f"{bounds!r} are not {numbers}")
     low, high = bounds
     least, order = (0, "0 < low < high") if kind == "loguniform" else (-inf, "low < high")
     if least < low < high < inf:
         return None
-    return Fault((kind,), f"{bounds!r} are no bounds", f"give [low, high] with {order}, both finite")
+    return Fault((kind,), f"{bounds!r} are not bounds", f"give [low, high] with {order}, both finite")
 
 
 def _ends(given: Any) -> list[tuple[tuple[str | int, ...], Any]]:
@@ -243,7 +265,7 @@ def _observed(environment: Values) -> Iterator[Fault]:
         try:
             adapter_class(environment.get("adapter"), environment.get("adapter_options"))
         except SmartsError as error:
-            yield Fault(("environment", "adapter"), *_words(error))
+            yield Fault(("environment", "adapter"), *_message_and_remedy(error))
     if environment.get("observation", "benchmark") != "benchmark":
         from smarts.observations.lists import feature_list
 
@@ -258,7 +280,7 @@ def _refused(key: str, check: Callable[[Any], object], environment: Values) -> I
     try:
         check(environment[key])
     except SmartsError as error:
-        problem, remedy = _words(error)
+        problem, remedy = _message_and_remedy(error)
         yield Fault(("environment", key), problem.removeprefix(f"{key}: "), remedy)
 
 
@@ -266,12 +288,12 @@ def _scenarios(values: Values) -> Iterator[Fault]:
     from smarts.sstudio.build import read_scenario, suite  # here: reports need no builder
     from smarts.sstudio.episodes import check_egos
 
-    traffic, agents = values.get("traffic"), _section(values, "environment").get("agents", 4)
+    traffic, agents = values.get("traffic"), _names_of_agents(_section(values, "environment"))
     for key, name in _places(values.get("tasks")):
         try:
             scenario = read_scenario(name)
-            if isinstance(agents, int):
-                check_egos(scenario.ego_missions or (), agents, name)
+            if agents:
+                check_egos(scenario.ego_missions or (), len(agents), name)
         except UnknownNameError:
             continue  # the model says so
         except SmartsError as error:
@@ -283,7 +305,7 @@ def _scenarios(values: Values) -> Iterator[Fault]:
                 key, f"{name} is no scenario with traffic to choose from", nearest_names(name, suite())
             )
             continue
-        for number, each in enumerate(_texts(traffic)):
+        for number, each in enumerate(_strings(traffic)):
             if each not in known:
                 text = f"{name} has no traffic {each!r}"
                 yield Fault(("traffic", number), text, nearest_names(each, known))
@@ -295,7 +317,7 @@ def _places(tasks: Any) -> Iterator[tuple[tuple[str | int, ...], str]]:
         if isinstance(task, str):
             yield ("tasks", number), task
         elif isinstance(task, dict):
-            for place, name in enumerate(_texts(task.get("scenarios"))):
+            for place, name in enumerate(_strings(task.get("scenarios"))):
                 yield ("tasks", number, "scenarios", place), name
 
 
@@ -304,5 +326,5 @@ def _section(values: Values, name: str) -> Values:
     return found if isinstance(found, dict) else {}
 
 
-def _texts(given: Any) -> Sequence[str]:
+def _strings(given: Any) -> Sequence[str]:
     return [each for each in given if isinstance(each, str)] if isinstance(given, list) else []

@@ -44,7 +44,7 @@ class Plan:
         """Put vehicles somewhere and plan."""
         for slot, place in enumerate(places):
             self.made.world.vehicles.position[0, slot] = place
-        self.made.locate()
+        self.made.match()
         self.planner.plan(np.ones(1, np.bool_))
         return self
 
