@@ -365,7 +365,9 @@ def test_names_of_agents_are_their_own(play):
         played.reset()
 
 
-@pytest.mark.parametrize("pool", [[3], [PooledAgents(LANER, 1), LANER]])
+@pytest.mark.parametrize(
+    "pool", [3, None, PooledAgents(LANER, 1), {"social": LANER}, [3], [PooledAgents(LANER, 1), LANER]]
+)
 def test_what_is_no_pool(pool):
     with pytest.raises(InterfaceError) as error:
         assemble([build_scenario("intersection")], [LANER], pool=pool)
