@@ -55,6 +55,7 @@ def scripted(
 
     Shares are of agent-episodes; those of collision and goal have 95% intervals.
     """
+    from benchmark.running.importing import named_own_code
     from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER
     from benchmark.scripted.play import play
     from smarts.registry import file_name, import_own
@@ -70,10 +71,11 @@ def scripted(
     table = None if out is None else CsvTable(out)
     for policy, name in itertools.product(chosen, scenarios):
         folder = None if record is None else record / file_name(policy) / Path(name).name
-        for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
-            typer.echo(_shown(tally))
-            if table is not None:
-                table.add(_row(tally))
+        with named_own_code(f"the policy {policy!r}"):
+            for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
+                typer.echo(_shown(tally))
+                if table is not None:
+                    table.add(_row(tally))
     if table is not None:
         table.finish()
         typer.echo(f"wrote {out}")

@@ -28,6 +28,7 @@ from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read
 from smarts.errors import nearest_names
 from smarts.registry import is_own_name
 from smarts.sstudio.locating import resolved, suite
+from smarts.types.actions import ActionSpaceType
 from smarts.types.agent_states import agent_names
 from smarts.types.traffic import TRAFFIC_ENGINES
 
@@ -35,6 +36,8 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 ADDRESS = re.compile(r"(?:[A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})")
 EMPTY_ROADS = "no_social_vehicles"
 """The traffic variation that every scenario of the suite has, with no vehicles but the agents'."""
+
+ACTION_NAMES = tuple(kind.name for kind in ActionSpaceType if kind != ActionSpaceType.Empty)
 
 Positive = Annotated[int, Field(ge=1)]
 # Sequences are written as lists, and kept as tuples, since nothing of a config changes.
@@ -61,6 +64,12 @@ def _named(kind: str, known: Iterable[str]) -> Callable[[str], str]:
 def _engine(name: str) -> str:
     if name not in TRAFFIC_ENGINES:
         raise UnfitError(f"there is no traffic engine {name!r}", nearest_names(name, TRAFFIC_ENGINES))
+    return name
+
+
+def _action(name: str) -> str:
+    if name not in ACTION_NAMES:
+        raise UnfitError(f"there is no action {name!r}", nearest_names(name, ACTION_NAMES))
     return name
 
 
@@ -158,19 +167,7 @@ Imports = Annotated[tuple[str, ...], Field(strict=False), DISTINCT]
 Wheels = Annotated[tuple[Annotated[int, Field(ge=0, le=3)], ...], Field(strict=False), DISTINCT]
 VehicleName = Literal["generic_sedan", "sedan", "passenger", "bus", "coach", "truck", "motorcycle"]
 # All but Empty, by which agents do nothing.
-ActionName = Literal[
-    "Continuous",
-    "Lane",
-    "ActuatorDynamic",
-    "LaneWithContinuousSpeed",
-    "TargetPose",
-    "Trajectory",
-    "MultiTargetPose",
-    "MPC",
-    "TrajectoryWithTime",
-    "Direct",
-    "RelativeTargetPose",
-]
+ActionName = Annotated[str, AfterValidator(_action)]
 Tasks = Annotated[
     tuple[TrainingTask, ...], SEVERAL, BeforeValidator(_tasks), AfterValidator(_differently_named)
 ]

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic.json_schema import models_json_schema
 
 from algorithms.registry import ALGORITHMS
-from benchmark.experiment.config import Experiment
+from benchmark.experiment.config import ACTION_NAMES, Experiment
 from benchmark.metrics import METRICS
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import EXTENDS
@@ -35,6 +35,7 @@ def schema() -> dict[str, Any]:
     found["$defs"]["Environment"]["properties"]["traffic_engine"]["anyOf"][0]["enum"] = sorted(
         TRAFFIC_ENGINES
     )
+    found["$defs"]["Environment"]["properties"]["action"]["enum"] = [*ACTION_NAMES]
     _add_settings(found)
     found.pop("required", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}

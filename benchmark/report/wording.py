@@ -119,6 +119,6 @@ def standing(report: Report) -> list[str]:
         if short:
             asked = f"fewer test episodes than the {paper()['test_episodes']} a seed that this asks for"
             sentences.append(
-                f"{MODE_TITLES[mode]}: {short} cells are not compared with the paper's: {asked}."
+                f"{MODE_TITLES[mode]}: {short} cell{'s'[: short > 1]} not compared with the paper's: {asked}."
             )
     return sentences

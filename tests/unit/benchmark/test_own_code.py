@@ -246,7 +246,7 @@ def test_a_file_of_the_command_line_is_non_inferior(tmp_path):
         ("environment.flat_tyres=[4]", "environment.flat_tyres[0] is 4"),
         ("environment.traffic_engine=Sumo", "environment.traffic_engine: there is no traffic engine 'Sumo'"),
         ("environment.traffic_engine='a:B'", "there is no traffic engine 'a:B'"),
-        ("environment.action=Empty", "environment.action is 'Empty'"),
+        ("environment.action=Empty", "environment.action: there is no action 'Empty'"),
     ],
 )
 def test_physics_and_actions_are_checked(tmp_path, change, said):

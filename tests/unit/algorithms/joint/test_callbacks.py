@@ -44,7 +44,7 @@ def trained(env, iterations, env_config=None, **callbacks):
 
 def test_every_episode_starts_steps_and_ends():
     first, second = trained(Constant, 2, callbacks_class=Diary)
-    # Two copies: 16 steps end an episode of ten each, 32 steps two more; every end starts another.
+    # Two environments: 16 steps end an episode of ten each, 32 steps two more; every end starts another.
     assert [r["ended"] for r in (first, second)] == [2, 4]
     assert [r["told"] for r in (first, second)] == [20, 40]
     assert [r["started"] for r in (first, second)] == [4, 4]

@@ -37,7 +37,7 @@ def value_of(observation):
 class Logged(Ragged):
     """A ragged game that keeps every life: rows of (observation, reward, next, end)."""
 
-    log: list[list[tuple]] = []  # noqa: RUF012 - one log for all copies, emptied by the test
+    log: list[list[tuple]] = []  # noqa: RUF012 - one log for all environments, emptied by the test
 
     def reset(self, *, seed=None, options=None):
         observations, infos = super().reset(seed=seed)
