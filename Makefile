@@ -1,4 +1,4 @@
-# Every target first brings the machine to where it can work: system libraries, `.venv`, packages.
+# Every target first installs what it needs: system libraries, `.venv`, packages.
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 SHELL := /bin/bash

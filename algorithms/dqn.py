@@ -29,7 +29,7 @@ from algorithms.joint.prioritised import PrioritisedReplay
 from algorithms.joint.replay import JointReplay
 from algorithms.joint.spec import Group, JointSpec
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
-from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.memory import GRUMemory
 from algorithms.parts.networks import Encoder, perceptron
 
@@ -172,7 +172,7 @@ class DQNLearner(OffPolicyLearner):
             values = net.target_q((target_view or view).observations)
             ranking = net.policy(view) if self.config.double else values
             if view.action_mask is not None:
-                ranking = ranking.masked_fill(~view.action_mask, ILLEGAL)
+                ranking = ranking.masked_fill(~view.action_mask, MASKED_LOGIT)
             return values.gather(-1, ranking.argmax(-1, keepdim=True)).squeeze(-1)
 
 

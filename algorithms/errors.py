@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 class AlgorithmError(Exception):
-    """Something the user can mend.
+    """A user error.
 
     Args:
         problem: What is wrong, with the offending value.
@@ -49,7 +49,7 @@ class UnknownSettingError(AlgorithmError):
 
 
 class SpaceError(AlgorithmError):
-    """An environment whose spaces or turns an algorithm cannot handle."""
+    """Spaces or turn-taking that an algorithm does not support."""
 
 
 class EnvironmentFailure(AlgorithmError):  # noqa: N818 - names the event, and `EnvironmentError` is a builtin
@@ -61,7 +61,7 @@ class RunnerFailure(AlgorithmError):  # noqa: N818
 
 
 class CheckpointError(AlgorithmError):
-    """A checkpoint of another algorithm, of other agents, spaces or groups, or of other networks."""
+    """A checkpoint that does not match the algorithm, agents, spaces, groups or networks."""
 
 
 def nearest_names(name: str, known: Iterable[str]) -> str:

@@ -1,4 +1,4 @@
-"""Multi-actor-attention-critic (MAAC): a soft actor-critic whose critic chooses whom to look at.
+"""Multi-actor-attention-critic (MAAC): a soft actor-critic with an attentive critic.
 
 Iqbal & Sha 2019, "Actor-Attention-Critic for Multi-Agent Reinforcement Learning". Each agent's Q_i(o, a) is a
 function of its own embedding and of a sum over the other agents' values V g_j(o_j, a_j), weighted by

@@ -50,7 +50,7 @@ from algorithms.joint.spec import Group, JointSpec, action_size
 from algorithms.maac import of_actions
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration, Head
 from algorithms.parts.graph import consensus_rate, metropolis
-from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.networks import perceptron
 
 
@@ -79,7 +79,7 @@ class JointActions:
             number = number * size + action
         return number
 
-    def legal_values(self, values: Tensor, views: Sequence[GroupView]) -> Tensor:
+    def masked_values(self, values: Tensor, views: Sequence[GroupView]) -> Tensor:
         """Return values (M, A_1, ..., A_N) of joint actions (M, P), the impossible ones far below."""
         table, agent = values.unflatten(-1, self.sizes), 0
         for group, view in zip(self._groups, views, strict=True):
@@ -87,7 +87,7 @@ class JointActions:
                 shape = [len(table)] + [1] * len(self.sizes)
                 shape[agent + 1] = self.sizes[agent]
                 table = table.masked_fill(
-                    ~self._possible(view, place, self.sizes[agent]).view(shape), ILLEGAL
+                    ~self._possible(view, place, self.sizes[agent]).view(shape), MASKED_LOGIT
                 )
                 agent += 1
         return table
@@ -146,7 +146,7 @@ class NetworkedQModule(JointModule):
         """Return for each group the best value (M, n, A) that each own action allows, by its own network."""
         state, outputs = joint_state(views), []
         for module in modules:
-            table = module.combinations.legal_values(module.q(state), views)
+            table = module.combinations.masked_values(module.q(state), views)
             outputs.append(module.combinations.own_values(table, module.group))
         return outputs
 
@@ -191,7 +191,7 @@ class NetworkedQLearner(OffPolicyLearner):
         for group, own in groups.items():
             net = self.net(group.id)
             with torch.no_grad():
-                best = self.combinations.legal_values(net.target_q(state_next), following).flatten(1).amax(1)
+                best = self.combinations.masked_values(net.target_q(state_next), following).flatten(1).amax(1)
                 rewards = self.config.reward_scale * torch.where(own.alive, own.rewards, 0)
                 targets = rewards + self.gamma * torch.where(goes_on, best, 0).unsqueeze(-1)
             error = (of_actions(net.q(state), number).unsqueeze(-1) - targets).square()

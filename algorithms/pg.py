@@ -62,7 +62,7 @@ class PGLearner(A2CLearner):
             self.updates += 1
 
     def prepare(self, rollout: JointRollout) -> OnPolicyBatch:
-        """Return a row for each moment in which an agent acted whose trajectory is over.
+        """Return one row per (step, environment) with an agent whose trajectory has ended.
 
         `alive` marks these agents only.
         """

@@ -168,7 +168,7 @@ class JointSettings(BaseModel):
     def _sequences_fit(self) -> Self:
         if self.gru and self.rollout_fragment_length % self.sequence_length:
             raise ValueError(
-                f"rollout_fragment_length={self.rollout_fragment_length} is no multiple of "
+                f"rollout_fragment_length={self.rollout_fragment_length} is not a multiple of "
                 f"sequence_length={self.sequence_length}"
             )
         return self
@@ -385,7 +385,7 @@ class NetworkedQSettings(EpsilonGreedySettings):
     agreement_rounds: Number = 8
     """Rounds of averaging at the end of a fit."""
     max_joint_actions: Count = 4096
-    """Most joint actions that are told apart."""
+    """Maximum number of joint actions."""
 
 
 class SettingFault(NamedTuple):

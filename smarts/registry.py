@@ -321,7 +321,7 @@ def _lines(traceback: TracebackType | None) -> Iterator[tuple[str, int]]:
 
 
 def _defined_at(name: str, found: Any) -> str:
-    """Return where a part is defined, as near as can be told."""
+    """Return the file and line that define a part, or its module."""
     code = getattr(found, "__code__", None)
     if code is not None:
         return f"{code.co_filename}:{code.co_firstlineno}"

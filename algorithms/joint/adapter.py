@@ -46,7 +46,7 @@ class JointVector:
         self._max_failures = max_failures
         self._envs: list[Any] = []
         self._envs.extend(self._create(b) for b in range(num_envs))
-        self._worlds = np.zeros(num_envs, int)
+        self._indices = np.zeros(num_envs, int)
         self._episodes = np.zeros(num_envs, int)
         self._seed = self._stride = 0
         first = self._envs[0]
@@ -68,10 +68,10 @@ class JointVector:
         self._away = np.zeros((num_envs, len(self._agents)), bool)  # left without a flag in this episode
         self._warned = False
 
-    def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
+    def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
         """Start all environments; see `VectorJointEnv.reset`."""
         self._seed, self._stride = seed, stride
-        self._worlds, self._episodes = np.array(worlds, int), np.zeros(self.num_envs, int)
+        self._indices, self._episodes = np.array(indices, int), np.zeros(self.num_envs, int)
         for b in range(self.num_envs):
             self._start_or_replace(b)
         return self._step_so_far()
@@ -130,7 +130,7 @@ class JointVector:
             return None
         return {
             "envs": envs,
-            "worlds": self._worlds.copy(),
+            "worlds": self._indices.copy(),
             "episodes": self._episodes.copy(),
             "seed": (self._seed, self._stride),
             "view": cloudpickle.dumps((self._view, self._away)),
@@ -140,7 +140,7 @@ class JointVector:
         """Continue where `get_state` was called."""
         self.close()
         self._envs = [cloudpickle.loads(env) for env in state["envs"]]
-        self._worlds, self._episodes = state["worlds"].copy(), state["episodes"].copy()
+        self._indices, self._episodes = state["worlds"].copy(), state["episodes"].copy()
         self._seed, self._stride = state["seed"]
         self._view, self._away = cloudpickle.loads(state["view"])
 
@@ -206,7 +206,7 @@ class JointVector:
             mask[b, row] = info[MASK] if action_mask is None else action_mask
 
     def _start(self, b: int) -> None:
-        seed = episode_seed(self._seed, int(self._worlds[b]), int(self._episodes[b]))
+        seed = episode_seed(self._seed, int(self._indices[b]), int(self._episodes[b]))
         observations, infos = self._envs[b].reset(seed=seed)
         self._away[b] = False
         for agent, (column, _, _) in self._place.items():
@@ -215,7 +215,7 @@ class JointVector:
 
     def _next_episode(self, b: int) -> None:
         if self._stride:
-            self._worlds[b] += self._stride
+            self._indices[b] += self._stride
         else:
             self._episodes[b] += 1
         self._start_or_replace(b)
@@ -260,7 +260,7 @@ class JointVector:
         return EnvironmentFailure(
             f"environment {b} could not be started {self._max_failures} times in a row; last: {cause!r}",
             place=f"environment {type(self._envs[0]).__name__}" if self._envs else "environment",
-            remedy="mend the environment: its constructor or reset raises",
+            remedy="fix the environment: its constructor or reset raises",
         )
 
     def _replace(self, b: int, cause: BaseException, *, fresh_episode: bool = True) -> None:

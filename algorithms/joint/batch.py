@@ -7,8 +7,9 @@ results together again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -16,6 +17,7 @@ import torch
 from gymnasium.spaces import Discrete
 from torch import Tensor
 
+from algorithms.joint.env import map_arrays
 from algorithms.joint.rollout import View
 from algorithms.joint.spec import Group, JointSpec
 
@@ -94,24 +96,18 @@ class JointView:
     @classmethod
     def of(cls, spec: JointSpec, view: View, device: torch.device | str = "cpu") -> Self:
         """Return the view as tensors; shares memory with the arrays on the CPU."""
-        return cls(
-            spec,
-            tuple(
-                {name: to_tensor(leaf, device) for name, leaf in leaves.items()}
-                for leaves in view.observations
-            ),
-            to_tensor(view.alive, device),
-            tuple(None if mask is None else to_tensor(mask, device) for mask in view.masks),
-            None if view.state is None else to_tensor(view.state, device),
-            None if view.graph is None else to_tensor(view.graph, device),
-        )
+        arrays = view.observations, view.alive, view.masks, view.state, view.graph
+        return cls(spec, *map_arrays(partial(to_tensor, device=device), arrays))
 
     def __len__(self) -> int:
         return len(self.alive)
 
     def __getitem__(self, rows) -> Self:
         """Return the given rows."""
-        return replace(self, **{name: _rows(getattr(self, name), rows) for name in self._tensors()})
+        # By number: half the time of indexing by a tensor.
+        if isinstance(rows, Tensor) and rows.dtype == torch.int64:
+            return self.map(lambda x: x.index_select(0, rows))
+        return self.map(lambda x: x[rows])
 
     def sequences(self, chosen: Tensor) -> Self:
         """Return the sequences of the given numbers; rows, where sequences have one moment."""
@@ -158,7 +154,7 @@ class JointView:
     def joint_observations(self) -> Tensor:
         """Return all agents' flattened observations side by side, (..., sum n*d); zeros for absent agents."""
         parts = []
-        for block, leaves in zip(self._block_columns(), self.observations, strict=True):
+        for block, leaves in zip(self.spec.spaces.columns, self.observations, strict=True):
             there = self.alive[..., block]
             for leaf in leaves.values():
                 flat = (
@@ -174,12 +170,6 @@ class JointView:
         if self.state is not None:
             return self.state
         return torch.cat([self.joint_observations(), self.alive.float()], -1)
-
-    def _block_columns(self) -> list[slice]:
-        ends = np.cumsum([len(block.agents) for block in self.spec.spaces.blocks])
-        return [
-            slice(int(e) - len(b.agents), int(e)) for e, b in zip(ends, self.spec.spaces.blocks, strict=True)
-        ]
 
     def _order(self, group: Group) -> dict[str, Any]:
         fresh = None if self.fresh is None else self.fresh[..., group.columns]
@@ -290,21 +280,5 @@ def to_tensor(array: np.ndarray, device: torch.device | str = "cpu") -> Tensor:
     return tensor if device == "cpu" else tensor.to(device)
 
 
-def _rows(value: Any, rows) -> Any:
-    if isinstance(value, JointView):
-        return value[rows]
-    # Half the time of indexing by a tensor.
-    by_number = isinstance(rows, Tensor) and rows.dtype == torch.int64
-    return _apply(value, lambda x: x.index_select(0, rows) if by_number else x[rows])
-
-
-def _apply(value: Any, function) -> Any:
-    if value is None:
-        return None
-    if isinstance(value, Tensor):
-        return function(value)
-    if isinstance(value, JointView):
-        return value.map(function)
-    if isinstance(value, Mapping):
-        return {name: function(leaf) for name, leaf in value.items()}
-    return tuple(_apply(part, function) for part in value)
+def _apply(value: Any, function: Callable[[Tensor], Tensor]) -> Any:
+    return value.map(function) if isinstance(value, JointView) else map_arrays(function, value)

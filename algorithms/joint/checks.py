@@ -1,4 +1,4 @@
-"""Checks of environments for critics of all observations."""
+"""Checks that observations can be concatenated for a centralised critic."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def check_vectors(spec: JointSpec, algorithm: str) -> None:
         for name, space in block.observation.items():
             if len(space.shape) == 3:
                 raise SpaceError(
-                    f"{algorithm!r} joins all observations; {name or 'one'!r} is an image",
+                    f"{algorithm!r} joins all observations; {repr(name) if name else 'one'} is an image",
                     place="observation space",
                     remedy="use 'ppo', or give a state to 'centralised_v', or drop the image",
                 )

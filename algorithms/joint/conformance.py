@@ -13,14 +13,14 @@ from algorithms.joint.env import AgentBlock, Bools, Ints, JointStep, VectorJoint
 
 
 def check_vector_env(env: VectorJointEnv, *, steps: int = 200, seed: int = 0) -> None:
-    """Play random allowed actions and verify every step, then that episodes depend on (seed, world) alone.
+    """Play random allowed actions and verify every step, then that episodes depend on (seed, index) alone.
 
     Raises:
         SpaceError: The contract is broken; the message says where.
     """
-    worlds = np.arange(env.num_envs)
-    first = _play(env, worlds, steps, seed)
-    second = _play(env, worlds, steps, seed)
+    indices = np.arange(env.num_envs)
+    first = _play(env, indices, steps, seed)
+    second = _play(env, indices, steps, seed)
     for t, (one, other) in enumerate(zip(first, second, strict=True)):
         _require(
             bool(np.array_equal(one.rewards, other.rewards)),
@@ -32,9 +32,9 @@ def check_vector_env(env: VectorJointEnv, *, steps: int = 200, seed: int = 0) ->
             _require(same, t, "observations differ when the same seed is replayed")
 
 
-def _play(env: VectorJointEnv, worlds: Ints, steps: int, seed: int) -> list[JointStep]:
+def _play(env: VectorJointEnv, indices: Ints, steps: int, seed: int) -> list[JointStep]:
     rng = np.random.Generator(np.random.Philox(seed))
-    now = copy.deepcopy(env.reset(seed, worlds))
+    now = copy.deepcopy(env.reset(seed, indices))
     _check_shapes(env, now, 0)
     history = [now]
     for t in range(1, steps + 1):

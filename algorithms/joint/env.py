@@ -9,7 +9,7 @@ The interface is duck-typed: an environment need not import this module. `JointV
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -61,6 +61,12 @@ class JointSpaces(NamedTuple):
     state: int = 0
     has_graph: bool = False
 
+    @property
+    def columns(self) -> list[slice]:
+        """Columns of each block's agents."""
+        ends = np.cumsum([len(block.agents) for block in self.blocks]).tolist()
+        return [slice(end - len(block.agents), end) for end, block in zip(ends, self.blocks, strict=True)]
+
 
 class FinalStep(NamedTuple):
     """True last observations of the environments whose observations were overwritten in a step.
@@ -88,7 +94,7 @@ class JointStep(NamedTuple):
             in this step while its environment continues keeps its last observation here, with `alive` False;
             zeros afterwards.
         rewards: Shape (B, N); zero for agents that did not act.
-        terminated: Ended for good, value zero; shape (B, N).
+        terminated: Ended, not bootstrapped; shape (B, N).
         truncated: Cut short, value to be bootstrapped; shape (B, N).
         alive: Agents that act in the *next* step, shape (B, N). An agent that acted and no longer does has
             terminated or was truncated, unless its environment was reset or failed.
@@ -125,21 +131,21 @@ class VectorJointEnv(Protocol):
     after a restore exact; `annotate(name, values)`, by which evaluations pass to an environment that records
     its episodes what the next step's actions were sampled from: per block, "probabilities" (B, n, A) or
     "mean_std" (B, n, 2, k), None for the blocks that have the other. A vector environment that continues with
-    another world where an episode fails has an attribute `worlds`, the present ones, shape (B,).
+    another index where an episode fails has an attribute `worlds`, the present indices, shape (B,).
     """
 
     num_envs: int
     spaces: JointSpaces
 
-    def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
+    def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
         """Start all environments.
 
         Args:
-            seed: Root seed, 0 to 2**63 - 1. An episode is a function of it, the world and the number of
+            seed: Root seed, 0 to 2**63 - 1. An episode is a function of it, the index and the number of
                 episodes that the environment has played since this call.
-            worlds: World of each environment, shape (B,).
-            stride: 0: the next episode of an environment is the next one of its world. Else it is the same
-                episode of the world `stride` further: a fixed list of worlds is dealt to the environments.
+            indices: Index of each environment's random stream, shape (B,).
+            stride: 0: an environment plays successive episodes of its index. k > 0: it plays the first
+                episode of its index w, then of w + k, and so on: a fixed list is dealt to the environments.
         """
         ...
 
@@ -156,9 +162,22 @@ class VectorJointEnv(Protocol):
         ...
 
 
-def episode_seed(seed: int, world: int, episode: int) -> int:
+def map_arrays(function: Callable[..., Any], first: Any, *others: Any) -> Any:
+    """Apply a function to the arrays at equal places of nested tuples and dicts; None stays None."""
+    if first is None:
+        return None
+    if isinstance(first, Mapping):
+        return {
+            name: map_arrays(function, part, *(each[name] for each in others)) for name, part in first.items()
+        }
+    if isinstance(first, tuple):
+        return tuple(map_arrays(function, *parts) for parts in zip(first, *others, strict=True))
+    return function(first, *others)
+
+
+def episode_seed(seed: int, index: int, episode: int) -> int:
     """Return the seed of one episode, in [0, 2**31); the same on every machine and in every process."""
-    return int(np.random.SeedSequence([seed, world, episode]).generate_state(1)[0] >> 1)
+    return int(np.random.SeedSequence([seed, index, episode]).generate_state(1)[0] >> 1)
 
 
 def is_vector_env(env: Any) -> bool:

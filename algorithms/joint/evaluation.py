@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from algorithms.joint.env import VectorJointEnv
+from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from algorithms.joint.progress import Episode
 from algorithms.joint.runner import JointEnvRunner
 from algorithms.joint.sampler import EvaluatedStep
-from algorithms.joint.worlds import REPORTED_WORLDS
 
 if TYPE_CHECKING:
     from algorithms.joint.algorithm import JointAlgorithm
@@ -23,7 +23,7 @@ def evaluate(
     *,
     explore: bool = False,
     on_step: Callable[[EvaluatedStep], None] | None = None,
-    first_world: int = REPORTED_WORLDS,
+    first_episode: int = FIRST_TEST_EPISODE,
     env: VectorJointEnv | None = None,
     seed: int | None = None,
 ) -> list[Episode]:
@@ -31,11 +31,11 @@ def evaluate(
 
     Args:
         algo: A built algorithm; its training is left alone.
-        episodes: Their number; episode k plays world `first_world + k`, whatever the number of environments
-            or runners.
+        episodes: Number of episodes; episode k has the index `first_episode + k`, whatever the number of
+            environments or runners.
         explore: Sample actions as in training, from one stream for all environments, or act greedily.
         on_step: Called with every step of all environments, sampling distributions included.
-        first_world: World of the first episode.
+        first_episode: Index of the first episode.
         env: Where to play, by default in an environment like those of training; left open.
         seed: Root seed of the episodes and of sampled actions, by default the algorithm's own. One seed for
             all trainings makes their episodes begin alike.
@@ -44,10 +44,10 @@ def evaluate(
         SpaceError: `env` has other agents or spaces than the algorithm.
 
     Returns:
-        The episodes in the order of their worlds; an episode that failed in an environment which then
-        continues with another world, as the benchmark's does, is missing.
+        The episodes in the order of their indices; an episode that failed in an environment which then
+        continues with another index, as the benchmark's does, is missing.
     """
     runner: JointEnvRunner = algo.env_runner_group.local_env_runner
     runner.set_state(algo.runner_state())
-    worlds = first_world + np.arange(episodes)
-    return runner.play(worlds, explore=explore, on_step=on_step, env=env, seed=seed)
+    indices = first_episode + np.arange(episodes)
+    return runner.play(indices, explore=explore, on_step=on_step, env=env, seed=seed)

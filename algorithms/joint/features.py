@@ -45,17 +45,14 @@ class WithMeanActions:
                 b._replace(observation={**b.observation, MEAN_ACTION: seen}) for b in env.spaces.blocks
             )
         )
-        ends = np.cumsum([len(b.agents) for b in env.spaces.blocks])
-        self._columns = [
-            slice(int(e) - len(b.agents), int(e)) for e, b in zip(ends, env.spaces.blocks, strict=True)
-        ]
-        self._means: Floats = np.zeros((self.num_envs, int(ends[-1]), self._actions), np.float32)
+        self._columns = env.spaces.columns
+        self._means: Floats = np.zeros((self.num_envs, self._columns[-1].stop, self._actions), np.float32)
         self._alive: Bools = np.zeros(self._means.shape[:2], bool)
         self._neighbours = torch.zeros(*self._alive.shape, self._alive.shape[1], dtype=torch.bool)
 
-    def reset(self, seed: int, worlds: Ints, *, stride: int = 0) -> JointStep:
+    def reset(self, seed: int, indices: Ints, *, stride: int = 0) -> JointStep:
         """Start all environments; nothing has been done yet. See `VectorJointEnv.reset`."""
-        step = self._env.reset(seed, worlds, stride=stride)
+        step = self._env.reset(seed, indices, stride=stride)
         self._means = np.zeros_like(self._means)
         return self._shown(step)
 

@@ -1,4 +1,4 @@
-"""Environments that answered with NaN or infinity."""
+"""Detects non-finite rewards, observations and states."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def non_finite(step: JointStep) -> dict[int, BaseException]:
 
 def _numbers(step: JointStep) -> Iterator[tuple[Ints, np.ndarray]]:
     """Yield (environments, array) for every array of floating-point numbers."""
-    everyone = np.arange(len(step.rewards))
-    yield everyone, step.rewards
-    moments = [(everyone, step)] if step.final is None else [(everyone, step), (step.final.rows, step.final)]
+    all_envs = np.arange(len(step.rewards))
+    yield all_envs, step.rewards
+    moments = [(all_envs, step)] if step.final is None else [(all_envs, step), (step.final.rows, step.final)]
     for rows, moment in moments:
         arrays = [leaf for leaves in moment.observations for leaf in leaves.values()]
         if moment.state is not None:

@@ -8,11 +8,11 @@ Four masks follow from `alive`, `terminated`, `truncated`, `reset` and `failed`,
     last[t]      = bootstrap[t] and not chain[t]
 
 `bootstrap`: the value of the next moment counts. `chain`: row t+1 is the next action of the same trajectory,
-so returns accumulate over it. `fresh`: a trajectory begins in this column (late arrival, reuse, reset), so
+so returns accumulate over it. `fresh`: a trajectory begins (late entry, slot reuse, reset), so
 memory is cleared.
-`last`: the trajectory continues beyond the data, or was cut; its next observation is a *final row* of its
-own, since row t+1 may belong to another agent. A failed step is invalid: it has `alive[t]` False, so the
-trajectory before it ends in a final row.
+`last`: the trajectory continues beyond the data, or was cut; its next observation is stored in an extra
+*final row*, because row t+1 may belong to another trajectory. A failed step is invalid: it has `alive[t]`
+False, so the trajectory before it ends in a final row.
 """
 
 from __future__ import annotations

@@ -25,32 +25,55 @@ def critic_of(group: Group) -> str:
     return f"{group.id}__critic"
 
 
-class JointModule(TorchRLModule, InferenceOnlyAPI):
+class ConfiguredModule(TorchRLModule):
+    """A network that a `JointConfig` describes.
+
+    Attributes:
+        targets: Names of attributes that are target networks: learner only, no gradient.
+    """
+
+    targets: tuple[str, ...] = ()
+    group: Any
+    """The `Group` of the agents; None for all agents."""
+
+    def read_config(self) -> None:
+        """Read the model config.
+
+        Raises:
+            TypeError: It is not one of a `JointConfig`.
+        """
+        config = self.model_config
+        if not isinstance(config, Mapping) or "spec" not in config:
+            raise TypeError(f"joint modules are built by JointConfig, not from the model config {config!r}")
+        self.spec: JointSpec = config["spec"]
+        self.group = next((g for g in self.spec.groups if g.id == config["group"]), None)
+        self.settings: Mapping[str, Any] = config["settings"]
+
+    def trained_parameters(self) -> list[nn.Parameter]:
+        """Return the parameters that optimisers step: all but the target networks'."""
+        return [p for name, p in self.named_parameters() if name.split(".")[0] not in self.targets]
+
+
+class JointModule(ConfiguredModule, InferenceOnlyAPI):
     """A policy shared by the n agents of a group.
 
     `model_config` carries `spec` (JointSpec), `group` (Group id, or None for modules of all agents) and
     `settings` (whatever the algorithm's config hands over).
 
     Attributes:
-        targets: Names of attributes that are target networks: learner only, no gradient.
         head: How outputs become actions.
         communicates: Whether agents hear those of other groups, so that `policies` needs all groups at once.
         acts_jointly: Whether actions depend on other agents' actions of the same step: see `act_jointly`.
         memory_size: Width H of a recurrent policy's memory, 0 for a policy without.
     """
 
-    targets: tuple[str, ...] = ()
     communicates: bool = False
     acts_jointly: bool = False
     head: Head
 
     def setup(self) -> None:
         """Read the model config and build the networks."""
-        config = self.model_config
-        assert_mapping(config)
-        self.spec: JointSpec = config["spec"]
-        self.group: Group = next(g for g in self.spec.groups if g.id == config["group"])
-        self.settings: Mapping[str, Any] = config["settings"]
+        self.read_config()
         self.memory_size = int(np.prod(self.group.observation[MEMORY].shape)) if self.recurrent else 0
         self.head = self.make_head()
         self.make_networks()
@@ -132,10 +155,6 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         """Return the attributes that runners do not hold (RLlib)."""
         return list(self.targets)
 
-    def trained_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters that optimisers step: all but the target networks'."""
-        return [p for name, p in self.named_parameters() if name.split(".")[0] not in self.targets]
-
     def _forward(self, batch: Mapping[str, Any], **kwargs: Any) -> dict[str, Any]:
         """Return, for plain RLlib, greedy actions for observations (M, ...) of single agents."""
         seen = batch[Columns.OBS]
@@ -145,43 +164,19 @@ class JointModule(TorchRLModule, InferenceOnlyAPI):
         return {Columns.ACTIONS: acting.actions[:, 0]}
 
 
-class LearnerModule(TorchRLModule):
-    """A network that only learners hold: a critic, a mixer. See `JointModule` for `model_config`.
-
-    Attributes:
-        targets: Names of attributes that are target networks.
-    """
-
-    targets: tuple[str, ...] = ()
+class LearnerModule(ConfiguredModule):
+    """A network that only learners hold: a critic, a mixer. See `JointModule` for `model_config`."""
 
     def setup(self) -> None:
         """Read the model config and build the networks."""
-        config = self.model_config
-        assert_mapping(config)
-        self.spec: JointSpec = config["spec"]
-        self.group: Group | None = next((g for g in self.spec.groups if g.id == config["group"]), None)
-        self.settings: Mapping[str, Any] = config["settings"]
+        self.read_config()
         self.make_networks()
 
     def make_networks(self) -> None:
         """Create the networks."""
         raise NotImplementedError
 
-    def trained_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters that optimisers step: all but the target networks'."""
-        return [p for name, p in self.named_parameters() if name.split(".")[0] not in self.targets]
-
 
 def without_memory(leaves: Mapping[str, Any]) -> dict[str, Any]:
     """Return the leaves that come from the environment."""
     return {name: leaf for name, leaf in leaves.items() if name != MEMORY}
-
-
-def assert_mapping(config: Any) -> None:
-    """Raise if a module was built without the model config of a `JointConfig`.
-
-    Raises:
-        TypeError: It was.
-    """
-    if not isinstance(config, Mapping) or "spec" not in config:
-        raise TypeError(f"joint modules are built by JointConfig, not from the model config {config!r}")

@@ -16,7 +16,7 @@ from algorithms.settings import Graph, Near
 
 
 class Neighbourhood:
-    """Tells the neighbours of every agent at any moment.
+    """Computes the neighbour graph at each step.
 
     Args:
         spaces: Agents and what they see.

@@ -1,4 +1,4 @@
-"""The policies of all groups acting together: a view in, actions of every block out."""
+"""The policies of all groups together: they map a `View` to the actions of every block."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from algorithms.parts.networks import Encoder, PlacedPerceptron, StackedPerceptr
 class Policies:
     """The policy networks of all groups, evaluated together.
 
+    A block is agents with equal spaces; a group is agents of a block that share one network.
+
     Where every agent of a block has its own plain perceptron, these are stacked into one batched product;
     sampling happens once per block in any case.
     """
@@ -38,15 +40,15 @@ class Policies:
         return all(module.head.has_log_prob for module in self._modules.values())
 
     def refresh(self) -> None:
-        """Take over changed weights."""
+        """Rebuild the stacked networks after a change of weights."""
         with torch.no_grad():
             self._stacked = [self._stack([self._modules[g.id] for g in groups]) for groups in self._by_block]
 
     def begin_episode(self, view: View, generator: Generator) -> list[Tensor]:
         """Return the latents (K, n, ...) of each block for K episodes that begin with this view."""
         with torch.inference_mode():
-            modules, views = self._all(view)
-            return self._by_blocks(type(modules[0]).begin_episode(modules, views, generator))
+            modules, views = self._modules_and_views(view)
+            return self._concat_by_block(type(modules[0]).begin_episode(modules, views, generator))
 
     def act(self, view: View, exploration: Exploration, generator: Generator) -> list[SampledActions]:
         """Return one `SampledActions` per block for a view with leading axis (B,)."""
@@ -58,22 +60,24 @@ class Policies:
     def _act_jointly(
         self, view: View, exploration: Exploration, generator: Generator
     ) -> list[SampledActions]:
-        modules, views = self._all(view)
+        modules, views = self._modules_and_views(view)
         drawn = type(modules[0]).act_jointly(modules, views, exploration, generator)
-        fields = [self._by_blocks(list(parts)) for parts in zip(*drawn, strict=True)]
+        fields = [self._concat_by_block(list(parts)) for parts in zip(*drawn, strict=True)]
         return [SampledActions(*parts) for parts in zip(*fields, strict=True)]
 
-    def _all(self, view: View) -> tuple[list[JointModule], list[GroupView]]:
+    def _modules_and_views(self, view: View) -> tuple[list[JointModule], list[GroupView]]:
         """Return the networks of all groups, and what their agents see."""
         groups = self._spec.groups
-        return [self._modules[g.id] for g in groups], [_seen_by(g, view) for g in groups]
+        return [self._modules[g.id] for g in groups], [_group_view(g, view) for g in groups]
 
-    def _by_blocks(self, parts: Sequence[Any]) -> list[Any]:
-        """Return the parts (B, n, ...) of all groups as one of each block; None where groups have none."""
+    def _concat_by_block(self, parts: Sequence[Any]) -> list[Any]:
+        """Concatenate the tensors (B, n, ...) of all groups per block; None where groups have none."""
         if any(part is None for part in parts):
             return [None for _ in self._by_block]
         return [
-            self._in_columns(k, [p for g, p in zip(self._spec.groups, parts, strict=True) if g.block == k])
+            self._in_agent_order(
+                k, [p for g, p in zip(self._spec.groups, parts, strict=True) if g.block == k]
+            )
             for k in range(len(self._by_block))
         ]
 
@@ -87,8 +91,8 @@ class Policies:
         if stacked is not None:
             outputs = stacked(leaves)
         elif first.memory_size:
-            recalled = [self._modules[g.id].forward_recurrent(_seen_by(g, view)) for g in groups]
-            outputs, memory = (self._in_columns(block, parts) for parts in zip(*recalled, strict=True))
+            pairs = [self._modules[g.id].forward_recurrent(_group_view(g, view)) for g in groups]
+            outputs, memory = (self._in_agent_order(block, parts) for parts in zip(*pairs, strict=True))
             return first.head.act(outputs, action_mask, exploration, generator)._replace(memory=memory)
         else:
             outputs = self._gather(block, view)
@@ -99,11 +103,11 @@ class Policies:
         own = self._by_block[block]
         kind = type(self._modules[own[0].id])
         groups = self._spec.groups if kind.communicates else own
-        outputs = kind.policies([self._modules[g.id] for g in groups], [_seen_by(g, view) for g in groups])
+        outputs = kind.policies([self._modules[g.id] for g in groups], [_group_view(g, view) for g in groups])
         parts = [part for group, part in zip(groups, outputs, strict=True) if group.block == block]
-        return self._in_columns(block, parts)
+        return self._in_agent_order(block, parts)
 
-    def _in_columns(self, block: int, parts: Sequence[Tensor]) -> Tensor:
+    def _in_agent_order(self, block: int, parts: Sequence[Tensor]) -> Tensor:
         """Return the parts (B, n, ...) of a block's groups in the order of its agents."""
         if len(parts) == 1:
             return parts[0]
@@ -119,12 +123,12 @@ class Policies:
         if len(perceptrons) < len(modules) or not StackedPerceptrons.fits(perceptrons):
             return None
         if len(modules) > 1:
-            return _side_by_side([encoder for encoder, _ in parts], perceptrons, modules)
+            return _stack_single_agents([encoder for encoder, _ in parts], perceptrons, modules)
         encoder = parts[0][0]
         return PlacedPerceptron(encoder, perceptrons[0]) if encoder.places else None
 
 
-def _side_by_side(
+def _stack_single_agents(
     encoders: Sequence[Encoder], perceptrons: list[nn.Sequential], modules: Sequence[JointModule]
 ) -> Callable[[Mapping[str, Tensor]], Tensor] | None:
     """Return the networks of single agents as one, where each flattens its observation and no more."""
@@ -134,7 +138,7 @@ def _side_by_side(
     return lambda leaves: stacked(encoders[0](leaves))
 
 
-def _seen_by(group: Group, view: View) -> GroupView:
+def _group_view(group: Group, view: View) -> GroupView:
     leaves, mask = view.observations[group.block], view.masks[group.block]
     return GroupView(
         {name: torch.from_numpy(leaf)[:, group.within] for name, leaf in leaves.items()},

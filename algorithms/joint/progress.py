@@ -19,14 +19,14 @@ class Episode(NamedTuple):
         length: Steps.
         returns: Undiscounted sum of rewards of each agent, (N,).
         metrics: Numbers that the environment reported.
-        world: World of the episode.
+        episode_index: Which episode it is of those that the root seed makes.
     """
 
     env_id: int
     length: int
     returns: Floats
     metrics: Mapping[str, float]
-    world: int = -1
+    episode_index: int = -1
 
     def env_steps(self) -> int:
         """Return the number of steps (RLlib asks for it)."""
@@ -43,18 +43,18 @@ class EpisodeProgress:
 
     Attributes:
         returns: Sum of rewards so far, (B, N).
-        world: World of the present episode, (B,).
+        episode_index: Index of the present episode, (B,).
         lengths: Steps so far, (B,).
         steps: Steps since the sampler began, (B,).
-        number: Place of the present episode among those of its world, (B,); 0 with a stride.
+        number: Place of the present episode among those of its index, (B,); 0 with a stride.
         failures: Failures since the last completed episode, (B,).
-        stride: Worlds from one episode of an environment to its next; 0: all are of one world.
+        stride: Difference of the indices of an environment's successive episodes; 0: all have one index.
         failed_total: All failures so far.
         ended: Episodes completed since they were last taken.
     """
 
     returns: Floats
-    world: Ints
+    episode_index: Ints
     lengths: Ints
     steps: Ints
     number: Ints
@@ -64,11 +64,11 @@ class EpisodeProgress:
     ended: list[Episode] = field(default_factory=list)
 
     @classmethod
-    def begin(cls, world: Ints, agents: int, stride: int = 0, failed_total: int = 0) -> EpisodeProgress:
-        """Return the progress of environments that begin their first episodes in these worlds, (B,)."""
-        lengths, steps, number, failures = (np.zeros(len(world), int) for _ in range(4))
-        returns = np.zeros((len(world), agents))
-        return cls(returns, world, lengths, steps, number, failures, stride, failed_total)
+    def begin(cls, indices: Ints, agents: int, stride: int = 0, failed_total: int = 0) -> EpisodeProgress:
+        """Return the progress of environments whose first episodes have these indices, (B,)."""
+        lengths, steps, number, failures = (np.zeros(len(indices), int) for _ in range(4))
+        returns = np.zeros((len(indices), agents))
+        return cls(returns, indices, lengths, steps, number, failures, stride, failed_total)
 
     def account(self, step: JointStep, acted: Bools) -> Bools:
         """Account for a step of all environments; return those that begin a new episode, (B,).
@@ -88,13 +88,13 @@ class EpisodeProgress:
         whole[list(step.failed)] = False
         for b in np.flatnonzero(whole).tolist():
             metrics, returns = step.metrics.get(b, {}), self.returns[b].copy()
-            self.ended.append(Episode(b, int(self.lengths[b]), returns, metrics, int(self.world[b])))
+            self.ended.append(Episode(b, int(self.lengths[b]), returns, metrics, int(self.episode_index[b])))
         self.failures[whole] = 0
         self.failures[list(step.failed)] += 1
         self.failed_total += len(step.failed)
         self.returns[over] = self.lengths[over] = 0
         if self.stride:
-            self.world[whole] += self.stride  # an episode that failed is played again
+            self.episode_index[whole] += self.stride  # an episode that failed is played again
         else:
             self.number[over] += 1
         return over

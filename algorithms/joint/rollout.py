@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from algorithms.joint.env import (
     JointSpaces,
     JointStep,
     Leaves,
+    map_arrays,
 )
 from algorithms.joint.masks import Masks, derive_masks
 from algorithms.joint.spaces import stored_actions
@@ -29,7 +29,7 @@ Blocks = tuple[dict[str, np.ndarray], ...]
 
 @dataclass
 class View:
-    """What agents see at a number of moments; the leading axes are (T + 1, B) or (K,).
+    """Observations, masks and state; the leading axes are (T + 1, B) or (K,).
 
     Attributes:
         observations: Per block, leaves (..., n, ...).
@@ -69,19 +69,13 @@ class View:
         )
 
     def __getitem__(self, index) -> View:
-        return View(
-            tuple({name: leaf[index] for name, leaf in leaves.items()} for leaves in self.observations),
-            self.alive[index],
-            tuple(None if mask is None else mask[index] for mask in self.masks),
-            None if self.state is None else self.state[index],
-            None if self.graph is None else self.graph[index],
-        )
+        return View(*map_arrays(lambda array: array[index], self._arrays()))
+
+    def _arrays(self) -> tuple[Any, ...]:
+        return self.observations, self.alive, self.masks, self.state, self.graph
 
     def write(self, index, seen: JointStep | FinalStep | View) -> None:
-        """Write what agents saw, `alive` excepted, into the rows at `index`.
-
-        Leaves that the sampler adds stay as they are where they are not given.
-        """
+        """Write all but `alive` at `index`; carried leaves that are not given are kept."""
         for mine, theirs in zip(self.observations, seen.observations, strict=True):
             for name, leaf in mine.items():
                 if name in theirs or not name.startswith(CARRIED):
@@ -99,21 +93,12 @@ class View:
         """Join views along a leading axis."""
         if len(views) == 1:
             return views[0]
-        first = views[0]
-        observations = tuple(
-            {name: np.concatenate([view.observations[k][name] for view in views], axis) for name in leaves}
-            for k, leaves in enumerate(first.observations)
-        )
-        masks = tuple(_joined([view.masks[k] for view in views], axis) for k in range(len(first.masks)))
-        alive = np.concatenate([view.alive for view in views], axis)
-        state = _joined([view.state for view in views], axis)
-        return View(observations, alive, masks, state, _joined([view.graph for view in views], axis))
+        return View(*_joined([view._arrays() for view in views], axis))
 
 
-def _joined(parts: Sequence[np.ndarray | None], axis: int) -> Any:
-    """Return the parts as one array, None where there are none."""
-    arrays = [part for part in parts if part is not None]
-    return np.concatenate(arrays, axis) if arrays else None
+def _joined(parts: Sequence[Any], axis: int) -> Any:
+    """Return arrays, or nested tuples and dicts of them, joined along an axis; None where there are none."""
+    return map_arrays(lambda *arrays: np.concatenate(arrays, axis), *parts)
 
 
 @dataclass
@@ -183,7 +168,7 @@ class JointRollout:
         self.reset[t] = step.reset
         if step.final is not None:
             # Environments may reuse their arrays, so what is kept until `close` is copied.
-            kept = copy_final(step.final)
+            kept = FinalStep(*map_arrays(np.copy, step.final))
             self._finals.update({(t, int(b)): (kept, k) for k, b in enumerate(kept.rows)})
         if step.failed:
             broken = list(step.failed)
@@ -247,7 +232,7 @@ class JointRollout:
         return replace(
             rollouts[0],
             views=View.concat(parts("views"), 1),
-            actions=tuple(map(partial(np.concatenate, axis=1), zip(*parts("actions"), strict=True))),
+            actions=_joined(parts("actions"), 1),
             **{name: _joined(parts(name), 1) for name in by_step},
             final=View.concat(parts("final"), 0),
             final_at=np.concatenate(parts("final_at")) + np.stack([0 * offsets, offsets], 1),
@@ -266,27 +251,6 @@ def _empty_memories(observations: Sequence[Leaves], ended: Bools) -> None:
         column += width
 
 
-def copy_final(final: FinalStep) -> FinalStep:
-    """Return a deep copy of final observations."""
-
-    def copied(leaves: Leaves) -> Leaves:
-        return {name: leaf.copy() for name, leaf in leaves.items()}
-
-    return FinalStep(
-        final.rows.copy(),
-        tuple(map(copied, final.observations)),
-        tuple(None if mask is None else mask.copy() for mask in final.masks),
-        None if final.state is None else final.state.copy(),
-        None if final.graph is None else final.graph.copy(),
-    )
-
-
 def final_row(final: FinalStep, row: int) -> FinalStep:
     """Return one row of final observations, without its leading axis."""
-    return FinalStep(
-        final.rows[row : row + 1],
-        tuple({name: leaf[row] for name, leaf in leaves.items()} for leaves in final.observations),
-        tuple(None if mask is None else mask[row] for mask in final.masks),
-        None if final.state is None else final.state[row],
-        None if final.graph is None else final.graph[row],
-    )
+    return FinalStep(final.rows[row : row + 1], *map_arrays(lambda array: array[row], final[1:]))

@@ -35,6 +35,7 @@ from algorithms.joint.adapter import JointVector
 from algorithms.joint.callbacks import EpisodeCallbacks
 from algorithms.joint.config import JointConfig
 from algorithms.joint.env import Floats, Ints, VectorJointEnv, is_vector_env
+from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.metrics import EPISODE_MEAN
 from algorithms.joint.policies import Policies
 from algorithms.joint.progress import Episode
@@ -42,7 +43,6 @@ from algorithms.joint.rollout import JointRollout
 from algorithms.joint.sampler import EpisodeListener, EvaluatedStep, Sampler
 from algorithms.joint.spec import SPEC, JointSpec, agent_spaces
 from algorithms.joint.threads import torch_threads
-from algorithms.joint.worlds import EVALUATION_WORLDS
 
 logger = logging.getLogger(__name__)
 
@@ -134,21 +134,21 @@ class JointEnvRunner(EnvRunner, Checkpointable):
 
     def play(
         self,
-        worlds: Ints,
+        indices: Ints,
         *,
         explore: bool,
         on_step: Callable[[EvaluatedStep], None] | None = None,
         env: VectorJointEnv | None = None,
         seed: int | None = None,
     ) -> list[Episode]:
-        """Play one episode in each world, in an environment of its own, so open training episodes survive.
+        """Play one episode per index in a separate environment; training episodes are not interrupted.
 
         Args:
-            worlds: Their numbers.
+            indices: Episode indices, shape (c,), equally spaced.
             explore: Sample actions as in training, or act greedily.
             on_step: Called with every step of all environments.
             env: Where to play instead; it must have the agents and spaces of the training, and stays open.
-            seed: Root seed of what the worlds are like and of sampled actions, by default the config's.
+            seed: Root seed of the episodes and of action sampling, by default the config's.
 
         Raises:
             SpaceError: `env` has other agents or spaces.
@@ -156,7 +156,7 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         evaluator = self._new_sampler(self._evaluation_env(env), restart_id=0, seed=seed)
         exploration = self.config.exploration(self.num_env_steps_sampled_lifetime)._replace(explore=explore)
         with torch_threads(self.config.torch_threads):
-            return evaluator.episodes(worlds, exploration, on_step)
+            return evaluator.episodes(indices, exploration, on_step)
 
     def get_metrics(self) -> Any:
         """Return and clear what was logged since the last call."""
@@ -317,19 +317,19 @@ class JointEnvRunner(EnvRunner, Checkpointable):
         return rollout
 
     def _evaluate(self, count: int, explore: bool | None, *, restart: bool) -> list[Episode]:
-        """Play this runner's share of the fixed list; with W runners it owns every W-th world of it."""
+        """Play this runner's share of the fixed list; with W runners it plays every W-th index of it."""
         if count == 0:  # stock evaluation asks for none where there are more runners than episodes
             self.metrics.log_value(NUM_EPISODES, 0, reduce="sum")
             return []
         self._evaluated = 0 if restart else self._evaluated
         runners, place = max(self.num_workers or 0, 1), max(self.worker_index - 1, 0)
-        worlds = EVALUATION_WORLDS + place + runners * (self._evaluated + np.arange(count))
+        indices = FIRST_VALIDATION_EPISODE + place + runners * (self._evaluated + np.arange(count))
         self._evaluated += count
         explore = self._explores_in_evaluation() if explore is None else explore
-        episodes = self.play(worlds, explore=explore)
+        episodes = self.play(indices, explore=explore)
         self._log_episodes(episodes, episodes)
         if self.config.evaluate_sampled and not explore:
-            sampled = self.play(worlds, explore=True)
+            sampled = self.play(indices, explore=True)
             totals = [float(episode.returns.sum()) for episode in sampled]
             self._log_mean(("sampled", EPISODE_RETURN_MEAN), totals)
         self.metrics.log_value(NUM_ENV_STEPS_SAMPLED, sum(e.length for e in episodes), reduce="sum")

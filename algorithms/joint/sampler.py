@@ -30,7 +30,7 @@ class EvaluatedStep(NamedTuple):
     """One step of all environments in an evaluation, handed over before the next step reuses the arrays.
 
     Attributes:
-        playing: World of the episode each environment plays, -1 if it idles, (B,).
+        playing: Index of the episode each environment plays, -1 if it idles, (B,).
         view: What the agents saw, leading axis (B,).
         distributions: Per block, what the actions were sampled from; see `SampledActions.distribution`.
         actions: Per block, in the environment's units.
@@ -90,12 +90,12 @@ class Sampler:
         self._memories: list[np.ndarray | None] = []
         self.progress = EpisodeProgress.begin(np.zeros(env.num_envs, int), len(spec.agents))
 
-    def begin(self, worlds: Ints, *, stride: int = 0) -> None:
+    def begin(self, indices: Ints, *, stride: int = 0) -> None:
         """Start a new episode in every environment; see `VectorJointEnv.reset`."""
-        step = self.env.reset(_restarted(self._seed, self._source[1]), worlds, stride=stride)
+        step = self.env.reset(_restarted(self._seed, self._source[1]), indices, stride=stride)
         step = self._finite_start(step)
         self.progress = EpisodeProgress.begin(
-            self._worlds(worlds), len(self.spec.agents), stride, self.progress.failed_total
+            self._indices(indices), len(self.spec.agents), stride, self.progress.failed_total
         )
         self._see(self._with_leaves(step, MEMORY, self._zeros(MEMORY)))
         every = np.arange(self.env.num_envs)
@@ -133,35 +133,35 @@ class Sampler:
 
     def episodes(
         self,
-        worlds: Ints,
+        indices: Ints,
         exploration: Exploration,
         on_step: Callable[[EvaluatedStep], None] | None = None,
     ) -> list[Episode]:
-        """Play one episode in each of the given worlds, dealt in turn to the environments.
+        """Play the episodes of the given indices, dealt in turn to the environments.
 
         Args:
-            worlds: Equally spaced numbers, shape (c,).
+            indices: Episode indices, shape (c,), equally spaced.
             exploration: How to act.
             on_step: Called with every step of all environments.
 
         Returns:
-            The episodes in the order of `worlds`; an episode that failed in an environment which then
-            continues with another world is missing.
+            The episodes in the order of `indices`; an episode that failed in an environment which then
+            continues with another index is missing.
         """
-        count, last = self.env.num_envs, int(worlds[-1])
-        spacing = int(worlds[1] - worlds[0]) if len(worlds) > 1 else 1
-        self._generator.manual_seed(_mixed(self._seed, int(worlds[0])))
-        self.begin(worlds[0] + spacing * np.arange(count), stride=spacing * count)
+        count, last = self.env.num_envs, int(indices[-1])
+        spacing = int(indices[1] - indices[0]) if len(indices) > 1 else 1
+        self._generator.manual_seed(_mixed(self._seed, int(indices[0])))
+        self.begin(indices[0] + spacing * np.arange(count), stride=spacing * count)
         finished: dict[int, Episode] = {}
-        while (self.progress.world <= last).any():
+        while (self.progress.episode_index <= last).any():
             self._evaluate_step(last, exploration, on_step)
-            finished |= {episode.world: episode for episode in self.take_episodes()}
-        return [finished[world] for world in worlds.tolist() if world in finished]
+            finished |= {episode.episode_index: episode for episode in self.take_episodes()}
+        return [finished[index] for index in indices.tolist() if index in finished]
 
     def _evaluate_step(
         self, last: int, exploration: Exploration, on_step: Callable[[EvaluatedStep], None] | None
     ) -> None:
-        playing = np.where(self.progress.world <= last, self.progress.world, -1)
+        playing = np.where(self.progress.episode_index <= last, self.progress.episode_index, -1)
         seen = self._view() if on_step is None else _copied(self._view())
         acting = self._act(seen, exploration)
         actions = self._in_env_units([chosen.actions.numpy() for chosen in acting])
@@ -206,10 +206,10 @@ class Sampler:
         if self._listener is not None:
             self._listener.started(np.arange(self.env.num_envs))
 
-    def _worlds(self, expected: Ints) -> Ints:
-        """Return the worlds that are played, as expected unless the environment says otherwise; a copy."""
-        told = getattr(self.env, "worlds", None)
-        return np.array(expected if told is None else told, int)
+    def _indices(self, expected: Ints) -> Ints:
+        """Return the indices that the environments play, by default the expected ones; a copy."""
+        current = getattr(self.env, "worlds", None)
+        return np.array(expected if current is None else current, int)
 
     def _view(self) -> View:
         if self._now is None:
@@ -237,11 +237,11 @@ class Sampler:
     def _step(self, actions: tuple[np.ndarray, ...]) -> JointStep:
         before = self._view()
         acted = before.alive.copy()
-        step = self._with_leaves(self._void_non_finite(self.env.step(actions)), MEMORY, self._memories)
+        step = self._with_leaves(self._fail_non_finite(self.env.step(actions)), MEMORY, self._memories)
         over = self.progress.account(step, acted)
         if over.any():
             self._stop_at_failures(step)
-            self.progress.world = self._worlds(self.progress.world)
+            self.progress.episode_index = self._indices(self.progress.episode_index)
         self._see(step)
         self._forget(acted & same_trajectory(step.alive, step.terminated, step.truncated, over))
         if self._has_latents:
@@ -263,7 +263,7 @@ class Sampler:
                 raise EnvironmentFailure(
                     f"{self.progress.failures[b]} failures without a completed episode: {cause!r}",
                     place=f"environment {b}, a {type(self.env).__name__}",
-                    remedy="mend the environment, or raise `max_env_failures`",
+                    remedy="fix the environment, or raise `max_env_failures`",
                 ) from cause
 
     def _zeros(self, name: str) -> list[np.ndarray | None]:
@@ -297,7 +297,7 @@ class Sampler:
                 leaves[LATENT] = part.copy()
                 leaves[LATENT][rows] = 0
         for b in rows.tolist():
-            episode = int(self.progress.world[b]), int(self.progress.number[b])
+            episode = int(self.progress.episode_index[b]), int(self.progress.number[b])
             generator = Generator().manual_seed(_mixed(root, *episode, LATENTS))
             drawn = self.policies.begin_episode(view[b : b + 1], generator)
             for leaves, latent in zip(view.observations, drawn, strict=True):
@@ -313,7 +313,7 @@ class Sampler:
                 leaves[MEMORY] = np.where(own[..., None], leaves[MEMORY], 0)
             column += len(block.agents)
 
-    def _void_non_finite(self, step: JointStep) -> JointStep:
+    def _fail_non_finite(self, step: JointStep) -> JointStep:
         """Treat environments with NaN or infinite observations, states or rewards as failed."""
         broken = non_finite(step)
         if not broken:
@@ -338,7 +338,7 @@ class Sampler:
                 raise EnvironmentFailure(
                     f"environments {sorted(broken)} began {attempts} times in a row with NaN or infinity",
                     place=f"environment {type(self.env).__name__}",
-                    remedy="mend the environment: its reset gives non-finite observations or states",
+                    remedy="fix the environment: its reset gives non-finite observations or states",
                 )
             self.progress.failed_total += len(broken)
             step = self.env.recreate(broken)

@@ -28,8 +28,8 @@ class Group:
         id: Name of the group and of its RLlib module.
         agents: Names in column order.
         block: Number of their block.
-        within: Their places among the agents of the block.
-        columns: Their places among all N agents.
+        within: Indices within the block.
+        columns: Indices among all N agents.
         observation: Space of each observation leaf.
         action: Action space.
     """
@@ -71,8 +71,8 @@ class JointSpec:
     ) -> JointSpec:
         """Order the agents of `spaces` into groups.
 
-        With `"all"`, agents with different spaces still get one network per block. `carried` tells which
-        leaves the sampler adds to the observations of a block.
+        With `"all"`, agents with different spaces still get one network per block. `carried`
+        returns the leaves that the sampler adds to the observations of a block.
 
         Raises:
             SpaceError: A group names an unknown agent, leaves one out, or mixes agents with different spaces.

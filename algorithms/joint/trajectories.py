@@ -87,7 +87,7 @@ def _fates(rollout: JointRollout) -> tuple[Bools, Bools]:
 
 
 def _over(rollout: JointRollout, t: int) -> Bools:
-    """Return which agents (B, N) ended by themselves in step t."""
+    """Return which agents (B, N) terminated, were truncated or reset in step t."""
     return rollout.terminated[t] | rollout.truncated[t] | rollout.reset[t][:, None]
 
 

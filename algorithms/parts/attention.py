@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from algorithms.parts.communication import others
-from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.masking import MASKED_LOGIT
 
 
 def attend(queries: Tensor, keys: Tensor, values: Tensor, alive: Tensor) -> Tensor:
@@ -21,5 +21,5 @@ def attend(queries: Tensor, keys: Tensor, values: Tensor, alive: Tensor) -> Tens
     heard = others(alive).unsqueeze(-3)
     scores = torch.einsum("...ihd,...jhd->...hij", queries, keys) / queries.shape[-1] ** 0.5
     # An agent that is alone would otherwise attend equally to all absent agents.
-    weights = torch.softmax(scores.masked_fill(~heard, ILLEGAL), -1) * heard
+    weights = torch.softmax(scores.masked_fill(~heard, MASKED_LOGIT), -1) * heard
     return torch.einsum("...hij,...jhd->...ihd", weights, values)

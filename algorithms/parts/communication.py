@@ -1,4 +1,4 @@
-"""What agents hear of each other."""
+"""Masks and means for communication between agents."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import torch
 from gymnasium.spaces import Box, Discrete
 from torch import Generator, Tensor
 
-from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.noise import exponential
 
 
@@ -44,24 +44,12 @@ class SampledActions(NamedTuple):
     memory: Tensor | None = None
 
 
-class PolicyDistribution(Protocol):
-    """What losses need of a policy."""
-
-    def log_prob(self, actions: Tensor) -> Tensor:
-        """Return log-probabilities, one per agent."""
-        ...
-
-    def entropy(self) -> Tensor:
-        """Return entropies, one per agent."""
-        ...
-
-
 class CategoricalDistribution:
     """Choice among A actions; masked ones have probability zero. Logits (..., A), mask (..., A) or None."""
 
     def __init__(self, logits: Tensor, action_mask: Tensor | None = None) -> None:
         if action_mask is not None:
-            logits = logits.masked_fill(~action_mask, ILLEGAL)
+            logits = logits.masked_fill(~action_mask, MASKED_LOGIT)
         self.log_probs = torch.log_softmax(logits, -1)
 
     def log_prob(self, actions: Tensor) -> Tensor:
@@ -183,7 +171,7 @@ class EpsilonGreedyHead:
         """Return epsilon-greedy actions."""
         epsilon = exploration.epsilon if exploration.explore else 0.0
         allowed = torch.ones_like(outputs) if action_mask is None else action_mask.to(outputs.dtype)
-        values = outputs if action_mask is None else outputs.masked_fill(~action_mask, ILLEGAL)
+        values = outputs if action_mask is None else outputs.masked_fill(~action_mask, MASKED_LOGIT)
         greedy = torch.zeros_like(outputs).scatter_(-1, values.argmax(-1, keepdim=True), 1.0)
         probabilities = (
             epsilon * allowed / allowed.sum(-1, keepdim=True).clamp(min=1) + (1 - epsilon) * greedy
@@ -194,26 +182,16 @@ class EpsilonGreedyHead:
         return SampledActions(drawn, None, probabilities)
 
 
-class BoltzmannHead:
+class BoltzmannHead(CategoricalHead):
     """Allowed actions with probability proportional to exp(value / temperature); greedy: the best."""
 
-    has_log_prob = True
-
     def __init__(self, space: Discrete, temperature: float) -> None:
-        self.outputs = int(space.n)
+        super().__init__(space)
         self.temperature = temperature
 
     def distribution(self, outputs: Tensor, action_mask: Tensor | None) -> CategoricalDistribution:
         """Return the policy."""
-        return CategoricalDistribution(outputs / self.temperature, action_mask)
-
-    def act(
-        self, outputs: Tensor, action_mask: Tensor | None, exploration: Exploration, generator: Generator
-    ) -> SampledActions:
-        """Return sampled actions, or the best."""
-        policy = self.distribution(outputs, action_mask)
-        actions = policy.sample(generator) if exploration.explore else policy.mode()
-        return SampledActions(actions, policy.log_prob(actions), policy.log_probs.exp())
+        return super().distribution(outputs / self.temperature, action_mask)
 
 
 class DeterministicHead:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-ILLEGAL = -1e9
+MASKED_LOGIT = -1e9
 """Logit or value of a masked action: probability zero in float32, finite if all are."""
 
 

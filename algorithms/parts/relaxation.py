@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Generator, Tensor
 
-from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.parts.noise import exponential
 
 
@@ -17,7 +17,7 @@ def straight_through_gumbel(
     Jang et al. 2017, "Categorical Reparameterization with Gumbel-Softmax", eq. 2 and section 2.2.
     """
     if action_mask is not None:
-        logits = logits.masked_fill(~action_mask, ILLEGAL)
+        logits = logits.masked_fill(~action_mask, MASKED_LOGIT)
     gumbel = -exponential(logits, generator).log()
     relaxed = torch.softmax((logits + gumbel) / temperature, -1)
     hard = torch.zeros_like(relaxed).scatter_(-1, relaxed.argmax(-1, keepdim=True), 1.0)

@@ -85,13 +85,13 @@ def compare(
         differing_protocols,
         read_side,
         scenarios_apart,
-        told_apart,
+        with_distinct_names,
     )
     from benchmark.report.ranking import RANKED_BY
     from benchmark.report.values import csv_number
     from benchmark.results.files import write_whole
 
-    first, second = told_apart(read_side(a), read_side(b))
+    first, second = with_distinct_names(read_side(a), read_side(b))
     found = compare_sides(first, second, metric or RANKED_BY, mode)
     differing = differing_protocols(first, second)
     if differing:

@@ -1,4 +1,4 @@
-"""What the algorithms of an experiment are and can be set to: registered ones and own code alike."""
+"""Settings of registered and user-defined algorithms."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from smarts.registry import Registry
 
 
 def _adopt(name: str, found: Any) -> Any:
-    """Return the config class of a user's algorithm, after making one."""
+    """Return the config class of a user's algorithm after checking that it can be instantiated."""
     from algorithms.joint.config import JointConfig  # here: loads torch and Ray
 
     if not isinstance(found, type) or not issubclass(found, JointConfig):
-        raise ValueError("is no subclass of algorithms.joint.config.JointConfig")
+        raise ValueError("is not a subclass of algorithms.joint.config.JointConfig")
     if not isinstance(found.entry, Entry) and getattr(found, "algorithm", None) not in ALGORITHMS:
-        raise ValueError("has no `entry` that says what it is, as in examples/own_algorithm.py")
+        raise ValueError("has no `entry`, as in examples/own_algorithm.py")
     found()
     return found
 

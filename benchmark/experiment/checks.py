@@ -1,7 +1,4 @@
-"""What the models of experiment files cannot see: ranges of settings, features and rewards, scenarios' names.
-
-The checks look at values as files give them. What does not fit the models is left to them.
-"""
+"""Checks beyond the pydantic models: ranges of settings, adapter options, scenario names."""
 
 from __future__ import annotations
 
@@ -20,24 +17,24 @@ from smarts.registry import Registry, import_own, is_own_name
 from smarts.types.agent_states import agent_names
 
 Values = Mapping[str, Any]
-DRAWS = ("uniform", "loguniform", "randint")
-"""What a search may draw from: all with a lower and an upper bound, whole ones without the upper one."""
+DISTRIBUTIONS = ("uniform", "loguniform", "randint")
+"""What a search may draw from, with [low, high]; `randint` excludes high."""
 
 
 def check_experiment(values: Values) -> Iterator[Fault]:
-    """Yield what is wrong with an experiment's values, beside what its model says.
+    """Yield what is wrong with an experiment's values, in addition to the model's errors.
 
     Own code is imported: what is named as `module:Class` is there then, and is what it should be.
     """
     try:
-        import_own(_texts(values.get("imports")))
+        import_own(_strings(values.get("imports")))
     except OwnCodeError as error:
-        yield Fault(("imports",), *_words(error))
+        yield Fault(("imports",), *_message_and_remedy(error))
         return
     broken = yield from _own_names(values)
-    sound = {**values, "algorithms": [n for n in _texts(values.get("algorithms")) if n not in broken]}
+    sound = {**values, "algorithms": [n for n in _strings(values.get("algorithms")) if n not in broken]}
     yield from _settings(sound)
-    yield from _searched(sound)
+    yield from _check_tune(sound)
     yield from _actions(sound)
     yield from _tyres(_section(values, "environment"))
     yield from _observed(_section(values, "environment"))
@@ -56,7 +53,7 @@ def _own_names(values: Values) -> Generator[Fault, None, set[str]]:
                 _registry_of(key)[name]
             except OwnCodeError as error:
                 broken.add(name)
-                yield Fault((key, number), *_words(error))
+                yield Fault((key, number), *_message_and_remedy(error))
     return broken
 
 
@@ -68,7 +65,7 @@ def _registry_of(key: str) -> Registry:
     return METRICS
 
 
-def _words(error: SmartsError) -> tuple[str, str]:
+def _message_and_remedy(error: SmartsError) -> tuple[str, str]:
     """Return problem and remedy of an error, as of a fault."""
     return (f"{error.place}: {error.problem}" if error.place else error.problem), error.remedy
 
@@ -78,17 +75,17 @@ def _settings(values: Values) -> Iterator[Fault]:
     common, own = _section(values, "training"), _section(values, "settings")
     algorithms = _known_algorithms(values)
     yield from _unused(common, algorithms)
-    told: set[tuple[str | int, ...]] = set()
+    reported: set[tuple[str | int, ...]] = set()
     for algorithm in dict.fromkeys([*algorithms, *own]):
         try:
             given = common if algorithm in algorithms else {}
             faults = _setting_faults(algorithm, given, _section(own, algorithm), values)
         except OwnCodeError as error:
-            yield Fault(("settings", algorithm), *_words(error))
+            yield Fault(("settings", algorithm), *_message_and_remedy(error))
             continue
         for fault in faults:
-            if fault.key not in told:
-                told.add(fault.key)
+            if fault.key not in reported:
+                reported.add(fault.key)
                 yield fault
 
 
@@ -125,7 +122,7 @@ def _unused(common: Values, algorithms: Sequence[str]) -> Iterator[Fault]:
 
 
 def _known_algorithms(values: Values) -> list[str]:
-    return [name for name in _texts(values.get("algorithms")) if name in ALGORITHMS or is_own_name(name)]
+    return [name for name in _strings(values.get("algorithms")) if name in ALGORITHMS or is_own_name(name)]
 
 
 def _actions(values: Values) -> Iterator[Fault]:
@@ -134,7 +131,7 @@ def _actions(values: Values) -> Iterator[Fault]:
     action, observation = environment.get("action", "Lane"), environment.get("observation", "benchmark")
     if environment.get("adapter") is None:  # actions of an own adapter are known when it is made
         yield from _unfit_algorithms(_known_algorithms(values), action)
-    for number, name in enumerate(_texts(values.get("scripted"))):
+    for number, name in enumerate(_strings(values.get("scripted"))):
         if name in SCRIPTED_POLICIES and not is_own_name(name) and action != "Lane":
             text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
             yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
@@ -175,7 +172,7 @@ def _sharing_fault(sharing: Any, agents: Any) -> str:
     return f"there is no agent {strange[0]!r}, but {known[0]} to {known[-1]}" if strange else ""
 
 
-def _searched(values: Values) -> Iterator[Fault]:
+def _check_tune(values: Values) -> Iterator[Fault]:
     """Yield what a search cannot set, or cannot choose from."""
     agents = _section(values, "environment").get("agents", 4)
     for algorithm in _known_algorithms(values)[:1]:
@@ -201,9 +198,9 @@ def _draw_fault(given: Any) -> Fault | None:
     if isinstance(given, list) and given:
         return None
     (kind, bounds), *more = given.items() if isinstance(given, dict) and given else [("", None)]
-    if kind not in DRAWS or more or not isinstance(bounds, list) or len(bounds) != 2:
-        draws = ", ".join(f"{{{draw}: [low, high]}}" for draw in DRAWS)
-        return Fault((), f"{given!r} is nothing to search in", f"give a list of values, or one of {draws}")
+    if kind not in DISTRIBUTIONS or more or not isinstance(bounds, list) or len(bounds) != 2:
+        draws = ", ".join(f"{{{draw}: [low, high]}}" for draw in DISTRIBUTIONS)
+        return Fault((), f"{given!r} is not a search space", f"give a list of values, or one of {draws}")
     return _bounds_fault(kind, bounds)
 
 
@@ -211,12 +208,12 @@ def _bounds_fault(kind: str, bounds: list[Any]) -> Fault | None:
     """Return what is wrong with the bounds of a draw."""
     kinds, numbers = ((int,), "whole numbers") if kind == "randint" else ((int, float), "numbers")
     if any(type(bound) not in kinds for bound in bounds):
-        return Fault((kind,), f"{bounds!r} are no {numbers}")
+        return Fault((kind,), f"{bounds!r} are not {numbers}")
     low, high = bounds
     least, order = (0, "0 < low < high") if kind == "loguniform" else (-inf, "low < high")
     if least < low < high < inf:
         return None
-    return Fault((kind,), f"{bounds!r} are no bounds", f"give [low, high] with {order}, both finite")
+    return Fault((kind,), f"{bounds!r} are not bounds", f"give [low, high] with {order}, both finite")
 
 
 def _ends(given: Any) -> list[tuple[tuple[str | int, ...], Any]]:
@@ -243,7 +240,7 @@ def _observed(environment: Values) -> Iterator[Fault]:
         try:
             adapter_class(environment.get("adapter"), environment.get("adapter_options"))
         except SmartsError as error:
-            yield Fault(("environment", "adapter"), *_words(error))
+            yield Fault(("environment", "adapter"), *_message_and_remedy(error))
     if environment.get("observation", "benchmark") != "benchmark":
         from smarts.observations.lists import feature_list
 
@@ -258,7 +255,7 @@ def _refused(key: str, check: Callable[[Any], object], environment: Values) -> I
     try:
         check(environment[key])
     except SmartsError as error:
-        problem, remedy = _words(error)
+        problem, remedy = _message_and_remedy(error)
         yield Fault(("environment", key), problem.removeprefix(f"{key}: "), remedy)
 
 
@@ -283,7 +280,7 @@ def _scenarios(values: Values) -> Iterator[Fault]:
                 key, f"{name} is no scenario with traffic to choose from", nearest_names(name, suite())
             )
             continue
-        for number, each in enumerate(_texts(traffic)):
+        for number, each in enumerate(_strings(traffic)):
             if each not in known:
                 text = f"{name} has no traffic {each!r}"
                 yield Fault(("traffic", number), text, nearest_names(each, known))
@@ -295,7 +292,7 @@ def _places(tasks: Any) -> Iterator[tuple[tuple[str | int, ...], str]]:
         if isinstance(task, str):
             yield ("tasks", number), task
         elif isinstance(task, dict):
-            for place, name in enumerate(_texts(task.get("scenarios"))):
+            for place, name in enumerate(_strings(task.get("scenarios"))):
                 yield ("tasks", number, "scenarios", place), name
 
 
@@ -304,5 +301,5 @@ def _section(values: Values, name: str) -> Values:
     return found if isinstance(found, dict) else {}
 
 
-def _texts(given: Any) -> Sequence[str]:
+def _strings(given: Any) -> Sequence[str]:
     return [each for each in given if isinstance(each, str)] if isinstance(given, list) else []

@@ -190,11 +190,11 @@ class Environment(Section):
     vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
     """How it moves: as a rigid body on tyres, or as a cheaper single-track model."""
     tyre_model: Literal["pacejka", "linear"] = "pacejka"
-    """What its tyres are like."""
+    """Tyre model."""
     flat_tyres: Wheels = ()
     """Which are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
     friction: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
-    """Of the road under agents' vehicles, where the scenario has no patch of another: ice has about 0.1, a
+    """Of the road under agents' vehicles, where the scenario sets no friction patch: ice has about 0.1, a
     wet road 0.5; null: dry asphalt, 0.9."""
     traffic_engine: Engine | None = None
     """What drives the traffic: SUMO or ConstantSpeed; null: what the scenario names."""
@@ -213,18 +213,18 @@ class Evaluation(Section):
     """How trained policies are tested."""
 
     episodes: Positive = 200
-    """Test episodes of each run, for each way of acting."""
+    """Test episodes per run and mode."""
     modes: Modes = ("greedy", "sampled")
-    """Ways of acting. Tables show greedy acting where both are given."""
+    """Action selection: greedy or sampled. Tables show greedy if both are given."""
     held_out_episodes: Annotated[int, Field(ge=0)] = 0
     """Episodes, of greedy acting where both modes are given, on each held-out variation of the scenarios
     that differs from the training (many differ in traffic alone); 0: generalization is not measured."""
     validations: Annotated[int, Field(ge=0)] = 10
-    """How often during training the policy is tried, to choose the best checkpoint and to draw its curve."""
+    """Number of validations during training, for the best checkpoint and the learning curve."""
     validation_episodes: Positive = 20
-    """Episodes of each trial; none of them is a test episode."""
+    """Episodes per validation, disjoint from test episodes."""
     keep_episodes: bool = False
-    """Whether the recorded test episodes are kept (about 1 MB each 10); the measures always are."""
+    """Whether the recorded test episodes are kept (about 1 MB per 10 episodes); the measures always are."""
 
 
 class Resources(Section):
@@ -260,7 +260,7 @@ class Experiment(Section):
     """An experiment: every algorithm x task x traffic x seed is a run of its own."""
 
     name: FolderName = ""
-    """Of its folder in `results/`; by default the file's."""
+    """Name of the results folder; by default the file's."""
     description: str = ""
     """A line for the report."""
     imports: Imports = ()
@@ -273,7 +273,7 @@ class Experiment(Section):
     traffic: Names = (EMPTY_ROADS, "random_social_vehicles")
     """Names of the scenarios' traffic variations: each is trained and tested on by itself."""
     seeds: Seeds = (1, 2, 3)
-    """Of training; tests are the same for all of them."""
+    """Training seeds; all are tested on the same episodes."""
     training: dict[str, Any] = Field(default_factory=dict)
     """Settings of all algorithms that have them, such as `sharing` and `gamma`."""
     settings: dict[str, dict[str, Any] | None] = Field(default_factory=dict)

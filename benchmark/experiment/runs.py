@@ -1,4 +1,4 @@
-"""The runs that an experiment stands for, and where each keeps its results."""
+"""Expands an experiment into runs, and says where each keeps its results."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class Run:
 
 
 def run_from(content: Mapping[str, Any]) -> Run:
-    """Return the run of a `Run.content()`, to be tested again; its test is the default one.
+    """Return the run of a `Run.content()`, to be tested again, with default evaluation settings.
 
     Raises:
         ValueError: It is not such a content.
@@ -179,12 +179,12 @@ class ScriptedRun:
         return file_name(self.policy)
 
     def content(self) -> dict[str, Any]:
-        """Return all that its test depends on, but for its extent."""
+        """Return everything that determines the test's results, except the number of episodes."""
         return {"policy": self.policy, **self.task_setting.content(self.policy)}
 
 
-def completed(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a `content()` with the defaults of keys that the version which wrote it did not have.
+def with_defaults(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Fill keys that are missing in a `content()` of an older version with their defaults.
 
     Sections that do not fit their model stay as they are.
     """
@@ -199,7 +199,7 @@ def completed(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def is_larger(budget: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Return whether a budget of a `completed` content is larger than another one, and in nothing smaller."""
+    """Return whether a budget is larger than another one, and in nothing smaller."""
     limits = [[each.get(name) or inf for name in Budget.model_fields] for each in (budget, other)]
     return limits[0] != limits[1] and all(one >= two for one, two in zip(*limits, strict=True))
 

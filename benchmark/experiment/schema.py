@@ -41,7 +41,7 @@ def schema() -> dict[str, Any]:
 
 
 def _add_settings(found: dict[str, Any]) -> None:
-    """Say what `training` and `settings` may hold."""
+    """Add the schema of `training` and `settings`."""
     classes = {name: entry.settings for name, entry in ALGORITHMS.items()}
     _, definitions = models_json_schema([(each, "validation") for each in set(classes.values())])
     found["$defs"] |= definitions["$defs"]

@@ -1,4 +1,4 @@
-"""Metrics of recorded episodes: `measure_episodes` reads them into a table, `compute` says what it tells.
+"""Metrics of recorded episodes: `measure_episodes` reads them into a table, `compute` aggregates it.
 
     table = measure_episodes(Path("results/run/episodes"), labels={"algorithm": "ppo", "training_seed": 0})
     print(compute(table, ["algorithm", "scenario", "traffic"]))

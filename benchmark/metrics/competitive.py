@@ -63,7 +63,7 @@ def _opportunities(
 
 @kernel
 def _could_pass(motion: VehicleTracks, lanes: Lanes, own: int, leader: int, ahead: float, k: int) -> bool:
-    """Tell whether a leader is near, slower, in the same direction, and a lane beside is open to cars."""
+    """Return whether a leader is near, slower, in the same direction, and a lane beside is open to cars."""
     if ahead - (motion.length[own] + motion.length[leader]) / 2 > MOST_GAP:
         return False
     if motion.desired_speed[k, own] - motion.desired_speed[k, leader] <= SLOWER:

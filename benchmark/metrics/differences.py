@@ -43,7 +43,7 @@ def compare(
         table: Of several algorithms.
         metrics: Names.
         by: Columns that make groups, such as scenario and traffic.
-        column: That tells the algorithms apart.
+        column: Name of the algorithm column.
         family: Columns of the answer within which p-values are corrected after Holm; by default a metric in
             a group, none for the whole answer.
         apart: Algorithms whose differences from others are a family of their own, and among each other none.

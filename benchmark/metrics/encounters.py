@@ -24,15 +24,15 @@ from smarts.types.events import Outcome
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float64]
 
-MOST_APART = 3.0
+MAX_ARRIVAL_GAP = 3.0
 """Of the predicted arrivals [s]."""
-HORIZON = 10.0
+PREDICTION_HORIZON = 10.0
 """Within which both arrive, as predicted [s]."""
-LEAST_SPEED = 1.0
+MIN_SPEED = 1.0
 """Of both when an encounter opens [m/s]."""
-HURRY = 3.0
+WIN_ACCELERATION = 3.0
 """Acceleration of a vehicle that could win [m/s^2]."""
-PATIENCE = 15.0
+ENCOUNTER_TIMEOUT = 15.0
 """Time from the opening within which a vehicle that gives way clears the section [s]."""
 
 UNRESOLVED, YIELDED, WENT_FIRST, COLLIDED = range(4)
@@ -186,22 +186,22 @@ def _ahead(motion: VehicleTracks, section: Floats, own: int, other: int, k: int)
 def _opens(motion: VehicleTracks, section: Floats, own: int, other: int, k: int) -> bool:
     ahead, ahead2 = _ahead(motion, section, own, other, k)
     speed, speed2 = motion.speed[k, own], motion.speed[k, other]
-    if speed <= LEAST_SPEED or speed2 <= LEAST_SPEED:
+    if speed <= MIN_SPEED or speed2 <= MIN_SPEED:
         return False
     if int(section[_KIND]) != CHANGE and (ahead <= 0.0 or ahead2 <= 0.0):
         return False
     time, time2 = ahead / speed, ahead2 / speed2
-    return abs(time - time2) <= MOST_APART and max(time, time2) <= HORIZON
+    return abs(time - time2) <= MAX_ARRIVAL_GAP and max(time, time2) <= PREDICTION_HORIZON
 
 
 @kernel
 def _could_win(motion: VehicleTracks, section: Floats, own: int, other: int, k: int) -> bool:
-    """Tell whether at +3 m/s^2 the agent arrives first; beside each other, at the end of the road."""
+    """Return whether at +3 m/s^2 the agent arrives first; beside each other, at the end of the road."""
     ahead, ahead2 = _ahead(motion, section, own, other, k)
     if int(section[_KIND]) == CHANGE:
         ahead, ahead2 = section[_END] - motion.s[k, own], section[_OTHER_END] - motion.s[k, other]
     speed = motion.speed[k, own]
-    time = (-speed + np.sqrt(speed * speed + 2.0 * HURRY * max(ahead, 0.0))) / HURRY
+    time = (-speed + np.sqrt(speed * speed + 2.0 * WIN_ACCELERATION * max(ahead, 0.0))) / WIN_ACCELERATION
     return time < max(ahead2, 0.0) / motion.speed[k, other]
 
 
@@ -229,7 +229,7 @@ def _follow(
     is_settled = not is_change
     arrive, arrive2, leave, leave2 = np.inf, np.inf, np.inf, np.inf
     came, came2, left, left2 = -1.0, -1.0, -1.0, -1.0
-    last = min(len(motion.path) - 1, opened + round(PATIENCE / dt))
+    last = min(len(motion.path) - 1, opened + round(ENCOUNTER_TIMEOUT / dt))
     k = opened
     for now in range(opened, last + 1):
         k = now

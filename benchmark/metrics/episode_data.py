@@ -107,7 +107,7 @@ class Decisions:
     values: Floats
     """Shape (D, 8)."""
     action_mask: Ints
-    """Bit i: lane action i was legal."""
+    """Bit i: lane action i was allowed."""
     is_effective: Bools
 
 
@@ -149,7 +149,7 @@ class EpisodeData:
         self._check(str(episode.folder))
 
     def _check(self, place: str) -> None:
-        """Refuse an episode whose numbers point nowhere, before they are used."""
+        """Raise if an index in the episode is out of range."""
         ranges = (
             ("vehicles", self._vehicles["step"], 0, self.steps),
             ("vehicles", self._vehicles["lane"], -1, len(self.graph.lane_ids) - 1),

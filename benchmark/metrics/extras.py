@@ -18,7 +18,7 @@ PAUSE = 1.0
 LEAST_DRIVEN = 5.0
 """By an agent that counts [m]."""
 LONGEST = 10.0
-"""Times to collision above this are as good as this [s]."""
+"""Times to collision are clipped here [s]."""
 REWARD = "reward"
 """Name of the extra."""
 

@@ -76,7 +76,7 @@ def _changes(
 
 @kernel
 def _is_within(motion: VehicleTracks, lanes: Lanes, own: int, k: int) -> bool:
-    """Tell whether the footprint lies wholly in its lane, across."""
+    """Return whether the footprint lies wholly in its lane, across."""
     turn = motion.turn[k, own]
     reach = abs(math.sin(turn)) * motion.length[own] / 2 + abs(math.cos(turn)) * motion.width[own] / 2
     return abs(motion.t[k, own]) + reach <= lanes.width[motion.lane[k, own]] / 2 + TOLERANCE

@@ -194,18 +194,18 @@ class Metric:
         """Return what records an episode."""
         is_log = isinstance(given, EpisodeLog)
         if not (hasattr(given, "record_step") if is_log else isinstance(given, Hashable)):
-            raise _refusal(given, "is no episode", "give an Episode(), or the number or name of one")
+            raise _error(given, "is not an episode", "give an Episode(), or the number or name of one")
         # Dataclasses compare by content, so that they have no hash; a subclass may restore it.
         name = (EpisodeLog, id(given)) if is_log else given
         if name not in self.episodes:
             if len(self.episodes) >= self.num_episodes:
                 problem = f"is one more than the {self.num_episodes} announced"
-                raise _refusal(given, problem, "give Metric a larger num_episodes, or log all steps as one")
+                raise _error(given, problem, "give Metric a larger num_episodes, or log all steps as one")
             self.episodes[name] = given if is_log else self.episode()
         return self.episodes[name]
 
 
-def _refusal(episode: Any, problem: str, remedy: str) -> SmartsError:
+def _error(episode: Any, problem: str, remedy: str) -> SmartsError:
     return SmartsError(f"episode {shown(episode, 100)} {problem}", place="Metric.log_step", remedy=remedy)
 
 

@@ -11,7 +11,7 @@ def _adopt(name: str, found: Any) -> Any:
     from benchmark.metrics.measure import Measure  # here: listing names imports nothing
 
     if not isinstance(found, Measure):
-        raise ValueError("is no Measure (from benchmark.metrics import Measure)")
+        raise ValueError("is not a Measure (from benchmark.metrics import Measure)")
     doing = f"the metric {name!r}"
     return replace(
         found,
@@ -52,8 +52,8 @@ METRICS = Registry(
     },
     _adopt,
 )
-"""Name -> "module:attribute" of a `benchmark.metrics.measure.Measure`; those of the paper come
-first. A user's own is named in the same way, and listed last once it was looked up."""
+"""Name -> "module:attribute" of a `benchmark.metrics.measure.Measure`; the paper's
+metrics come first. User metrics use the same form and are appended on first use."""
 ALWAYS = ("collision_rate", "completion_rate")
 """Metrics that are always measured: main table and ranking need them."""
 PAPER_METRICS = tuple(METRICS)[:11]

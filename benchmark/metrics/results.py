@@ -16,10 +16,10 @@ from benchmark.metrics.registry import METRICS
 from benchmark.metrics.table import EPISODE_KEYS, START, sums_of
 from benchmark.statistics import (
     arcsine_interval,
+    bootstrap_interval,
+    bootstrap_totals,
     checkpoint_interval,
     design_effect,
-    resampled_totals,
-    sampled_interval,
     seed_interval,
 )
 from smarts.errors import SmartsError
@@ -28,7 +28,7 @@ from smarts.types.streams import Purpose, stream
 Floats = NDArray[np.float64]
 Bounds = tuple[float, float]
 Frame = Any
-"""A pandas frame; its annotations do not tell a selection of rows from one of columns."""
+"""A pandas frame; pandas' annotations do not distinguish row and column selection."""
 
 SEED = "training_seed"
 """Column of the training seed; a table without it is of one checkpoint."""
@@ -60,7 +60,7 @@ class _EpisodeGroup:
     def resampled(self) -> dict[str, Floats]:
         """Sums over episodes drawn with replacement within seed and split, shape (R,)."""
         table = np.stack([*self.totals.values()], axis=-1)
-        drawn = resampled_totals(table, stream(0, Purpose.RESAMPLING), self.strata)
+        drawn = bootstrap_totals(table, stream(0, Purpose.RESAMPLING), self.strata)
         return dict(zip(self.totals, drawn.T, strict=True))
 
     def by_seed(self, columns: Sequence[str]) -> dict[str, Floats]:
@@ -75,7 +75,7 @@ def compute(table: pd.DataFrame, by: Sequence[str] = (), metrics: Sequence[str] 
 
     Args:
         table: Of `measure_episodes`, joined over algorithms and training seeds as wanted. Column
-            `training_seed` tells training seeds apart; groups must not mix algorithms.
+            `training_seed` identifies the training seed; groups must not mix algorithms.
         by: Columns that make groups; none: one group. For generalization, not the variation or split.
         metrics: Names, by default all of whose columns the table has.
 
@@ -177,7 +177,7 @@ def _interval(measure: Measure, group: _EpisodeGroup) -> tuple[Bounds, str]:
     if measure.hits:
         low, high = _share_bounds(measure, group, seeds)
     else:
-        low, high = sampled_interval(measure.value(group.resampled))
+        low, high = bootstrap_interval(measure.value(group.resampled))
         if is_of_seeds:
             low_of_seeds, high_of_seeds = seed_interval(by_seed[seeds])
             low, high = np.fmin(low, low_of_seeds), np.fmax(high, high_of_seeds)

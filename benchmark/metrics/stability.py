@@ -9,14 +9,14 @@ from benchmark.metrics.lane_changes import find_lane_changes
 from benchmark.metrics.measure import Columns, Floats, Totals, ratio, share
 from smarts.types.agent_states import ChangePhase
 
-JERK, LATERAL_ACCELERATION, OFFSET = 2.0, 1.5, 0.5
-"""At which each term alone halves the index [m/s^3, m/s^2, m]."""
-LEAST_SPEED = 1.0
-"""Above which it is measured [m/s]."""
-LEAST_TIME = 2.0
-"""Above that speed [s]."""
+HALF_JERK, HALF_LATERAL_ACCELERATION, HALF_OFFSET = 2.0, 1.5, 0.5
+"""Values at which one term alone halves the index [m/s^3, m/s^2, m]."""
+MIN_SPEED = 1.0
+"""Only time above this speed is measured [m/s]."""
+MIN_TIME = 2.0
+"""Time that an agent needs above `MIN_SPEED` [s]."""
 WINDOW = 0.5
-"""Over which accelerations are averaged before differencing [s]."""
+"""Window of the moving average of accelerations before differencing [s]."""
 
 _TERMS = ("mean_jerk", "mean_lateral_acceleration", "offset_deviation")
 _CHANGING = (ChangePhase.REQUESTED, ChangePhase.MOVING)
@@ -25,24 +25,24 @@ _CHANGING = (ChangePhase.REQUESTED, ChangePhase.MOVING)
 def measure(episode: EpisodeData) -> Columns:
     """Return the index and its terms of each agent that was fast enough for long enough, and their count.
 
-    An agent with nothing to measure for one of the terms does not count.
+    An agent with nothing to measure for one of the terms is ignored.
     """
     columns = {name: np.zeros(episode.count) for name in METRIC.columns}
     changes = episode.shared(find_lane_changes)
     phase = episode.agent_column("change_phase")
     for agent in np.flatnonzero(episode.entered & (episode.own >= 0)).tolist():
-        moving = episode.driving[:, agent] & (episode.motion.speed[:, episode.own[agent]] > LEAST_SPEED)
-        if moving.sum() * episode.dt < LEAST_TIME:
+        moving = episode.driving[:, agent] & (episode.motion.speed[:, episode.own[agent]] > MIN_SPEED)
+        if moving.sum() * episode.dt < MIN_TIME:
             continue
         is_changing = changes.under_way[:, agent] | np.isin(phase[:, agent], _CHANGING)
         found = _terms_of(episode, int(episode.own[agent]), moving, is_changing)
-        # Stop and go in runs shorter than the average's window has no jerk that one could call small.
+        # Stop and go in stretches shorter than the window has an undefined jerk.
         if not np.isfinite(found).all():
             continue
         columns["stable_agents"][agent] = 1.0
         for name, each in zip(_TERMS, found, strict=True):
             columns[name][agent] = each
-        scales = (JERK, LATERAL_ACCELERATION, OFFSET)
+        scales = (HALF_JERK, HALF_LATERAL_ACCELERATION, HALF_OFFSET)
         columns["stability"][agent] = 1.0 / (1.0 + sum(np.divide(found, scales)))
     return columns
 

@@ -22,7 +22,7 @@ def measure(episode: EpisodeData) -> Columns:
 
 
 def _discrete(episode: EpisodeData, agent: int) -> list[float]:
-    """Return the entropy / log(number of legal actions) in each state with a choice."""
+    """Return the entropy / log(number of allowed actions) in each state with a choice."""
     decisions = episode.decisions(agent)
     by_lane = decisions.action == ActionSpaceType.Lane
     action_mask = dict(
@@ -48,7 +48,7 @@ METRIC = ratio(
     "stochastic_states",
     name="stochasticity",
     label="Stochasticity",
-    meaning="mean over visited states of the entropy of the sampling distribution / log(legal actions); "
+    meaning="mean over visited states of the entropy of the sampling distribution / log(allowed actions); "
     "of continuous actions, the standard deviation / half range, cut at 1",
     measure=measure,
     counted="states",

@@ -30,8 +30,8 @@ COUNTS = "episodes"
 """Key of `DataFrame.attrs`: how many episodes were measured, invalid, incomplete, and which are corrupted."""
 
 EPISODE_KEYS = ("scenario", "variation", "traffic", "seed", "world", "episode")
-"""Columns that name an episode. Its start and traffic are the same for all policies, unless the scenario or
-the number of agents has changed since: `START` tells."""
+"""Columns that identify an episode. Equal keys mean equal start and traffic, if the scenario and the number
+of agents are unchanged; `START` verifies it."""
 START = ("start_x", "start_y", "start_heading", "start_speed")
 """Columns of each agent's start [m, m, rad, m/s]."""
 
@@ -45,7 +45,7 @@ def measure_episodes(
     labels: Mapping[str, Any] = {},
     split: str = "train",
     metrics: Sequence[str] = (),
-    worlds: range | None = None,
+    indices: range | None = None,
 ) -> pd.DataFrame:
     """Measure all whole episodes of a store.
 
@@ -54,18 +54,18 @@ def measure_episodes(
         labels: Further columns, the same in all rows: algorithm, training_seed, mode ...
         split: "train" or "held_out": see generalization.
         metrics: Names, by default all that are registered; the two of `ALWAYS` are measured in any case.
-        worlds: Of which episodes are measured; others count nowhere. By default all.
+        indices: Indices of the episodes to measure (column `world`); by default all.
 
     Returns:
         A row for each agent of each episode: the labels, `split`, `EPISODE_KEYS`, agent, outcome, is_invalid,
-        the start, and the columns of the metrics; NaN in those of invalid episodes and of agents that took no
-        part, for whom `agents` is 0. Episodes that were cut short are left out, and so are those that cannot
-        be read; `attrs["episodes"]` counts both, and names the latter with the reason.
+        the start, and the columns of the metrics; NaN for invalid episodes and for agents that never entered
+        (`agents` is 0). Incomplete and unreadable episodes are left out; `attrs["episodes"]` counts both, and
+        names the unreadable ones with the reason.
 
     Raises:
         RecordError: The folder is not there, or the split is unknown.
         UnknownNameError: A metric is unknown.
-        OwnCodeError: A user's metric raises, lacks a column, or writes one that is another's.
+        OwnCodeError: A user's metric raises, lacks a column, or writes a column of another metric.
     """
     folder = Path(folder)
     _check_source(folder, split)
@@ -76,7 +76,7 @@ def measure_episodes(
     for path in episodes_in(folder):
         try:
             recorded = RecordedEpisode(path)
-            if worlds is not None and int(recorded.facts["world"]) not in worlds:
+            if indices is not None and int(recorded.facts["world"]) not in indices:
                 continue
             kind, rows = _measured(EpisodeData(recorded, split), measures, labels)
         except (RecordError, MapError) as error:

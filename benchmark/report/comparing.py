@@ -44,9 +44,9 @@ class Side:
     runs: tuple[RunResult, ...]
     """Finished ones."""
     left_out: tuple[str, ...] = ()
-    """Runs and files that would belong to it, and why they do not count."""
+    """Runs and files that are ignored, with the reason."""
     name: str = ""
-    """By which the sides are told apart."""
+    """Display name."""
 
     @property
     def algorithms(self) -> list[str]:
@@ -95,8 +95,8 @@ def _root_of(path: Path) -> tuple[Path, str]:
     return (root.parent if root.name == SCRIPTED else root), whole.name
 
 
-def told_apart(first: Side, second: Side) -> tuple[Side, Side]:
-    """Return two sides under names of their own: their paths where experiments are called alike.
+def with_distinct_names(first: Side, second: Side) -> tuple[Side, Side]:
+    """Return both sides with distinct names; experiments with equal names get their paths.
 
     Raises:
         ResultsError: They are the same.
@@ -117,8 +117,8 @@ def compare_sides(first: Side, second: Side, metrics: Sequence[str], mode: str) 
     One algorithm a side is compared whatever their names; of several, those that both sides have.
 
     Args:
-        first: Whose figures the second's are taken from.
-        second: The other one.
+        first: The minuend.
+        second: The subtrahend.
         metrics: Names.
         mode: Way of acting.
 

@@ -14,12 +14,12 @@ from benchmark.report.wording import COMPARED
 from benchmark.results.files import write_whole
 
 Column = tuple[str, str, bool]
-"""Title, meaning, whether its cells begin at the left."""
+"""Title, meaning, whether it is left-aligned."""
 
 PROTOCOL: Column = ("protocol", "Environment and budget; ranks hold within one only", True)
 EXPERIMENT: Column = ("experiment", "Folder of its results", True)
 PARADIGM: Column = ("paradigm", "What agents know in training and execution", True)
-ALGORITHM: Column = ("algorithm", "Or scripted policy", True)
+ALGORITHM: Column = ("algorithm", "Algorithm or scripted policy", True)
 
 
 def write_leaderboard(roots: Sequence[Path], out: Path, mode: str) -> None:
@@ -44,13 +44,13 @@ def leaderboard_page(board: Leaderboard) -> str:
         *(ALGORITHM, EXPERIMENT, PARADIGM),
         *rates,
         *own,
-        ("seeds", "Of training", False),
+        ("seeds", "Number of training seeds", False),
         ("episodes", "Of the test, all seeds together", False),
     ]
     summary_columns: list[Column] = [
         *(ALGORITHM, *several, EXPERIMENT, PARADIGM),
         *means,
-        ("cells", "That it was tested in", False),
+        ("cells", "Number of cells", False),
     ]
     places = board.places
     return fill(

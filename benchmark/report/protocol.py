@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 
-from benchmark.experiment.runs import completed
+from benchmark.experiment.runs import with_defaults
 from benchmark.results.reading import Results, RunResult
 from benchmark.results.run_folder import flat_values
 
@@ -27,7 +27,7 @@ def protocol_of(run: RunResult, results: Results) -> str:
         beside = (each.config for each in results.runs if _cell(each) == _cell(run) and not each.is_scripted)
         config = next(filter(None, beside), config)
     # Keys that an earlier version did not have are their defaults.
-    config = completed({name: config[name] for name in (*COMPARED, "settings") if name in config})
+    config = with_defaults({name: config[name] for name in (*COMPARED, "settings") if name in config})
     settings = config.pop("settings", None) or {}
     content = dict.fromkeys(COMPARED) | config | {"sharing": settings.get("sharing", OWN_SHARING)}
     return json.dumps(content, sort_keys=True)

@@ -44,7 +44,7 @@ def differences(
         table: Agent-episodes of several algorithms.
         mode: Way of acting.
         metrics: Names.
-        column: That tells the algorithms apart.
+        column: Name of the algorithm column.
 
     Returns:
         Of `benchmark.metrics.compare`, with `COLUMNS`.

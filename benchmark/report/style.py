@@ -15,8 +15,6 @@ PALETTE = (
     *("#e69f00", "#7f7f7f", "#b2182b", "#1b7837", "#2d2d2d"),
 )
 """Okabe and Ito's colours for the paper's seven, told apart by the colour-blind, then others."""
-GREYS = ("#444444", "#777777", "#999999", "#bbbbbb")
-"""Of scripted policies."""
 DASHES = ("-", (0, (4, 1.2)), (0, (1.2, 1)), (0, (4, 1, 1, 1)))
 """Line styles, of which colours that are alike in print have different ones."""
 OUTCOME_COLOURS = {

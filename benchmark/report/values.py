@@ -41,14 +41,14 @@ class Value:
     n: int
     """Agent-episodes."""
     count: float
-    """How much there was to measure: the denominator; NaN if a table lacks a column."""
+    """Denominator; NaN if a table lacks a column."""
     counted: str
-    """What that is."""
+    """Unit of the denominator."""
     episodes: int
     seeds: int
     """Training seeds."""
     label: str
-    """What the interval is of."""
+    """What the interval covers, such as "3 training seeds"."""
     note: str
     terms: Mapping[str, float] = field(default_factory=dict)
 

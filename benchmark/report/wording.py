@@ -11,7 +11,7 @@ from benchmark.report.protocol import differing_scenarios
 
 MODE_TITLES = {"greedy": "Greedy", "sampled": "Sampled", "scripted": "Scripted"}
 MODE_NOTES = {
-    "greedy": "Test episodes of the last checkpoint, which takes its likeliest action.",
+    "greedy": "Test episodes of the last checkpoint, with the most probable action.",
     "sampled": "Test episodes of the last checkpoint, which draws its actions, as the paper's rollouts did.",
 }
 NON_INFERIOR, INFERIOR = "non-inferior", "inferior"
@@ -19,15 +19,14 @@ INTERVALS = (
     "95% intervals. With three or more training seeds they are of the algorithm: Student's t on the "
     "seeds, rates on the arcsine-root scale. With one or two, marked 'this checkpoint' or 'these "
     "checkpoints', they are of the trained policies and do not cover further seeds. Either way they are "
-    "no narrower than what the episodes leave open: Wilson's interval at trials / design effect for rates "
-    "and ratios of counts, "
-    "resampled episodes for others. None where a training seed has fewer distinct starts than episodes, "
-    "or where all episodes are alike."
+    "at least as wide as the interval of the pooled episodes: Wilson's at trials / design effect for rates "
+    "and ratios of counts, the bootstrap's for others. None where a training seed has "
+    "fewer distinct starts than episodes, or where all episodes are alike."
 )
 COMPARED = (
     "The unit of comparison is a distinct start of these checkpoints: an algorithm's value there over all "
-    "its training seeds, paired with the other's, by Student's t. It does not say how further "
-    "training seeds would turn out; the cells' intervals show how far seeds spread. P-values are "
+    "its training seeds, paired with the other's, by Student's t. It does not cover further "
+    "training seeds; the cells' intervals show how far seeds spread. P-values are "
     "corrected after Holm over the pairs of learning algorithms in a cell and metric; scripted "
     "policies against them are a family of their own. Tie: the corrected p-value is 0.05 or more. Not "
     "compared: fewer than two common starts."

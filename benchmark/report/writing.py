@@ -85,7 +85,7 @@ def differences_csv(report: Report) -> str:
 
 
 def _check_free(folder: Path) -> None:
-    """Refuse to put a report in the place of something else.
+    """Raise if the folder holds other files.
 
     Raises:
         ResultsError: The folder is a file, or has files but no report.

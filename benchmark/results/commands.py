@@ -1,4 +1,4 @@
-"""experiment.json and command.json of an experiment's folder: what was asked for, and by which commands."""
+"""experiment.json and command.json of an experiment's folder: the experiment and the commands that ran it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def keep_command(root: Path, experiment: Experiment, line: str) -> None:
     content = experiment.model_dump(mode="json", exclude_unset=True)
     before = read_versioned(kept).get(PARTS, []) if kept.exists() else []
     if not isinstance(before, list):
-        raise ResultsError(f"damaged: its {PARTS} are no list", place=str(kept), remedy=LOST)
+        raise ResultsError(f"damaged: its {PARTS} are not a list", place=str(kept), remedy=LOST)
     part = {"command": line, "experiment": content}
     write_json(root / EXPERIMENT, content)
     write_versioned(kept, {"command": line, PARTS: [*(each for each in before if each != part), part]})
@@ -45,7 +45,7 @@ def last_experiment(root: Path, problems: dict[str, str]) -> Experiment | None:
     """Return the last experiment; None, with the reason in `problems`, if its file is missing or damaged."""
     file = root / EXPERIMENT
     if not file.exists():
-        problems[file.name] = "missing, so that runs which have not begun are not known"
+        problems[file.name] = "missing; runs that have not started cannot be listed"
         return None
     try:
         return fitted(read_mapping(file), Experiment)

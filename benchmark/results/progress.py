@@ -33,7 +33,7 @@ REMEDY = "remove it: the run resumes from its checkpoint, and its curve begins t
 
 
 def read_progress(file: Path) -> Frame:
-    """Return the lines, without a last one that a kill cut short; none if there is no file.
+    """Return the lines, without a truncated last one; none if there is no file.
 
     Raises:
         ResultsError: It cannot be read, or is no table of progress.

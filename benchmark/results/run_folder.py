@@ -18,7 +18,7 @@ from typing import Any
 
 import yaml
 
-from benchmark.experiment.runs import OWN_CODE, completed, is_larger
+from benchmark.experiment.runs import OWN_CODE, is_larger, with_defaults
 from benchmark.results.files import (
     ResultsError,
     first_line,
@@ -119,7 +119,7 @@ class RunFolder:
             ResultsError: It holds another or an unknown run, or is damaged; or the budget has grown and there
                 is no checkpoint to continue from.
         """
-        there, here = self._content(), completed(content)
+        there, here = self._content(), with_defaults(content)
         if there is None:
             return
         is_extended = _is_extended(here, there)
@@ -152,7 +152,7 @@ class RunFolder:
     def is_extended(self, content: Mapping[str, Any]) -> bool:
         """Return whether the folder holds this run with a smaller budget."""
         there = self._content()
-        return there is not None and _is_extended(completed(content), there)
+        return there is not None and _is_extended(with_defaults(content), there)
 
     def changed_scenarios(self, digests: Mapping[str, str]) -> list[str]:
         """Return the scenarios that have changed since this run, as far as their digests are recorded.
@@ -164,8 +164,8 @@ class RunFolder:
         return [name for name, digest in digests.items() if known.get(name, digest) != digest]
 
     def _content(self) -> dict[str, Any] | None:
-        """Return the completed config of the run in the folder; None without one."""
-        return completed(self.read_config()) if self._has_results() else None
+        """Return the config, with defaults, of the run in the folder; None without one."""
+        return with_defaults(self.read_config()) if self._has_results() else None
 
     def _has_results(self) -> bool:
         """Return whether the folder holds more than the begin of a run."""
@@ -272,7 +272,7 @@ def changed_code(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]
 
 
 def _is_extended(here: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
-    """Return whether the budget of a completed content is larger than another's, if both have one."""
+    """Return whether the budget of a content is larger than another's, if both have one."""
     budgets = [each.get(BUDGET) for each in (here, there)]
     return all(isinstance(budget, dict) for budget in budgets) and is_larger(*budgets)  # type: ignore[arg-type]
 

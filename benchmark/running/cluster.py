@@ -18,8 +18,8 @@ from benchmark.experiment.config import Resources
 from benchmark.results.files import ResultsError, first_line
 
 OWN = "local"
-"""Ray's address for one of its own; without an address it joins whatever was started on this machine."""
-PATIENCE = 20.0
+"""Ray's address that starts a local cluster; without one it joins any cluster of this machine."""
+CONNECT_TIMEOUT = 20.0
 """Time for a cluster to answer [s]."""
 PLACE = "resources.address"
 REMEDY = "start a cluster with `ray start --head`, or leave the address out"
@@ -47,7 +47,7 @@ def start_ray(resources: Resources) -> None:
                 logging_level=logging.ERROR,
                 ignore_reinit_error=True,
             )
-    except Exception as error:  # Ray raises all kinds, where it cannot start some of it a plain Exception
+    except Exception as error:  # Ray raises errors of many types, plain `Exception` too
         raise ResultsError(
             f"Ray does not start: {first_line(error)}",
             place=PLACE if address != OWN else "",
@@ -59,7 +59,7 @@ def start_ray(resources: Resources) -> None:
 
 
 def check_room(resources: Resources, nodes: Sequence[Mapping[str, float]]) -> None:
-    """See that a run can be placed at all: Ray waits for what is not there, for good and without a word.
+    """Raise if the cluster lacks the resources of one run; Ray would wait forever without a message.
 
     Args:
         resources: What a run needs.
@@ -97,7 +97,7 @@ def _address_of(given: str) -> str:
         raise ResultsError(
             f"there is no Ray cluster at {given!r}: {first_line(error)}", place=PLACE, remedy=REMEDY
         ) from error
-    reason = None if address is None else _silence(address)
+    reason = None if address is None else _connection_problem(address)
     if address is None or reason:
         at = f"{given!r}" if address in (None, given) else f"{given!r}, {address}"
         raise ResultsError(
@@ -106,20 +106,20 @@ def _address_of(given: str) -> str:
     return address
 
 
-def _silence(address: str) -> str:
-    """Return why nothing that speaks gRPC answers at HOST:PORT; nothing if it does."""
+def _connection_problem(address: str) -> str:
+    """Return why no gRPC server answers at HOST:PORT, or ""."""
     host, _, port = address.rpartition(":")
     try:
-        with socket.create_connection((host.strip("[]"), int(port)), PATIENCE) as connection:
+        with socket.create_connection((host.strip("[]"), int(port)), CONNECT_TIMEOUT) as connection:
             if re.fullmatch("1|true", os.environ.get("RAY_USE_TLS", ""), re.IGNORECASE):
-                return ""  # somebody is there; more could only be said with certificates
+                return ""  # the port is open; TLS would need certificates
             connection.sendall(HTTP2_GREETING)
             answer = connection.recv(9)
     except TimeoutError:
-        return f"no answer within {PATIENCE:g} s"
+        return f"no answer within {CONNECT_TIMEOUT:g} s"
     except (OSError, ValueError, OverflowError) as error:
         return first_line(error)
-    return "" if answer[3:4] == bytes([SETTINGS]) else "what answers there is something else"
+    return "" if answer[3:4] == bytes([SETTINGS]) else "another server answers there"
 
 
 @contextmanager

@@ -1,6 +1,6 @@
-"""What commands end with, beside 0 and the 2 of what the user can mend."""
+"""Exit codes of the commands; 0 is success, 2 a user error."""
 
 INTERRUPTED = 130
 """After Ctrl-C or SIGTERM."""
 FAILED = 1
-"""Where a run could not be finished."""
+"""A run failed."""

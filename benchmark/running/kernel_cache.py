@@ -57,7 +57,7 @@ def _kernels(package: str) -> list[Any]:
 
 
 def _is_compiled(kernel: Any) -> bool:
-    """Tell whether numba would find code of the kernel, of any types of arguments.
+    """Return whether numba would find code of the kernel, of any types of arguments.
 
     That is machine code for calls from Python, or LLVM code for calls from other kernels.
 

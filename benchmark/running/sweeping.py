@@ -22,7 +22,7 @@ from ray.tune.schedulers import ASHAScheduler, PopulationBasedTraining
 from ray.tune.search.basic_variant import BasicVariantGenerator
 
 from benchmark.experiment.config import Experiment, Tune
-from benchmark.experiment.runs import Run, completed, runs_of
+from benchmark.experiment.runs import Run, runs_of, with_defaults
 from benchmark.results.files import FORMAT, ResultsError, locked, read_mapping, write_json, write_whole
 from benchmark.results.run_folder import RunFolder, changed_code, comparable
 from benchmark.running.cluster import start_ray
@@ -56,7 +56,7 @@ def sweep(experiment: Experiment, root: Path) -> int:
     space = space_of(section)
     check_task_settings(experiment)
     with locked(root):
-        _keep_to_one_search(root / "search.json", run, section)
+        _check_same_search(root / "search.json", run, section)
         try:
             start_ray(experiment.resources)
             with _stoppable() as stopped:
@@ -68,10 +68,10 @@ def sweep(experiment: Experiment, root: Path) -> int:
 
 @contextmanager
 def _stoppable() -> Iterator[Event]:
-    """Let Ctrl-C and SIGTERM stop a search that keeps how far it is, and a second one end it at once.
+    """Stop a search at the first Ctrl-C or SIGTERM, keeping its state; exit at the second.
 
     Yields:
-        Whether it was stopped: Tune itself returns as if there were nothing left to do.
+        An event, set once the search was stopped; Tune returns as if the search were finished.
     """
     stopped = Event()
 
@@ -91,7 +91,7 @@ def _stoppable() -> Iterator[Event]:
             signal.signal(number, handler)
 
 
-def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
+def _check_same_search(file: Path, run: Run, section: Tune) -> None:
     """Raise if the folder holds another search, which Tune would continue without a message.
 
     Further imports make no other search.
@@ -101,7 +101,7 @@ def _keep_to_one_search(file: Path, run: Run, section: Tune) -> None:
         write_json(file, content)
         return
     before = read_mapping(file)
-    there, here = completed(before.get("run") or {}), completed(content["run"])
+    there, here = with_defaults(before.get("run") or {}), with_defaults(content["run"])
     if {**before, "run": comparable(there, here)} != {**content, "run": comparable(here, there)}:
         changed = ", ".join(changed_code(there, here))
         raise ResultsError(

@@ -12,8 +12,8 @@ from typing import Any
 
 import pandas as pd
 
+from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from algorithms.joint.evaluation import evaluate
-from algorithms.joint.worlds import REPORTED_WORLDS
 from benchmark.experiment.runs import SCRIPTED, SCRIPTED_SEED, Run, ScriptedRun, TaskSetting
 from benchmark.metrics import join_tables, measure_episodes, write_table
 from benchmark.metrics.table import COUNTS
@@ -30,7 +30,7 @@ EVALUATION_SEED = 42
 """Root seed of validation and test, the same for all runs: their episodes begin alike."""
 
 ROUNDS = 5
-"""How often at most a part of a test is played: all of it, then what is lacking."""
+"""Maximum number of rounds of a part; each later round replaces invalid episodes."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Part:
     """A part of a test."""
 
     mode: str
-    """How the policy acts: "greedy" or "sampled"; `SCRIPTED` if it always acts in the same way."""
+    """Action selection: "greedy" or "sampled"; `SCRIPTED` for a scripted policy."""
     scenarios: tuple[str, ...]
     episodes: int
     split: str = "train"
@@ -60,18 +60,18 @@ def parts_of(task_setting: TaskSetting, modes: tuple[str, ...]) -> Iterator[Part
 
 
 def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
-    """Play the test of a trained policy and write its table; yields the share that is done."""
+    """Play the test of a trained policy and write its table; yields the finished share."""
 
-    def play_part(part: Part, worlds: range, record: Path) -> None:
+    def play_part(part: Part, indices: range, record: Path) -> None:
         discount = algo.config.gamma
         with closing(
             environment(run.task_setting, scenarios=part.scenarios, record=record, discount=discount)
         ) as env:
             evaluate(
                 algo,
-                len(worlds),
+                len(indices),
                 explore=part.mode == "sampled",
-                first_world=worlds.start,
+                first_episode=indices.start,
                 env=env,
                 seed=EVALUATION_SEED,
             )
@@ -81,7 +81,7 @@ def play_test(run: Run, folder: RunFolder, algo: Any) -> Iterator[float]:
 
 
 def play_scripted(run: ScriptedRun, folder: RunFolder) -> Iterator[float]:
-    """Play the test of a scripted policy, unless it is done; yields the share that is done."""
+    """Play the test of a scripted policy, unless it is done; yields the finished share."""
     tested = run.task_setting.test_content()
     if folder.is_finished(tested):
         return
@@ -89,12 +89,12 @@ def play_scripted(run: ScriptedRun, folder: RunFolder) -> Iterator[float]:
     scenarios = {SCENARIOS: scenario_digests(run.task_setting)}
     folder.note(status=TESTING, run=str(run), **scenarios, **machine())
 
-    def play_part(part: Part, worlds: range, record: Path) -> None:
+    def play_part(part: Part, indices: range, record: Path) -> None:
         with closing(
             environment(run.task_setting, num_envs=1, scenarios=part.scenarios, record=record)
         ) as env:
-            played = episodes_of(env, run.policy, EVALUATION_SEED, worlds.start)
-            for _ in islice(played, len(worlds)):
+            played = episodes_of(env, run.policy, EVALUATION_SEED, indices.start)
+            for _ in islice(played, len(indices)):
                 pass
 
     labels = {"algorithm": run.label, "training_seed": SCRIPTED_SEED}
@@ -109,7 +109,7 @@ def _play(
     given: Mapping[str, Any],
     play_part: Callable[[Part, range, Path], None],
 ) -> Iterator[float]:
-    """Play and measure all parts, and write the table; yields the share that is done.
+    """Play and measure all parts, and write the table; yields the finished share.
 
     Raises:
         ResultsError: Not one episode of a part could be measured.
@@ -137,46 +137,46 @@ def _measured(
     play_part: Callable[[Part, range, Path], None],
     task_setting: TaskSetting,
 ) -> Iterator[pd.DataFrame]:
-    """Yield tables of a part that hold as many episodes that count as it asks for, unless too many do not.
+    """Yield tables with `part.episodes` valid episodes.
 
-    For each that does not count, the next world that was not played yet is played as well: so the episodes
-    that count are the first ones of one sequence of worlds, for every policy.
+    Each invalid episode is replaced by the one of the next index, so that every policy is tested on the first
+    valid episodes of the same sequence. At most `ROUNDS` rounds are played.
     """
-    first, lacking, measured = REPORTED_WORLDS, part.episodes, 0
+    first, lacking, measured = FIRST_TEST_EPISODE, part.episodes, 0
     unread: dict[str, str] = {}
     for number in range(1, ROUNDS + 1):
         record = episodes / (part.name if number == 1 else f"{part.name}-{number}")
-        shutil.rmtree(record, ignore_errors=True)  # what a test left that was interrupted
-        worlds = range(first, first + lacking)
-        play_part(part, worlds, record)
+        shutil.rmtree(record, ignore_errors=True)  # left by an interrupted test
+        indices = range(first, first + lacking)
+        play_part(part, indices, record)
         table = measure_episodes(
-            record, labels=labels, split=part.split, metrics=task_setting.metrics or (), worlds=worlds
+            record, labels=labels, split=part.split, metrics=task_setting.metrics or (), indices=indices
         )
         counts = table.attrs[COUNTS]
         found = counts["measured"] + counts["invalid"] + len(counts["corrupted"])
-        counts["incomplete"] = max(0, len(worlds) - found)  # those of which nothing was written, too
+        counts["incomplete"] = max(0, len(indices) - found)  # episodes without a recording included
         measured += counts["measured"]
         unread |= counts["corrupted"]
         yield table
         if task_setting.evaluation.keep_episodes:
-            _remove_others(record, worlds)
+            _remove_others(record, indices)
         else:
             shutil.rmtree(record)
-        first, lacking = worlds.stop, part.episodes - measured
+        first, lacking = indices.stop, part.episodes - measured
         if lacking <= 0:
             return
     if not measured:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in unread.items())
         raise ResultsError(
-            f"not one of {first - REPORTED_WORLDS} test episodes counts" + (reasons and f": {reasons}"),
+            f"none of {first - FIRST_TEST_EPISODE} test episodes is valid" + (reasons and f": {reasons}"),
             place=str(episodes / part.name),
-            remedy="with fewer agents or less traffic, fewer begin with vehicles inside each other",
+            remedy="use fewer agents or less traffic: vehicles overlap at the start",
         )
 
 
-def _remove_others(record: Path, worlds: range) -> None:
-    """Remove recordings of other worlds, which are played while the last of these are still under way."""
+def _remove_others(record: Path, indices: range) -> None:
+    """Remove recordings of other episodes, which environments play that finish early."""
     for episode in episodes_in(record):
-        with suppress(RecordError):  # a damaged one is named by the table, and stays
-            if int(RecordedEpisode(episode).facts["world"]) not in worlds:
+        with suppress(RecordError):  # the table names damaged episodes, which stay
+            if int(RecordedEpisode(episode).facts["world"]) not in indices:
                 shutil.rmtree(episode)

@@ -14,8 +14,8 @@ from ray import cloudpickle
 from ray.tune.registry import register_env
 
 from algorithms.errors import AlgorithmError
+from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
-from algorithms.joint.worlds import EVALUATION_WORLDS
 from benchmark.experiment.algorithm_settings import CONFIGS
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
@@ -273,7 +273,7 @@ class Training:
             episodes = evaluate(
                 self._algo,
                 self._run.task_setting.evaluation.validation_episodes,
-                first_world=EVALUATION_WORLDS,
+                first_episode=FIRST_VALIDATION_EPISODE,
                 env=env,
                 seed=EVALUATION_SEED,
             )

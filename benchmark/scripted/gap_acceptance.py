@@ -60,7 +60,7 @@ URGENT = 30.0
 """Distance to the goal within which smaller gaps are accepted [m]."""
 LAST_PLACE = 12.0
 """Distance to the goal at which it stops and waits for a gap [m]."""
-PATIENCE = 10
+MAX_WAIT_DECISIONS = 10
 """Decisions at rest after which the first to arrive claims the right of way."""
 
 
@@ -85,7 +85,7 @@ class GapAcceptancePolicy:
         errors = now["heading_errors"]
         path = _path(errors)
         is_first = arrival <= 0.0
-        claims = self._waited > (PATIENCE if is_first else 3 * PATIENCE)
+        claims = self._waited > (MAX_WAIT_DECISIONS if is_first else 3 * MAX_WAIT_DECISIONS)
         horizons = _horizons(others, turns_left=errors.max() > 0.3, yields=not is_first, claims=claims)
         ways = _ways(others, may_speed_up=not is_first and not claims)
         ahead = float(expanded(now["goal"][0], GOAL_SCALE))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from algorithms.joint.worlds import REPORTED_WORLDS
+from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark.scripted import SCRIPTED_POLICIES, SUMO_DRIVER, ScriptedPolicy
 from benchmark.scripted.sumo_driver import sumo_episodes
 from benchmark.statistics import wilson_interval
@@ -89,19 +89,19 @@ def play(
     *,
     episodes: int,
     seed: int = 42,
-    first_world: int = REPORTED_WORLDS,
+    first_episode: int = FIRST_TEST_EPISODE,
     record: Path | None = None,
 ) -> Iterator[Tally]:
     """Play a scenario with every agent driven by a policy; yield a tally for each of its traffics.
 
-    Episode k is that of world `first_world` + k, as in the evaluation of learned policies.
+    Episode k is that of world `first_episode` + k, as in the evaluation of learned policies.
 
     Args:
         policy: A name of `SCRIPTED_POLICIES`, or `SUMO_DRIVER`.
         scenario: Folder, or name of the suite.
         episodes: How many are counted for each traffic: the first valid ones.
         seed: Of the run.
-        first_world: See above.
+        first_episode: See above.
         record: Folder for recorded episodes; the last episode of each traffic is cut short.
 
     Raises:
@@ -113,9 +113,9 @@ def play(
         if policy == SUMO_DRIVER:
             if record is not None:
                 raise SmartsError("only agents are recorded", place="record", remedy="leave out sumo_driver")
-            played = sumo_episodes(scenario, traffic, AGENTS, seed, first_world)
+            played = sumo_episodes(scenario, traffic, AGENTS, seed, first_episode)
         else:
-            played = _episodes(policy, scenario, traffic, seed, first_world, record)
+            played = _episodes(policy, scenario, traffic, seed, first_episode, record)
         for outcomes, steps in played:
             if not outcomes["invalid"]:
                 tally.add(outcomes, steps)
@@ -126,29 +126,29 @@ def play(
 
 
 def _episodes(
-    policy: str, scenario: str, traffic: str, seed: int, first_world: int, record: Path | None
+    policy: str, scenario: str, traffic: str, seed: int, first_episode: int, record: Path | None
 ) -> Generator[Ended]:
     """Yield one episode of each world in turn."""
     options = Options(record=record)
     env = VectorHiWayEnv(1, [scenario], AGENTS, seed=seed, simulation=options, traffic=[traffic])
     with closing(env):
-        yield from episodes_of(env, policy, seed, first_world)
+        yield from episodes_of(env, policy, seed, first_episode)
 
 
-def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_world: int) -> Generator[Ended]:
+def episodes_of(env: VectorHiWayEnv, policy: str, seed: int, first_episode: int) -> Generator[Ended]:
     """Yield one episode of each world in turn, with every agent driven by a policy.
 
     Args:
         env: One simulation whose observations and actions fit the policy.
         policy: A name of `SCRIPTED_POLICIES`, or `module:Class` of a user's own.
         seed: Of the run.
-        first_world: The world of the first episode.
+        first_episode: The world of the first episode.
 
     Raises:
         TrafficError: Traffic failed.
     """
     drivers: list[ScriptedPolicy] = [SCRIPTED_POLICIES[policy]() for _ in env.agents]
-    now = env.reset(seed, np.array([first_world]), stride=1)
+    now = env.reset(seed, np.array([first_episode]), stride=1)
     start = _begin(drivers, env)
     while True:
         now = env.step(_actions(drivers, now, env))

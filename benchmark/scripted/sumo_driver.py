@@ -30,7 +30,7 @@ UNTIL_HANDED_OVER = 5
 
 
 def sumo_episodes(
-    scenario: str, traffic: str, agents: int, seed: int, first_world: int
+    scenario: str, traffic: str, agents: int, seed: int, first_episode: int
 ) -> Generator[tuple[Counter[str], float]]:
     """Yield how the agents end, and after how many steps, in one episode of each world after the other.
 
@@ -40,7 +40,7 @@ def sumo_episodes(
     built = build_scenario(scenario).with_traffic([traffic])
     parts = assemble([built], [benchmark_interface() for _ in range(agents)], seed=seed)
     try:
-        world = first_world
+        world = first_episode
         while True:
             start = parts.schedule.start(world, 0)
             yield _episode(parts, _freed(start, parts.schedule.maps[start.map]))
@@ -52,7 +52,7 @@ def sumo_episodes(
 def _freed(start: EpisodeStart, roads: LaneGraph) -> EpisodeStart:
     """Return an episode whose goals are reached in any lane, with ways on beyond them."""
     return dataclasses.replace(
-        start, agents=tuple(_freed_agent(agent_id, roads) for agent_id in start.agents)
+        start, agents=tuple(_freed_agent(agent_start, roads) for agent_start in start.agents)
     )
 
 
@@ -80,11 +80,11 @@ def _episode(parts: Assembly, start: EpisodeStart) -> tuple[Counter[str], float]
     if frame.events.finished[0]:
         return Counter({"invalid": len(start.agents)}), 0.0
     left = set(range(len(start.agents)))
-    rows, wanted = np.ones(1, np.bool_), np.zeros(world.agents.state.shape, np.bool_)
+    env_mask, observe_mask = np.ones(1, np.bool_), np.zeros(world.agents.state.shape, np.bool_)
     while left:
         if world.step[0] == UNTIL_HANDED_OVER:
             _hand_over(parts, left, Owner.TRAFFIC)
-        frame = simulation.step(parts.actions, rows, wanted)
+        frame = simulation.step(parts.actions, env_mask, observe_mask)
         for error in frame.failures.values():
             raise TrafficError("the traffic failed", place=f"world {start.world}") from error
         ended = {agent_id: outcome for agent_id in left if (outcome := _outcome(parts, frame, agent_id))}

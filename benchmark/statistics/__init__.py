@@ -1,7 +1,4 @@
-"""Intervals and comparisons for agents that come in episodes, and episodes that come in training seeds.
-
-Nothing here knows what is measured; `benchmark.metrics` says it.
-"""
+"""Confidence intervals and tests for clustered data: agents in episodes, episodes in training seeds."""
 
 from benchmark.statistics.comparison import (
     Difference,
@@ -17,19 +14,19 @@ from benchmark.statistics.intervals import (
     seed_interval,
     wilson_interval,
 )
-from benchmark.statistics.resampling import resampled_totals, sampled_interval
+from benchmark.statistics.resampling import bootstrap_interval, bootstrap_totals
 
 __all__ = [
     "LEVEL",
     "Difference",
     "arcsine_interval",
+    "bootstrap_interval",
+    "bootstrap_totals",
     "checkpoint_interval",
     "design_effect",
     "holm",
     "interquartile_mean",
     "paired_difference",
-    "resampled_totals",
-    "sampled_interval",
     "seed_interval",
     "wilson_interval",
 ]

@@ -21,7 +21,7 @@ class Difference:
     low: float
     high: float
     p_value: float
-    """Two-sided, that there is no difference; NaN if nothing can be said."""
+    """Two-sided, that there is no difference; NaN with fewer than two starts."""
     pairs: int
     """Starts that were compared."""
 
@@ -29,8 +29,8 @@ class Difference:
 def paired_difference(gaps: ArrayLike, is_share_of_counts: bool = False) -> Difference:
     """Return the mean difference over distinct starts with Student's interval.
 
-    Shares of counted things can agree in all starts, or nearly so, which tells of no spread. Their standard
-    error is never below that of matched pairs which counts two further starts: one alike, one half each way.
+    If all differences of rates are equal or nearly so, the sample variance is too small. Their standard error
+    is therefore at least that of matched pairs with two pseudo-observations (Agresti and Min 2005).
     Other differences that are all alike, but not 0, have no interval.
 
     Args:

@@ -11,7 +11,7 @@ Bounds = tuple[Floats, Floats]
 """Lower and upper bound."""
 
 LEVEL = 0.95
-"""Share of intervals that are to hold the truth."""
+"""Confidence level."""
 NORMAL_QUANTILE = 1.959964
 """Of (1 + LEVEL) / 2."""
 
@@ -34,9 +34,8 @@ def arcsine_interval(rates: ArrayLike, counts: ArrayLike) -> Bounds:
     """Return the interval for a rate over three training seeds or more.
 
     Student's interval on arcsine-root-transformed seed rates, transformed back: on that scale the spread of
-    a rate does not depend on the rate. Seeds that agree by chance, or are all 0, tell of too little spread:
-    what the counts alone leave open, Wilson's interval of all seeds' independent trials, lies within in any
-    case.
+    a rate does not depend on the rate. Seeds that agree by chance give too narrow an interval; the result
+    always contains the Wilson interval of the pooled trials.
 
     Args:
         rates: Of each seed, shape (..., S).
@@ -65,13 +64,13 @@ def wilson_interval(rate: ArrayLike, count: ArrayLike) -> Bounds:
 
 
 def design_effect(successes: ArrayLike, trials: ArrayLike) -> Floats:
-    """Return how many times as many agent-episodes are needed as if those of one episode were independent.
+    """Return the design effect of agents in episodes.
 
-    The variance of the rate, as the spread between episodes shows it, over that of independent trials; in
-    [1, agents per episode], and the latter where all agent-episodes are alike, since that tells nothing.
+    That is the variance of the rate between episodes over that of independent trials, clipped to
+    [1, agents per episode]. Equal episodes give the upper bound.
 
     Args:
-        successes: Agents of each episode to whom it happened, shape (..., K).
+        successes: Successes of each episode, shape (..., K).
         trials: Agents of each episode, same shape.
 
     Source: Kish, Survey Sampling (1965), section 8.2; ratio estimator for unequal episodes.
@@ -95,7 +94,7 @@ def checkpoint_interval(successes: ArrayLike, trials: ArrayLike) -> Bounds:
     Wilson's at agent-episodes / `design_effect`.
 
     Args:
-        successes: Agents of each episode to whom it happened, shape (..., K).
+        successes: Successes of each episode, shape (..., K).
         trials: Agents of each episode, same shape.
     """
     agents = np.asarray(trials, float).sum(axis=-1)

@@ -10,12 +10,13 @@ from benchmark.statistics.intervals import LEVEL, Bounds
 Floats = NDArray[np.float64]
 
 REPEATS = 2000
+"""Bootstrap samples."""
 
 
-def resampled_totals(
+def bootstrap_totals(
     totals: Floats, draws: np.random.Generator, strata: ArrayLike | None = None, repeats: int = REPEATS
 ) -> Floats:
-    """Return sums over episodes that are drawn with replacement, as many from each stratum as it has.
+    """Return bootstrap sums: episodes resampled with replacement within each stratum.
 
     Args:
         totals: Sums of C columns in each of K episodes, shape (K, C).
@@ -34,8 +35,8 @@ def resampled_totals(
     return drawn
 
 
-def sampled_interval(values: Floats) -> Bounds:
-    """Return the percentile interval of resampled values, shape (R,); those that are NaN do not count."""
+def bootstrap_interval(values: Floats) -> Bounds:
+    """Return the percentile interval of resampled values, shape (R,); NaN is ignored."""
     known = values[np.isfinite(values)]
     if not len(known):
         return np.array(np.nan), np.array(np.nan)

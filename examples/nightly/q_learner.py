@@ -11,7 +11,7 @@ from algorithms.joint.config import JointConfig
 from algorithms.joint.learner import OffPolicyLearner
 from algorithms.joint.module import JointModule
 from algorithms.parts.distributions import EpsilonGreedyHead, Exploration
-from algorithms.parts.masking import ILLEGAL
+from algorithms.parts.masking import MASKED_LOGIT
 from algorithms.registry import ActionKind, Entry, Paradigm
 from algorithms.settings import Fraction, OffPolicySettings
 from smarts.env import VectorHiWayEnv
@@ -43,7 +43,7 @@ class MyLearner(OffPolicyLearner):
             with torch.no_grad():
                 values = net.target_body(net.target_encoder(own.next.observations))
                 if own.next.action_mask is not None:
-                    values = values.masked_fill(~own.next.action_mask, ILLEGAL)
+                    values = values.masked_fill(~own.next.action_mask, MASKED_LOGIT)
                 following = torch.where(own.bootstrap, values.amax(-1), 0)
             chosen = net.policy(own).gather(-1, own.actions.unsqueeze(-1)).squeeze(-1)
             error = (chosen - own.rewards - self.gamma * following).square()

@@ -1,7 +1,7 @@
-"""Pictures from above as arrays: painting outlines, bands along lines and boxes, and cutting out views.
+"""Top-down rasters: paints outlines, bands along lines and boxes, and cuts out views.
 
-A view has the viewer in its middle, looking towards the upper edge: row 0 is the farthest ahead, column 0
-the farthest to the left. A place belongs to the pixel that it lies in; a pixel shows what is at its centre.
+A view has the viewer at its centre, facing the upper edge: row 0 is the farthest ahead, column 0 the farthest
+to the left. A point belongs to the pixel that contains it; a pixel shows the scene at its centre.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ def paint_band(
     dash: float,
     bits: int,
 ) -> None:
-    """Set bits in the cells whose centres lie beside a polyline, between two distances from it.
+    """Set bits in the cells whose centres lie in a band along a polyline.
 
     Args:
-        cells: Rows from the south, columns from the west, shape (rows, columns).
-        origin_x: Lower left corner of cell (0, 0) [m].
-        origin_y: Of the same.
+        cells: The raster, rows from south to north, columns from west to east, shape (rows, columns).
+        origin_x: x of the lower left corner of cell (0, 0) [m].
+        origin_y: y of this corner [m].
         size: Side of a cell [m].
-        points: [m], shape (P, 2).
-        first: The polyline's first point.
-        last: The point after its last.
-        right: Where the band begins, positive to the left of the line [m].
-        left: Where it ends [m].
-        dash: Length of dashes and of the gaps between them [m]; 0 for a whole band.
-        bits: To be set.
+        points: Points of the polylines [m], shape (P, 2).
+        first: Index of the polyline's first point.
+        last: Index after its last point.
+        right: Offset of the band's right edge, positive to the left of the line [m].
+        left: Offset of the band's left edge [m].
+        dash: Length of dashes and of the gaps between them [m]; 0 for a solid band.
+        bits: The bits to set.
     """
     reach = max(abs(right), abs(left))
     gone = 0.0
@@ -71,7 +71,7 @@ def paint_band(
 
 @kernel
 def _is_in_wedge(points: Floats, first: int, point: int, x: float, y: float) -> bool:
-    """Return whether a place before the segment at `point` lies behind the one before it, round the bend."""
+    """Return whether a point before the segment at `point` lies beyond the previous segment's end."""
     if point == first:
         return False
     a, b = points[point - 1], points[point]
@@ -89,7 +89,7 @@ def paint_outline(
     last: int,
     bits: int,
 ) -> None:
-    """Set bits in the cells whose centres lie in the polygon of `vertices[first:last]`; see `paint_band`."""
+    """Set bits in the cells whose centres lie in the polygon `vertices[first:last]`; see `paint_band`."""
     if first == last:
         return
     low_x, high_x = vertices[first:last, 0].min(), vertices[first:last, 0].max()
@@ -107,7 +107,7 @@ def paint_outline(
 def place_in_view(
     x: float, y: float, viewer_x: float, viewer_y: float, viewer_heading: float
 ) -> tuple[float, float]:
-    """Return how far a place is ahead of a viewer and to its left [m]."""
+    """Return the position of a point in a viewer's frame: distance ahead and to the left [m]."""
     cosine, sine = math.cos(viewer_heading), math.sin(viewer_heading)
     dx, dy = x - viewer_x, y - viewer_y
     return dx * cosine + dy * sine, dy * cosine - dx * sine
@@ -124,24 +124,24 @@ def paint_box(
     width: float,
     colour: Pixels,
 ) -> None:
-    """Paint an oriented box into a view, at least a pixel long and wide.
+    """Paint an oriented box into a view, at least one pixel long and wide.
 
     Args:
-        view: Shape (rows, columns, channels).
+        view: The view, shape (rows, columns, channels).
         resolution: Side of a pixel [m].
-        ahead: Of the viewer [m].
-        aside: To the viewer's left [m].
-        turn: Of the box's length against the viewer's heading [rad].
-        length: Of the box [m].
-        width: Of the box [m].
-        colour: Shape (channels,).
+        ahead: Position of the box's centre ahead of the viewer [m].
+        aside: Its position to the viewer's left [m].
+        turn: Heading of the box minus the viewer's heading [rad].
+        length: Length of the box [m].
+        width: Width of the box [m].
+        colour: Colour of the box, shape (channels,).
     """
     rows, columns, channels = view.shape
     half_length, half_width = 0.5 * max(length, resolution), 0.5 * max(width, resolution)
     cosine, sine = math.cos(turn), math.sin(turn)
     reach_ahead = abs(cosine) * half_length + abs(sine) * half_width
     reach_aside = abs(sine) * half_length + abs(cosine) * half_width
-    # Written so that boxes which are nowhere (NaN) are left out, and no number is too large for an index.
+    # This comparison skips boxes at NaN, and far ones, whose indices would overflow.
     in_view = (
         abs(ahead) <= 0.5 * rows * resolution + reach_ahead
         and abs(aside) <= 0.5 * columns * resolution + reach_aside
@@ -155,7 +155,7 @@ def paint_box(
     for row in range(top, bottom + 1):
         forward = (0.5 * rows - row - 0.5) * resolution - ahead
         along, across = forward * cosine, forward * sine
-        # A row of a box has no gaps: look for its ends, and fill what lies between.
+        # A box covers a row without gaps: find the ends and fill the pixels between them.
         begin, end = leftmost, rightmost
         while begin <= end:
             left = (0.5 * columns - begin - 0.5) * resolution - aside
@@ -174,7 +174,7 @@ def paint_box(
 
 @kernel
 def _within(start: float, step: float, limit: int, begin: int, end: int) -> tuple[int, int]:
-    """Return the part of begin..end in which start + step * c is within 0 and a limit, or slightly more."""
+    """Return a range within [begin, end] that holds all c with 0 <= start + step * c <= limit."""
     if step == 0.0:
         return (begin, end) if -1.0 <= start <= limit + 1.0 else (begin, begin)
     one, other = -start / step, (limit - start) / step
@@ -198,21 +198,21 @@ def cut_view(
     colours: Pixels,
     view: Pixels,
 ) -> None:
-    """Write for each pixel of a view the colour of the cell at its centre, that of an empty cell outside.
+    """Write to each pixel of a view the colour of the raster cell at its centre, `colours[0]` outside.
 
     Args:
-        cells: Of the raster, from the south by rows from the west, shape (rows * columns,).
-        rows: Of the raster.
-        columns: Of the raster.
-        origin_x: Lower left corner of cell (0, 0) [m].
-        origin_y: Of the same.
+        cells: The raster, rows from south to north, columns from west to east, shape (rows * columns,).
+        rows: Rows of the raster.
+        columns: Columns of the raster.
+        origin_x: x of the lower left corner of cell (0, 0) [m].
+        origin_y: y of this corner [m].
         size: Side of a cell [m].
-        x: The viewer's [m].
-        y: The viewer's [m].
-        heading: The viewer's [rad].
+        x: x of the viewer [m].
+        y: y of the viewer [m].
+        heading: Heading of the viewer [rad].
         resolution: Side of a pixel [m].
-        colours: Of each value of a cell, shape (values, channels); 1 or 3 channels.
-        view: Written, shape (height, width, channels).
+        colours: Colour of each cell value, shape (values, channels); 1 or 3 channels.
+        view: The view, written, shape (height, width, channels).
     """
     height, width, channels = view.shape
     cosine, sine = math.cos(heading) * resolution / size, math.sin(heading) * resolution / size
@@ -224,7 +224,7 @@ def cut_view(
     for r in range(height):
         ahead = 0.5 * height - r - 0.5
         across, along = middle_column + ahead * cosine, middle_row + ahead * sine
-        # The pixels of a row that are inside lie side by side: ends are estimated, then found by trying.
+        # The pixels of a row inside the raster are contiguous: estimate the ends, then find them by trial.
         begin, end = _within(across - west[0], sine, columns, 0, width)
         begin, end = _within(along + north[0], -cosine, rows, begin, end)
         while begin < end and not (
@@ -235,13 +235,13 @@ def cut_view(
             0.0 <= across - west[end - 1] < columns and 0.0 <= along + north[end - 1] < rows
         ):
             end -= 1
-        # Apart from the look-up, so that the compiler makes vector instructions of it.
+        # A loop apart from the look-up, so that the compiler vectorises it.
         for c in range(begin, end):
             cell[c] = np.int32(np.floor(along + north[c]) * columns + np.floor(across - west[c]))
         line = view[r]
         for channel in range(channels):
             line[:begin, channel], line[end:, channel] = colours[0, channel], colours[0, channel]
-        # Unsigned: a signed index might be negative, which costs a test.
+        # An unsigned index: a signed one would need a test for negative values.
         if channels == 3:
             for c in range(begin, end):
                 value = cells[np.uint32(cell[c])]

@@ -1,4 +1,4 @@
-"""Every sensor: in bounds whatever the world is like, the same in any batch, serving only who asks."""
+"""Every sensor stays in bounds in any world, is equal in any batch, and writes only masked agents."""
 
 import importlib
 import sys
@@ -37,7 +37,7 @@ def sensor(request):
 
 
 def random_cars(generator):
-    """Return two agents and some others on and beside a crossing, some of them absurdly fast."""
+    """Return two agents and other vehicles on and beside a crossing, some of them absurdly fast."""
     places = generator.uniform(-60, 60, (6, 2))
     headings = generator.uniform(-np.pi, np.pi, 6)
     speeds = generator.choice([0.0, 5.0, 30.0, 1e4], 6)
@@ -53,11 +53,11 @@ def scene_of(*rows):
     return Scene(made.world, made.atlas, made.routes)
 
 
-def observe(sensor, scene, wanted, filled_with=0):
+def observe(sensor, scene, observe_mask, filled_with=0):
     out = {field.name: field.allocate(scene.world.worlds, len(AGENT_STATES)) for field in sensor.fields()}
     for array in out.values():
         array[:] = filled_with
-    sensor.bind(scene, AGENT_STATES, out)(np.array(wanted))
+    sensor.bind(scene, AGENT_STATES, out)(np.array(observe_mask))
     return out
 
 
@@ -76,7 +76,7 @@ def test_readings_are_in_bounds(sensor):
 
 
 @pytest.mark.parametrize("worlds", [50, pytest.param(750, marks=pytest.mark.slow)])
-def test_readings_are_in_bounds_where_the_world_is_nonsense(sensor, worlds):
+def test_readings_are_in_bounds_in_a_nonsensical_world(sensor, worlds):
     generator = np.random.Generator(np.random.Philox(4))
     scene = scene_of(random_cars(generator))
     for _ in range(worlds):
@@ -104,7 +104,7 @@ def test_readings_are_the_same_in_any_batch(sensor):
             assert (values[0] == together[name][row]).all(), name
 
 
-def test_nothing_is_left_of_what_was_seen_before(sensor):
+def test_readings_do_not_depend_on_the_buffers_content(sensor):
     generator = np.random.Generator(np.random.Philox(5))
     scene = scene_of(random_cars(generator))
     fresh = observe(sensor, scene, [[True, True]])
@@ -112,7 +112,7 @@ def test_nothing_is_left_of_what_was_seen_before(sensor):
     assert all((fresh[name] == used[name]).all() for name in fresh)
 
 
-def test_who_is_not_wanted_is_left_alone(sensor):
+def test_unmasked_agents_are_not_written(sensor):
     generator = np.random.Generator(np.random.Philox(3))
     out = observe(sensor, scene_of(random_cars(generator)), [[False, True]], filled_with=1)
     assert all((values[0, 0] == 1).all() for values in out.values())
@@ -138,11 +138,11 @@ def test_kernels_are_compiled_once():
         if observing is None:  # a sensor in NumPy
             continue
         assert not observing.signatures, name
-        # None where the bound kernel comes from the cache on disk.
+        # 0 if the bound kernel comes from the disk cache.
         assert len(observing.callee.signatures) <= 1, name
 
 
-def test_the_documentation_is_of_these_sensors():
+def test_the_documentation_is_up_to_date():
     assert PAGE.read_text() == sensors_page(), "run: python -m smarts.sensors.documentation"
 
 
@@ -169,7 +169,7 @@ class Odometer:
 
 @pytest.fixture
 def odometer(monkeypatch):
-    """The line that adds a sensor, for a test."""
+    """Register the sensor for a test."""
     module = ModuleType("an_odometer")
     module.Odometer = Odometer
     monkeypatch.setitem(sys.modules, "an_odometer", module)
@@ -208,7 +208,7 @@ def test_a_new_sensor_is_one_file_and_one_line(odometer):
 
 
 @pytest.mark.parametrize("option", [3, "far"])
-def test_options_that_are_no_sensor(odometer, option):
+def test_invalid_options_raise(odometer, option):
     with pytest.raises(InterfaceError) as raised:
         AgentInterface(odometer=option)
     assert raised.value.place == "AgentInterface.odometer"

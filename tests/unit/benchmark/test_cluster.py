@@ -50,7 +50,7 @@ def test_an_address_where_nobody_listens(listener, monkeypatch):
 
 
 def test_an_address_that_does_not_answer(listener, monkeypatch):
-    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 0.2)
     assert "no answer within 0.2 s" in refusal(Resources(address=address_of(listener)))
 
 
@@ -64,7 +64,7 @@ def test_an_address_of_something_else(listener, answer):
 
     thread = threading.Thread(target=serve)
     thread.start()
-    assert "what answers there is something else" in refusal(Resources(address=address_of(listener)))
+    assert "another server answers there" in refusal(Resources(address=address_of(listener)))
     thread.join()
 
 
@@ -85,7 +85,7 @@ def test_without_an_address_ray_is_its_own_whatever_else_there_is(listener, monk
         start_ray(Resources())
         own = ray.get_runtime_context().gcs_address
         assert own.rpartition(":")[2] != address_of(listener).rpartition(":")[2]
-        assert cluster._silence(own) == ""  # what a real one answers
+        assert cluster._connection_problem(own) == ""  # what a real one answers
         assert signal.getsignal(signal.SIGTERM) == before
     finally:
         ray.shutdown()

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from benchmark.experiment.config import Environment
-from benchmark.experiment.runs import completed
+from benchmark.experiment.runs import with_defaults
 from benchmark.metrics import compute
 from benchmark.results.files import FormatError, ResultsError
 from benchmark.results.reading import read_results
@@ -195,7 +195,7 @@ def test_runs_with_old_keys_of_the_environment_are_recognised(tmp_path, old, exp
     (folder / "config.yaml").write_text(yaml.safe_dump({"seed": 1, "environment": old}))
     convert(tmp_path / "old", tmp_path / "new")
     converted = yaml.safe_load((tmp_path / "new" / "seed_1" / "config.yaml").read_text())
-    assert completed(converted) == completed({"seed": 1, "environment": expected})
+    assert with_defaults(converted) == with_defaults({"seed": 1, "environment": expected})
     assert fitted(converted["environment"], Environment) == fitted(expected, Environment)
     said = json.loads((tmp_path / "new" / "seed_1" / "run.json").read_text())["command"]
     assert said.endswith("--set environment.observation=paper --set environment.reward=raw")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from algorithms.joint.worlds import REPORTED_WORLDS
+from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark.experiment.config import read_experiment
 from benchmark.experiment.runs import task_settings_of
 from benchmark.metrics import compute, read_table
@@ -272,7 +272,7 @@ def test_recordings_are_those_that_were_asked_for(held_out, tmp_path):
     for mode in ("greedy", "sampled"):
         kept = episodes_in(out / "episodes" / f"{mode}-double_merge")
         assert len(kept) == 3  # two simulations begin a fourth
-        assert {int(RecordedEpisode(path).facts["world"]) - REPORTED_WORLDS for path in kept} == {0, 1, 2}
+        assert {int(RecordedEpisode(path).facts["world"]) - FIRST_TEST_EPISODE for path in kept} == {0, 1, 2}
 
 
 def test_a_test_that_is_interrupted_says_so_and_leaves_no_table(held_out, tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import ray
 
-from algorithms.joint.worlds import REPORTED_WORLDS
+from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from benchmark import load_policy
 from benchmark.experiment.config import Resources, read_experiment
 from benchmark.experiment.runs import runs_of
@@ -79,15 +79,15 @@ def test_the_actions_are_those_of_evaluate(make, tmp_path, name, settings):
     policy = load_policy(folder.path)
     env = environment(run.task_setting, num_envs=1, record=tmp_path / "own")
     try:
-        now, over = env.reset(EVALUATION_SEED, np.array([REPORTED_WORLDS]), stride=1), 0
+        now, over = env.reset(EVALUATION_SEED, np.array([FIRST_TEST_EPISODE]), stride=1), 0
         while over < 2:
             now = env.step(policy.act(now))
             over += int(now.reset.sum())
     finally:
         env.close()
     got = decisions(tmp_path / "own")
-    assert {REPORTED_WORLDS, REPORTED_WORLDS + 1} <= wanted.keys() & got.keys()
-    for world in (REPORTED_WORLDS, REPORTED_WORLDS + 1):
+    assert {FIRST_TEST_EPISODE, FIRST_TEST_EPISODE + 1} <= wanted.keys() & got.keys()
+    for world in (FIRST_TEST_EPISODE, FIRST_TEST_EPISODE + 1):
         assert got[world] == wanted[world]
 
 

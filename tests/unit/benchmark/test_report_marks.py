@@ -141,7 +141,7 @@ def test_the_summary_begins_with_the_best(report):
         ),
         ({"environment": ENVIRONMENT | {"friction": 0.9}}, False),
         ({"environment": ENVIRONMENT | {"agents": 3}}, False),
-        ({"environment": ENVIRONMENT | {"options": {"reward": "dense"}}}, False),
+        ({"environment": ENVIRONMENT | {"reward": "paper"}}, False),
         ({"budget": {"agent_steps": 2000, "minutes": None}}, False),
     ],
 )

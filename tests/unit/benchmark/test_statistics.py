@@ -8,13 +8,13 @@ import pytest
 
 from benchmark.statistics import (
     arcsine_interval,
+    bootstrap_interval,
+    bootstrap_totals,
     checkpoint_interval,
     design_effect,
     holm,
     interquartile_mean,
     paired_difference,
-    resampled_totals,
-    sampled_interval,
     wilson_interval,
 )
 from smarts.types.streams import Purpose, stream
@@ -97,17 +97,17 @@ def test_seeds_that_agree_by_chance_tell_no_more_than_their_trials(rates):
 
 def test_resampling_stays_in_its_stratum():
     totals = np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 5.0]])
-    drawn = resampled_totals(totals, stream(1, Purpose.RESAMPLING), [0, 0, 1], repeats=500)
+    drawn = bootstrap_totals(totals, stream(1, Purpose.RESAMPLING), [0, 0, 1], repeats=500)
     assert {tuple(row) for row in drawn} == {(2.0, 5.0), (4.0, 5.0), (6.0, 5.0)}
 
 
 def test_resampling_keeps_episodes_whole():
     totals = np.array([[1.0, 1.0], [0.0, 2.0], [3.0, 0.0]])
-    drawn = resampled_totals(totals, stream(1, Purpose.RESAMPLING), repeats=500)
+    drawn = bootstrap_totals(totals, stream(1, Purpose.RESAMPLING), repeats=500)
     sums = {tuple(np.sum(each, axis=0)) for each in itertools.product(totals, repeat=3)}
     assert {tuple(row) for row in drawn} <= sums
     assert len({tuple(row) for row in drawn}) > 5
-    assert sampled_interval(np.append(np.arange(101.0), np.nan)) == pytest.approx((2.5, 97.5))
+    assert bootstrap_interval(np.append(np.arange(101.0), np.nan)) == pytest.approx((2.5, 97.5))
 
 
 def test_holm_and_interquartile_mean():

@@ -12,7 +12,7 @@ from benchmark.experiment.config import Tune, read_experiment
 from benchmark.experiment.runs import runs_of
 from benchmark.results.files import ResultsError
 from benchmark.running.sweeping import (
-    _keep_to_one_search,
+    _check_same_search,
     scheduler_of,
     space_of,
     sweep,
@@ -39,15 +39,15 @@ def test_a_search_of_an_earlier_version_is_gone_on_with(experiment, tmp_path):
     """Its file lacks keys that have got defaults since."""
     file, section = tmp_path / "search.json", Tune(parameters={"lr": [0.1, 0.2]})
     (run,) = runs_of(experiment())
-    _keep_to_one_search(file, run, section)
+    _check_same_search(file, run, section)
     kept = json.loads(file.read_text())
     del kept["run"]["environment"]["decision_interval"]
     file.write_text(json.dumps(kept))
-    _keep_to_one_search(file, run, section)
+    _check_same_search(file, run, section)
     (other,) = runs_of(experiment("environment.decision_interval=3"))
     for changed in ((other, section), (run, Tune(parameters={"lr": [0.1, 0.3]}))):
         with pytest.raises(ResultsError) as caught:
-            _keep_to_one_search(file, *changed)
+            _check_same_search(file, *changed)
         assert caught.value.place == str(file)
 
 
@@ -111,13 +111,13 @@ def test_a_search_continues_with_further_imports_only(experiment, tmp_path):
     def importing(*paths):
         return replace(run, task_setting=replace(run.task_setting, imports=paths))
 
-    _keep_to_one_search(file, importing("/a/own.py"), section)
-    _keep_to_one_search(file, importing("/a/own.py", "/a/more.py"), section)
+    _check_same_search(file, importing("/a/own.py"), section)
+    _check_same_search(file, importing("/a/own.py", "/a/more.py"), section)
     for other, searched in (
         (importing("/b/own.py"), section),
         (replace(importing("/a/own.py"), seed=9), section),
         (importing("/a/own.py"), Tune(parameters={"lr": [0.2]})),
     ):
         with pytest.raises(ResultsError) as caught:
-            _keep_to_one_search(file, other, searched)
+            _check_same_search(file, other, searched)
         assert caught.value.place == str(file)

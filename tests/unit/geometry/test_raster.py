@@ -1,4 +1,4 @@
-"""Painting into pictures, cell by cell."""
+"""Painting into rasters, checked cell by cell."""
 
 import math
 
@@ -20,7 +20,7 @@ def test_a_band_lies_beside_its_line_and_ends_with_it():
     assert (cells == expected).all()
 
 
-def test_a_band_to_the_left_and_bits_of_before():
+def test_a_band_to_the_left_keeps_other_bits():
     cells = np.ones((10, 20), np.uint8)
     paint_band(cells, 0.0, 0.0, 1.0, points((2, 5), (18, 5)), 0, 2, 1.0, 2.0, 0.0, 2)
     assert (cells[6, 2:18] == 3).all()
@@ -33,7 +33,7 @@ def test_dashes():
     assert cells[1].tolist() == [*[1] * 4, *[0] * 4, *[1] * 4, *[0] * 4, *[1] * 4]
 
 
-def test_a_band_goes_round_the_bend_and_keeps_its_width():
+def test_a_band_keeps_its_width_round_a_corner():
     cells = np.zeros((40, 40), np.uint8)
     corner = points((5, 10), (25, 10), (25, 35))
     paint_band(cells, 0.0, 0.0, 1.0, corner, 0, 3, -3.0, 3.0, 0.0, 1)
@@ -44,7 +44,7 @@ def test_a_band_goes_round_the_bend_and_keeps_its_width():
     assert (cells == (along | up | outside)).all()
 
 
-def test_bands_beyond_the_picture_are_left_out():
+def test_bands_outside_the_raster_are_skipped():
     cells = np.zeros((4, 4), np.uint8)
     paint_band(cells, 0.0, 0.0, 1.0, points((-9, -9), (-5, -5)), 0, 2, -1.0, 1.0, 0.0, 1)
     assert not cells.any()
@@ -54,7 +54,7 @@ def test_an_outline_is_filled():
     cells = np.zeros((6, 6), np.uint8)
     triangle = points((9, 9), (1, 1), (5, 1), (1, 5))
     paint_outline(cells, 0.0, 0.0, 1.0, triangle, 1, 4, 1)
-    # Centres on the slope itself, x + y = 6, belong to neither side for certain.
+    # Centres on the slope itself, x + y = 6, may be inside or outside.
     y, x = np.mgrid[0.5:6, 0.5:6]
     assert (cells[x + y < 5.9] == ((x > 1) & (y > 1))[x + y < 5.9]).all()
     assert not cells[x + y > 6.1].any()
@@ -62,14 +62,14 @@ def test_an_outline_is_filled():
     assert cells.max() == 1
 
 
-def test_places_as_a_viewer_sees_them():
+def test_positions_in_a_viewers_frame():
     ahead, left = place_in_view(10.0, 23.0, 10.0, 20.0, math.pi / 2)
     assert (ahead, left) == pytest.approx((3.0, 0.0))
     ahead, left = place_in_view(9.0, 20.0, 10.0, 20.0, math.pi / 2)
     assert (ahead, left) == pytest.approx((0.0, 1.0))
 
 
-def test_boxes_that_cannot_be_painted():
+def test_boxes_out_of_view_or_not_finite_are_skipped():
     view = np.zeros((8, 8, 1), np.uint8)
     colour = np.ones(1, np.uint8)
     for place in (math.nan, math.inf, 1e300, 40.0):
@@ -80,13 +80,13 @@ def test_boxes_that_cannot_be_painted():
     assert view.sum() == 8
 
 
-def test_a_view_is_cut_out_as_the_viewer_is_turned():
+def test_a_view_turns_with_the_viewer():
     cells = np.arange(100, dtype=np.uint8)
     view = np.zeros((4, 2, 1), np.uint8)
     picture, raster = cells.reshape(10, 10, 1), (cells, 10, 10, 100.0, 50.0, 1.0)
     same = cells[:, None]
     cut_view(*raster, 105.0, 55.0, math.pi / 2, 1.0, same, view)
-    # North is up: rows from the south are turned about.
+    # North is up: the raster's rows, from south to north, are reversed.
     assert (view == picture[3:7, 4:6][::-1]).all()
     cut_view(*raster, 105.0, 55.0, 0.0, 1.0, same, view)
     assert (view == picture[4:6, 3:7].transpose(1, 0, 2)[::-1, ::-1]).all()

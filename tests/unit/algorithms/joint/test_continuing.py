@@ -10,9 +10,9 @@ from ray.rllib.callbacks.callbacks import RLlibCallback
 import algorithms
 from algorithms.errors import SpaceError
 from algorithms.joint.adapter import JointVector
+from algorithms.joint.episode_indices import FIRST_TEST_EPISODE
 from algorithms.joint.evaluation import evaluate
 from algorithms.joint.sampler import Sampler
-from algorithms.joint.worlds import REPORTED_WORLDS
 from tests.games.games import Cues
 from tests.games.null import LENGTH, NullVector
 
@@ -185,7 +185,7 @@ def test_policies_with_leaves_of_their_own_are_evaluated_in_a_given_environment(
     algo = build(config_of(name, **settings))
     algo.train()
     episodes = evaluate(algo, 3, env=NullVector())
-    assert [(each.world - REPORTED_WORLDS, each.length) for each in episodes] == [
+    assert [(each.episode_index - FIRST_TEST_EPISODE, each.length) for each in episodes] == [
         (number, LENGTH) for number in range(3)
     ]
     with pytest.raises(SpaceError):

@@ -91,7 +91,7 @@ class Unsound:
 
 def test_worlds_that_an_environment_skips_are_missing_and_the_others_keep_their_names():
     episodes = Rig("ppo", Unsound()).sampler.episodes(np.arange(10, 19), Exploration())
-    assert [episode.world for episode in episodes] == [10, 11, 15, 16, 17, 18]
+    assert [episode.episode_index for episode in episodes] == [10, 11, 15, 16, 17, 18]
     assert [float(episode.returns[0]) for episode in episodes] == [20, 22, 30, 32, 34, 36]
 
 

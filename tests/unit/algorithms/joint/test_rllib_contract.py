@@ -281,7 +281,7 @@ def test_own_evaluation_hands_over_every_step_and_plays_fixed_worlds(build):
     episodes = evaluate(
         algo, 5, on_step=lambda step: steps.append((step.playing, step.distributions[0].copy()))
     )
-    assert [episode.world for episode in episodes] == list(range(2_000_000, 2_000_005))
+    assert [episode.episode_index for episode in episodes] == list(range(2_000_000, 2_000_005))
     assert sum(int((playing >= 0).sum()) for playing, _ in steps) == sum(e.length for e in episodes)
     for _, probabilities in steps:
         np.testing.assert_allclose(probabilities.sum(-1), 1, rtol=1e-5)
