@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from smarts.agents.checks import check_instance, keep_whole
+from smarts.agents.checks import check_instance, check_list, keep_whole
 from smarts.agents.criteria import MOST_AGENTS
 from smarts.agents.interface import AgentInterface
 
@@ -27,15 +27,15 @@ class PooledAgents:
         keep_whole(self, "capacity", 1, MOST_AGENTS)
 
 
-def merge_pools(pool: Iterable[PooledAgents]) -> tuple[PooledAgents, ...]:
+def merge_pools(pool: Sequence[PooledAgents]) -> tuple[PooledAgents, ...]:
     """Return one entry per distinct interface, in order of appearance; capacities of equal ones are added.
 
     Raises:
-        InterfaceError: An entry is no `PooledAgents`, or an interface has too many agents in all.
+        InterfaceError: `pool` is no list of `PooledAgents`, or an interface has too many agents in all.
     """
+    check_list("pool", pool, PooledAgents, "[PooledAgents(AgentInterface(...), capacity=10)]")
     merged: list[PooledAgents] = []
     for entry in pool:
-        check_instance("pool", entry, PooledAgents, "[PooledAgents(AgentInterface(...), capacity=10)]")
         # By comparison: an interface with options of the user's own need not be hashable.
         place = next((n for n, each in enumerate(merged) if each.interface == entry.interface), len(merged))
         before = merged.pop(place).capacity if place < len(merged) else 0

@@ -17,6 +17,11 @@ from smarts.geometry.segments import cell_number, inside_outline, project
 
 Pixels = NDArray[np.uint8]
 
+BLOCK = 8
+"""Side of the blocks of cells whose neighbourhoods `near_blocks` describes [cells]."""
+_SMALLEST_TILE = 4
+"""Side of the smallest tiles of a view that are worth looking for blocks [pixels]."""
+
 
 @kernel
 def paint_band(
@@ -183,6 +188,57 @@ def _within(start: float, step: float, limit: int, begin: int, end: int) -> tupl
     return math.floor(first), math.ceil(last)
 
 
+def near_blocks(cells: Pixels) -> Pixels:
+    """Return for each block of a raster whether it or a block that touches it has a cell other than 0.
+
+    Args:
+        cells: Shape (rows, columns).
+
+    Returns:
+        Shape (rows / BLOCK + 2, columns / BLOCK + 2), rounded up: with a ring of blocks around the raster.
+    """
+    rows, columns = (-(-side // BLOCK) for side in cells.shape)
+    filled = np.zeros((rows * BLOCK, columns * BLOCK), np.bool_)
+    filled[: cells.shape[0], : cells.shape[1]] = cells != 0
+    taken = np.zeros((rows + 4, columns + 4), np.bool_)
+    taken[2:-2, 2:-2] = filled.reshape(rows, BLOCK, columns, BLOCK).any(axis=(1, 3))
+    near = np.zeros((rows + 2, columns + 2), np.uint8)
+    for down in range(3):
+        for along in range(3):
+            near |= taken[down : down + rows + 2, along : along + columns + 2]
+    return near
+
+
+@kernel
+def _row_of_tiles(
+    near: Pixels, tile: int, width: int, column: float, row: float, sine: float, cosine: float
+) -> tuple[int, int]:
+    """Return the pixels of some rows of a view that may show a cell other than 0: first, and after the last.
+
+    Args:
+        near: Of the raster, see `near_blocks`.
+        tile: How many rows there are, and how many pixels are looked at together.
+        width: Of the view [pixels].
+        column: Of the raster [cells], in the middle of the view and of the rows.
+        row: The same.
+        sine: Of the view's heading, times the side of a pixel [cells].
+        cosine: The same.
+    """
+    begin, end = width, 0
+    for first in range(0, width, tile):
+        left = 0.5 * width - first - 0.5 * tile
+        at_row = math.floor((row + left * cosine) / BLOCK) + 1
+        at_column = math.floor((column - left * sine) / BLOCK) + 1
+        if 0 <= at_row < near.shape[0] and 0 <= at_column < near.shape[1] and near[at_row, at_column]:
+            begin, end = min(begin, first), min(first + tile, width)
+    return begin, max(begin, end)
+
+
+@kernel
+def _is_inside(column: float, row: float, columns: int, rows: int) -> bool:
+    return 0.0 <= column < columns and 0.0 <= row < rows
+
+
 @kernel
 def cut_view(
     cells: Pixels,
@@ -191,6 +247,7 @@ def cut_view(
     origin_x: float,
     origin_y: float,
     size: float,
+    near: Pixels,
     x: float,
     y: float,
     heading: float,
@@ -200,6 +257,8 @@ def cut_view(
 ) -> None:
     """Write to each pixel of a view the colour of the raster cell at its centre, `colours[0]` outside.
 
+    Tiles of pixels around which all cells are 0 are not looked up one by one.
+
     Args:
         cells: The raster, rows from south to north, columns from west to east, shape (rows * columns,).
         rows: Rows of the raster.
@@ -207,6 +266,7 @@ def cut_view(
         origin_x: x of the lower left corner of cell (0, 0) [m].
         origin_y: y of this corner [m].
         size: Side of a cell [m].
+        near: The result of `near_blocks`.
         x: x of the viewer [m].
         y: y of the viewer [m].
         heading: Heading of the viewer [rad].
@@ -217,23 +277,24 @@ def cut_view(
     height, width, channels = view.shape
     cosine, sine = math.cos(heading) * resolution / size, math.sin(heading) * resolution / size
     middle_column, middle_row = (x - origin_x) / size, (y - origin_y) / size
-    west, north, cell = np.empty(width), np.empty(width), np.empty(width, np.int32)
-    for c in range(width):
-        left = 0.5 * width - 0.5 - c
-        west[c], north[c] = left * sine, left * cosine
+    left, cell = 0.5 * width - 0.5 - np.arange(width), np.empty(width, np.int32)
+    west, north = left * sine, left * cosine
+    # No centre of a pixel is farther than a block from the middle of its tile.
+    tile = int(min(1.4 * (BLOCK - 0.5) * size / resolution, max(height, width)))
+    low, high = 0, width
     for r in range(height):
+        if tile >= _SMALLEST_TILE and r % tile == 0:
+            ahead = 0.5 * height - r - 0.5 * tile
+            across, along = middle_column + ahead * cosine, middle_row + ahead * sine
+            low, high = _row_of_tiles(near, tile, width, across, along, sine, cosine)
         ahead = 0.5 * height - r - 0.5
         across, along = middle_column + ahead * cosine, middle_row + ahead * sine
         # The pixels of a row inside the raster are contiguous: estimate the ends, then find them by trial.
-        begin, end = _within(across - west[0], sine, columns, 0, width)
+        begin, end = _within(across - west[0], sine, columns, low, high)
         begin, end = _within(along + north[0], -cosine, rows, begin, end)
-        while begin < end and not (
-            0.0 <= across - west[begin] < columns and 0.0 <= along + north[begin] < rows
-        ):
+        while begin < end and not _is_inside(across - west[begin], along + north[begin], columns, rows):
             begin += 1
-        while end > begin and not (
-            0.0 <= across - west[end - 1] < columns and 0.0 <= along + north[end - 1] < rows
-        ):
+        while end > begin and not _is_inside(across - west[end - 1], along + north[end - 1], columns, rows):
             end -= 1
         # A loop apart from the look-up, so that the compiler vectorises it.
         for c in range(begin, end):

@@ -1,4 +1,4 @@
-"""Contacts: which vehicles touched, by their footprints all through a step, and by their bodies in Bullet."""
+"""Contacts: vehicles that touch within a step, by their footprints, and by their bodies in Bullet."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _SHADOWING = int(AgentStatus.SHADOWING)
 class FootprintContacts:
     """Finds contacts between oriented boxes by the separating-axis theorem, at and between ends of sub-steps.
 
-    What Bullet has kept apart has touched, too, although the footprints may never overlap: a car that brakes
-    dives, a bus in a bend rolls, and their bodies then reach beyond their footprints.
+    Vehicles that Bullet has kept apart touch, too, although their footprints may never overlap: a car that
+    brakes dives, a bus in a bend rolls, and their bodies then reach beyond their footprints.
 
     Vehicles that agents drive are where their tracks say, and move evenly in between. All others move evenly
     from their pose a step ago to their pose now, and turn the shorter way; those that have just come stand
@@ -322,7 +322,7 @@ def _impact(
 
 @kernel
 def _side_facing(pose: Floats, size: HalfSize, pose2: Floats, size2: HalfSize) -> int:
-    """Return the side of a vehicle that another one is at."""
+    """Return the side of a vehicle at which another vehicle is."""
     own, other = (pose[0], pose[1], pose[2]), (pose2[0], pose2[1], pose2[2])
     x, y = facing(own, other, box_gaps(own, size[0], size[1], other, size2[0], size2[1]))
     return _side_towards(pose[2], x, y)

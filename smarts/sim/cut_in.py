@@ -54,7 +54,7 @@ def plan_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
     if not _is_beside(state, roads, b, lane, target):
         # One of the two has come to another road before the other.
         guidance.phase[b, a] = _APPROACH
-        guidance.speed[b, a] = _heeding(max(speed, SLOWEST), own.ahead, own.speed_ahead)
+        guidance.speed[b, a] = _limited_by_leader(max(speed, SLOWEST), own.ahead, own.speed_ahead)
         return
     other_lane = lane_of(state, roads, vehicles, b, target)
     place, left = beside(vehicles, roads, b, slot, other_lane)
@@ -63,12 +63,12 @@ def plan_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
     lacking = min(AHEAD, 0.5 * between) - (place - its_place)
     pace = min(max(speed + GAIN * lacking, 0.5 * speed), 2.0 * speed)
     guidance.phase[b, a] = _APPROACH
-    guidance.speed[b, a] = _heeding(max(pace, SLOWEST), own.ahead, own.speed_ahead)
+    guidance.speed[b, a] = _limited_by_leader(max(pace, SLOWEST), own.ahead, own.speed_ahead)
     length = max(LEAST_LENGTH, CHANGE_TIME * own_speed)
     if abs(lacking) > NEAR_ENOUGH or length > left:
         return
     gaps = gaps_in(state, roads, b, slot, other_lane)
-    # Until it is over there, the gap ahead in its own lane has to suffice, too.
+    # Until the change is complete, the gap ahead in its own lane has to suffice, too.
     is_safe = may_follow(own_speed, gaps.speed_ahead, gaps.ahead, 0.5 * CHANGE_TIME)
     is_safe &= may_follow(gaps.speed_behind, own_speed, gaps.behind, 0.5 * CHANGE_TIME)
     if is_safe and may_follow(own_speed, own.speed_ahead, own.ahead, 0.5 * CHANGE_TIME):
@@ -76,7 +76,7 @@ def plan_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
         guidance.begin[b, a, 0], guidance.begin[b, a, 1] = vehicles.position[b, slot]
         guidance.begin[b, a, 2] = vehicles.heading[b, slot]
         guidance.lane[b, a], guidance.s[b, a] = vehicles.lane[b, target], place + length
-        guidance.speed[b, a] = _heeding(max(FASTER * speed, SLOWEST), gaps.ahead, gaps.speed_ahead)
+        guidance.speed[b, a] = _limited_by_leader(max(FASTER * speed, SLOWEST), gaps.ahead, gaps.speed_ahead)
 
 
 @kernel
@@ -89,12 +89,12 @@ def pace_cut_in(state: State, roads: Roads, b: int, a: int) -> None:
         pace = max(pace, FASTER * vehicles.speed[b, target])
     lane = roads.lane_base[state.map[b]] + guidance.lane[b, a]
     gaps = gaps_in(state, roads, b, slot, lane)
-    guidance.speed[b, a] = _heeding(pace, gaps.ahead, gaps.speed_ahead)
+    guidance.speed[b, a] = _limited_by_leader(pace, gaps.ahead, gaps.speed_ahead)
 
 
 @kernel
-def _heeding(pace: float, gap: float, speed: float) -> float:
-    """Return a pace lowered behind a vehicle ahead, at a gap [m] and at its speed [m/s]."""
+def _limited_by_leader(pace: float, gap: float, speed: float) -> float:
+    """Return a speed limited by the leader at a gap [m] and a speed [m/s]."""
     return max(min(pace, pace_behind(speed, gap)), STANDING)
 
 

@@ -1,4 +1,4 @@
-"""Manoeuvres: where the missions' tasks lead their agents now."""
+"""Manoeuvres: the guidance of agents by their missions' tasks."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Manoeuvres:
 
 @kernel
 def plan_manoeuvres(state: State, roads: Roads, env_mask: Bools) -> None:
-    """Write the guidance of the occupied agents of some simulations that have a task, shape (B, A)."""
+    """Write the guidance of agents with a vehicle and a task, in some simulations."""
     agents, missions, guidance = state.agents, state.missions, state.guidance
     for b in range(len(env_mask)):
         if not env_mask[b]:

@@ -1,4 +1,4 @@
-"""Map matching: on which lane each vehicle is, and how far along its route each agent has come."""
+"""Map matching: each vehicle's lane, and each agent's progress along its route."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class MapMatcher:
 
 @kernel
 def match_vehicles(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
-    """Write the places of all vehicles and the progress of all agents; one call, since each has its price."""
+    """Write the places of all vehicles and the progress of all agents."""
     vehicles, agents, maps, route = state.vehicles, state.agents, state.map, routes.number
     worlds, capacity = vehicles.alive.shape
     room = candidates()

@@ -22,7 +22,7 @@ from smarts.types.world import State
 NEAR = 150.0
 """Vehicles this near to an agent are recorded [m]."""
 FOR_A_WHILE = 15.0
-"""Once recorded, a vehicle is recorded for so long [s], that no encounter is cut off."""
+"""A vehicle stays recorded for so long [s], so that no encounter is cut off."""
 
 VEHICLE_ROWS, AGENT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS = range(5)
 """Columns of `Buffers.used`."""
@@ -32,7 +32,7 @@ _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 
 
 class Buffers(NamedTuple):
-    """Rows to be written, and what is remembered of each simulation."""
+    """Rows to be written, and the recorder's memory of each simulation."""
 
     vehicles: Floats
     """Shape (B, rows, columns), like those below."""
@@ -48,7 +48,7 @@ class Buffers(NamedTuple):
     newcomers: Ints
     """Slots of vehicles that were recorded for the first time, shape (B, V)."""
     lights: Bytes
-    """What was recorded of signals, shape (B, L)."""
+    """The last recorded signals, shape (B, L)."""
     most: Ints
     """The most vehicles at a time, shape (B,)."""
 
@@ -69,7 +69,7 @@ class Buffers(NamedTuple):
         )
 
     def clear(self, row: int) -> None:
-        """Forget one simulation."""
+        """Clear the buffers of one simulation."""
         for array in (self.used, self.until, self.known, self.lights, self.most):
             array[row] = 0
 
@@ -84,7 +84,7 @@ def take_frame(
     actions: Actions,
     env_mask: Bools,
 ) -> bool:
-    """Copy what is wanted out of a frame.
+    """Copy the rows of a frame that are recorded.
 
     Args:
         state: Of the world.

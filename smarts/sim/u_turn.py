@@ -13,13 +13,13 @@ from smarts.types.guidance import GuidePhase
 from smarts.types.world import State
 
 LATERAL = 2.0
-"""Acceleration with which to turn [m/s^2]."""
+"""Lateral acceleration in the turn [m/s^2]."""
 SLOW_ENOUGH = 0.5
-"""How much faster than that one may begin the turn [m/s]."""
+"""Tolerance on the turning speed at which the turn may begin [m/s]."""
 SIGHT = 100.0
 """How far ahead to look for a place to turn [m]."""
 BRAKING = 1.5
-"""With which to slow down towards it [m/s^2]."""
+"""Deceleration towards that place [m/s^2]."""
 
 _FREE, _APPROACH, _MANOEUVRE = int(GuidePhase.FREE), int(GuidePhase.APPROACH), int(GuidePhase.MANOEUVRE)
 
@@ -31,7 +31,7 @@ def plan_u_turn(state: State, roads: Roads, b: int, a: int) -> None:
     slot = state.agents.slot[b, a]
     back = roads.lane_base[state.map[b]] + missions.task_lane[b, a]
     s, left = beside(vehicles, roads, b, slot, back)
-    is_triggered = guidance.phase[b, a] == _APPROACH or _is_anybody_near(
+    is_triggered = guidance.phase[b, a] == _APPROACH or _is_vehicle_near(
         state, roads, b, a, slot, roads.lane_edge[back]
     )
     guidance.phase[b, a], guidance.speed[b, a] = _FREE, missions.task_speed[b, a]
@@ -58,7 +58,7 @@ def plan_u_turn(state: State, roads: Roads, b: int, a: int) -> None:
 
 @kernel
 def _way_to_turn(state: State, roads: Roads, b: int, slot: int, back: int) -> float:
-    """Return how far ahead a vehicle can turn into a lane [m], as beside a median; -1 for nowhere here."""
+    """Return the distance to the next place to turn into a lane [m], -1 if there is none within `SIGHT`."""
     lane = lane_of(state, roads, state.vehicles, b, slot)
     if lane < 0:
         return -1.0
@@ -68,7 +68,7 @@ def _way_to_turn(state: State, roads: Roads, b: int, slot: int, back: int) -> fl
 
 
 @kernel
-def _is_anybody_near(state: State, roads: Roads, b: int, a: int, slot: int, edge: int) -> bool:
+def _is_vehicle_near(state: State, roads: Roads, b: int, a: int, slot: int, edge: int) -> bool:
     """Return whether a vehicle on a road is within the task's radius of the agent's."""
     vehicles = state.vehicles
     for other in range(vehicles.alive.shape[1]):

@@ -25,12 +25,12 @@ _STOP = int(Signal.STOP)
 
 @kernel
 def yields_to_stream(state: State, roads: Roads, routes: RouteTable, row: int, agent_id: int) -> bool:
-    """Return whether the lanes on which an agent's standing vehicle is to go on are being crossed.
+    """Return whether moving traffic crosses the lanes ahead of an agent's standing vehicle.
 
-    It is at a stop line or inside a junction, and within `STREAM_TIME` a moving vehicle gets to where its
-    lane overlaps one of those ahead in this junction (`LaneGraph.conflict_lane`), or is there. Where another
-    will turn is not known: any of its ways counts, but for those that a red light closes. Nor is the right
-    of way; but of two that wait for each other neither moves, so neither has a stream to wait for.
+    The vehicle is at a stop line or inside a junction, and a moving vehicle is, or gets within `STREAM_TIME`,
+    to where its lane overlaps one of those ahead in this junction (`LaneGraph.conflict_lane`). All turns that
+    the other vehicle may take count, except those with a red light. Right of way is ignored: two vehicles
+    that wait for each other both stand, so neither blocks the other.
     """
     slot = state.agents.slot[row, agent_id]
     lane = lane_of(state, roads, state.vehicles, row, slot)

@@ -1,6 +1,5 @@
 """Every sensor stays in bounds in any world, is equal in any batch, and writes only masked agents."""
 
-import importlib
 import sys
 from dataclasses import dataclass
 from types import ModuleType
@@ -14,21 +13,24 @@ from smarts.agents.interface import SENSOR_OPTIONS
 from smarts.agents.options import InterfaceError
 from smarts.agents.sensors import ALWAYS_ON
 from smarts.env import HiWayEnv, VectorHiWayEnv
+from smarts.errors import OwnCodeError, SmartsError
 from smarts.roads.scene import Scene
 from smarts.sensors import SENSORS
 from smarts.sensors.bounds import FARTHEST
 from smarts.sensors.documentation import PAGE, sensors_page
+from smarts.sensors.protocol import KernelSensor
 from smarts.sensors.suite import SensorSuite
 from smarts.types.interface import Field
 from smarts.types.mission import AgentMission, Via
 from smarts.types.traffic import Signal
 from tests import maps
+from tests.raising import raises
 from tests.worlds import Car, world_of
 
 VIA = Via(position=(-40.0, -1.6), lane=1, radius=2.0, speed=8.0)
 ROUTE = AgentMission(route=("west_in", "north_out"), vias=(VIA,))
 AGENT_STATES = np.arange(2, dtype=np.int32)
-NONSENSE = (np.nan, np.inf, -np.inf, 1e300, -1e300, -7.5, 0.0)
+ABSURD = (np.nan, np.inf, -np.inf, 1e300, -1e300, -7.5, 0.0)
 
 
 @pytest.fixture(params=list(SENSORS))
@@ -80,16 +82,16 @@ def test_readings_are_in_bounds_in_a_nonsensical_world(sensor, worlds):
     generator = np.random.Generator(np.random.Philox(4))
     scene = scene_of(random_cars(generator))
     for _ in range(worlds):
-        make_nonsense(scene.world, generator)
+        make_absurd(scene.world, generator)
         check_bounds(sensor, observe(sensor, scene, [[True, True]]))
 
 
-def make_nonsense(world, generator):
+def make_absurd(world, generator):
     tables = (world.vehicles, world.before, world.agents, world.missions)
     for column in (column for table in tables for column in table):
         if column.dtype == np.float64:
             hit = generator.random(column.shape) < 0.2
-            column[hit] = generator.choice(NONSENSE, int(hit.sum()))
+            column[hit] = generator.choice(ABSURD, int(hit.sum()))
     lane = world.vehicles.lane
     lane[:] = np.where(generator.random(lane.shape) < 0.2, -1, generator.integers(0, 20, lane.shape))
 
@@ -124,7 +126,7 @@ def test_sensors_are_values(sensor):
 
 
 def test_every_option_has_its_sensor():
-    assert {*SENSOR_OPTIONS, *ALWAYS_ON} <= set(SENSORS)
+    assert set(SENSORS) >= {*SENSOR_OPTIONS, *ALWAYS_ON}
     for name, option in SENSOR_OPTIONS.items():
         assert SENSORS[name](option()) == SENSORS[name]()
 
@@ -134,12 +136,11 @@ def test_kernels_are_compiled_once():
     interface = AgentInterface.from_type(AgentType.Full, occlusion_map=True)
     SensorSuite(scene, [interface, interface, None, None]).observe(np.eye(2, 4) > 0)
     for name in SENSORS:
-        observing = getattr(importlib.import_module(SENSORS[name].__module__), "_observe", None)
-        if observing is None:  # a sensor in NumPy
-            continue
-        assert not observing.signatures, name
-        # 0 if the bound kernel comes from the disk cache.
-        assert len(observing.callee.signatures) <= 1, name
+        if issubclass(SENSORS[name], KernelSensor):
+            write = SENSORS[name].write
+            assert not write.signatures, name
+            # None where the bound kernel comes from the cache on disk.
+            assert len(write.callee.signatures) <= 1, name
 
 
 def test_the_documentation_is_up_to_date():
@@ -205,6 +206,35 @@ def test_a_new_sensor_is_one_file_and_one_line(odometer):
     page = sensors_page()
     assert "## odometer" in page
     assert "| distance | scalar | float32 |" in page
+
+
+class Unfinished:
+    """A sensor that cannot be bound."""
+
+    def fields(self):
+        return ()
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("no_such_module:A", "no_such_module"),
+        ("an_odometer:Meter", "Meter"),
+        ("an_odometer:Unfinished", "bind"),
+    ],
+)
+def test_what_cannot_be_added_as_a_sensor(odometer, place, value, monkeypatch):
+    sys.modules["an_odometer"].Unfinished = Unfinished
+    monkeypatch.setattr(SENSORS, "_added", set())
+    monkeypatch.setattr(SENSORS, "_places", {**SENSORS._places})
+    SENSORS.add("mine", place)
+    with raises(OwnCodeError, values=[value]):
+        SENSORS["mine"]
+
+
+def test_a_sensor_of_the_library_is_not_replaced():
+    with raises(SmartsError, values=["lidar_point_cloud", "another name"]):
+        SENSORS.add("lidar_point_cloud", "an_odometer:Odometer")
 
 
 @pytest.mark.parametrize("option", [3, "far"])

@@ -226,7 +226,8 @@ def test_numbers_become_those_of_python():
 
 
 def test_unknown_types():
-    with raises(InterfaceError, values=["Buddha"]):
-        AgentInterface.from_type("Lanner")
-    with raises(InterfaceError, values=["Buddha"]):
-        AgentInterface.from_type([])
+    for given, named in (("Lanner", "AgentType.Laner"), ([], "AgentType.")):
+        with pytest.raises(InterfaceError) as raised:
+            AgentInterface.from_type(given)  # type: ignore[arg-type]
+        assert raised.value.place == "AgentInterface.from_type"
+        assert named in raised.value.remedy

@@ -27,7 +27,7 @@ EGO, SOCIAL = 0, 1
 
 
 class Answers:
-    """Agents elsewhere: they answer when told to, whatever they were asked meanwhile."""
+    """Agents elsewhere, whose answers arrive when the test says so."""
 
     def __init__(self):
         self.asked, self.ready, self.deadlines = [], {}, []
@@ -75,11 +75,11 @@ class Played:
         self.runner.dispatch()
 
     def step(self, steps=1):
-        told = []
+        transitions = []
         for _ in range(steps):
-            told.append(self.runner.step())
+            transitions.append(self.runner.step())
             self.runner.dispatch()
-        return told[-1]
+        return transitions[-1]
 
     @property
     def slot(self):
@@ -337,7 +337,7 @@ def _turning(played):
             steady[key] = steady.get(key, 0) + 1 if 1 / 25 < curvature < 1 / 12 else 0
             if steady[key] == 8:
                 return slot
-    raise AssertionError("nobody turned")
+    raise AssertionError("no vehicle turned")
 
 
 def test_where_all_wait_time_goes_on_until_somebody_is_there(play):
@@ -365,7 +365,9 @@ def test_names_of_agents_are_their_own(play):
         played.reset()
 
 
-@pytest.mark.parametrize("pool", [[3], [PooledAgents(LANER, 1), LANER]])
+@pytest.mark.parametrize(
+    "pool", [3, None, PooledAgents(LANER, 1), {"social": LANER}, [3], [PooledAgents(LANER, 1), LANER]]
+)
 def test_what_is_no_pool(pool):
     with pytest.raises(InterfaceError) as error:
         assemble([build_scenario("intersection")], [LANER], pool=pool)
