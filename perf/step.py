@@ -121,7 +121,7 @@ class Run:
             },
         )
         engines: Any = self._plain.traffic
-        self._drivers = engines._drivers
+        self._drivers = engines._simulations
         self.resets: list[float] = []
 
     def begin(self) -> dict[int, Beginning]:

@@ -62,16 +62,19 @@ class Registry(Mapping[str, Any]):
         self._places = dict(places)
         self._adopt = adopt
         self._own: dict[str, Any] = {}
+        self._added: set[str] = set()
 
     def __getitem__(self, name: str) -> Any:
         """Import and return a part.
 
         Raises:
             UnknownNameError: There is none of this name; the remedy names the nearest ones.
-            OwnCodeError: It is a `module:Class` that cannot be imported, or is not such a part.
+            OwnCodeError: A `module:Class`, or what `add` registered, is not importable or not such a part.
         """
         if name in self._own:
             return self._own[name]
+        if name in self._added:
+            return adopted(self.kind, self._places[name], self._adopt or (lambda name, found: found))
         if name in self._places:
             module, _, attribute = self._places[name].partition(":")
             return getattr(importlib.import_module(module), attribute)
@@ -88,8 +91,18 @@ class Registry(Mapping[str, Any]):
         Args:
             name: Its name.
             place: "module:attribute".
+
+        Raises:
+            SmartsError: There is another part of this name, or `place` is not a "module:attribute".
         """
+        if self._places.get(name, place) != place:
+            raise SmartsError(
+                f"there is a {self.kind} {name!r} already, {self._places[name]}", remedy="choose another name"
+            )
+        if not is_own_name(place):
+            raise SmartsError(f"{place!r} is not a 'module:attribute'", place=f"{self.kind} {name!r}")
         self._places[name] = place
+        self._added.add(name)
 
     def __contains__(self, name: object) -> bool:
         return name in self._places or name in self._own
@@ -175,8 +188,18 @@ def own_error(error: BaseException, doing: str, place: str) -> OwnCodeError:
         place: File and line.
     """
     text = str(error.msg if isinstance(error, SyntaxError) else error)
+    if type(error).__module__.startswith("numba."):
+        text, place = _while_compiling(text, place)
     said = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return OwnCodeError(f"{doing} raises {said}", place=place)
+
+
+def _while_compiling(text: str, place: str) -> tuple[str, str]:
+    """Return the first sentence of numba's message about a kernel, and the file and line that it names."""
+    lines = re.sub(r"\x1b\[\d*m", "", text).splitlines()
+    said = next((line for line in lines if line and not line.startswith("Failed in ")), text)
+    found = re.search(r" at (\S+\.py) \((\d+)\)", "\n".join(lines))
+    return said, f"{found[1]}:{found[2]}" if found else place
 
 
 def guarded(function: Called, doing: str) -> Called:
@@ -321,7 +344,7 @@ def _lines(traceback: TracebackType | None) -> Iterator[tuple[str, int]]:
 
 
 def _defined_at(name: str, found: Any) -> str:
-    """Return where a part is defined, as near as can be told."""
+    """Return the file and line that define a part, or its module."""
     code = getattr(found, "__code__", None)
     if code is not None:
         return f"{code.co_filename}:{code.co_firstlineno}"

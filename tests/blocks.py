@@ -1,15 +1,15 @@
-"""The code blocks of pages and docstrings: found with markdown-it, run in the order of the page.
+"""Finds the code blocks of pages and docstrings with markdown-it, and runs them in the order of the page.
 
-| block | what is done with it |
+| block | treatment |
 |---|---|
 | `python`, `console` | run in the page's folder and namespace |
 | `python`, `yaml`, `xml` with `title="file"` | written to that file |
 | `yaml` without a title | read as an experiment file |
-| `diff` with `title="file"` | its lines without a sign are in that file of the repository |
-| `text` with `title="Output"` | what the block before it prints; `...` stands for anything |
-| `--8<-- "examples/..."` | that example, copied to the folder; `test_examples.py` runs it |
+| `diff` with `title="file"` | its context lines are in that file of the repository |
+| `text` with `title="Output"` | compared with the output of the block before it; `...` matches anything |
+| `--8<-- "examples/..."` | that example is copied to the folder; `test_examples.py` runs it |
 
-An HTML comment before a block says when it does not run: `<!-- nightly: why -->` defers it to `make nightly`,
+An HTML comment before a block changes when it runs: `<!-- nightly: why -->` defers it to `make nightly`,
 `<!-- not run: why -->` excludes it.
 """
 
@@ -38,7 +38,7 @@ TOLERANT = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 @dataclass
 class Block:
-    """A code block: its page and line, its fence's words, the comment before it."""
+    """A code block: its page and line, the language and title of its fence, the comment before it."""
 
     page: Path
     line: int
@@ -50,12 +50,12 @@ class Block:
 
     @property
     def place(self) -> str:
-        """Return page and line, as editors take them."""
+        """Return "page:line"."""
         return f"{self.page.relative_to(ROOT)}:{self.line}"
 
     @property
     def is_code(self) -> bool:
-        """Return whether this is no output and no drawing."""
+        """Return whether the block is code, not output or a drawing."""
         return self.language in LANGUAGES - {"text"}
 
 
@@ -81,7 +81,7 @@ def _blocks(page: Path, text: str, offset: int) -> list[Block]:
         if token.type == "html_block":
             match = NOTE.search(token.content)
             note = f"{match[1]}: {match[2]}" if match else ""
-        elif token.type in ("fence", "code_block"):  # an indented one has no language
+        elif token.type in ("fence", "code_block"):  # indented blocks have no language
             language, _, rest = token.info.partition(" ")
             title = TITLE.search(rest)
             block = Block(
@@ -105,10 +105,10 @@ class Page:
         self._names: dict = {"__name__": "__page__"}
 
     def run(self, nightly: bool = False):
-        """Run all blocks, those for the night too if asked; yield each with its output and seconds of CPU.
+        """Run all blocks, with `nightly` also the deferred ones; yield each with its output and CPU time [s].
 
         Raises:
-            AssertionError: A block fails, or prints something else than the page says.
+            AssertionError: A block fails, or its output differs from the page.
         """
         for block in self._blocks:
             if not block.is_code or block.note.startswith("not run"):

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 LIMIT = 400.0
-"""Patience with a command [s]."""
+"""Time limit of a command [s]."""
 
 
 def begin(*arguments):
@@ -27,7 +27,7 @@ def finish(process):
 
 
 def wait_for(condition, process):
-    """Wait until a condition holds, while a command is under way."""
+    """Wait until a condition holds; fail if the command ends before that."""
     end = time.monotonic() + LIMIT
     while not condition():
         assert process.poll() is None, process.communicate()

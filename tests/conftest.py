@@ -6,7 +6,7 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _ctrl_c():
-    """Take Ctrl-C, also in processes that tests start: a shell's background ignores it, and so would they."""
+    """Enable Ctrl-C in tests and the processes that they start: background jobs of a shell ignore it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -14,9 +14,9 @@ def _ctrl_c():
 
 @pytest.fixture(scope="module", autouse=True)
 def _ray_ends_with_the_module():
-    """Stop a Ray that a module's tests have started, themselves or by building an algorithm.
+    """Stop Ray after each module, if its tests have started it directly or by building an algorithm.
 
-    The next module of the process would join it, whatever it asks for.
+    Otherwise the next module of the process would join this Ray with its options.
     """
     yield
     if "ray" in sys.modules:
@@ -25,7 +25,7 @@ def _ray_ends_with_the_module():
 
 @pytest.fixture(scope="module", autouse=True)
 def _own_code_ends_with_the_module():
-    """Forget the metrics that a module's tests have named as `module:NAME`: registries list them."""
+    """Remove the metrics `module:NAME` that a module's tests have loaded, since registries list them."""
     yield
     if "benchmark.metrics.registry" in sys.modules:
         sys.modules["benchmark.metrics.registry"].METRICS._own.clear()

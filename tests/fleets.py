@@ -1,4 +1,4 @@
-"""What tests do to the vehicles of a fleet that callers cannot."""
+"""Changes of a fleet's vehicles that only tests need."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from smarts.dynamics import single_track
 
 
 def put_body(fleet, row, body):
-    """Give a vehicle in Bullet another spatial motion, as `layout.BODY_SIZE` says; wheels keep theirs."""
+    """Replace the body's state of a vehicle in Bullet (see `layout.BODY_SIZE`); wheels keep theirs."""
     fleet._bullet.remove(row)
     fleet._bodies[row] = body
     fleet._motion.overhang[row] = single_track.overhang(fleet._cars[row], np.asarray(body))

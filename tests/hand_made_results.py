@@ -1,4 +1,4 @@
-"""Results folders written by hand: outcomes are given, the rest is as `smarts-bench run` leaves it."""
+"""Writes results folders with given outcomes, in the format of `smarts-bench run`."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ ENVIRONMENT = {"agents": 2, "decision_interval": 5, "observation": "benchmark"}
 BUDGET = {"agent_steps": 1000, "minutes": None}
 
 Outcomes = Sequence[Sequence[str]]
-"""Of each agent of each episode; "invalid" voids the episode."""
+"""Outcomes by episode and agent; "invalid" makes the episode invalid."""
 
 
 def agent_episodes(outcomes: Outcomes, *, split="train", variation="", starts_vary=True, **labels):
-    """Return a table with a row for each agent-episode; of other metrics than outcomes there is nothing.
+    """Return a table with a row for each agent-episode; columns of metrics other than outcomes are 0.
 
     Args:
-        outcomes: How they end.
+        outcomes: Outcomes of the episodes.
         split: "train" or "held_out".
-        variation: Of the scenario.
-        starts_vary: Whether each episode has a start of its own.
+        variation: Name of the scenario's variation.
+        starts_vary: Whether each episode has another start.
         labels: algorithm, training_seed, task, task_traffic, mode, and columns of metrics.
     """
     columns = sorted({name for metric in METRICS.values() for name in metric.columns})
@@ -66,7 +66,7 @@ def agent_episodes(outcomes: Outcomes, *, split="train", variation="", starts_va
 
 
 def write_experiment(root: Path, **keys) -> None:
-    """Write experiment.json, by default of PPO at the intersection without others."""
+    """Write experiment.json, by default for PPO at the intersection without social vehicles."""
     content = {
         **{"name": root.name, "description": "Made by hand.", "algorithms": ["ppo"]},
         **{"tasks": ["intersection"], "traffic": [ALONE], "seeds": [1]},
@@ -93,20 +93,20 @@ def write_run(
     settings=None,
     scenarios=None,
 ) -> Path:
-    """Write a run's folder and return it; without tables, of a run that still trains.
+    """Write a run's folder and return it.
 
     Args:
-        root: The experiment's.
-        algorithm: Or scripted policy, with seed -1.
-        tables: Of `agent_episodes`, the labels of the run are put in.
-        task: Its name.
-        traffic: Its name.
-        seed: Of training.
-        progress: Lines of progress.csv, by default of a finished run its last one.
-        environment: For config.yaml.
-        budget: For config.yaml.
-        settings: For config.yaml.
-        scenarios: Name -> digest of each, for run.json.
+        root: The experiment's folder.
+        algorithm: Name of the algorithm, or of a scripted policy if `seed` is -1.
+        tables: Results of `agent_episodes`, to which the run's labels are added; None for a run in training.
+        task: Name of the task.
+        traffic: Name of the traffic variation.
+        seed: The training seed.
+        progress: Lines of progress.csv; by default the last line of a finished run.
+        environment: Section of config.yaml.
+        budget: Section of config.yaml.
+        settings: Section of config.yaml.
+        scenarios: Scenario name -> digest, for run.json.
     """
     cell = Path(task, traffic)
     folder = root / ("scripted" / Path(algorithm) / cell if seed < 0 else algorithm / cell / f"seed_{seed}")

@@ -1,4 +1,4 @@
-"""Road maps made by hand, without SUMO: every coordinate can be worked out on paper."""
+"""Hand-made road maps without SUMO, with coordinates that can be worked out by hand."""
 
 import itertools
 import math
@@ -13,12 +13,12 @@ from smarts.roads.lane_graph import LaneGraph, LaneKind
 
 Point = tuple[float, float]
 Link = tuple[tuple[str, int], tuple[str, int]]
-"""From lane (edge, index) to lane (edge, index), across the junction."""
+"""A connection across the junction, from lane (edge, index) to lane (edge, index)."""
 
 
 @dataclass(frozen=True)
 class Road:
-    """An edge: the centreline of its rightmost lane [m], and how many lanes lie beside each other."""
+    """An edge, given by the centreline of its rightmost lane [m] and the number of lanes."""
 
     points: Sequence[Point]
     lanes: int = 1
@@ -49,12 +49,12 @@ class _Lane:
 
 
 def straight(lanes: int = 3, length: float = 200.0) -> LaneGraph:
-    """Return edge "road" along +x from the origin; lane i is centred at y = 3.2 i."""
+    """Return a map with edge "road" along +x from the origin; lane i is centred at y = 3.2 i."""
     return graph_of({"road": Road([(0.0, 0.0), (length, 0.0)], lanes)})
 
 
 def bend(lanes: int = 2, radius: float = 30.0) -> LaneGraph:
-    """Return edge "bend", a left quarter circle around (0, 0) from (radius, 0) to (0, radius).
+    """Return a map with edge "bend", a left quarter circle around (0, 0) from (radius, 0) to (0, radius).
 
     The rightmost lane has the radius given, lane i has radius - 3.2 i.
     """
@@ -63,15 +63,15 @@ def bend(lanes: int = 2, radius: float = 30.0) -> LaneGraph:
 
 
 def crossing(length: float = 80.0, gap: float = 10.0) -> LaneGraph:
-    """Return four arms of one lane each way, 1.6 m to the right of the axes, with all ways but U-turns.
+    """Return a crossing of four arms with one lane per direction, 1.6 m off the axes, without U-turns.
 
-    Arms are named after where they lie: "west_in" leads from the west to the junction at the origin, which
-    begins `gap` metres from it, and "east_out" leads away to the east.
+    Arms are named by their position: "west_in" leads from the west to the junction at the origin, "east_out"
+    leads away to the east. The junction begins `gap` metres from the origin.
     """
     directions = {"west": (-1, 0), "south": (0, -1), "east": (1, 0), "north": (0, 1)}
     roads: dict[str, Road] = {}
     for arm, (x, y) in directions.items():
-        # To the right of who drives outwards.
+        # To the right of the outward direction.
         aside = np.array([y, -x]) * 1.6
         near, far = np.array([x, y]) * gap, np.array([x, y]) * (gap + length)
         roads[f"{arm}_out"] = Road([tuple(near + aside), tuple(far + aside)])
@@ -83,7 +83,7 @@ def crossing(length: float = 80.0, gap: float = 10.0) -> LaneGraph:
 
 
 def graph_of(roads: Mapping[str, Road], links: Sequence[Link] = ()) -> LaneGraph:
-    """Return the graph of some roads and of the ways across the one junction between them."""
+    """Return the graph of some roads and of the connections across the junction between them."""
     lanes = [
         lane for number, (name, road) in enumerate(roads.items()) for lane in _lanes_of(name, number, road)
     ]
@@ -91,7 +91,7 @@ def graph_of(roads: Mapping[str, Road], links: Sequence[Link] = ()) -> LaneGraph
     following: list[list[int]] = [[] for _ in range(len(lanes) + len(links))]
     for number, ((begin, begin_index), (end, end_index)) in enumerate(links):
         before, after = place[f"{begin}_{begin_index}"], place[f"{end}_{end_index}"]
-        way = _way(lanes[before], lanes[after])
+        way = _connection(lanes[before], lanes[after])
         name = f":junction_{number}_0"
         lanes.append(_Lane(name, len(roads) + number, 0, way, 3.2, 10.0, LaneKind.CAR, inside=True))
         following[before].append(len(lanes) - 1)
@@ -118,7 +118,7 @@ def _lanes_of(name: str, edge: int, road: Road) -> list[_Lane]:
 
 
 def _resample(line: np.ndarray) -> np.ndarray:
-    """Return points at most a metre apart."""
+    """Return the line with points at most 1 m apart."""
     parts = [line[:1]]
     for begin, end in itertools.pairwise(line):
         pieces = max(1, math.ceil(np.linalg.norm(end - begin)))
@@ -126,8 +126,8 @@ def _resample(line: np.ndarray) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def _way(before: _Lane, after: _Lane) -> np.ndarray:
-    """Return a cubic from the end of one lane to the begin of another, smooth at both."""
+def _connection(before: _Lane, after: _Lane) -> np.ndarray:
+    """Return a cubic from the end of one lane to the beginning of another, with continuous headings."""
     begin, end = before.points[-1], after.points[0]
     reach = np.linalg.norm(end - begin)
     out = reach * np.array([math.cos(before.headings[-1]), math.sin(before.headings[-1])])
@@ -201,6 +201,7 @@ def _graph(
         edge_first_lane=first_lane,
         edge_lane_count=lanes_of_edge,
         edge_is_internal=internal_edge,
+        edge_is_roundabout=np.zeros(number_of_edges, np.bool_),
         edge_from=np.where(internal_edge, -1, 0).astype(np.int32),
         edge_to=np.where(internal_edge, -1, 0).astype(np.int32),
         junction_start=np.array([0, len(outline)], np.int32),
@@ -209,7 +210,7 @@ def _graph(
 
 
 def _only(lanes: Sequence[Sequence[int]]) -> np.ndarray:
-    """Return the one lane of each list, -1 where there are none or several."""
+    """Return the lane of each list with one lane, -1 for the other lists."""
     return np.array([each[0] if len(each) == 1 else -1 for each in lanes], np.int32)
 
 
@@ -218,7 +219,7 @@ def _starts(counts: Sequence[int]) -> np.ndarray:
 
 
 def _outline(lanes: Sequence[_Lane]) -> np.ndarray:
-    """Return the hull of the lanes' areas, without area where there are no lanes."""
+    """Return the convex hull of the lanes' areas [m], shape (V, 2); empty without lanes."""
     if not lanes:
         return np.zeros((0, 2))
     areas = [shapely.LineString(lane.points).buffer(lane.width / 2, cap_style="flat") for lane in lanes]

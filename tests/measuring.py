@@ -1,4 +1,4 @@
-"""Values of metrics in episodes made by hand, and the encounters that several tests look at."""
+"""Computes metrics of hand-made episodes, and makes the encounters that several tests use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SLOWLY, QUICKLY = [10.0] * 10 + [3.0] * 50 + [10.0] * 60, [10.0] * 120
 
 
 def totals(*episodes: EpisodeData, times: int = 1) -> dict[str, np.ndarray]:
-    """Return the sums of all metrics' columns over episodes, each played as often as said."""
+    """Return the sums of all metrics' columns over episodes, each counted `times` times."""
     found: dict[str, np.ndarray] = {}
     for episode in episodes:
         rows = {"agents": episode.entered.astype(float)}
@@ -33,19 +33,19 @@ def totals(*episodes: EpisodeData, times: int = 1) -> dict[str, np.ndarray]:
 
 
 def value(name: str, *episodes: EpisodeData, times: int = 1) -> float:
-    """Return a metric of episodes, NaN where there is too little to measure."""
+    """Return a metric of episodes, NaN if there is not enough data."""
     return float(METRICS[name].known(totals(*episodes, times=times)))
 
 
 def term(name: str, which: str, *episodes: EpisodeData) -> float:
-    """Return one of the terms that a metric consists of."""
+    """Return one term of a metric."""
     terms = METRICS[name].terms
     assert terms
     return float(terms(totals(*episodes))[which])
 
 
 def sums(name: str, episode: EpisodeData) -> dict[str, float]:
-    """Return the sums of one metric's own columns over the agents of an episode."""
+    """Return the sums of one metric's columns over the agents of an episode."""
     return {column: float(each.sum()) for column, each in METRICS[name].measure(episode).items()}
 
 
@@ -61,16 +61,17 @@ def meeting(
 ) -> EpisodeData:
     """Return an episode of an agent from the west and a vehicle from the south that meet at the crossing.
 
-    They contend from 89.75 m to 93.5 m along the agent's way, and from 86.5 m to 90.25 m along the other's.
+    Their paths overlap from 89.75 m to 93.5 m along the agent's, and from 86.5 m to 90.25 m along the
+    vehicle's.
 
     Args:
-        folder: For the recording.
+        folder: Folder of the recording.
         mine: Speeds of the agent in each step [m/s].
-        others: Speeds of the other.
-        begin: Where the agent's centre is at first [m].
-        other_begin: Where the other's is.
-        acceleration: Of the other, by default that of its speeds [m/s^2].
-        more: Of the agent's drive.
+        others: Speeds of the other vehicle in each step [m/s].
+        begin: Initial position of the agent's centre along its path [m].
+        other_begin: Initial position of the other vehicle's centre [m].
+        acceleration: Acceleration of the other vehicle, by default that of its speeds [m/s^2].
+        more: Further fields of the agent's `Drive`.
     """
     return episode_of(
         folder,
@@ -101,18 +102,18 @@ def following(
     leader: dict[str, Any] | None = None,
     **more: Any,
 ) -> EpisodeData:
-    """Return an episode of an agent that wants 13 m/s behind a vehicle that drives, and wants, 5 m/s.
+    """Return an episode of an agent with a desired speed of 13 m/s behind a leader that drives at 5 m/s.
 
     Args:
-        folder: For the recording.
-        t: Where the agent is across the road, from the middle of the lane [m].
-        speed: Of the agent [m/s].
-        steps: How long it takes [0.1 s].
-        gap: From bumper to bumper at first [m].
-        graph: The road.
-        lane: Of both.
-        leader: What else is to be said of the vehicle ahead.
-        more: Of the agent's drive.
+        folder: Folder of the recording.
+        t: Offset of the agent to the left of the centreline [m].
+        speed: Speed of the agent [m/s].
+        steps: Number of steps of 0.1 s.
+        gap: Initial gap from bumper to bumper [m].
+        graph: The map.
+        lane: Lane of both vehicles.
+        leader: Further fields of the leader's `Drive`.
+        more: Further fields of the agent's `Drive`.
     """
     own = {"s": at_speed(speed, steps, 10.0), "agent": "a", "desired_speed": 13.0, "route": ["road"], **more}
     ahead = at_speed(5.0, steps, 10.0 + gap + LENGTH)
@@ -121,7 +122,7 @@ def following(
 
 
 def parked(folder: Path) -> EpisodeData:
-    """Return an episode of an agent that stands before a crossing, which another vehicle drives across."""
+    """Return an episode of an agent that stands before a crossing while another vehicle crosses."""
     return episode_of(
         folder,
         CROSS,

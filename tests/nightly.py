@@ -1,7 +1,7 @@
-"""Run what trains, and write what it prints: `python -m tests.nightly > results/nightly.txt`.
+"""Runs pages and examples that train, prints output: `python -m tests.nightly > results/nightly.txt`.
 
-All blocks of the pages that have some for the night, and the examples with libraries of their own.
-Each page has a process of its own.
+These are all blocks of the pages with nightly blocks, and the examples in `examples/nightly/`. Each page and
+each example runs in its own process.
 """
 
 import subprocess
@@ -20,7 +20,7 @@ EXAMPLES = sorted((ROOT / "examples" / "nightly").glob("*.py"))
 
 
 def run_page(page: Path) -> bool:
-    """Run all blocks of a page in a folder of its own and print their output; return whether it is right."""
+    """Run all blocks of a page in a temporary folder, print the output, return whether it is as expected."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         sys.path.insert(0, folder)
         try:
@@ -38,7 +38,7 @@ def run_page(page: Path) -> bool:
 
 
 def main() -> int:
-    """Run everything; return 1 if something failed."""
+    """Run all pages and examples; return 1 if one failed."""
     commit = subprocess.run(
         ["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""The least that a stage of the step can be, where a test (or the first measurement) wants nothing of it."""
+"""Minimal stages of the step, for tests that need a simulation but not these stages."""
 
 import math
 from collections.abc import Sequence
@@ -31,11 +31,11 @@ from smarts.types.world import World
 
 SUBSTEPS = 10
 LIMIT = 200
-"""The most vehicles of traffic in a simulation."""
+"""Maximum number of traffic vehicles in a simulation."""
 
 
 class PassOn:
-    """Controllers that take the first three values of every action for throttle, brake and steering."""
+    """Controllers that use the first three values of every action as throttle, brake and steering."""
 
     def __init__(self, worlds: int, agents: int) -> None:
         self._commands = Commands.allocate(worlds, agents, substeps=SUBSTEPS)
@@ -47,7 +47,7 @@ class PassOn:
 
 
 class Bicycles:
-    """Vehicles that roll without slip: throttle 1 is 3 m/s^2, brake 1 is 8 m/s^2, steering 1 is 0.5 rad."""
+    """Bicycle models without slip: throttle 1 is 3 m/s^2, brake 1 is 8 m/s^2, steering 1 is 0.5 rad."""
 
     def __init__(self, world: World, agents: int) -> None:
         self.failures = {}
@@ -100,7 +100,7 @@ class NoContacts:
 
 
 class NoEvents:
-    """Nothing ever happens, and no episode ends."""
+    """Events of a simulation in which nothing happens and episodes do not end."""
 
     def __init__(self, worlds: int, agents: int) -> None:
         self._events = Events.allocate(worlds, agents)
@@ -118,7 +118,7 @@ class NoTransfers:
 
 
 class NoSensors:
-    def observe(self, wanted):
+    def observe(self, observe_mask):
         return Readings({}, {})
 
 
@@ -133,7 +133,10 @@ class NoRecorder:
 def simulation_of(
     scenarios: Sequence[BuiltScenario], *, worlds: int, egos: int, spare_agents: int = 0
 ) -> tuple[Simulation, Actions]:
-    """Return a simulation of SUMO's traffic and rolling egos, to be reset with `episode`, and its actions."""
+    """Return a simulation with SUMO's traffic and egos as bicycle models, and its actions.
+
+    The caller resets it with starts from `episode`.
+    """
     maps = [built.roads() for built in scenarios]
     atlas = RoadAtlas(maps)
     agents = egos + spare_agents
@@ -177,7 +180,7 @@ def episode(
     seed: int = 42,
     episode: int = 0,
 ) -> EpisodeStart:
-    """Return an episode of scenario `number` among some, with its random traffic and its first missions."""
+    """Return the start of an episode of `scenarios[number]` with random traffic and the first missions."""
     built = scenarios[number]
     plans = built.episodes(egos)
     plan = next((plan for plan in plans if plan.traffic == "random_social_vehicles"), plans[0])

@@ -1,4 +1,4 @@
-"""Errors tested by type, place and value, never by their wording."""
+"""Tests errors by type, place and value, not by wording."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,9 +13,9 @@ def raises(kind: type[Exception], place: str | Path = "", *, values: Sequence[An
     """Expect an error.
 
     Args:
-        kind: Its type.
-        place: What its place ends in.
-        values: Values that it names in problem, place or remedy.
+        kind: Type of the error.
+        place: End of the error's place.
+        values: Values that the error names in problem, place or remedy.
     """
     with pytest.raises(kind) as caught:
         yield caught

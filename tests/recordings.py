@@ -1,4 +1,4 @@
-"""Recorded episodes made by hand: vehicles drive along lanes as a test says, written as the recorder does."""
+"""Hand-made recorded episodes: vehicles move along lanes as specified, in the recorder's format."""
 
 import math
 from collections.abc import Sequence
@@ -26,23 +26,23 @@ CAR = dict(owner=int(Owner.TRAFFIC), kind=0, length=LENGTH, width=WIDTH)
 
 @dataclass
 class Drive:
-    """A vehicle's way: where it is at each instant, on `lanes` that follow each other."""
+    """A vehicle's motion along consecutive lanes."""
 
     lanes: Sequence[str]
-    """Ids of the lanes; s counts from the begin of the first."""
+    """Ids of the lanes; s counts from the beginning of the first one."""
     s: ArrayLike
-    """Along them, at each instant [m]."""
+    """Arc length at each instant [m]."""
     t: ArrayLike = 0.0
-    """From the middle of the lane, to the left [m]."""
+    """Offset to the left of the lane's centreline [m]."""
     agent: str = ""
-    """Name of its agent, "" for traffic."""
+    """Name of the vehicle's agent, "" for traffic."""
     outcome: Outcome = Outcome.NONE
     partner: int = -1
-    """Number of the drive that it collided with."""
+    """Number of the drive with which the vehicle collided."""
     route: Sequence[str] = ()
     desired_speed: float = 10.0
     acceleration: ArrayLike | None = None
-    """By default, the change of speed."""
+    """Acceleration [m/s^2], by default the change of speed."""
     lateral_acceleration: ArrayLike = 0.0
     actions: Sequence[tuple[int, int]] = ()
     """Step and lane action of each decision."""
@@ -54,22 +54,22 @@ class Drive:
     """First instant."""
     remaining: float = 0.0
     is_oncoming: bool = False
-    """Whether it faces against its lanes, and drives so where s falls."""
+    """Whether the vehicle faces against its lanes; it drives forwards where s decreases."""
     decisions: Sequence[dict[str, Any]] = ()
     """Further rows of `decisions`."""
     columns: dict[str, Any] = field(default_factory=dict)
-    """Further columns of its row in `agents`."""
+    """Further columns of the agent's row in `agents`."""
     agents: dict[str, ArrayLike] = field(default_factory=dict)
-    """Further columns of its rows in `agents`, a number for each instant or one for all."""
+    """Further columns of the agent's rows in `agent_states`: a number for each instant or one for all."""
 
 
 def at_speed(speed: float, steps: int, begin: float = 0.0) -> np.ndarray:
-    """Return s at each of steps + 1 instants."""
+    """Return s at each of `steps` + 1 instants [m]."""
     return begin + speed * DT * np.arange(steps + 1)
 
 
 def at_speeds(speeds: Sequence[float], begin: float = 0.0) -> np.ndarray:
-    """Return s at each instant; `speeds` are those of the steps."""
+    """Return s at each instant [m] from the speeds of the steps [m/s]."""
     return begin + np.concatenate(([0.0], np.cumsum(np.asarray(speeds, float) * DT)))
 
 
@@ -110,7 +110,7 @@ def record(
             row["owner"] = int(Owner.AGENT if drive.agent else Owner.TRAFFIC)
             rows["vehicles"].append(row)
         if drive.agent:
-            _agent_id(rows, graph, drive, slot, agent_id)
+            _write_agent(rows, graph, drive, slot, agent_id)
             agent_id += 1
     writer = store.begin(name)
     for table, each in rows.items():
@@ -129,7 +129,7 @@ def _motion(graph: LaneGraph, drive: Drive) -> list[dict[str, Any]]:
     ends = np.cumsum(graph.length[lanes])
     stations = np.asarray(drive.s, float)
     offsets = np.broadcast_to(np.asarray(drive.t, float), stations.shape)
-    # The speed at an instant is that of the step which led to it.
+    # The speed at an instant is that of the step before it.
     speeds = np.diff(stations, prepend=2 * stations[0] - stations[1]) / DT * (-1 if drive.is_oncoming else 1)
     changes = np.diff(speeds, prepend=speeds[0]) / DT
     if drive.acceleration is not None:
@@ -148,14 +148,14 @@ def _motion(graph: LaneGraph, drive: Drive) -> list[dict[str, Any]]:
 
 
 def _beside(graph: LaneGraph, lane: int, t: float) -> tuple[int, float]:
-    """Return the lane and the offset of a centre that lies t to the left of a lane's middle."""
+    """Return the lane and the offset of a point at offset `t` to the left of a lane's centreline."""
     while t > graph.width[lane] / 2 and graph.left[lane] >= 0:
         t -= (graph.width[lane] + graph.width[graph.left[lane]]) / 2
         lane = int(graph.left[lane])
     return lane, t
 
 
-def _agent_id(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: int, agent_id: int) -> None:
+def _write_agent(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: int, agent_id: int) -> None:
     last = drive.begin + len(np.asarray(drive.s)) - 1
     agents = {name: np.broadcast_to(column, np.shape(drive.s)) for name, column in drive.agents.items()}
     for k, s in enumerate(np.asarray(drive.s).tolist()):
@@ -222,9 +222,9 @@ def with_conflict(graph: LaneGraph, first: str, second: str, kind: ConflictKind)
 
 
 def crossroads() -> LaneGraph:
-    """Return `tests.maps.crossing` where the ways west-east and south-north cross, at (1.6, -1.6).
+    """Return `tests.maps.crossing` with a conflict of the lanes west-east and south-north at (1.6, -1.6).
 
-    Approaches are 80 m long, the ways across 20 m; they meet 11.6 m and 8.4 m into them.
+    Approaches are 80 m long and the lanes in the junction 20 m; these cross after 11.6 m and 8.4 m.
     """
     graph = crossing()
     return with_conflict(
@@ -247,7 +247,7 @@ def across(graph: LaneGraph, begin: str, end: str) -> list[str]:
 
 
 def lane_drop() -> LaneGraph:
-    """Return road "before" of two lanes, 100 m, whose left lane alone leads on into "after"."""
+    """Return a road "before" of two lanes, 100 m long, of which only the left lane leads to "after"."""
     roads = {
         "before": Road([(0.0, 0.0), (100.0, 0.0)], 2),
         "after": Road([(110.0, 3.2), (200.0, 3.2)], 1),

@@ -1,4 +1,4 @@
-"""An atlas that answers with new arrays, for tests: one call for E poses."""
+"""An atlas for tests whose queries take E poses and return new arrays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from smarts.roads.waypoints import WaypointPaths, write_waypoints
 
 
 class RoadQueries(RoadAtlas):
-    """A `RoadAtlas` with a method for each kernel over poses; takes lists and other dtypes too."""
+    """A `RoadAtlas` with a method for each kernel over poses; arguments may be lists or have other dtypes."""
 
     def locate(self, maps, position, heading=None, routes=None, table=None, *, kinds=ROAD_LANES):
         found = NearestLanes.allocate(len(maps))

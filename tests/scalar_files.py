@@ -1,4 +1,4 @@
-"""What is in TensorBoard's files."""
+"""Reads TensorBoard's files."""
 
 import struct
 
@@ -6,7 +6,7 @@ from tensorboardX.proto.event_pb2 import Event
 
 
 def read_scalars(folder):
-    """Return the values in TensorBoard's files by name and step."""
+    """Return the values of TensorBoard's files in a folder, by name and step."""
     found = {}
     for file in folder.iterdir():
         records, at = file.read_bytes(), 0

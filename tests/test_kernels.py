@@ -1,4 +1,4 @@
-"""Kernels that take NamedTuples are bound: numba takes longer to unpack a tuple than such a kernel does."""
+"""Kernels that take NamedTuples are called through `bind`, since numba unpacks tuples slowly."""
 
 import ast
 from pathlib import Path
@@ -13,7 +13,7 @@ FILES = {
 
 
 def names_in(node: ast.AST | None) -> set[str]:
-    """Return every name in an annotation, those in strings included."""
+    """Return every name in an annotation, also within strings."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         node = ast.parse(node.value, mode="eval")
     return {each.id for each in ast.walk(node) if isinstance(each, ast.Name)} if node else set()
@@ -37,11 +37,11 @@ BOUND = {
     and is_kernel(node)
     and any(names_in(each.annotation) & TUPLES for each in node.args.args)
 }
-"""Kernels that take NamedTuples are bound: numba takes longer to unpack a tuple than such a kernel does."""
+"""Kernels that take NamedTuples, as dotted paths."""
 
 
 def names_of(module: str, tree: ast.Module) -> dict[str, str]:
-    """Return what each name of a module stands for, as a dotted path."""
+    """Return the dotted path of each imported or defined function name of a module."""
     known = {node.name: f"{module}.{node.name}" for node in tree.body if isinstance(node, ast.FunctionDef)}
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
@@ -50,7 +50,7 @@ def names_of(module: str, tree: ast.Module) -> dict[str, str]:
 
 
 def direct_calls(module: str, tree: ast.Module) -> list[str]:
-    """Return the calls from outside of kernels of a kernel that is to be bound."""
+    """Return direct calls of kernels in `BOUND`, made outside kernels."""
     known = names_of(module, tree)
     compiled = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and is_kernel(node)]
     inside = {call for function in compiled for call in ast.walk(function)}

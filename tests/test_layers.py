@@ -1,4 +1,4 @@
-"""The import structure: a file imports its own package or a lower layer, never sideways or up."""
+"""The import structure: a file imports only from its own package or from lower layers."""
 
 import ast
 import re
@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def layers() -> dict[str, int]:
-    """Return package -> layer, as the table in CONTRIBUTING.md has them; lower ones may be imported."""
+    """Return package -> layer, from the table in CONTRIBUTING.md; lower layers may be imported."""
     found = {}
     for line in (ROOT / "CONTRIBUTING.md").read_text().splitlines():
         cells = [cell.strip() for cell in line.split("|")]
@@ -23,9 +23,9 @@ def layers() -> dict[str, int]:
 
 LAYER = layers()
 TOPS = ("smarts", "benchmark")
-"""Packages of packages, which hold nothing themselves."""
+"""Packages that hold only packages."""
 ALIASES = "smarts.core"
-"""Re-exports of lower layers under the original's names: nothing of ours may depend on them."""
+"""Re-exports under the original SMARTS' names, which no other package may import."""
 
 THIRD_PARTY = {
     "libsumo": "smarts/providers/sumo_library.py",
@@ -42,15 +42,15 @@ FILES = sorted(file for top in ("smarts", "algorithms", "benchmark") for file in
 
 
 def package_of(module: str) -> str:
-    """Return the unit that layers are assigned to: `smarts.roads.atlas` -> `smarts.roads`."""
+    """Return the package of a module that has a layer: `smarts.roads.atlas` -> `smarts.roads`."""
     parts = module.removesuffix(".__init__").split(".")
     return ".".join(parts[:2]) if parts[0] in TOPS else parts[0]
 
 
 def imports_of(file: Path) -> set[str]:
-    """Return every module a file imports, wherever in the file, relative imports resolved.
+    """Return every module that a file imports anywhere, with relative imports resolved.
 
-    `from package import name` counts as `package.name` too, since `name` may be a submodule.
+    `from package import name` also yields `package.name`, since `name` may be a submodule.
     """
     module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
     package = module.removesuffix(".__init__") if file.name == "__init__.py" else module.rpartition(".")[0]
@@ -70,7 +70,7 @@ def imports_of(file: Path) -> set[str]:
 
 
 def violations(file: Path, imports: set[str]) -> list[str]:
-    """Return what a file imports although it must not."""
+    """Return the forbidden imports of a file, with reasons."""
     module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
     here = package_of(module)
     place = str(file.relative_to(ROOT))
@@ -124,7 +124,7 @@ def test_every_package_has_a_layer():
         ("smarts/sim/a.py", "import importlib\nimportlib.import_module('benchmark.cli')"),
     ],
 )
-def test_the_check_itself_finds(tmp_path, monkeypatch, place, source):
+def test_the_check_finds_violations(tmp_path, monkeypatch, place, source):
     monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
     file = tmp_path / place
     file.parent.mkdir(parents=True)
@@ -133,7 +133,7 @@ def test_the_check_itself_finds(tmp_path, monkeypatch, place, source):
 
 
 def cycles(imports: Mapping[str, set[str]]) -> list[list[str]]:
-    """Return the modules that import each other, directly or through others."""
+    """Return the groups of modules that import each other, directly or not."""
     reached = {module: set(found) & imports.keys() for module, found in imports.items()}
     for middle in imports:
         for module in imports:
@@ -144,7 +144,7 @@ def cycles(imports: Mapping[str, set[str]]) -> list[list[str]]:
 
 
 def modules_of(files: Iterable[Path]) -> dict[str, set[str]]:
-    """Return module -> what it imports, without packages themselves, which only name their parts."""
+    """Return module -> its imports, without `__init__` files, which only re-export."""
     return {
         ".".join(file.relative_to(ROOT).with_suffix("").parts): imports_of(file)
         for file in files
@@ -156,7 +156,7 @@ def test_no_modules_import_each_other():
     assert cycles(modules_of(FILES)) == []
 
 
-def test_the_search_for_cycles_finds(tmp_path, monkeypatch):
+def test_the_search_finds_cycles(tmp_path, monkeypatch):
     monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
     sources = {
         "a": "from smarts.sim import b",

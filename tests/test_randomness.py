@@ -1,4 +1,4 @@
-"""Nobody draws from process-wide random state: every draw comes from `smarts.types.streams`."""
+"""No module draws from process-wide random state: every draw comes from `smarts.types.streams`."""
 
 import ast
 from pathlib import Path
@@ -9,10 +9,10 @@ ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted(file for top in ("smarts", "algorithms", "benchmark") for file in (ROOT / top).rglob("*.py"))
 
 ALLOWED = {"Generator", "Philox", "BitGenerator", "SeedSequence"}
-"""Of `numpy.random`: what makes or names a generator of one's own."""
+"""Names of `numpy.random` that construct or annotate separate generators."""
 
 SEEDING = ("smarts/sstudio/runner.py", "_seed_global_generators")
-"""The one exemption: users' scenario files may draw from the globals, in a process where these are seeded."""
+"""The only exemption: users' scenario files may draw from global state, in a process that seeds it."""
 
 
 def draws(source: str, exempt: str | None = None) -> list[str]:
@@ -54,5 +54,5 @@ def test_no_file_draws_from_globals(file):
         "def f():\n    import random",
     ],
 )
-def test_the_check_itself_finds(source):
+def test_the_check_finds_draws(source):
     assert draws(source)

@@ -1,4 +1,4 @@
-"""The vehicle stage alone, moved by hand."""
+"""The vehicle stage without the other stages."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def ego(x=20.0, y=0.0, speed=10.0, **options):
 
 
 class VehicleStage:
-    """The vehicle stage alone, on a straight road."""
+    """The vehicle stage without the other stages, on a straight road."""
 
     def __init__(self, *rows, model="bullet", **options):
         self.graph = maps.straight(lanes=3, length=600.0)
@@ -41,5 +41,5 @@ class VehicleStage:
 
     @property
     def boxes(self):
-        """The keys of the boxes that Bullet has in the first simulation."""
+        """The keys of Bullet's boxes in the first simulation."""
         return list(self.vehicles.fleet._bullet._worlds[0]._boxes)

@@ -1,4 +1,4 @@
-"""Worlds made by hand, without SUMO: vehicles where a test wants them, located, some of them with agents."""
+"""Hand-made worlds without SUMO: vehicles at given poses, matched to the map, some of them with agents."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from smarts.types.world import World
 
 @dataclass(frozen=True)
 class Car:
-    """A vehicle; with a mission it has an agent, in the next free agent."""
+    """A vehicle; with a mission it gets the next free `agent_id`."""
 
     x: float
     y: float
@@ -37,7 +37,7 @@ class Car:
 
 @dataclass(frozen=True)
 class HandMade:
-    """A world and what belongs to it. Slots and agents are in the order of the cars."""
+    """A world with its maps and routes. Slots and agents are in the order of the cars."""
 
     world: World
     atlas: RoadAtlas
@@ -45,16 +45,17 @@ class HandMade:
     ownership: Ownership
     pool: AgentPool
 
-    def locate(self) -> None:
+    def match(self) -> None:
+        """Match all vehicles to the map."""
         MapMatcher(Scene(self.world, self.atlas, self.routes)).match(np.ones(self.world.worlds, np.bool_))
 
     def advance(self) -> None:
-        """Begin a step: what is now becomes what was."""
+        """Begin a step: copy the current state to `world.before`."""
         self.world.advance(np.ones(self.world.worlds, np.bool_))
 
 
 class Willing:
-    """A provider that drives on with any vehicle."""
+    """A provider that accepts any vehicle."""
 
     def can_accept(self, env_mask: np.ndarray, slots: np.ndarray) -> np.ndarray:
         return np.full(len(env_mask), Refusal.NONE)
@@ -63,7 +64,7 @@ class Willing:
 def world_of(
     *rows: Sequence[Car], maps: Sequence[LaneGraph], capacity: int = 16, agents: int = 4, vias: int = 2
 ) -> HandMade:
-    """Return a world with a simulation for each row of cars, on the map of the same place or the only map."""
+    """Return a world with a simulation for each row of cars; row i is on map i modulo the number of maps."""
     atlas = RoadAtlas(maps)
     world = World(
         worlds=len(rows),
@@ -79,7 +80,7 @@ def world_of(
     for row, cars in enumerate(rows):
         world.map[row] = row % len(maps)
         _place(made, row, cars)
-    made.locate()
+    made.match()
     for row in range(len(rows)):
         world.settle(row)
     return made

@@ -11,12 +11,13 @@ from typing import Any
 from algorithms.registry import ALGORITHMS, ActionKind
 from benchmark.experiment.algorithm_settings import CONFIGS, entry_of, setting_faults, setting_names
 from benchmark.scripted import SCRIPTED_POLICIES
-from smarts.config import Fault
+from smarts.config import Fault, shown
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
 from smarts.registry import Registry, import_own, is_own_name
 from smarts.types.agent_states import agent_names
 
 Values = Mapping[str, Any]
+MOST_AGENTS = 64
 DISTRIBUTIONS = ("uniform", "loguniform", "randint")
 """What a search may draw from, with [low, high]; `randint` excludes high."""
 
@@ -107,7 +108,7 @@ def _setting_faults(algorithm: str, common: Values, own: Values, values: Values)
         Fault((*place(fault.key[0]), *fault.key) if fault.key else ("settings", algorithm), text, remedy)
         for fault, text, remedy in setting_faults(algorithm, given)
     ]
-    sharing = _sharing_fault(given.get("sharing"), _section(values, "environment").get("agents", 4))
+    sharing = _sharing_fault(given.get("sharing"), _section(values, "environment"))
     return [*found, Fault((*place("sharing"), "sharing"), sharing)] if sharing else found
 
 
@@ -128,12 +129,16 @@ def _known_algorithms(values: Values) -> list[str]:
 def _actions(values: Values) -> Iterator[Fault]:
     """Yield algorithms and scripted policies that cannot act as the environment's agents do."""
     environment = _section(values, "environment")
-    action, observation = environment.get("action", "Lane"), environment.get("observation", "benchmark")
+    observation = environment.get("observation", "benchmark")
+    actions = {
+        str(agent.get("action", "Lane")): shown((*key, "action")) for key, agent in _agents(environment)
+    }
     if environment.get("adapter") is None:  # actions of an own adapter are known when it is made
-        yield from _unfit_algorithms(_known_algorithms(values), action)
+        yield from _unfit_algorithms(_known_algorithms(values), actions)
+    other = next((action for action in actions if action != "Lane"), None)
     for number, name in enumerate(_strings(values.get("scripted"))):
-        if name in SCRIPTED_POLICIES and not is_own_name(name) and action != "Lane":
-            text = f"{name!r} acts by lane actions, and environment.action is {action!r}"
+        if name in SCRIPTED_POLICIES and not is_own_name(name) and other:
+            text = f"{name!r} acts by lane actions, and {actions[other]} is {other!r}"
             yield Fault(("scripted", number), text, "remove it, or give a scripted policy of your own")
         if name == "gap_acceptance" and observation in ("paper", "raw"):
             text = (
@@ -142,39 +147,59 @@ def _actions(values: Values) -> Iterator[Fault]:
             yield Fault(("scripted", number), text, "remove it")
 
 
-def _unfit_algorithms(algorithms: Sequence[str], action: Any) -> Iterator[Fault]:
-    kind = ActionKind.DISCRETE if action == "Lane" else ActionKind.CONTINUOUS
-    fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
+def _agents(environment: Values) -> list[tuple[tuple[str, ...], Values]]:
+    """Return the key of each agent's values, and the values: its own laid over the environment's."""
+    agents = environment.get("agents")
+    if not isinstance(agents, dict) or not agents:
+        return [(("environment",), environment)]
+    return [(("environment", "agents", name), {**environment, **_section(agents, name)}) for name in agents]
+
+
+def _unfit_algorithms(algorithms: Sequence[str], actions: Mapping[Any, str]) -> Iterator[Fault]:
+    """Yield algorithms that cannot act as the agents do, whose actions have a key each."""
     for number, name in enumerate(algorithms):
         entry = entry_of(name)
-        if not entry.acts_in(kind):
-            text = f"{name!r} needs {entry.actions} actions, and environment.action is {action!r}"
-            yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
+        for action, key in actions.items():
+            kind = ActionKind.DISCRETE if action == "Lane" else ActionKind.CONTINUOUS
+            if not entry.acts_in(kind):
+                fitting = ", ".join(name for name, entry in ALGORITHMS.items() if entry.acts_in(kind))
+                text = f"{name!r} needs {entry.actions} actions, and {key} is {action!r}"
+                yield Fault(("algorithms", number), text, f"for {kind} actions use one of: {fitting}")
 
 
 def _tyres(environment: Values) -> Iterator[Fault]:
     """Yield a model of tyres that the model of the vehicle has no use for."""
-    tyres = environment.get("tyre_model", "pacejka")
-    if environment.get("vehicle_model") == "kinematic" and tyres != "pacejka":
-        text = f"the kinematic vehicle has no tyres that slip, so no {tyres!r} ones"
-        yield Fault(("environment", "tyre_model"), text, "remove it, or use vehicle_model 'dynamic'")
+    for key, agent in _agents(environment):
+        tyres = agent.get("tyre_model", "pacejka")
+        if agent.get("vehicle_model") == "kinematic" and tyres != "pacejka":
+            text = f"the kinematic vehicle has no tyres that slip, so no {tyres!r} ones"
+            yield Fault((*key, "tyre_model"), text, "remove it, or use vehicle_model 'dynamic'")
 
 
-def _sharing_fault(sharing: Any, agents: Any) -> str:
+def _sharing_fault(sharing: Any, environment: Values) -> str:
     """Return which agents are not in exactly one group; nothing where there are no groups."""
-    if not isinstance(sharing, dict) or not isinstance(agents, int):
+    known = _names_of_agents(environment)
+    if not isinstance(sharing, dict) or not known:
         return ""
     groups = [members for members in sharing.values() if isinstance(members, list)]
-    named, known = Counter(map(str, chain(*groups))), agent_names(agents)
+    named = Counter(map(str, chain(*groups)))
     if wrong := [agent for agent in known if named[agent] != 1]:
         return f"{wrong[0]} is in {named[wrong[0]] or 'no'} groups, instead of in one"
     strange = sorted(named.keys() - {*known})
-    return f"there is no agent {strange[0]!r}, but {known[0]} to {known[-1]}" if strange else ""
+    return f"there is no agent {strange[0]!r}, but {', '.join(known)}" if strange else ""
+
+
+def _names_of_agents(environment: Values) -> tuple[str, ...]:
+    """Return the agents' names; none where the value is not one."""
+    agents = environment.get("agents", 4)
+    if isinstance(agents, dict):
+        return tuple(agents)
+    return agent_names(min(agents, MOST_AGENTS)) if isinstance(agents, int) else ()
 
 
 def _check_tune(values: Values) -> Iterator[Fault]:
     """Yield what a search cannot set, or cannot choose from."""
-    agents = _section(values, "environment").get("agents", 4)
+    environment = _section(values, "environment")
     for algorithm in _known_algorithms(values)[:1]:
         for name, given in _section(_section(values, "tune"), "parameters").items():
             key = ("tune", "parameters", name)
@@ -189,7 +214,7 @@ def _check_tune(values: Values) -> Iterator[Fault]:
                 for fault, text, remedy in setting_faults(algorithm, {name: value}):
                     if fault.key:  # how settings fit each other depends on what is drawn
                         yield Fault((*key, *inner, *fault.key[1:]), text, remedy)
-                if name == "sharing" and (text := _sharing_fault(value, agents)):
+                if name == "sharing" and (text := _sharing_fault(value, environment)):
                     yield Fault((*key, *inner), text)
 
 
@@ -263,12 +288,12 @@ def _scenarios(values: Values) -> Iterator[Fault]:
     from smarts.sstudio.build import read_scenario, suite  # here: reports need no builder
     from smarts.sstudio.episodes import check_egos
 
-    traffic, agents = values.get("traffic"), _section(values, "environment").get("agents", 4)
+    traffic, agents = values.get("traffic"), _names_of_agents(_section(values, "environment"))
     for key, name in _places(values.get("tasks")):
         try:
             scenario = read_scenario(name)
-            if isinstance(agents, int):
-                check_egos(scenario.ego_missions or (), agents, name)
+            if agents:
+                check_egos(scenario.ego_missions or (), len(agents), name)
         except UnknownNameError:
             continue  # the model says so
         except SmartsError as error:

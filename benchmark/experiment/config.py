@@ -9,18 +9,27 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Tag,
+    model_serializer,
+)
 from pydantic_core import PydanticSerializationError
 
 from algorithms.registry import ALGORITHMS
 from benchmark.experiment.algorithm_settings import settings_of
-from benchmark.experiment.checks import check_experiment
+from benchmark.experiment.checks import MOST_AGENTS, check_experiment
 from benchmark.scripted import SCRIPTED_POLICIES
 from smarts.config import ConfigError, Fault, Problem, Section, UnfitError, read_config, shown
 from smarts.errors import nearest_names
 from smarts.registry import is_own_name
 from smarts.sstudio.locating import resolved, suite
 from smarts.types.actions import ActionSpaceType
+from smarts.types.agent_states import agent_names
 from smarts.types.traffic import TRAFFIC_ENGINES
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
@@ -164,11 +173,54 @@ Tasks = Annotated[
 ]
 
 
-class Environment(Section):
+class Driving(Section):
+    """How an agent acts, and what it drives."""
+
+    action: ActionName = "Lane"
+    """How agents act: a name of ActionSpaceType. Lane is discrete, all others are continuous."""
+    vehicle: VehicleName = "generic_sedan"
+    """What agents drive; the first three are the same car."""
+    vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
+    """How it moves: as a rigid body on tyres, or as a cheaper single-track model."""
+    tyre_model: Literal["pacejka", "linear"] = "pacejka"
+    """What its tyres are like."""
+    flat_tyres: Wheels = ()
+    """Which are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
+
+
+class Agent(Driving):
+    """What differs for an agent from the environment's own keys."""
+
+    @model_serializer(mode="wrap")
+    def _given(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {name: value for name, value in serialize(self).items() if name in self.model_fields_set}
+
+
+def _agents(agents: Any) -> Any:
+    """Raise if agents by name are none or too many, or a name is not one."""
+    if not isinstance(agents, dict):
+        return agents
+    if not 1 <= len(agents) <= MOST_AGENTS:
+        raise UnfitError(f"there are {len(agents)} agents", f"give 1 to {MOST_AGENTS}")
+    for name in agents:
+        if not NAME.fullmatch(name) or "__" in name:
+            raise UnfitError(
+                f"{name!r} cannot name an agent", "use letters, digits, '.', '_' and '-', and no '__'"
+            )
+    return agents
+
+
+class Environment(Driving):
     """How agents see, act and drive, and what their reward is; the same for all algorithms."""
 
-    agents: Annotated[int, Field(ge=1, le=64)] = 4
-    """Learning agents in each simulation."""
+    agents: Annotated[
+        Annotated[Annotated[int, Field(ge=1, le=MOST_AGENTS)], Tag("number")]
+        | Annotated[dict[str, Agent], Tag("by name")],
+        Discriminator(lambda given: "by name" if isinstance(given, dict) else "number"),
+        AfterValidator(_agents),
+    ] = 4
+    """Learning agents in each simulation: how many, or what differs for each by its name, such as
+    `{car: {}, truck: {vehicle: truck}}`."""
     decision_interval: Annotated[int, Field(ge=1, le=50)] = 5
     """Simulation steps of 0.1 s from one decision to the next."""
     observation: str | list[Any] | dict[str, Any] = "benchmark"
@@ -180,21 +232,22 @@ class Environment(Section):
     """module:Class of one's own that makes observations, rewards and perhaps the encoding of actions."""
     adapter_options: dict[str, Any] = Field(default_factory=dict)
     """Keywords of the own adapter."""
-    action: ActionName = "Lane"
-    """How agents act: a name of ActionSpaceType. Lane is discrete, all others are continuous."""
-    vehicle: VehicleName = "generic_sedan"
-    """What agents drive; the first three are the same car."""
-    vehicle_model: Literal["bullet", "dynamic", "kinematic"] = "bullet"
-    """How it moves: as a rigid body on tyres, or as a cheaper single-track model."""
-    tyre_model: Literal["pacejka", "linear"] = "pacejka"
-    """Tyre model."""
-    flat_tyres: Wheels = ()
-    """Which are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
     friction: Annotated[float, Field(ge=0.05, le=2.0)] | None = None
     """Of the road under agents' vehicles, where the scenario sets no friction patch: ice has about 0.1, a
     wet road 0.5; null: dry asphalt, 0.9."""
     traffic_engine: Engine | None = None
     """What drives the traffic: SUMO or ConstantSpeed; null: what the scenario names."""
+
+    @property
+    def agent_count(self) -> int:
+        """How many learning agents a simulation has."""
+        return self.agents if isinstance(self.agents, int) else len(self.agents)
+
+    def driving(self) -> dict[str, Driving]:
+        """Return how each agent acts and drives, by its name."""
+        if isinstance(self.agents, int):
+            return dict.fromkeys(agent_names(self.agents), self)
+        return {name: self.model_copy(update=agent.model_dump()) for name, agent in self.agents.items()}
 
 
 class Budget(Section):

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from benchmark.experiment.config import Environment
+from benchmark.experiment.config import Driving
 from benchmark.experiment.own_code import own_names
 from benchmark.experiment.runs import TaskSetting
 from benchmark.metrics import compute, measure_episodes
@@ -24,7 +24,6 @@ from smarts.env.vector import VectorHiWayEnv
 from smarts.registry import import_own
 from smarts.sim.assembly import Options
 from smarts.types.actions import ActionSpaceType
-from smarts.types.agent_states import agent_names
 
 NAME = "smarts-bench"
 """Of the training environment among RLlib's."""
@@ -60,7 +59,7 @@ def environment(
     return VectorHiWayEnv(
         num_envs or task_setting.num_envs,
         list(scenarios or task_setting.task.scenarios),
-        agents=dict.fromkeys(agent_names(given.agents), interface_of(given).replace(**limit)),
+        agents={name: interface_of(each).replace(**limit) for name, each in given.driving().items()},
         decision_interval=given.decision_interval,
         observation=given.observation,
         reward=given.reward,
@@ -72,8 +71,8 @@ def environment(
     )
 
 
-def interface_of(given: Environment) -> AgentInterface:
-    """Return how each agent of an experiment acts and what it drives; the rest is as in the benchmark."""
+def interface_of(given: Driving) -> AgentInterface:
+    """Return the interface of an experiment's agent; what `given` does not say is as in the benchmark."""
     return benchmark_interface(
         action=ActionSpaceType[given.action],
         vehicle_class=given.vehicle,

@@ -92,29 +92,33 @@ def check_task_settings(experiment: Experiment) -> None:
     """
     for task_setting in task_settings_of(experiment):
         for scenario in task_setting.task.scenarios:
-            egos = task_setting.environment.agents
+            egos = task_setting.environment.agent_count
             build_scenario(scenario, egos=egos).with_traffic([task_setting.traffic]).episodes(egos)
         for _ in held_out_of(task_setting):
             pass  # built now, not after hours of training
-    _check_own_code(experiment)
+    _check_spaces(experiment)
 
 
-def _check_own_code(experiment: Experiment) -> None:
-    """Play and measure a short episode with own code, and check that the algorithms fit its spaces.
+def _check_spaces(experiment: Experiment) -> None:
+    """Check that the algorithms fit the agents' spaces, where these depend on own code or differ.
+
+    A short episode is played and measured for it.
 
     Raises:
         OwnCodeError: Own code cannot be made, or raises.
         SpaceError: An algorithm does not handle the actions or observations.
     """
     task_setting = task_settings_of(experiment)[0]
-    if not own_names([task_setting.environment.model_dump(), task_setting.metrics]):
+    is_mixed = isinstance(task_setting.environment.agents, dict)
+    if not is_mixed and not own_names([task_setting.environment.model_dump(), task_setting.metrics]):
         return
-    # Imported here, so that the driver's process loads the simulation only for own code.
+    # Imported here, so that the driver's process loads the simulation only where it is played.
     from benchmark.running.environments import try_own_code
 
-    spec = JointSpec.build(try_own_code(task_setting))
+    spaces = try_own_code(task_setting)
     for algorithm in experiment.algorithms:
-        CONFIGS[algorithm]().check(spec)
+        config = CONFIGS[algorithm]().training(**experiment.settings_of(algorithm))
+        config.check(JointSpec.build(spaces, config.sharing))
 
 
 def check_scenarios(scheduler: JobScheduler, root: Path, scenarios: Mapping[str, Mapping[str, str]]) -> None:

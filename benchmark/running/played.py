@@ -46,6 +46,6 @@ def digest_of(built: BuiltScenario, task_setting: TaskSetting) -> str:
     """
     files = built.traffic_files(task_setting.traffic)
     contents = [file.read_text(encoding="utf-8") for file in (files.net, *files.routes, *files.additional)]
-    plans = built.with_traffic([task_setting.traffic]).episodes(task_setting.environment.agents)
+    plans = built.with_traffic([task_setting.traffic]).episodes(task_setting.environment.agent_count)
     starts = encode(built.scenario.start_variation)
     return digest([contents, files.warm_up, [encode(plan) for plan in plans], starts], size=8)

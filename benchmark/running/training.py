@@ -238,7 +238,7 @@ class Training:
             seconds=self._state.seconds + took,
         )
         outcomes = runners.get("env", {})
-        agents = self._run.task_setting.environment.agents
+        agents = self._run.task_setting.environment.agent_count
         progress = RunProgress(
             TRAINING,
             self._share(),

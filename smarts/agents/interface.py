@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from enum import Enum
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -172,7 +173,7 @@ class AgentInterface:
             raise InterfaceError(
                 f"action is an ActionSpaceType, not {self.action!r}",
                 place="AgentInterface.action",
-                remedy=f"give a member, such as ActionSpaceType.{_nearest_action(str(self.action))}",
+                remedy=_member_like(self.action, ActionSpaceType),
             )
         if self.max_episode_steps is not None:
             keep_whole(self, "max_episode_steps", 1, MOST_STEPS)
@@ -228,8 +229,11 @@ class AgentInterface:
             InterfaceError: There is no such type, or a change is not possible.
         """
         if requested_type not in [*_PRESETS]:
-            names = ", ".join(AgentType.__members__)
-            raise InterfaceError(f"there is no agent type {requested_type!r}", remedy=f"known: {names}")
+            raise InterfaceError(
+                f"there is no agent type {requested_type!r}",
+                place="AgentInterface.from_type",
+                remedy=_member_like(requested_type, AgentType),
+            )
         return AgentInterface(**_PRESETS[requested_type]).replace(**changes)
 
     def replace(self, **changes: Any) -> AgentInterface:
@@ -261,9 +265,11 @@ class AgentInterface:
         raise AttributeError(f"AgentInterface has no field {name!r}", name=name, obj=self)
 
 
-def _nearest_action(name: str) -> str:
-    """Return the member of `ActionSpaceType` with the most similar name."""
-    return next(iter(get_close_matches(name, ActionSpaceType.__members__, n=1)), "Lane")
+def _member_like(given: Any, kind: type[Enum]) -> str:
+    """Return the remedy for a value that is not a member: the member with the most similar name."""
+    names = [*kind.__members__]
+    nearest = [*get_close_matches(str(given), names, n=1), names[0]][0]
+    return f"give a member, such as {kind.__name__}.{nearest}"
 
 
 def _switched_on(sensors: tuple[tuple[str, Any], ...]) -> tuple[tuple[str, Any], ...]:

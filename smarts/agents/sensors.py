@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from smarts.registry import Registry
+
+
+def _adopt(name: str, found: Any) -> Any:
+    """Return a user's sensor: a class with the methods of `smarts.sensors.protocol.Sensor`."""
+    missing = [each for each in ("fields", "bind", "as_object") if not callable(getattr(found, each, None))]
+    if not isinstance(found, type) or missing:
+        raise ValueError(f"is not a class with the methods fields, bind and as_object: {missing} missing")
+    return found
+
 
 SENSORS = Registry(
     "sensor",
@@ -25,6 +36,7 @@ SENSORS = Registry(
             "occlusion_map": "VisibleArea",
         }.items()
     },
+    _adopt,
 )
 """Name of a field of `AgentInterface`, and of an attribute of `Observation` -> "module:Class" of a
 `smarts.sensors.protocol.Sensor`. Names that the original does not have are also keywords of

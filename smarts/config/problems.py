@@ -168,8 +168,9 @@ def _section(model: type[BaseModel], key: Key) -> type[BaseModel] | None:
     for part in key:
         if isinstance(part, int) or current is None:
             continue
-        info = current.model_fields.get(str(part))
-        current = _model_in(info.annotation) if info else None
+        # A part that is no field is a key of a dict of sections.
+        if info := current.model_fields.get(str(part)):
+            current = _model_in(info.annotation)
     return current
 
 

@@ -1,8 +1,7 @@
-"""Controllers: actions of one type -> commands to vehicles, for all agents of that type in one call.
+"""Controllers: convert actions of one type to vehicle commands, for all agents of that type in one call.
 
-Control has two levels. Ten times a second a controller writes what a vehicle is to follow (`Commands`): a
-reference, actuators, or poses. A hundred times a second one law (`tracking`) follows the reference, given the
-vehicle's motion.
+Control has two levels. A controller writes `Commands` at 10 Hz: a reference, actuators, or poses. The
+tracking law (`tracking`) follows a reference at 100 Hz, by feedback on the vehicle's motion.
 
 A new controller is one file here and one line in `ActionSpaceType`, which names it.
 """
@@ -21,15 +20,15 @@ if TYPE_CHECKING:
     from smarts.controllers.action_formats import ActionFormat
 
 CONTROLLERS = Registry("controller", {kind.name: kind.controller for kind in ActionSpaceType})
-"""`ActionSpaceType` name -> a `protocol.Controller`, which is made with a `Scene`."""
+"""`ActionSpaceType` name -> a `protocol.Controller` class, constructed with a `Scene`."""
 
 
 @cache
 def action_format(kind: int) -> ActionFormat:
-    """Return what agents of an `ActionSpaceType` give."""
+    """Return the action format of an `ActionSpaceType`."""
     return CONTROLLERS[ActionSpaceType(kind).name].action_format
 
 
 def action_space(kind: int) -> Space:
-    """Return a new Gymnasium space of the actions of an `ActionSpaceType`."""
+    """Return a new Gymnasium space for the actions of an `ActionSpaceType`."""
     return action_format(kind).space()

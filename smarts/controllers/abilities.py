@@ -1,4 +1,4 @@
-"""What each kind of vehicle can drive."""
+"""Kinematic limits of each kind of vehicle."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from smarts.types.vehicles import VehicleKind
 
 
 class Abilities(NamedTuple):
-    """What each `VehicleKind` can drive, shape (K,) each."""
+    """Kinematic limits of each `VehicleKind`, shape (K,) each."""
 
     agility: Floats
-    """How fast it can change its curvature, for its steering's rate [1/(m s)]."""
+    """Maximum rate of change of the curvature, from the steering rate [1/(m s)]."""
     wheelbase: Floats
-    """[m]"""
+    """Distance between the axles [m]."""
     centre_to_rear: Floats
-    """From the footprint's centre back to the rear axle [m]."""
+    """Distance from the footprint's centre back to the rear axle [m]."""
     sharpest: Floats
-    """The largest curvature of the rear axle's path [1/m]."""
+    """Maximum curvature of the rear axle's path [1/m]."""
 
     @classmethod
     def of_all(cls) -> Abilities:
-        """Return those of all kinds; what cannot drive has no bounds."""
+        """Return the limits of all kinds; kinds without a vehicle model have infinite limits."""
         known, kinds = vehicle_names(), len(VehicleKind)
         agility, wheelbase, centre_to_rear = np.full(kinds, np.inf), np.ones(kinds), np.zeros(kinds)
         for kind in VehicleKind:

@@ -1,7 +1,7 @@
-"""Formats of actions: what agents of each action type give, and how it is checked and written into `Actions`.
+"""Action formats: check the actions of one action type and write them into `Actions`.
 
-A controller declares the format of its type in its own file: a `NumbersFormat`, a `PathFormat`, or a class
-of its own. The environments read it from there (`smarts.controllers.action_format`).
+Each controller declares its format: a `NumbersFormat`, a `PathFormat`, or its own class. The environments
+read it by `smarts.controllers.action_format`.
 
 Axis letters: N actions, K numbers of an action, C columns and P points of a path.
 """
@@ -21,28 +21,27 @@ from smarts.errors import ActionError, shown
 from smarts.types.actions import Actions
 
 Places = tuple[Any, Any]
-"""Rows of simulations and ids of agents, as an index of `Actions`: two numbers, or two arrays of shape
-(N,)."""
+"""Simulations and `agent_id`s as an index of `Actions`: two numbers, or two arrays of shape (N,)."""
 
 FAR = 1e6
-"""The largest coordinate of an action [m]."""
+"""Largest coordinate of an action [m]."""
 PATH_POINTS = 32
-"""The points of a path in an action space; agents by name may give fewer or more."""
+"""Number of points of a path in an action space; with dict APIs, agents may give fewer or more."""
 
 
 class Rejected(NamedTuple):
-    """Why the first bad one of several actions is rejected."""
+    """The first invalid action of a batch."""
 
     first: int
-    """Of the action."""
+    """Index of the action."""
     problem: str
 
 
 class ActionFormat(Protocol):
-    """What agents of one action type give.
+    """The format of one action type.
 
-    `parse` and `parse_batch` check in full and write nothing; what they return is finite and within the
-    bounds, and `write` cannot fail. So a caller parses the actions of all agents before it writes any.
+    `parse` and `parse_batch` do all checks and write nothing. Their results are finite and within bounds, so
+    `write` cannot fail. A caller parses the actions of all agents before it writes any.
     """
 
     has_path: bool
@@ -53,38 +52,38 @@ class ActionFormat(Protocol):
         ...
 
     def remedy(self) -> str:
-        """Return what errors tell the caller to give."""
+        """Return the remedy of error messages: a description of valid actions."""
         ...
 
     def parse(self, action: Any, place: str, most_points: int) -> Floats:
-        """Return the numbers of one action as users give it.
+        """Return the numbers of one action.
 
         Args:
-            action: The action.
-            place: Where errors say that it was given.
-            most_points: Of a path: how many `Actions.path` has room for.
+            action: The action as given by the user.
+            place: The place that error messages name.
+            most_points: Maximum number of points of a path, the capacity of `Actions.path`.
 
         Raises:
-            ActionError: The action is not of this format, or not finite.
+            ActionError: The action does not have this format, or is not finite.
         """
         ...
 
     def parse_batch(self, values: NDArray) -> Floats | Rejected:
-        """Return the numbers of N elements of the space, or why one is rejected; `values` is numeric."""
+        """Return the numbers of N elements of the space, or the first invalid one; `values` is numeric."""
         ...
 
     def write(self, parsed: Floats, places: Places, out: Actions) -> None:
-        """Write what `parse` has returned for one place, or `parse_batch` for N."""
+        """Write the result of `parse` for one agent, or of `parse_batch` for N agents."""
         ...
 
 
 class NumbersFormat:
-    """K numbers within bounds, which out-of-range numbers are clipped to.
+    """K numbers, clipped to bounds.
 
     Args:
-        low: The least values, shape (K,).
-        high: The largest, shape (K,).
-        whole: Columns that are rounded to whole numbers.
+        low: Lower bounds, shape (K,).
+        high: Upper bounds, shape (K,).
+        whole: Columns that are rounded to integers.
     """
 
     has_path = False
@@ -98,11 +97,11 @@ class NumbersFormat:
         return Box(self._low.astype(np.float32), self._high.astype(np.float32), dtype=np.float32)
 
     def remedy(self) -> str:
-        """Return that an element of the space is wanted."""
+        """Return the remedy of error messages: give an element of the space."""
         return f"give an element of {self.space()}"
 
     def parse(self, action: Any, place: str, most_points: int) -> Floats:
-        """Return K numbers; see `ActionFormat`. An action of no numbers may be anything."""
+        """Return K numbers; see `ActionFormat`. If K is 0, any action is valid."""
         if not self._shape[0]:
             return self._low
         return self._clip(numbers_of(action, self._shape, place, self.remedy))
@@ -125,16 +124,15 @@ class NumbersFormat:
 class PathFormat:
     """A path as C columns of 1 to P points each.
 
-    Numbers are clipped, since what follows a path works with their squares and products, which must not
-    overflow.
+    Numbers are clipped, so that their squares and products do not overflow.
 
     Args:
-        columns: Which columns of `Actions.path` (time, x, y, heading, speed) are given, shape (C,).
+        columns: The columns of `Actions.path` (time, x, y, heading, speed) that a path holds, shape (C,).
     """
 
     has_path = True
     _LIMITS = np.array([1000.0, FAR, FAR, 1000.0, 100.0])
-    """The largest magnitudes of time [s], x, y [m], heading [rad] and speed [m/s]."""
+    """Largest magnitudes of time [s], x, y [m], heading [rad] and speed [m/s]."""
 
     def __init__(self, columns: Sequence[int]) -> None:
         self._columns = list(columns)
@@ -146,7 +144,7 @@ class PathFormat:
         return Box(-limits, limits, dtype=np.float32)
 
     def remedy(self) -> str:
-        """Return that an element of the space is wanted."""
+        """Return the remedy of error messages: give an element of the space."""
         return f"give an element of {self.space()}"
 
     def parse(self, action: Any, place: str, most_points: int) -> Floats:
@@ -168,7 +166,7 @@ class PathFormat:
         return _first_infinite(values) or self._clip(values)
 
     def write(self, parsed: Floats, places: Places, out: Actions) -> None:
-        """Write paths of P points, and their length."""
+        """Write paths of P points and their lengths."""
         points = parsed.shape[-1]
         for source, column in enumerate(self._columns):
             out.path[(*places, slice(points), column)] = parsed[..., source, :]
@@ -181,16 +179,16 @@ class PathFormat:
 def numbers_of(action: Any, shape: tuple[int, ...], place: str, remedy: str | Callable[[], str]) -> Floats:
     """Return an action as finite numbers.
 
-    None, truth values, texts, bytes and dates are rejected, which NumPy would turn into numbers.
+    None, booleans, strings, bytes and dates, which NumPy would convert to numbers, are rejected.
 
     Args:
-        action: A number, or what NumPy makes an array of.
-        shape: That of the result; a list of one number stands for that number, and the other way round.
-        place: Where errors say that it was given.
-        remedy: What errors tell the caller to give; called only for an error.
+        action: A number or an array-like.
+        shape: Shape of the result; a number and a list of one number are equivalent.
+        place: The place that error messages name.
+        remedy: The remedy of error messages; a function is called only for an error.
 
     Raises:
-        ActionError: The action is not made of numbers, of another shape, or not finite.
+        ActionError: The action is not numeric, has another shape, or is not finite.
     """
     cause, values = None, None
     try:
@@ -207,13 +205,13 @@ def numbers_of(action: Any, shape: tuple[int, ...], place: str, remedy: str | Ca
 
 
 def rejection(action: Any, problem: str, place: str, remedy: str | Callable[[], str]) -> ActionError:
-    """Return the error for an action; its text is short, however large the action is."""
+    """Return the error for an invalid action; the action is abbreviated."""
     advice = remedy if isinstance(remedy, str) else remedy()
     return ActionError(f"{shown(action, 100)} {problem}", place=place, remedy=advice)
 
 
 def _as_floats(given: Any) -> Floats | None:
-    """Return numbers as float64, None if anything among them is not a number."""
+    """Return numbers as float64, or None if a value is masked or not a number."""
     values = np.asarray(given)
     is_number = values.dtype.kind in "iuf" or (values.dtype.kind == "O" and all(map(_is_real, values.flat)))
     return values.astype(np.float64) if is_number and not np.ma.is_masked(given) else None

@@ -1,4 +1,4 @@
-"""The mask of lane actions that agents may take next."""
+"""Action masks of the discrete lane actions."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from smarts.roads.scene import Scene
 class ActionMasker:
     """Writes `agents.action_mask`; part of the map-matching stage, after vehicles are matched.
 
-    Keeping the lane and slowing down are always allowed. A lane change is allowed outside junctions if the
-    lane on that side leads in the same direction, is open to the vehicle and is on the route, and either
-    continues on the route or does not end soon. During a lane change only the opposite one is allowed, in
-    the first half: it aborts the change. While a mission's task leads the agent out of its lane, none is.
+    `keep_lane` and `slow_down` are always allowed. A lane change is allowed outside junctions, to a lane of
+    the same direction that is open to the vehicle, on its route, and either continues along the route or does
+    not end soon. During the first half of a lane change, the opposite lane change is allowed and aborts it.
+    No lane change is allowed while a mission's task executes its manoeuvre.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.write: Callable[[Bools], None] = bind(
             write_action_mask, scene.world.state, scene.atlas.roads, scene.routes.current
         )
-        """Write the masks of all agents in the simulations of a mask, shape (B,)."""
+        """Writes the masks of all agents in the simulations of `env_mask`, shape (B,)."""

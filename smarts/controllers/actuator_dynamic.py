@@ -1,4 +1,4 @@
-"""Direct control of throttle and brake, and of how fast the steering turns."""
+"""Control by throttle, brake and steering rate."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from smarts.types.actions import CommandMode
 
 
 class ActuatorDynamic(Continuous):
-    """Passes on throttle and brake in [0, 1] and the rate of steering in locks a second, [-1, 1]."""
+    """Takes throttle and brake in [0, 1] and the steering rate in [-1, 1], in full locks per second."""
 
     mode: ClassVar[CommandMode] = CommandMode.ACTUATORS_RATE

@@ -1,4 +1,4 @@
-"""Direct control of throttle, brake and steering."""
+"""Control by throttle, brake and steering."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST = (1.0, 1.0, 1.0)
 
 
 class Continuous:
-    """Passes on throttle and brake in [0, 1] and steering in [-1, 1] of the lock, positive to the left."""
+    """Takes throttle and brake in [0, 1] and steering in [-1, 1] of full lock, positive to the left."""
 
     action_format: ClassVar[ActionFormat] = NumbersFormat(LEAST, MOST)
     follows_lanes: ClassVar[bool] = False

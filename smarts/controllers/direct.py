@@ -1,4 +1,4 @@
-"""Control of the motion itself: speed, or acceleration and yaw rate."""
+"""Direct control of a vehicle's motion: speed, or acceleration and yaw rate."""
 
 from __future__ import annotations
 
@@ -19,41 +19,44 @@ from smarts.types.world import State
 
 _PLACE = int(CommandMode.PLACE)
 _TOP_SPEED = 60.0
-"""[m/s]"""
+"""Maximum speed of an action [m/s]."""
 
 
 class SpeedOrMotion(NumbersFormat):
-    """Acceleration [m/s^2] and yaw rate [rad/s], or a speed [m/s] alone; a third value tells them apart."""
+    """The format of acceleration [m/s^2] and yaw rate [rad/s], or of a speed [m/s] alone.
+
+    A third value, added by `parse`, is 1 for a speed alone.
+    """
 
     def remedy(self) -> str:
-        """Return that an element of the space is wanted, or a speed."""
+        """Return the remedy of error messages: give an element of the space, or a speed."""
         return f"{super().remedy()}, or a speed [m/s] alone"
 
     def parse(self, action: Any, place: str, most_points: int) -> Floats:
-        """Return speed, 0, 1 for a single number, else acceleration, yaw rate, 0; see `ActionFormat`."""
+        """Return (speed, 0, 1) for a single number, else (acceleration, yaw rate, 0); see `ActionFormat`."""
         if _is_number(action):
             speed = float(numbers_of(action, (), place, self.remedy))
             return np.array([min(max(speed, -_TOP_SPEED), _TOP_SPEED), 0.0, 1.0])
         return np.append(super().parse(action, place, most_points), 0.0)
 
     def parse_batch(self, values: NDArray) -> Floats | Rejected:
-        """Return acceleration, yaw rate, 0, shape (N, 3); see `ActionFormat`."""
+        """Return rows (acceleration, yaw rate, 0), shape (N, 3); see `ActionFormat`."""
         parsed = super().parse_batch(values)
         return parsed if isinstance(parsed, Rejected) else np.pad(parsed, ((0, 0), (0, 1)))
 
 
 def _is_number(action: Any) -> bool:
-    is_array = hasattr(action, "__array__")  # of any library
+    is_array = hasattr(action, "__array__")  # arrays of any library
     return isinstance(action, int | float | np.number) or (is_array and getattr(action, "ndim", 1) == 0)
 
 
 class Direct:
-    """Moves a vehicle as a unicycle, whatever its dynamics; never backwards by braking.
+    """Moves a vehicle as a unicycle, without its dynamics; braking stops at standstill.
 
-    Values: acceleration [m/s^2], yaw rate [rad/s], 0; or speed [m/s], 0, 1: the third value says which.
+    Values: (acceleration [m/s^2], yaw rate [rad/s], 0), or (speed [m/s], 0, 1).
 
     Args:
-        scene: What the controller works in.
+        scene: The world, its maps and its routes.
     """
 
     action_format: ClassVar[ActionFormat] = SpeedOrMotion([-10, -np.pi], [10, np.pi])
@@ -69,7 +72,7 @@ class Direct:
 
 @kernel
 def move_directly(state: State, actions: Actions, commands: Commands, chosen: Bools) -> None:
-    """Write the poses of unicycles from where the vehicles are; shapes as in `Commands`."""
+    """Write the poses of chosen agents' vehicles, integrated as unicycles; shapes as in `Commands`."""
     vehicles = state.vehicles
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
@@ -91,7 +94,7 @@ def move_directly(state: State, actions: Actions, commands: Commands, chosen: Bo
                 after = pace + gain * h
                 if gain < 0.0 and pace >= 0.0:
                     after = max(after, 0.0)
-                # The mean of both ends' speeds, along the heading in the middle.
+                # The mean speed of the sub-step, along the heading at its middle.
                 way, middle = 0.5 * (pace + after) * h, angle + 0.5 * turn * h
                 x, y = x + way * math.cos(middle), y + way * math.sin(middle)
                 angle += turn * h

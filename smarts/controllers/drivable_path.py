@@ -1,13 +1,12 @@
-"""Kernels: the path nearest to a lane that a vehicle can drive, where the lane bends tighter than it can.
+"""Kernels that plan a drivable path near a lane that bends tighter than the vehicle can.
 
-The plan is a path of the rear axle from where it is now: curvatures u(s) that minimise the integral of
-(offset of the centre from the lane)^2 + smoothness (du/ds)^2, with |u| below what the lock allows. Offsets
-cost more where they are large, and most near the edge of the road. So a vehicle swings wide before a turn
-that is too tight, by about as much as it cuts inside, and further where the road is wider. Each iteration
-drives the present curvatures exactly, measures the offsets, and solves the problem linearised about that way
-by one Riccati recursion (Gauss-Newton; Li and Todorov, ICINCO 2004). A change of curvature costs more where
-the vehicle is faster, since its steering's rate is bounded; the speed is lowered to what the change still
-needs.
+A plan is a path of the rear axle from its current pose. Its curvatures u(s) minimise the integral of (offset
+of the centre from the lane)^2 + smoothness (du/ds)^2, with |u| bounded by the steering lock. Large offsets
+and offsets near the edge of the road have extra costs. So a vehicle swings wide before a turn that is too
+tight, about as far as it cuts inside, and farther on wider roads. Each iteration simulates the current
+curvatures, measures the offsets, and solves the problem linearised about this path by one Riccati recursion
+(Gauss-Newton; Li and Todorov, ICINCO 2004). The cost of a change of curvature grows with the speed, since the
+steering rate is bounded; speeds are lowered where the plan needs a higher rate.
 """
 
 from __future__ import annotations
@@ -27,56 +26,56 @@ from smarts.roads.lane_graph import LaneKind
 PLANNED = 1.0
 """`Commands.window` of a plan [m]."""
 STEP = 1.0
-"""Between the points of a plan [m]."""
+"""Spacing of a plan's points [m]."""
 RADII = 6.0
 """Length of a plan, in turning radii of the vehicle."""
 MOST_POINTS = 46
-"""Of a plan."""
+"""Maximum number of a plan's points."""
 LOOK_AHEAD = 30
-"""Points ahead among which a bend is looked for that is too tight."""
+"""Number of points ahead that are checked for tight bends."""
 TIGHT_SHARE = 0.93
-"""A lane is tight where it bends more than this share of the vehicle's sharpest curvature."""
+"""A lane is tight if its curvature exceeds this share of the vehicle's maximum curvature."""
 UNWOUND_SHARE = 0.3
-"""The steering is off the lane's by more than this share of the sharpest curvature: it is still to unwind."""
+"""The steering is wound if its curvature differs from the lane's by this share of the maximum curvature."""
 MOST_PASSED = 3
-"""Segments of the lane that one step of a plan may pass, so that it leaves no loop out."""
+"""Maximum number of lane segments that one step of a plan passes, so that a plan does not skip a loop."""
 RESERVED = 0.92
-"""Of the sharpest curvature, what plans use; the rest is for feedback."""
+"""Share of the maximum curvature that plans use; the rest is for feedback."""
 ITERATIONS = 6
 SMOOTHNESS = 2.0
-"""Cost of a change of the steering along the way, over squared wheelbases, at rest [m^2]."""
+"""Cost of a change of curvature at rest, divided by the squared wheelbase [m^2]."""
 SMOOTHNESS_PER_SPEED = 1.0
-"""By how much it grows with the square of the speed [s^2/m^2]."""
+"""Growth of this cost with the squared speed [s^2/m^2]."""
 BOUND_COST = 200.0
-"""Of curvature beyond the sharpest, over the sharpest, squared."""
+"""Cost of curvature beyond the maximum, relative to the maximum, squared."""
 EASY_OFFSET = 0.6
 FAR_COST = 10.0
-"""Of what offsets are more than `EASY_OFFSET` [m], squared, over that of offsets."""
+"""Additional cost of the part of an offset beyond `EASY_OFFSET` [m], squared; offsets themselves cost 1."""
 EDGE_MARGIN = 0.5
-"""Between a vehicle's centre and the edge of the road [m]."""
+"""Distance between a vehicle's centre and the edge of the road [m]."""
 LEAST_ROOM, MOST_ROOM, ROOM_STEP = 0.8, 3.2, 0.4
-"""Beside the middle of a lane, to that margin [m]."""
+"""Minimum, maximum and step of the room beside a lane's centreline, up to this margin [m]."""
 EDGE_COST = 100.0
-"""Of what offsets are more than the room [m], squared."""
+"""Cost of the part of an offset beyond this room [m], squared."""
 END_COST = 5.0
-"""Of offset and heading [m] at the end of the plan, over that of a point."""
+"""Cost of offset and heading at the end of a plan, relative to the other points."""
 CRAWL = 1.2
-"""The least speed to which a plan brakes [m/s]."""
+"""Lower bound of a plan's speeds [m/s]."""
 GAIN = 1.5
-"""Acceleration that a plan reckons with [m/s^2]."""
+"""Assumed acceleration along a plan [m/s^2]."""
 _ROAD = 1 << LaneKind.CAR | 1 << LaneKind.BUS
 _PURSUED = 4.0
-"""Of the pursuit that the first guess comes from [m]."""
+"""Minimum look-ahead distance of the pure pursuit that gives the first guess [m]."""
 
 
 @kernel
 def is_tight(reference: Floats, curvature: float, sharpest: float) -> bool:
-    """Return whether a lane ahead bends tighter than a vehicle can well drive, or its steering is far off it.
+    """Return whether the lane ahead is too tight for a vehicle, or its steering is far from the lane's.
 
     Args:
-        reference: Along the lane, shape (R, 4).
-        curvature: Of its rear axle's path at present [1/m].
-        sharpest: That it can drive [1/m].
+        reference: Reference along the lane, shape (R, 4).
+        curvature: Current curvature of the rear axle's path [1/m].
+        sharpest: Maximum curvature of the vehicle [1/m].
     """
     here = wrapped(reference[2, 2] - reference[0, 2]) / (2.0 * STEP)
     if abs(curvature - here) > UNWOUND_SHARE * sharpest:
@@ -90,7 +89,7 @@ def is_tight(reference: Floats, curvature: float, sharpest: float) -> bool:
 @kernel
 def plan_drivable_path(
     roads: Roads,
-    world: int,
+    map_id: int,
     reference: Floats,
     pose: tuple[float, float, float],
     curvature: float,
@@ -98,17 +97,17 @@ def plan_drivable_path(
     kind: int,
     abilities: Abilities,
 ) -> None:
-    """Replace the first points of a reference by what the vehicle can drive, and lower their speeds to that.
+    """Replace the first points of a reference by a drivable path, and lower their speeds.
 
     Args:
         roads: The maps' lanes.
-        world: Map number.
-        reference: Along the lane, with its speeds, shape (R, 4); written.
+        map_id: The map.
+        reference: Reference along the lane, written, shape (R, 4).
         pose: x, y [m] of the vehicle's centre and its heading [rad].
-        curvature: Of its rear axle's path [1/m].
-        speed: [m/s]
-        kind: A `VehicleKind`.
-        abilities: Of all kinds.
+        curvature: Current curvature of the rear axle's path [1/m].
+        speed: Speed of the vehicle [m/s].
+        kind: The vehicle's `VehicleKind`.
+        abilities: Limits of each kind of vehicle.
     """
     sharpest, wheelbase = RESERVED * abilities.sharpest[kind], abilities.wheelbase[kind]
     ahead = abilities.centre_to_rear[kind]
@@ -116,7 +115,7 @@ def plan_drivable_path(
     count = min(int(RADII / (sharpest * STEP)), MOST_POINTS, len(reference) - 2)
     bends = np.empty(count)
     smoothness = np.empty(count)
-    way = np.empty((count + 1, 3))
+    path = np.empty((count + 1, 3))
     found = np.empty((count + 1, 4))
     room = np.full((len(reference), 2), -1.0)
     for i in range(count):
@@ -124,13 +123,13 @@ def plan_drivable_path(
         smoothness[i] = SMOOTHNESS * wheelbase**2 * (1.0 + SMOOTHNESS_PER_SPEED * pace * pace)
     _pursue(reference, rear, curvature, sharpest, max(_PURSUED, wheelbase), bends)
     for _ in range(ITERATIONS):
-        _drive(rear, ahead, bends, way)
-        _measure(reference, way, found)
-        _find_edges(roads, world, reference, room, found)
+        _drive(rear, ahead, bends, path)
+        _measure(reference, path, found)
+        _find_edges(roads, map_id, reference, room, found)
         _improve(bends, curvature, sharpest, ahead, smoothness, found)
-    _drive(rear, ahead, bends, way)
-    last = _measure(reference, way, found)
-    _replace(reference, way, bends, curvature, abilities.agility[kind], ahead, last)
+    _drive(rear, ahead, bends, path)
+    last = _measure(reference, path, found)
+    _replace(reference, path, bends, curvature, abilities.agility[kind], ahead, last)
 
 
 @kernel
@@ -142,7 +141,7 @@ def _pursue(
     look_ahead: float,
     bends: Floats,
 ) -> None:
-    """Write the curvatures of a vehicle that steers for a point ahead: a first guess."""
+    """Write the curvatures of a vehicle that pursues a point ahead (pure pursuit), as a first guess."""
     x, y, heading = pose
     bend, goal = curvature, 0
     for i in range(len(bends)):
@@ -153,9 +152,9 @@ def _pursue(
             goal += 1
         dx, dy = reference[goal, 0] - x, reference[goal, 1] - y
         turn = wrapped(math.atan2(dy, dx) - heading)
-        wanted = 2.0 * math.sin(turn) / max(math.hypot(dx, dy), 1.0)
-        wanted = min(max(wanted, -sharpest), sharpest)
-        bend += min(max(wanted - bend, -0.5 * sharpest), 0.5 * sharpest)
+        target = 2.0 * math.sin(turn) / max(math.hypot(dx, dy), 1.0)
+        target = min(max(target, -sharpest), sharpest)
+        bend += min(max(target - bend, -0.5 * sharpest), 0.5 * sharpest)
         bends[i] = bend
         middle = heading + 0.5 * STEP * bend
         x, y = x + STEP * math.cos(middle), y + STEP * math.sin(middle)
@@ -163,12 +162,12 @@ def _pursue(
 
 
 @kernel
-def _drive(rear: tuple[float, float, float], ahead: float, bends: Floats, way: Floats) -> None:
-    """Write x, y of the centre and the heading on the way of some curvatures, shape (N + 1, 3)."""
+def _drive(rear: tuple[float, float, float], ahead: float, bends: Floats, path: Floats) -> None:
+    """Write x, y of the centre and the heading along a plan's curvatures, shape (N + 1, 3)."""
     x, y, heading = rear
-    for i in range(len(way)):
-        way[i, 0], way[i, 1] = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
-        way[i, 2] = heading
+    for i in range(len(path)):
+        path[i, 0], path[i, 1] = x + ahead * math.cos(heading), y + ahead * math.sin(heading)
+        path[i, 2] = heading
         if i < len(bends):
             middle = heading + 0.5 * STEP * bends[i]
             x, y = x + STEP * math.cos(middle), y + STEP * math.sin(middle)
@@ -176,36 +175,36 @@ def _drive(rear: tuple[float, float, float], ahead: float, bends: Floats, way: F
 
 
 @kernel
-def _measure(reference: Floats, way: Floats, found: Floats) -> int:
-    """Write where a way's points are beside a reference, shape (N + 1, 4); return the last one's segment.
+def _measure(reference: Floats, path: Floats, found: Floats) -> int:
+    """Write the position of a plan's points beside a reference, shape (N + 1, 4); return the last segment.
 
-    The columns are offset [m], relative heading [rad], what `_find_edges` writes, and the segment.
+    Columns: offset [m], relative heading [rad], excess over the room (by `_find_edges`) [m], segment.
     """
     segment = 0
-    for i in range(len(way)):
+    for i in range(len(path)):
         best, best_square, best_cross = segment, np.inf, 0.0
         for point in range(segment, min(segment + MOST_PASSED, len(reference) - 1)):
             a, b = reference[point], reference[point + 1]
-            _, square, cross = project(way[i, 0], way[i, 1], a[0], a[1], b[0], b[1])
+            _, square, cross = project(path[i, 0], path[i, 1], a[0], a[1], b[0], b[1])
             if square < best_square:
                 best, best_square, best_cross = point, square, cross
         segment = best
         found[i, 0] = math.copysign(math.sqrt(best_square), best_cross)
-        found[i, 1] = wrapped(way[i, 2] - reference[segment, 2])
+        found[i, 1] = wrapped(path[i, 2] - reference[segment, 2])
         found[i, 3] = segment
     return segment
 
 
 @kernel
-def _find_edges(roads: Roads, world: int, reference: Floats, room: Floats, found: Floats) -> None:
-    """Write how far a way's points are nearer to the edge of the road than they should be, else 0 [m].
+def _find_edges(roads: Roads, map_id: int, reference: Floats, room: Floats, found: Floats) -> None:
+    """Write by how much the offsets of a plan's points exceed the room beside the lane, else 0 [m].
 
     Args:
         roads: The maps' lanes.
-        world: Map number.
-        reference: Along the lane, shape (R, 4).
-        room: To the right and left of its points [m], -1 where it has not been looked up; written.
-        found: See `_measure`; written.
+        map_id: The map.
+        reference: Reference along the lane, shape (R, 4).
+        room: Room to the right and left of its points [m], shape (R, 2), -1 if unknown; written.
+        found: See `_measure`; column 2 is written.
     """
     for i in range(len(found)):
         found[i, 2] = 0.0
@@ -214,18 +213,18 @@ def _find_edges(roads: Roads, world: int, reference: Floats, room: Floats, found
             continue
         side = 1 if offset > 0.0 else 0
         if room[point, side] < 0.0:
-            room[point, side] = _room_beside(roads, world, reference[point], math.copysign(1.0, offset))
+            room[point, side] = _room_beside(roads, map_id, reference[point], math.copysign(1.0, offset))
         found[i, 2] = math.copysign(max(abs(offset) - room[point, side], 0.0), offset)
 
 
 @kernel
-def _room_beside(roads: Roads, world: int, point: Floats, side: float) -> float:
-    """Return how far from a lane's middle a vehicle's centre may be on a side (1 left, -1 right) [m]."""
+def _room_beside(roads: Roads, map_id: int, point: Floats, side: float) -> float:
+    """Return how far a vehicle's centre may be from a lane's centreline on a side (1 left, -1 right) [m]."""
     room, aside = LEAST_ROOM, LEAST_ROOM + EDGE_MARGIN + ROOM_STEP
     while room < MOST_ROOM:
         x = point[0] - side * aside * math.sin(point[2])
         y = point[1] + side * aside * math.cos(point[2])
-        if not is_on_road(roads, world, x, y, _ROAD, True):
+        if not is_on_road(roads, map_id, x, y, _ROAD, True):
             break
         room += ROOM_STEP
         aside += ROOM_STEP
@@ -236,10 +235,10 @@ def _room_beside(roads: Roads, world: int, point: Floats, side: float) -> float:
 def _improve(
     bends: Floats, curvature: float, sharpest: float, ahead: float, smoothness: Floats, found: Floats
 ) -> None:
-    """Write better curvatures, from the offsets to which the present ones lead; see the module.
+    """Improve curvatures by one Gauss-Newton iteration from the offsets of the current plan.
 
-    The state of the linearised problem is by how much the rear axle's offset, its heading and the curvature
-    differ from the present plan's. The cost of a state x is x'Vx + 2v'x; V and v are reckoned from the end.
+    The state of the linearised problem is the change of the rear axle's offset, of its heading and of the
+    curvature. The cost of a state x is x'Vx + 2v'x; V and v are computed backwards from the end.
     """
     count = len(bends)
     feedback = np.empty((count, 4))
@@ -253,7 +252,7 @@ def _improve(
             value[2, 2] += cost
             linear[2] += math.copysign(cost * excess, bends[k])
         change = bends[k] - (bends[k - 1] if k > 0 else curvature)
-        _go_back(smoothness[k] / STEP, change, value, linear, feedback[k])
+        _step_back(smoothness[k] / STEP, change, value, linear, feedback[k])
     aside, turn, bend = 0.0, 0.0, 0.0
     for k in range(count):
         row = feedback[k]
@@ -275,7 +274,7 @@ def _add_offset_cost(found: Floats, weight: float, ahead: float, value: Floats, 
     if found[2] != 0.0:
         weight += EDGE_COST
         slope += EDGE_COST * found[2]
-    # The centre's offset is the rear axle's, and what the heading makes of the way between.
+    # The centre's offset is the rear axle's offset plus the heading times the distance between them.
     value[0, 0] += weight * STEP
     value[0, 1] += weight * STEP * ahead
     value[1, 0] += weight * STEP * ahead
@@ -285,8 +284,8 @@ def _add_offset_cost(found: Floats, weight: float, ahead: float, value: Floats, 
 
 
 @kernel
-def _go_back(smoothness: float, change: float, value: Floats, linear: Floats, feedback: Floats) -> None:
-    """Turn the cost behind a step into the cost before it, and write the best change of curvature there.
+def _step_back(smoothness: float, change: float, value: Floats, linear: Floats, feedback: Floats) -> None:
+    """Compute the cost before a step from the cost after it, and write the feedback of the optimal change.
 
     A state (offset, heading, curvature) leads to (offset + h heading, heading + h curvature, curvature),
     where the curvature is the changed one and h is `STEP`.
@@ -316,30 +315,30 @@ def _go_back(smoothness: float, change: float, value: Floats, linear: Floats, fe
 @kernel
 def _replace(
     reference: Floats,
-    way: Floats,
+    path: Floats,
     bends: Floats,
     curvature: float,
     agility: float,
     ahead: float,
     last: int,
 ) -> None:
-    """Write a plan over the first points of a reference; what is behind it follows.
+    """Write a plan over the first points of a reference; the rest of the reference follows.
 
     Args:
-        reference: Written.
-        way: Its points, shape (N + 1, 3).
-        bends: Its curvatures, shape (N,).
-        curvature: Before it.
-        agility: How fast the vehicle can change its curvature [1/(m s)].
-        ahead: From the rear axle to the centre [m].
-        last: The segment of the reference beside its end.
+        reference: The reference, written, shape (R, 4).
+        path: Points of the plan, shape (N + 1, 3).
+        bends: Curvatures of the plan [1/m], shape (N,).
+        curvature: Curvature before the plan [1/m].
+        agility: Maximum rate of change of the vehicle's curvature [1/(m s)].
+        ahead: Distance from the rear axle to the centre [m].
+        last: Segment of the reference beside the plan's end.
     """
     count = len(bends)
     rest = reference[last + 1 :].copy()
     for i in range(count + 1):
         bend = bends[i - 1] if i > 0 else curvature
-        reference[i, 0], reference[i, 1] = way[i, 0], way[i, 1]
-        reference[i, 2] = wrapped(way[i, 2] + math.atan(ahead * bend))
+        reference[i, 0], reference[i, 1] = path[i, 0], path[i, 1]
+        reference[i, 2] = wrapped(path[i, 2] + math.atan(ahead * bend))
         change = abs(bends[min(i, count - 1)] - bend) / STEP
         reference[i, 3] = min(reference[i, 3], max(agility / max(change, 1e-6), CRAWL))
     end = reference[len(reference) - 1].copy()

@@ -1,4 +1,4 @@
-"""No control at all."""
+"""No control."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from smarts.types.actions import Actions, CommandMode, Commands
 
 
 class Empty:
-    """Lets the vehicle roll on with its steering held."""
+    """Lets the vehicle roll with constant steering; any action is valid."""
 
     action_format: ClassVar[ActionFormat] = NumbersFormat([], [])
     follows_lanes: ClassVar[bool] = False
@@ -20,5 +20,5 @@ class Empty:
         pass
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Command nothing; see `Controller`."""
+        """Set the mode of the chosen agents to NONE; see `Controller`."""
         out.mode[chosen] = CommandMode.NONE

@@ -1,4 +1,4 @@
-"""Control of vehicles whose agent has not acted yet."""
+"""The controller of agents that have not acted yet."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ from smarts.controllers.lane_following import FALLBACK, LaneFollowing
 
 
 class FallbackController(LaneFollowing):
-    """Keeps its lane within the limit, and does not drive into the vehicle ahead."""
+    """Keeps the lane within the speed limit, and the distance to the vehicle ahead."""
 
-    manner: ClassVar[int] = FALLBACK
+    command_type: ClassVar[int] = FALLBACK

@@ -18,7 +18,7 @@ _NUMBERS = np.array([*LaneAction])
 
 
 class LaneFormat:
-    """A `LaneAction`, by number or name."""
+    """The format of a `LaneAction`, given by number or name."""
 
     has_path = False
 
@@ -27,7 +27,7 @@ class LaneFormat:
         return Discrete(len(LaneAction))
 
     def remedy(self) -> str:
-        """Return the numbers and names."""
+        """Return the remedy of error messages: the numbers and names of the actions."""
         return f"give 0 to 3: {', '.join(LaneAction.__members__)}"
 
     def parse(self, action: Any, place: str, most_points: int) -> Floats:
@@ -37,16 +37,16 @@ class LaneFormat:
                 return np.array([float(LaneAction[action])])
             close = difflib.get_close_matches(action, LaneAction.__members__, n=1)
             remedy = f"did you mean {close[0]!r}?" if close else self.remedy()
-            raise rejection(action, "is no lane action", place, remedy)
+            raise rejection(action, "is not a lane action", place, remedy)
         number = numbers_of(action, (1,), place, self.remedy)
         if not (number == _NUMBERS).any():
-            raise rejection(action, "is no lane action", place, self.remedy)
+            raise rejection(action, "is not a lane action", place, self.remedy)
         return number
 
     def parse_batch(self, values: NDArray) -> Floats | Rejected:
         """Return the numbers, shape (N, 1); see `ActionFormat`."""
         is_bad = ~(values[:, None] == _NUMBERS).any(axis=1)
-        return Rejected(int(np.argmax(is_bad)), "is no lane action") if is_bad.any() else values[:, None]
+        return Rejected(int(np.argmax(is_bad)), "is not a lane action") if is_bad.any() else values[:, None]
 
     def write(self, parsed: Floats, places: Places, out: Actions) -> None:
         """Write the first column of `Actions.values`."""
@@ -54,15 +54,15 @@ class LaneFormat:
 
 
 class LaneActions(LaneFollowing):
-    """Follows lanes as `LaneAction` says: keep the lane, slow down, change to the left or right.
+    """Follows lanes by `LaneAction`s: keep the lane, slow down, change to the left or right lane.
 
-    Values: the number of the action. The speed is the lane's limit, or the scenario's where that is lower;
-    12.5 m/s at most while a lane change is made; `slow_down` brakes steadily to a stand.
+    Values: the number of the action. The target speed is the lane's limit or the scenario's maximum speed,
+    whichever is lower, and at most 12.5 m/s during a lane change. `slow_down` brakes to a standstill.
 
     Args:
-        scene: What the controller works in.
-        speeds: The largest speed on each map [m/s], shape (M,).
+        scene: The world, its maps and its routes.
+        speeds: Maximum speed on each map [m/s], shape (M,).
     """
 
     action_format: ClassVar[ActionFormat] = LaneFormat()
-    manner: ClassVar[int] = BY_NAME
+    command_type: ClassVar[int] = BY_NAME

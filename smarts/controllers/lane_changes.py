@@ -1,4 +1,4 @@
-"""Kernels: which lane an agent steers for, the latch of its lane changes, and its action mask."""
+"""Kernels for an agent's target lane, the state of its lane changes, and its action mask."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from smarts.types.vehicles import VehicleKind
 from smarts.types.world import State
 
 LOST = 0.75
-"""A vehicle this far from the lane that it keeps, in lane widths, has been brought to another."""
+"""Offset from its target lane, in lane widths, at which a vehicle takes its current lane as target."""
 LOST_CHANGING = 2.0
-"""The same while it changes lanes."""
+"""The same offset during a lane change."""
 SETTLED_OFFSET = 0.25
-"""A lane change is complete within this distance of the new centreline [m]."""
+"""A lane change is complete within this distance of the new centreline [m]..."""
 SETTLED_TURN = math.radians(2.0)
-"""And within this angle of its direction [rad]."""
+"""...and within this angle of the lane's heading [rad]."""
 LOOK_AHEAD = 20.0
 LOOK_AHEAD_TIME = 4.0
-"""A change to a lane that leaves the route is allowed up to 20 m and 4 s before its end."""
+"""A change to a lane that leaves the route is allowed until 20 m plus 4 s of travel before its end."""
 
 _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
 _MANOEUVRE = int(GuidePhase.MANOEUVRE)
@@ -47,13 +47,13 @@ def is_changing(phase: int) -> bool:
 
 @kernel
 def steered_lane(state: State, roads: Roads, routes: RouteTable, b: int, a: int) -> tuple[int, float, float]:
-    """Return the row of the lane that an agent steers for, and where its vehicle is on it: s, t [m].
+    """Return the row of an agent's target lane in `routes`, and its vehicle's position s, t on it [m].
 
-    The lane is followed across the ends of lanes; the row is -1 for a vehicle that is nowhere.
+    Beyond the end of the target lane, its successor is returned. The row is -1 for a vehicle without a lane.
     """
     vehicles, agents = state.vehicles, state.agents
-    slot, world = agents.slot[b, a], state.map[b]
-    first_lane = roads.lane_base[world]
+    slot, map_id = agents.slot[b, a], state.map[b]
+    first_lane = roads.lane_base[map_id]
     x, y = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1]
     lane = int(agents.target_lane[b, a])
     here = int(vehicles.lane[b, slot])
@@ -62,24 +62,24 @@ def steered_lane(state: State, roads: Roads, routes: RouteTable, b: int, a: int)
     if lane < 0:
         return -1, 0.0, 0.0
     route, hint = routes.number[b, a], agents.route_progress[b, a]
-    row = row_of(routes, world, route, first_lane + lane, first_lane, hint)
+    row = row_of(routes, map_id, route, first_lane + lane, first_lane, hint)
     if lane == here and 0.0 < vehicles.lane_position[b, slot] < lane_length(roads, routes.lane[row]):
-        # Known from map matching.
+        # Reuse the position from map matching.
         return row, vehicles.lane_position[b, slot], vehicles.lane_offset[b, slot]
     s, t = place_on_lane(roads, routes.lane[row], x, y)
-    row, s, t = _onward(roads, routes, world, row, s, t, x, y)
+    row, s, t = _onward(roads, routes, map_id, row, s, t, x, y)
     farthest = (LOST_CHANGING if is_changing(agents.change_phase[b, a]) else LOST) * roads.lane_width[
         routes.lane[row]
     ]
     if abs(t) > farthest and here >= 0 and _is_along(state, roads, b, slot, first_lane + here):
-        row = row_of(routes, world, route, first_lane + here, first_lane, hint)
+        row = row_of(routes, map_id, route, first_lane + here, first_lane, hint)
         s, t = place_on_lane(roads, routes.lane[row], x, y)
     return row, s, t
 
 
 @kernel
 def _is_along(state: State, roads: Roads, b: int, slot: int, lane: int) -> bool:
-    """Return whether a vehicle points along its lane; it does not where it swings wide across another."""
+    """Return whether a vehicle heads along its lane; it may not where it swings wide across another lane."""
     vehicles = state.vehicles
     s = vehicles.lane_position[b, slot]
     point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
@@ -88,13 +88,13 @@ def _is_along(state: State, roads: Roads, b: int, slot: int, lane: int) -> bool:
 
 @kernel
 def _onward(
-    roads: Roads, routes: RouteTable, world: int, row: int, s: float, t: float, x: float, y: float
+    roads: Roads, routes: RouteTable, map_id: int, row: int, s: float, t: float, x: float, y: float
 ) -> tuple[int, float, float]:
-    """Return row, s and t of a point that may lie beyond the end of a row's lane."""
+    """Return row, s, t of a point on a row's lane or, beyond its end, on the lanes after it."""
     for _ in range(8):
         if s <= lane_length(roads, routes.lane[row]):
             break
-        following = next_row(roads, routes, world, row, roads.lane_base[world])
+        following = next_row(roads, routes, map_id, row, roads.lane_base[map_id])
         if following < 0:
             break
         row = following
@@ -112,7 +112,7 @@ def is_drivable(roads: Roads, lane: int, kind: int) -> bool:
 
 @kernel
 def beside(roads: Roads, lane: int, change: int) -> int:
-    """Return the lane to the left (1) or right (-1) of a lane, numbered across all maps, -1 for none."""
+    """Return the lane to the left (1) or right (-1) of a lane, or -1; lanes are numbered across all maps."""
     return int(roads.lane_left[lane] if change > 0 else roads.lane_right[lane])
 
 
@@ -127,11 +127,10 @@ def latch(
     fresh: bool,
     action_mask: Bools,
 ) -> tuple[int, float, float]:
-    """Take a command to change lanes (1 left, -1 right, 0 none); return row, s, t as `steered_lane` does.
+    """Process a lane-change command (1 left, -1 right, 0 none); return row, s, t as `steered_lane` does.
 
-    A command counts when fresh. It is carried out if the action mask allowed it: the vehicle steers
-    for the other lane until it is there, or until the opposite command comes before it is half-way. To keep
-    the lane meanwhile changes nothing.
+    Only a fresh command that the action mask allows starts a lane change. The change then continues to its
+    end, whatever later commands are, unless the opposite command aborts it in its first half.
     """
     vehicles, agents = state.vehicles, state.agents
     if agents.change_phase[b, a] == _SETTLED:
@@ -139,7 +138,7 @@ def latch(
     row, s, t = steered_lane(state, roads, routes, b, a)
     if row < 0:
         return row, s, t
-    slot, world = agents.slot[b, a], state.map[b]
+    slot, map_id = agents.slot[b, a], state.map[b]
     if agents.change_phase[b, a] == _ABORTED:
         agents.change_phase[b, a] = _NONE
     lane = int(routes.lane[row])
@@ -147,13 +146,13 @@ def latch(
     phase = int(agents.change_phase[b, a])
     if fresh:
         agents.effective[b, a] = False
-        wanted = _command(roads, lane, t, width, phase, change, action_mask)
-        if wanted >= 0 and is_drivable(roads, wanted, vehicles.kind[b, slot]):
+        target = _command(roads, lane, t, width, phase, change, action_mask)
+        if target >= 0 and is_drivable(roads, target, vehicles.kind[b, slot]):
             agents.effective[b, a] = True
             phase = _REQUESTED if phase == _NONE else _ABORTED
-            first_lane, route = roads.lane_base[world], routes.number[b, a]
-            row = row_of(routes, world, route, wanted, first_lane, agents.route_progress[b, a])
-            lane = wanted
+            first_lane, route = roads.lane_base[map_id], routes.number[b, a]
+            row = row_of(routes, map_id, route, target, first_lane, agents.route_progress[b, a])
+            lane = target
             s, t = place_on_lane(roads, lane, vehicles.position[b, slot, 0], vehicles.position[b, slot, 1])
     if phase == _REQUESTED and abs(t) < 0.5 * (width + vehicles.width[b, slot]):
         phase = _MOVING
@@ -163,7 +162,7 @@ def latch(
         if abs(wrapped(vehicles.heading[b, slot] - heading)) < SETTLED_TURN:
             phase = _SETTLED
     agents.change_phase[b, a] = phase
-    agents.target_lane[b, a] = lane - roads.lane_base[world]
+    agents.target_lane[b, a] = lane - roads.lane_base[map_id]
     return row, s, t
 
 
@@ -177,7 +176,7 @@ def _command(
     change: int,
     action_mask: Bools,
 ) -> int:
-    """Return the lane that a fresh command leads to, -1 if it is not to be carried out."""
+    """Return the target lane of a fresh command, or -1 if the command is not allowed."""
     if change == 0 or not action_mask[_LEFT if change > 0 else _RIGHT]:
         return -1
     if phase != _NONE and not _can_abort(phase, t, width, change):
@@ -193,7 +192,7 @@ def _can_abort(phase: int, t: float, width: float, change: int) -> bool:
 
 @kernel
 def write_action_mask(state: State, roads: Roads, routes: RouteTable, env_mask: Bools) -> None:
-    """Write `action_mask` of all agents in some simulations; see `ActionMasker`."""
+    """Write `action_mask` of all agents in the simulations of `env_mask`; see `ActionMasker`."""
     agents = state.agents
     for b in range(len(env_mask)):
         if not env_mask[b]:
@@ -223,7 +222,7 @@ def _is_allowed(
 ) -> bool:
     """Return whether a lane change, or its abort, is allowed."""
     agents = state.agents
-    lane, slot, world = int(routes.lane[row]), agents.slot[b, a], state.map[b]
+    lane, slot, map_id = int(routes.lane[row]), agents.slot[b, a], state.map[b]
     phase = int(agents.change_phase[b, a])
     other = beside(roads, lane, change)
     if other < 0 or not is_drivable(roads, other, state.vehicles.kind[b, slot]):
@@ -232,25 +231,25 @@ def _is_allowed(
         return _can_abort(phase, t, roads.lane_width[lane], change)
     if roads.lane_inside[lane] or roads.lane_inside[other]:
         return False
-    return _leads_on(state, roads, routes, b, a, other, s, world)
+    return _stays_on_route(state, roads, routes, b, a, other, s, map_id)
 
 
 @kernel
-def _leads_on(
-    state: State, roads: Roads, routes: RouteTable, b: int, a: int, lane: int, s: float, world: int
+def _stays_on_route(
+    state: State, roads: Roads, routes: RouteTable, b: int, a: int, lane: int, s: float, map_id: int
 ) -> bool:
     """Return whether a lane is on the route and either continues on it or ends beyond the look-ahead."""
     agents = state.agents
     route = routes.number[b, a]
     if route < 0:
         return True
-    first_lane = roads.lane_base[world]
-    row = row_of(routes, world, route, lane, first_lane, agents.route_progress[b, a])
+    first_lane = roads.lane_base[map_id]
+    row = row_of(routes, map_id, route, lane, first_lane, agents.route_progress[b, a])
     if row < routes.start[routes.free]:
         return False
     if routes.onward_start[row + 1] > routes.onward_start[row]:
         return True
-    # The lanes of the last road lead nowhere and need not.
+    # The lanes of the route's last road need no successor.
     corridor = routes.free + route
     if routes.group[row] == routes.group[routes.start[corridor + 1] - 1]:
         return True

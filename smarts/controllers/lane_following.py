@@ -1,4 +1,4 @@
-"""Lane following by a target speed and commands to change lanes."""
+"""Lane following by target speed and lane-change commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_pa
 from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
 from smarts.controllers.leaders import limit_by_leaders
-from smarts.controllers.led_path import write_led_reference
+from smarts.controllers.task_path import write_task_reference
 from smarts.controllers.tracking import SPEED_GAIN
 from smarts.geometry.binding import LateBound
 from smarts.geometry.compiling import kernel
@@ -26,7 +26,7 @@ from smarts.types.guidance import GuidePhase
 from smarts.types.world import State
 
 CHANGE_SPEED = 12.5
-"""The most at which a discrete lane change is made [m/s]."""
+"""Maximum speed during a discrete lane change [m/s]."""
 SLOWING = 2.5
 """Deceleration of `slow_down` [m/s^2]."""
 
@@ -46,7 +46,7 @@ def follow_lanes(
     roads: Roads,
     routes: RouteTable,
     abilities: Abilities,
-    manner: int,
+    command_type: int,
     speeds: Floats,
     actions: Actions,
     commands: Commands,
@@ -55,15 +55,15 @@ def follow_lanes(
     """Write the references of chosen agents.
 
     Args:
-        state: Of the world; latch, effective and desired speed are written.
+        state: The state of the world; lane-change state, `effective` and desired speed are written.
         roads: The maps' lanes.
         routes: The agents' routes.
-        abilities: Of the kinds of vehicles.
-        manner: `BY_SPEED`, `BY_NAME` or `FALLBACK`.
-        speeds: The largest speed of discrete actions on each map [m/s], shape (M,).
-        actions: Of all agents.
-        commands: Written: mode, reference, its length and its window.
-        chosen: Which agents, shape (B, A).
+        abilities: Limits of each kind of vehicle.
+        command_type: `BY_SPEED`, `BY_NAME` or `FALLBACK`.
+        speeds: Maximum speed of discrete actions on each map [m/s], shape (M,).
+        actions: Actions of all agents.
+        commands: Mode, reference, reference length and window are written.
+        chosen: The agents, shape (B, A).
     """
     vehicles, agents, guidance = state.vehicles, state.agents, state.guidance
     mode, reference, length = commands.mode, commands.reference, commands.reference_length
@@ -76,45 +76,45 @@ def follow_lanes(
             if agents.entry_step[b, a] == state.step[b]:
                 agents.target_lane[b, a] = -1
                 agents.change_phase[b, a] = 0
-            is_led = guidance.phase[b, a] == _MANOEUVRE
-            change = _change_of(manner, values[b, a])
+            is_manoeuvring = guidance.phase[b, a] == _MANOEUVRE
+            change = _change_of(command_type, values[b, a])
             row, s, t = latch(
                 state,
                 roads,
                 routes,
                 b,
                 a,
-                0 if is_led else change,
+                0 if is_manoeuvring else change,
                 actions.fresh[b, a],
                 actions.action_mask[b, a],
             )
             mode[b, a], length[b, a] = _TRACK, 0
             if row < 0:
                 continue
-            cap, desired = _speeds(
+            cap, desired = _speed_limits(
                 roads.lane_speed[routes.lane[row]],
                 speeds[state.map[b]],
                 guidance.speed[b, a],
-                manner,
+                command_type,
                 values[b, a, 0],
                 is_changing(agents.change_phase[b, a]),
             )
             vehicles.desired_speed[b, slot] = desired
             points = reference[b, a]
             speed = vehicles.speed[b, slot]
-            obeys = manner != BY_SPEED
-            if is_led:
-                # The lane that it steers for will be the one that it is in when the curve is behind it.
+            obey_limit = command_type != BY_SPEED
+            if is_manoeuvring:
+                # After the curve, the agent's target lane is the lane of its vehicle.
                 agents.target_lane[b, a], agents.change_phase[b, a] = -1, _NO_CHANGE
-                write_led_reference(state, roads, routes, b, a, abilities, cap, obeys, points)
+                write_task_reference(state, roads, routes, b, a, abilities, cap, obey_limit, points)
             else:
                 if _write_lane_reference(
-                    state, roads, routes, b, a, abilities, row, s, t, cap, obeys, points
+                    state, roads, routes, b, a, abilities, row, s, t, cap, obey_limit, points
                 ):
                     commands.window[b, a] = PLANNED
-            if manner == BY_NAME and int(values[b, a, 0]) == _SLOW:
+            if command_type == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
-            elif manner == FALLBACK:
+            elif command_type == FALLBACK:
                 limit_by_leaders(state, b, slot, points)
             length[b, a] = len(points)
 
@@ -131,45 +131,45 @@ def _write_lane_reference(
     s: float,
     t: float,
     cap: float,
-    obeys: bool,
+    obey_limit: bool,
     points: Floats,
 ) -> bool:
-    """Write the points along a lane; return whether `plan_drivable_path` replaced them, on a tight lane."""
+    """Write a reference along a lane; return whether `plan_drivable_path` replaced points of a tight lane."""
     vehicles, agents = state.vehicles, state.agents
-    slot, world = agents.slot[b, a], state.map[b]
+    slot, map_id = agents.slot[b, a], state.map[b]
     kind, speed = vehicles.kind[b, slot], vehicles.speed[b, slot]
     agility, sharpest = abilities.agility[kind], abilities.sharpest[kind]
-    write_reference(roads, routes, world, row, s, t, speed, cap, obeys, agility, points)
+    write_reference(roads, routes, map_id, row, s, t, speed, cap, obey_limit, agility, points)
     curvature = math.tan(agents.steering[b, a]) / abilities.wheelbase[kind]
     if not is_tight(points, curvature, sharpest):
         return False
     if abs(t) > TRACKED_OFFSET and not is_changing(agents.change_phase[b, a]):
         # The plan itself leads back to the lane.
-        write_reference(roads, routes, world, row, s, 0.0, speed, cap, obeys, agility, points)
+        write_reference(roads, routes, map_id, row, s, 0.0, speed, cap, obey_limit, agility, points)
     pose = vehicles.position[b, slot, 0], vehicles.position[b, slot, 1], vehicles.heading[b, slot]
-    plan_drivable_path(roads, world, points, pose, curvature, speed, kind, abilities)
+    plan_drivable_path(roads, map_id, points, pose, curvature, speed, kind, abilities)
     limit_speeds(points, len(points), agility)
     return True
 
 
 @kernel
-def _speeds(
-    limit: float, top: float, task_speed: float, manner: int, asked: float, changes: bool
+def _speed_limits(
+    limit: float, top: float, task_speed: float, command_type: int, requested: float, is_changing_lane: bool
 ) -> tuple[float, float]:
-    """Return the speed cap and the desired speed [m/s].
+    """Return the maximum speed of a reference and the vehicle's desired speed [m/s].
 
     Args:
-        limit: Of the lane [m/s].
-        top: The largest of discrete actions on this map [m/s].
-        task_speed: The mission's task's [m/s], 0 for none.
-        manner: `BY_SPEED`, `BY_NAME` or `FALLBACK`.
-        asked: The first value of the action.
-        changes: Whether the vehicle changes lanes.
+        limit: Speed limit of the lane [m/s].
+        top: Maximum speed of discrete actions on this map [m/s].
+        task_speed: Speed of the mission's task [m/s], 0 for none.
+        command_type: `BY_SPEED`, `BY_NAME` or `FALLBACK`.
+        requested: First value of the action: the target speed [m/s] if `BY_SPEED`.
+        is_changing_lane: Whether the vehicle is changing lanes.
     """
     cap, desired = top, min(limit, top)
-    if manner == BY_SPEED:
-        cap = desired = max(asked, 0.0)
-    elif manner == BY_NAME and changes:
+    if command_type == BY_SPEED:
+        cap = desired = max(requested, 0.0)
+    elif command_type == BY_NAME and is_changing_lane:
         cap = min(cap, CHANGE_SPEED)
     if task_speed > 0.0:
         cap, desired = min(cap, task_speed), min(desired, task_speed)
@@ -177,52 +177,53 @@ def _speeds(
 
 
 @kernel
-def _change_of(manner: int, values: Floats) -> int:
-    """Return the lane change that an action asks for: 1 left, -1 right, 0 none."""
-    if manner == BY_SPEED:
+def _change_of(command_type: int, values: Floats) -> int:
+    """Return the lane change of an action: 1 left, -1 right, 0 none."""
+    if command_type == BY_SPEED:
         return 1 if values[1] > 0.5 else (-1 if values[1] < -0.5 else 0)
-    if manner == BY_NAME:
+    if command_type == BY_NAME:
         return 1 if int(values[0]) == _LEFT else (-1 if int(values[0]) == _RIGHT else 0)
     return 0
 
 
 @kernel
 def _slow_down(points: Floats, speed: float) -> None:
-    """Lower a reference's speeds to those of a steady deceleration from here to standstill."""
+    """Lower a reference's speeds to a constant deceleration from `speed` [m/s] to standstill."""
     gone = 0.0
     for i in range(len(points)):
         if i > 0:
             gone += math.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
         square = max(speed, 0.0) ** 2 - 2.0 * SLOWING * gone
-        wanted = math.sqrt(max(square, 0.0))
+        target = math.sqrt(max(square, 0.0))
         if speed < SLOWING:
-            # Too close to the stand for the spacing of the points: by the error of the speed alone.
-            wanted = max(speed - SLOWING / SPEED_GAIN, 0.0)
-        points[i, 3] = min(points[i, 3], wanted)
+            # The stopping distance is shorter than the spacing of points: brake by the speed error alone.
+            target = max(speed - SLOWING / SPEED_GAIN, 0.0)
+        points[i, 3] = min(points[i, 3], target)
 
 
 class LaneFollowing:
-    """Keeps a lane at a target speed; a fresh command of -1 or 1 changes to the lane on the right or left.
+    """Keeps a lane at a target speed; a fresh command of -1 or 1 changes to the right or left lane.
 
-    Values: target speed [m/s], lane change. Before and in curves the speed is as low as lateral comfort
-    takes (`lane_path.CURVE_ACCELERATION`). Where the lane leaves the route, the vehicle keeps it. A mission's
-    task (`smarts.types.guidance`) leads it: no faster than the task says, and during the manoeuvre along its
-    curve, whatever lane is asked for.
+    Values: target speed [m/s], lane change. Lateral acceleration limits the speed before and in curves
+    (`lane_path.CURVE_ACCELERATION`). The vehicle keeps its lane even where the lane leaves the route. A
+    mission's task (`smarts.types.guidance`) limits the speed; during its manoeuvre the vehicle follows the
+    task's curve, and lane-change commands have no effect.
 
     Args:
-        scene: What the controller works in.
+        scene: The world, its maps and its routes.
+        speeds: Maximum speed of discrete actions on each map [m/s], shape (M,); unlimited by default.
     """
 
     action_format: ClassVar[ActionFormat] = NumbersFormat([0, -1], [60, 1], whole=[1])
     follows_lanes: ClassVar[bool] = True
-    manner: ClassVar[int] = BY_SPEED
+    command_type: ClassVar[int] = BY_SPEED
 
     def __init__(self, scene: Scene, speeds: Floats | None = None) -> None:
         top_speeds = np.full(len(scene.atlas.graphs), np.inf)
         if speeds is not None:
             top_speeds[:] = speeds
         given = scene.world.state, scene.atlas.roads, scene.routes.current, Abilities.of_all()
-        self._follow = LateBound(follow_lanes, *given, self.manner, top_speeds)
+        self._follow = LateBound(follow_lanes, *given, self.command_type, top_speeds)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
         """Write the reference along each chosen agent's lane; see `Controller`."""

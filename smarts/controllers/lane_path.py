@@ -1,4 +1,4 @@
-"""Kernels: which lanes a vehicle follows, and its reference along them."""
+"""Kernels for the lanes that a vehicle follows, and its reference along them."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, find_row, lane_length
 
 NEAR_SPACING = 1.0
-"""Between the first points of a reference [m]; further on it grows by `GROWTH` from point to point."""
+"""Spacing of the first `NEAR_POINTS` points of a reference [m]; it then grows by `GROWTH` per point."""
 NEAR_POINTS = 32
 GROWTH = 1.06
 
 LATERAL_SPEED = 1.3
-"""At which a vehicle comes back to its lane from far off, or changes to another [m/s]."""
+"""Maximum lateral speed towards the centreline [m/s]."""
 LATERAL_TIME = 0.9
-"""In which it approaches the centreline at the end [s]."""
+"""Time constant of the approach to the centreline [s]."""
 STEEPEST = 0.25
-"""The largest slope of the way to the centreline."""
+"""Maximum slope of a reference against the centreline."""
 TRACKED_OFFSET = 0.3
-"""Up to here an offset is an error to be tracked away; beyond, the reference leads to the centreline [m]."""
+"""The tracking law corrects offsets up to this; for larger ones, references approach the centreline [m]."""
 
 CURVE_ACCELERATION = 3.0
-"""Lateral, in curves [m/s^2]."""
+"""Maximum lateral acceleration in curves [m/s^2]."""
 BRAKING = 2.0
-"""Deceleration before what is slower ahead [m/s^2]."""
+"""Deceleration before slower points ahead [m/s^2]."""
 AGILITY_SHARE = 0.95
-"""Of the steering's rate, what curves may take; the rest is for feedback."""
+"""Share of the steering rate that curves may use; the rest is for feedback."""
 LEAST_CURVE_SPEED = 2.0
-"""[m/s]"""
+"""Lower bound of speed limits by curves [m/s]."""
 _REACH_ROWS = 48
 
 
 @kernel
 def place_on_lane(roads: Roads, lane: int, x: float, y: float) -> tuple[float, float]:
-    """Return s and t [m] of a point on a lane; s is below 0 or above the length beyond the lane's ends."""
+    """Return s and t [m] of a point on a lane; beyond the lane's ends, s is negative or above its length."""
     first, last = roads.point_start[lane], roads.point_start[lane + 1] - 2
     best, best_square, best_share, best_cross = first, np.inf, 0.0, 0.0
     for point in range(first, last + 1):
@@ -58,23 +58,32 @@ def place_on_lane(roads: Roads, lane: int, x: float, y: float) -> tuple[float, f
 
 
 @kernel
-def row_of(table: RouteTable, world: int, route: int, lane: int, first_lane: int, hint: float) -> int:
-    """Return the row of a lane (numbered across all maps) on its route, or off it the map's free row."""
+def row_of(table: RouteTable, map_id: int, route: int, lane: int, first_lane: int, hint: float) -> int:
+    """Return a lane's row in its route's corridor, or in the map's free corridor if it is off the route.
+
+    Args:
+        table: The routes.
+        map_id: The map.
+        route: The route, -1 for none.
+        lane: The lane, numbered across all maps.
+        first_lane: The map's first lane, numbered likewise.
+        hint: Distance along the route near which the row is looked for [m].
+    """
     row = find_row(table, table.free + route, lane, hint) if route >= 0 else -1
-    return row if row >= 0 else table.start[world] + lane - first_lane
+    return row if row >= 0 else table.start[map_id] + lane - first_lane
 
 
 @kernel
-def next_row(roads: Roads, table: RouteTable, world: int, row: int, first_lane: int) -> int:
-    """Return the row that a vehicle which keeps its lane comes to next, -1 where the road ends.
+def next_row(roads: Roads, table: RouteTable, map_id: int, row: int, first_lane: int) -> int:
+    """Return the row after `row` for a vehicle that keeps its lane, or -1 where the road ends.
 
-    On a route it is the branch that leads furthest along it without a lane change, the first of equals. Where
-    the lane leaves the route, or without one, it is the branch that turns least.
+    On a route, it is the branch that stays longest on the route without a lane change, the first of equals.
+    Off the route, or without one, it is the branch that turns least.
     """
     first, last = table.onward_start[row], table.onward_start[row + 1]
     is_on_route = row >= table.start[table.free]
     if is_on_route and first == last:
-        row = table.start[world] + table.lane[row] - first_lane
+        row = table.start[map_id] + table.lane[row] - first_lane
         first, last = table.onward_start[row], table.onward_start[row + 1]
         is_on_route = False
     if last - first < 2:
@@ -90,7 +99,7 @@ def next_row(roads: Roads, table: RouteTable, world: int, row: int, first_lane: 
 
 @kernel
 def _reach(table: RouteTable, row: int) -> float:
-    """Return the distance along the route at which a row's lanes end, whichever way is taken [m]."""
+    """Return the largest distance along the route that is reachable from a row without a lane change [m]."""
     stack = np.empty(_REACH_ROWS, np.int32)
     stack[0], count, visited, reach = row, 1, 0, -np.inf
     while count > 0 and visited < _REACH_ROWS:
@@ -107,7 +116,7 @@ def _reach(table: RouteTable, row: int) -> float:
 
 @kernel
 def _turn(roads: Roads, lane: int) -> float:
-    """Return by how much a lane turns from its begin to its end [rad]."""
+    """Return the absolute change of heading from a lane's beginning to its end [rad]."""
     begin = roads.point_heading[roads.point_start[lane]]
     end = roads.point_heading[roads.point_start[lane + 1] - 1]
     return abs(wrapped(end - begin))
@@ -117,33 +126,33 @@ def _turn(roads: Roads, lane: int) -> float:
 def write_reference(
     roads: Roads,
     table: RouteTable,
-    world: int,
+    map_id: int,
     row: int,
     s: float,
     t: float,
     speed: float,
     cap: float,
-    obeys: bool,
+    obey_limit: bool,
     agility: float,
     reference: Floats,
 ) -> None:
-    """Write the points that lead a vehicle along its lane from now on, shape (R, 4), see `Commands`.
+    """Write a vehicle's reference along its lane and the lanes after it.
 
     Args:
         roads: The maps' lanes.
         table: The routes.
-        world: Map number.
-        row: Of the lane, in the table.
-        s: Where the vehicle is on it [m].
-        t: [m]
-        speed: Of the vehicle [m/s].
-        cap: The largest speed [m/s].
-        obeys: Whether the lanes' limits hold too.
-        agility: How fast the vehicle can change its curvature [1/(m s)].
-        reference: Written.
+        map_id: The map.
+        row: The lane's row in `table`.
+        s: Arc length of the vehicle on the lane [m].
+        t: Offset of the vehicle to the left of the lane [m].
+        speed: Speed of the vehicle [m/s].
+        cap: Maximum speed [m/s].
+        obey_limit: Whether the lanes' speed limits apply too.
+        agility: Maximum rate of change of the vehicle's curvature [1/(m s)].
+        reference: The reference, written, shape (R, 4), see `Commands`.
     """
     count = len(reference)
-    first_lane = roads.lane_base[world]
+    first_lane = roads.lane_base[map_id]
     lane = table.lane[row]
     length = lane_length(roads, lane)
     offset = math.copysign(max(abs(t) - TRACKED_OFFSET, 0.0), t)
@@ -153,7 +162,7 @@ def write_reference(
     last = roads.point_start[lane + 1] - 2
     for i in range(count):
         while s > length and not is_over:
-            following = next_row(roads, table, world, row, first_lane)
+            following = next_row(roads, table, map_id, row, first_lane)
             if following < 0:
                 is_over = True
             else:
@@ -172,7 +181,7 @@ def write_reference(
             x, y = x - offset * math.sin(heading), y + offset * math.cos(heading)
             heading = wrapped(heading + math.atan(slope))
         reference[i, 0], reference[i, 1], reference[i, 2] = x, y, heading
-        reference[i, 3] = min(cap, roads.lane_speed[lane]) if obeys else cap
+        reference[i, 3] = min(cap, roads.lane_speed[lane]) if obey_limit else cap
         offset += slope * spacing
         s += spacing
         if i >= NEAR_POINTS:
@@ -182,12 +191,12 @@ def write_reference(
 
 @kernel
 def limit_speeds(reference: Floats, count: int, agility: float) -> None:
-    """Lower the speeds of the first points to what their curves allow, and to what braking there takes.
+    """Lower a reference's speeds to the limits of its curves, and to braking in time for these.
 
     Args:
-        reference: Shape (R, 4).
-        count: How many points count.
-        agility: How fast the vehicle can change its curvature [1/(m s)].
+        reference: The reference, shape (R, 4), see `Commands`.
+        count: Number of points of the reference.
+        agility: Maximum rate of change of the vehicle's curvature [1/(m s)].
     """
     curvature = np.empty(count)
     for i in range(count):
@@ -207,6 +216,6 @@ def limit_speeds(reference: Floats, count: int, agility: float) -> None:
 
 @kernel
 def _span(reference: Floats, before: int, after: int) -> float:
-    """Return the distance between two points of a reference, and never next to nothing [m]."""
+    """Return the distance between two points of a reference, at least 2 m."""
     a, b = reference[before], reference[after]
     return max(math.hypot(b[0] - a[0], b[1] - a[1]), 2.0)

@@ -1,4 +1,4 @@
-"""Kernels that keep the distance to the vehicle ahead, for agents that have not acted yet."""
+"""Kernels that limit a vehicle's speed by the vehicles ahead; used by `FallbackController`."""
 
 from __future__ import annotations
 
@@ -11,18 +11,25 @@ from smarts.geometry.compiling import kernel
 from smarts.types.world import State
 
 STANDSTILL_GAP = 2.5
-"""[m]"""
+"""Gap to a standing leader [m]."""
 HEADWAY = 1.0
-"""[s]"""
+"""Time gap to a moving leader, in addition [s]."""
 SIDE_GAP = 0.3
-"""Beside whose widths a vehicle does not count as ahead [m]."""
+"""Vehicles with more lateral clearance than this are not leaders [m]."""
 BRAKING = 3.0
-"""[m/s^2]"""
+"""Deceleration behind a leader [m/s^2]."""
 
 
 @kernel
 def limit_by_leaders(state: State, b: int, slot: int, points: Floats) -> None:
-    """Lower a reference's speeds so that a vehicle which follows it keeps its distance from those ahead."""
+    """Lower a reference's speeds so that the vehicle keeps its distance to vehicles ahead.
+
+    Args:
+        state: The state of the world.
+        b: The simulation.
+        slot: The vehicle.
+        points: The reference, shape (R, 4), see `Commands`; its speeds are lowered.
+    """
     vehicles = state.vehicles
     last = len(points) - 1
     span = math.hypot(points[last, 0] - points[0, 0], points[last, 1] - points[0, 1])
@@ -48,7 +55,7 @@ def limit_by_leaders(state: State, b: int, slot: int, points: Floats) -> None:
 def _along(points: Floats, x: float, y: float, heading: float) -> tuple[float, float, float]:
     """Return station [m], distance [m] and relative heading [rad] of a pose with respect to a reference.
 
-    The station is 0 for what is beside or behind its first point.
+    The station is 0 beside the first point and negative behind it.
     """
     best, best_square, station, best_station = 0, np.inf, 0.0, 0.0
     for i in range(len(points)):
@@ -57,7 +64,7 @@ def _along(points: Floats, x: float, y: float, heading: float) -> tuple[float, f
         square = (points[i, 0] - x) ** 2 + (points[i, 1] - y) ** 2
         if square < best_square:
             best, best_square, best_station = i, square, station
-    # To the direction there, which the coarse points far off need.
+    # Project onto the heading at the nearest point, since far points are widely spaced.
     cos, sin = math.cos(points[best, 2]), math.sin(points[best, 2])
     dx, dy = x - points[best, 0], y - points[best, 1]
     best_station += dx * cos + dy * sin
@@ -66,7 +73,7 @@ def _along(points: Floats, x: float, y: float, heading: float) -> tuple[float, f
 
 @kernel
 def _follow(points: Floats, gap: float, speed: float) -> None:
-    """Lower speeds so that the vehicle brakes to `speed` [m/s] within a gap [m]."""
+    """Lower a reference's speeds so that the vehicle brakes to `speed` [m/s] within `gap` [m]."""
     station = 0.0
     for i in range(len(points)):
         if i > 0:

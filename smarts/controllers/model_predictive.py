@@ -1,11 +1,11 @@
-"""Model-predictive tracking of a path: the drivable part of it, replanned in each step.
+"""Model-predictive tracking of a path: replans a drivable path in each step.
 
-Along the path, with e the offset to its left, psi the heading relative to it and kappa its curvature, a
-vehicle of curvature u moves as de/ds = psi, dpsi/ds = u - kappa. The plan minimises the sum of squares of e,
-psi and du/ds over the reference's points with |u| within the steering lock and the grip. The bound is handled
-by the alternating direction method of multipliers (Boyd et al., Foundations and Trends in Machine Learning
-3(1), 2011, section 5.2), each of whose steps is one Riccati recursion; their number is fixed. What is planned
-becomes the reference of the common tracking law.
+With e the offset to the left of the path, psi the heading relative to it, kappa its curvature and u the
+vehicle's curvature, the vehicle moves as de/ds = psi, dpsi/ds = u - kappa. The plan minimises the weighted
+sum of squares of e, psi and du/ds over the reference's points, with |u| bounded by steering lock and grip.
+The bound is handled by a fixed number of iterations of the alternating direction method of multipliers (Boyd
+et al., Foundations and Trends in Machine Learning 3(1), 2011, section 5.2), each one Riccati recursion. The
+plan becomes the reference of the tracking law.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from smarts.types.vehicles import VehicleKind
 from smarts.types.world import State
 
 OFFSET_WEIGHT = 1.0
-"""[1/m^2]"""
+"""Weight of squared offsets [1/m^2]."""
 HEADING_WEIGHT = 5.0
-"""[1/rad^2]"""
+"""Weight of squared relative headings [1/rad^2]."""
 RATE_WEIGHT = 40.0
-"""Of the change of curvature along the way, squared, at rest [m^4]."""
+"""Weight of the squared change of curvature along the path, at rest [m^4]."""
 SPEED_WEIGHT = 40.0
-"""By how much the above grows with the square of the speed [m^2 s^2]."""
+"""Growth of this weight with the squared speed [m^2 s^2]."""
 LATERAL_ACCELERATION = 6.0
-"""The most that is planned [m/s^2]."""
+"""Maximum lateral acceleration of a plan [m/s^2]."""
 ROUNDS = 12
-"""Of the alternating direction method."""
+"""Iterations of the alternating direction method."""
 PENALTY = 50.0
-"""Of that method, over the curvature's difference squared [m^2]."""
+"""Penalty of this method on the squared difference of curvature [m^2]."""
 LOCK_SHARE = 0.95
-"""Of the lock; the rest is for tracking."""
+"""Share of the steering lock that plans use; the rest is for tracking."""
 
 
 def sharpest_curvatures() -> Floats:
-    """Return the curvature at the lock of each `VehicleKind` [1/m], shape (K,)."""
+    """Return the maximum planned curvature of each `VehicleKind` [1/m], shape (K,); inf without a model."""
     known = vehicle_names()
     found = np.full(len(VehicleKind), np.inf)
     for kind in VehicleKind:
@@ -58,7 +58,11 @@ def sharpest_curvatures() -> Floats:
 
 
 class ModelPredictive:
-    """Tracks a path of x, y, heading, speed with foresight: cuts what the steering cannot follow, early."""
+    """Tracks a path of x, y, heading, speed by model-predictive control.
+
+    Args:
+        scene: The world, its maps and its routes.
+    """
 
     action_format: ClassVar[ActionFormat] = PathFormat(columns=(1, 2, 3, 4))
     follows_lanes: ClassVar[bool] = False
@@ -76,7 +80,7 @@ class ModelPredictive:
 
 @kernel
 def plan_references(state: State, sharpest: Floats, commands: Commands, chosen: Bools) -> None:
-    """Replace references by plans that lead from where the vehicles are; shapes as in `Commands`."""
+    """Replace the references of chosen agents by plans from their vehicles' poses; see `Commands`."""
     vehicles = state.vehicles
     most = commands.reference.shape[2]
     work = np.zeros((9, most))
@@ -89,8 +93,8 @@ def plan_references(state: State, sharpest: Floats, commands: Commands, chosen: 
             points = commands.reference[b, a]
             cos, sin = math.cos(points[0, 2]), math.sin(points[0, 2])
             dx, dy = vehicles.position[b, v, 0] - points[0, 0], vehicles.position[b, v, 1] - points[0, 1]
-            # In a bend the middle of a vehicle goes aside of where it points. From there it is carried back
-            # along its arc to the first point, which may lie a point's spacing behind.
+            # The centre of a turning vehicle moves at an angle to its heading. The plan begins at the first
+            # point, up to one spacing behind the vehicle, so the pose is moved back along its arc.
             fast = max(abs(vehicles.speed[b, v]), 1.0)
             curvature = vehicles.yaw_rate[b, v] / fast
             course = wrapped(
@@ -124,14 +128,14 @@ def _solve(
 
     Args:
         points: The path, shape (R, 4).
-        count: How many points count.
-        offset: Of the vehicle at the first point [m].
-        turn: Its heading there relative to the path [rad].
-        curvature: Of its present course [1/m].
-        bound: The largest curvature [1/m].
-        rate_weight: Of the change of curvature.
-        work: Scratch.
-        plan: Written.
+        count: Number of points of the path.
+        offset: Offset of the vehicle at the first point [m].
+        turn: Heading of the vehicle relative to the path at the first point [rad].
+        curvature: Curvature of the vehicle's current motion [1/m].
+        bound: Maximum curvature [1/m].
+        rate_weight: Weight of the change of curvature.
+        work: Scratch memory, shape (9, R).
+        plan: The plan, written.
     """
     target, dual, path_curvature, spacing = work[0], work[1], work[2], work[3]
     for k in range(count):
@@ -170,7 +174,7 @@ def _recurse(
     rate_weight: float,
     work: Floats,
 ) -> None:
-    """Write the feedback of the change of curvature on (offset, heading, curvature before, 1): work[4:8].
+    """Write to work[4:8] the feedback of the change of curvature on (offset, heading, curvature before, 1).
 
     The value of a state x is x'Px + 2p'x; the state after a change w of the curvature u is A x + B w + c.
     """
@@ -186,20 +190,20 @@ def _recurse(
         system[2, 2] = 1.0
         entry[0], entry[1], entry[2] = 0.0, step, 1.0
         drift[0], drift[1], drift[2] = 0.0, -step * path_curvature[k], 0.0
-        # The penalty PENALTY (u + w - wanted)^2 belongs to this stage.
-        wanted = target[k] - dual[k]
+        # The penalty PENALTY (u + w - desired)^2 belongs to this stage.
+        desired = target[k] - dual[k]
         ahead = value @ drift + linear
         curving = rate_weight / step + PENALTY + entry @ (value @ entry)
         gain[:] = entry @ (value @ system)
         gain[2] += PENALTY
-        constant = entry @ ahead - PENALTY * wanted
+        constant = entry @ ahead - PENALTY * desired
         for i in range(3):
             work[4 + i, k] = -gain[i] / curving
         work[7, k] = -constant / curving
         new_value = system.T @ (value @ system)
         new_linear = system.T @ ahead
         new_value[2, 2] += PENALTY
-        new_linear[2] -= PENALTY * wanted
+        new_linear[2] -= PENALTY * desired
         for i in range(3):
             new_linear[i] -= gain[i] * constant / curving
             for j in range(3):
@@ -212,7 +216,7 @@ def _recurse(
 
 @kernel
 def _shift(points: Floats, count: int, plan: Floats) -> None:
-    """Move a reference's points to where the plan leads."""
+    """Move a reference's points to the plan."""
     for k in range(count):
         heading = points[k, 2]
         points[k, 0] -= plan[0, k] * math.sin(heading)

@@ -1,4 +1,4 @@
-"""Target poses of an agent that has several vehicles."""
+"""Control by target poses per vehicle."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from smarts.controllers.target_pose import TURN, TargetPose
 
 
 class PoseByVehicle(NumbersFormat):
-    """A pose as of `TargetPose`, or a mapping from the agent's one vehicle to it, as in the original."""
+    """The format of a `TargetPose` action, or of a mapping from the agent's vehicle to it, as in SMARTS."""
 
     def parse(self, action: Any, place: str, most_points: int) -> Floats:
         """Return x, y [m], heading [rad], time [s]; see `ActionFormat`."""
@@ -24,6 +24,6 @@ class PoseByVehicle(NumbersFormat):
 
 
 class MultiTargetPose(TargetPose):
-    """Drives each of the agent's vehicles to a pose of its own; see `TargetPose`."""
+    """Drives the agent's vehicle to a target pose, given per vehicle; see `TargetPose`."""
 
     action_format: ClassVar[ActionFormat] = PoseByVehicle([-FAR, -FAR, -TURN, 0], [FAR, FAR, TURN, 1000])

@@ -1,4 +1,4 @@
-"""Plans of controllers that say where a vehicle is to be and when: a cubic between two poses."""
+"""Kernels that plan and follow a motion between two poses, a cubic or a straight line."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
 
 BEGIN, TARGET, TIME, STEP, PLAN = 0, 4, 8, 9, 10
-"""Columns of a plan: begin and target (each x, y [m], heading [rad], speed [m/s]), time [s], first step."""
+"""Columns of a plan: begin and target (each x, y [m], heading [rad], speed [m/s]), time [s], first step; and
+their number."""
 
 _PLACE = int(CommandMode.PLACE)
 _SLOWEST = 0.05
-"""Below this speed a vehicle does not point where it moves [m/s]."""
+"""Below this speed, the heading is interpolated instead of taken from the motion [m/s]."""
 
 
 @kernel
 def make_plan(
     x: float, y: float, heading: float, speed: float, target: Floats, step: int, plan: Floats
 ) -> None:
-    """Write the plan from a pose and speed to `target`: x, y, heading, time.
+    """Write the cubic plan from a pose and speed to `target`: x, y [m], heading [rad], time [s].
 
-    It ends at its mean speed, so that plan after plan of equal way and time goes at that speed; with the
-    speed that constant acceleration would lead to, each would over-correct the last for ever. It begins at
-    no more than three times the mean, beyond which a cubic passes its end and comes back (Fritsch and
-    Carlson, Monotone piecewise cubic interpolation, 1980).
+    The final speed is the plan's mean speed, so that successive plans of equal length and time keep a
+    constant speed. (With the final speed of constant acceleration, each plan would over-correct the one
+    before.) The initial speed is at most three times the mean: beyond that, a cubic overshoots its end
+    (Fritsch and Carlson, Monotone piecewise cubic interpolation, 1980).
     """
     time = target[3]
     plan[0], plan[1], plan[2], plan[3] = x, y, heading, speed
@@ -43,9 +44,9 @@ def make_plan(
 def make_straight_plan(
     x: float, y: float, heading: float, change: Floats, time: float, step: int, plan: Floats
 ) -> None:
-    """Write the plan that moves a pose by `change` (x, y [m], heading [rad]) at one speed, and stops there.
+    """Write the plan that moves a pose by `change` (x, y [m], heading [rad]) at constant speed, then stops.
 
-    The speed is the part along the vehicle, at the mean of the two headings; negative is backwards.
+    The speed is the longitudinal component at the mean heading; it is negative backwards.
     """
     plan[0], plan[1], plan[2] = x, y, wrapped_half_open(heading)
     plan[4], plan[5], plan[6] = x + change[0], y + change[1], wrapped_half_open(heading + change[2])
@@ -56,9 +57,9 @@ def make_straight_plan(
 
 @kernel
 def follow_straight_plan(plan: Floats, step: int, dt: float, poses: Floats) -> None:
-    """Write x, y, heading, speed at the end of each sub-step of a step, shape (S, 4).
+    """Write x, y, heading, speed of a straight plan at the end of each sub-step, shape (S, 4).
 
-    After the plan's time the vehicle stands.
+    After the plan's end the vehicle stands still.
     """
     substeps = len(poses)
     for k in range(substeps):
@@ -74,9 +75,9 @@ def follow_straight_plan(plan: Floats, step: int, dt: float, poses: Floats) -> N
 
 @kernel
 def follow_plan(plan: Floats, step: int, dt: float, poses: Floats) -> None:
-    """Write x, y, heading, speed at the end of each sub-step of a step, shape (S, 4).
+    """Write x, y, heading, speed of a cubic plan at the end of each sub-step, shape (S, 4).
 
-    After the plan's time the vehicle continues straight.
+    After the plan's end the vehicle continues straight.
     """
     substeps = len(poses)
     for k in range(substeps):
@@ -86,7 +87,7 @@ def follow_plan(plan: Floats, step: int, dt: float, poses: Floats) -> None:
 
 @kernel
 def _pose_at(plan: Floats, now: float, pose: Floats) -> None:
-    """Write the pose of a plan at a time [s] since its begin."""
+    """Write x, y, heading, speed of a cubic plan at time `now` [s] since its beginning."""
     time = plan[TIME]
     if now >= time - 1e-9:
         way = (now - time) * plan[TARGET + 3]
@@ -120,7 +121,7 @@ def _pose_at(plan: Floats, now: float, pose: Floats) -> None:
     between = interpolate_angle(plan[BEGIN + 2], plan[TARGET + 2], u)
     heading = wrapped_half_open(math.atan2(rate_y, rate_x)) if speed > _SLOWEST else between
     if math.cos(heading - between) < 0.0:
-        # Backwards, not turned round.
+        # The vehicle moves backwards; its heading is not reversed.
         heading, speed = wrapped_half_open(heading + math.pi), -speed
     pose[2], pose[3] = heading, speed
 
@@ -134,15 +135,15 @@ def _component(heading: float, axis: int) -> float:
 def place_by_targets(
     state: State, relative: bool, plans: Floats, actions: Actions, commands: Commands, chosen: Bools
 ) -> None:
-    """Write the poses that lead the vehicles of chosen agents to their targets.
+    """Write the poses of chosen agents' vehicles on their way to their targets.
 
     Args:
-        state: Of the world.
-        relative: Whether targets are changes of the present pose, to be made by the agent's next decision.
-        plans: Written, shape (B, A, PLAN).
-        actions: The targets of all agents.
-        commands: Written: mode and poses.
-        chosen: Which agents, shape (B, A).
+        state: The state of the world.
+        relative: Whether targets are changes of the current pose, to be reached at the agent's next decision.
+        plans: Plans of all agents, written for fresh actions, shape (B, A, PLAN).
+        actions: Targets of all agents.
+        commands: Mode and poses are written.
+        chosen: The agents, shape (B, A).
     """
     vehicles = state.vehicles
     target = np.empty(4)

@@ -1,4 +1,4 @@
-"""The interface of controllers."""
+"""The protocol of controllers."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from smarts.types.actions import Actions, Commands
 
 
 class Controller(Protocol):
-    """Decides 10 times a second what vehicles are to follow; the vehicles themselves track it at 100 Hz.
+    """Writes the commands of agents of one action type at 10 Hz; vehicles execute commands at 100 Hz.
 
-    The memory of a controller is in `world.agents` (the latch of lane changes), so a reset of the agents
-    resets it. A controller is made with the scene that it works in.
+    A controller keeps its memory (the state of lane changes) in `world.agents`, so a reset of the agents
+    resets it. It is constructed with a `Scene`.
     """
 
     action_format: ClassVar[ActionFormat]
-    """What agents of this type give."""
+    """The format of this type's actions."""
     follows_lanes: ClassVar[bool]
-    """Whether it writes the agents' target lane and the vehicles' desired speed. Such a controller is made
-    with the largest speeds on each map [m/s], shape (M,), too."""
+    """Whether the controller writes the agents' target lanes and the vehicles' desired speeds. Such a
+    controller is also constructed with the maximum speed on each map [m/s], shape (M,)."""
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the commands of the chosen agents, and nothing of the others.
+        """Write the commands of the chosen agents only.
 
-        Edge actions (a lane change, a relative pose) count where `actions.fresh`; whether they can be carried
-        out is decided then, against `actions.action_mask`, and kept in `agents.effective` until the next.
+        One-time actions (a lane change, a relative pose) are executed if `actions.fresh`. The controller
+        checks them against `actions.action_mask` and stores the result in `agents.effective`.
 
         Args:
-            actions: Of all agents, shape (B, A).
-            chosen: The active agents of stepped simulations that act by this type, shape (B, A).
-            out: To write into.
+            actions: Actions of all agents, shape (B, A).
+            chosen: Active agents with this action type in the stepped simulations, shape (B, A).
+            out: Commands of all agents, written.
         """
         ...

@@ -1,4 +1,4 @@
-"""Changes of pose from decision to decision."""
+"""Control by changes of pose."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from smarts.controllers.target_pose import TargetPose
 class RelativeTargetPose(TargetPose):
     """Moves a vehicle by dx, dy [m] along the map's axes and turns it by dheading [rad].
 
-    It does so straight and at one speed, until the agent's next decision. Without one, it stands then.
+    The vehicle moves straight and at constant speed, and arrives at the agent's next decision. Without a new
+    action it then stands still.
     """
 
     action_format: ClassVar[ActionFormat] = NumbersFormat([-6, -6, -np.pi], [6, 6, np.pi])

@@ -1,4 +1,4 @@
-"""The controllers of all action types in use, as the stage of the step."""
+"""The stage that runs the controllers of all action types in use."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _ACTIVE, _NONE = int(AgentStatus.ACTIVE), int(CommandMode.NONE)
 
 
 class ControllerSet:
-    """Turns the actions of all active agents into commands, each by the controller of its type.
+    """Converts the actions of all active agents to commands, by the controller of each action type.
 
-    An agent that has not acted since it entered keeps its lane and its distance, whatever its type.
+    `FallbackController` drives agents that have not acted since they entered.
 
     Args:
-        scene: What the controllers work in.
+        scene: The world, its maps and its routes.
         kinds: The action types in use, as in `AgentRules.action`.
-        speeds: The largest speed of the discrete lane actions on each map [m/s], shape (M,); the lanes'
-            limits alone if not given.
+        speeds: Maximum speed of discrete lane actions on each map [m/s], shape (M,); by default only the
+            lanes' speed limits apply.
     """
 
     def __init__(self, scene: Scene, kinds: Iterable[int], speeds: Floats | None = None) -> None:
@@ -49,12 +49,17 @@ class ControllerSet:
 
     @property
     def columns(self) -> tuple[NDArray, ...]:
-        """What is kept of each agent, to be cleared for another agent, shape (B, A, ...)."""
+        """Arrays with an entry per agent, cleared when another agent takes its place, shape (B, A, ...)."""
         kept = (array for each in self._controllers for array in getattr(each, "columns", ()))
         return (*self._commands, *kept)
 
     def command(self, actions: Actions, env_mask: Bools) -> Commands:
-        """Return what the vehicles of all active agents are to do in this step."""
+        """Return the commands of all active agents for this step.
+
+        Args:
+            actions: Actions of all agents, shape (B, A).
+            env_mask: The simulations to step, shape (B,).
+        """
         out = self._commands
         in_use = self._group.to(actions)(env_mask)
         for number, controller in enumerate(self._controllers):
@@ -62,13 +67,13 @@ class ControllerSet:
                 chosen = self._chosen[number]
                 controller.command(actions, chosen, out)
                 if not controller.follows_lanes:
-                    self._steer_freely(chosen)
+                    self._clear_lane_targets(chosen)
         if in_use >> len(self._controllers):
             self._fallback.command(actions, self._chosen[-1], out)
         return out
 
-    def _steer_freely(self, chosen: Bools) -> None:
-        """Reset lane-change state, and set `desired_speed` to the limit, for agents without lane control."""
+    def _clear_lane_targets(self, chosen: Bools) -> None:
+        """Reset lane changes and set `desired_speed` to the lane's limit, for agents without lane control."""
         world = self._scene.world
         agents, vehicles = world.agents, world.vehicles
         row, agent_id = np.nonzero(chosen)
@@ -85,18 +90,19 @@ class ControllerSet:
 def group_by_action_type(
     state: State, types: Bytes, commands: Commands, chosen: Bools, actions: Actions, env_mask: Bools
 ) -> int:
-    """Group the active agents of some simulations by the controller that commands them.
+    """Group the active agents of some simulations by controller.
 
     Args:
-        state: Of the world.
+        state: The state of the world.
         types: Action types of the K controllers, shape (K,).
-        commands: Written: mode and window, none and the usual one, for all agents of these simulations.
-        chosen: Written, shape (K + 1, B, A); the last is for agents that have not acted yet.
-        actions: Of all agents.
-        env_mask: Which simulations, shape (B,).
+        commands: Mode and window of these simulations' agents are reset to NONE and `KINKED`.
+        chosen: Agents of each controller, written, shape (K + 1, B, A); the last row holds the agents that
+            have not acted yet.
+        actions: Actions of all agents.
+        env_mask: The simulations, shape (B,).
 
     Returns:
-        Bit k is set if controller k has anything to do, bit K if an agent has not acted yet.
+        A bit mask: bit k is set if controller k has agents, bit K if an agent has not acted yet.
     """
     status, kind = state.agents.state, actions.kind
     in_use = 0

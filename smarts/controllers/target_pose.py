@@ -1,4 +1,4 @@
-"""Driving to a pose by a time."""
+"""Control by a target pose and the time to reach it."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, Commands
 
 TURN = 2 * np.pi
-"""The largest magnitude of a target's heading [rad]."""
+"""Largest magnitude of a target's heading [rad]."""
 
 
 class TargetPose:
-    """Takes a vehicle along a cubic to x, y [m], heading [rad] in a time [s], whatever its dynamics.
+    """Moves a vehicle along a cubic to x, y [m], heading [rad] within a time [s], without its dynamics.
 
-    A target counts once, from the step in which it is fresh; a time of less than a step is a step. After it
-    the vehicle continues straight at the speed with which it arrived, which is the mean of its way.
+    The plan starts in the step in which the action is fresh; a time shorter than a step becomes one step.
+    After its end the vehicle continues straight at its speed of arrival, the mean speed of the plan.
 
     Args:
-        scene: What the controller works in.
+        scene: The world, its maps and its routes.
     """
 
     action_format: ClassVar[ActionFormat] = NumbersFormat([-FAR, -FAR, -TURN, 0], [FAR, FAR, TURN, 1000])
@@ -32,10 +32,10 @@ class TargetPose:
     relative: ClassVar[bool] = False
 
     def __init__(self, scene: Scene) -> None:
-        # An agent's plan is made by its first action, which is fresh.
+        # An agent's first action is fresh and makes its plan.
         plans = np.zeros((*scene.world.agents.slot.shape, PLAN))
         self.columns = (plans,)
-        """Each agent's plan, to be cleared for another agent, shape (B, A, PLAN)."""
+        """Each agent's plan, cleared when another agent takes its place, shape (B, A, PLAN)."""
         self._place = LateBound(place_by_targets, scene.world.state, int(self.relative), plans)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:

@@ -1,12 +1,11 @@
-"""The one tracking law: steers along a reference and holds its speed, 100 times a second.
+"""The tracking law: steers along a reference and holds its speed at 100 Hz.
 
-Lateral: the steering that the reference's curvature takes in steady state (wheelbase, and understeer of the
-vehicle's own tyres), plus feedback on the offset a look-ahead distance in front (Kapania and Gerdes, Vehicle
-System Dynamics 53(12), 2015), the heading being compared with the one that a vehicle which side-slips
-steadily has there. Gain and look-ahead follow from the natural frequency and damping that the lateral motion
-is to have, so that they are scheduled by speed and wheelbase. Longitudinal: the force that the wanted
-acceleration takes, plus a proportional-integral part for what the model does not know. Integrals stand still
-while the actuator is at its bound or the error is large.
+Lateral: feedforward of the steady-state steering for the reference's curvature (from wheelbase and tyres'
+understeer), plus feedback on the offset at a look-ahead distance (Kapania and Gerdes, Vehicle System Dynamics
+53(12), 2015); the heading error accounts for steady-state side slip. Gain and look-ahead follow from the
+desired natural frequency and damping of the lateral motion, so they depend on speed and wheelbase.
+Longitudinal: feedforward of the force for the desired acceleration, plus proportional-integral feedback.
+Integrals are frozen while the actuator saturates or the error is large.
 """
 
 from __future__ import annotations
@@ -23,41 +22,42 @@ from smarts.geometry.segments import interpolate_angle, project, wrapped
 from smarts.types.actions import CommandMode, Commands
 
 SPEED_INTEGRAL, OFFSET_INTEGRAL, CURVATURE, MEMORY = 0, 1, 2, 3
-"""Columns of what a vehicle's tracking remembers, and how many there are."""
+"""Columns of a vehicle's tracking memory, and their number."""
 
 FREQUENCY = 1.8
-"""Natural frequency of the lateral motion at speed [rad/s]."""
+"""Natural frequency of the lateral motion of fast vehicles [rad/s]."""
 FREQUENCY_PER_WHEELBASE = 0.7
-"""The same for slow vehicles, in radians per wheelbase driven."""
+"""The same for slow vehicles, in radians per wheelbase of travel."""
 STEERED_TURN = 0.4
-"""The largest error of heading that the steering, at its rate, still answers in time [rad]."""
+"""Heading error that the steering can correct at its maximum rate [rad]; limits the frequency."""
 DAMPING = 1.0
-"""Of the lateral motion."""
+"""Damping ratio of the lateral motion."""
 STEERING_DELAY = 0.15
-"""How late the steering is [s]."""
+"""Delay of the steering [s]."""
 LEAST_SPEED = 1.0
-"""At which gains are taken for vehicles that hardly move [m/s]."""
+"""Lower bound of the speed in gains [m/s]."""
 FARTHEST_OFFSET = 0.5
-"""The lateral feedback goes no further than it does at this offset [m]."""
+"""Offsets are clipped to this magnitude in the lateral feedback [m]."""
 OFFSET_RATE = 0.15
-"""Integral over proportional lateral feedback [1/s]."""
+"""Ratio of integral to proportional lateral feedback [1/s]."""
 TRIMMED_TURN = 0.02
-"""The integral runs only while the vehicle goes along the reference to within this angle [rad]."""
+"""The lateral integral is frozen while the heading error exceeds this angle [rad]."""
 STEERING_TRIM = 0.03
-"""The most steering that the integral gives [rad]."""
+"""Maximum steering by the integral [rad]."""
 
 SPEED_GAIN = 1.5
-"""Acceleration over speed error [1/s]."""
+"""Acceleration per speed error [1/s]."""
 SPEED_RATE = 0.3
-"""Integral over proportional feedback [1/s]."""
+"""Ratio of integral to proportional speed feedback [1/s]."""
 ACCELERATION_TRIM = 1.0
-"""The most acceleration that the integral gives [m/s^2]."""
+"""Maximum acceleration by the integral [m/s^2]."""
 MOST_ACCELERATION = 3.0
 MOST_DECELERATION = 7.0
-"""[m/s^2]"""
+"""Bounds of the commanded acceleration [m/s^2]."""
 STANDING_SPEED = 0.2
-"""A vehicle that is to stand and is slower than this is held by its brakes [m/s]."""
+"""If target and actual speed are below this, the brakes hold the vehicle [m/s]."""
 HOLDING_BRAKE = 0.4
+"""Brake of a standing vehicle, in [0, 1]."""
 
 
 _ACTUATORS = int(CommandMode.ACTUATORS)
@@ -83,15 +83,15 @@ def drive(
 
     Args:
         fleet: The fleet; `controls` is written.
-        mode: A `CommandMode`, shape (E,).
-        actuators: Shape (E, 3), see `Commands`.
-        reference: Shape (E, R, 4), see `Commands`.
-        length: Points of each reference, shape (E,).
-        windows: See `Commands`, shape (E,).
+        mode: Each vehicle's `CommandMode`, shape (E,).
+        actuators: Actuators, see `Commands`, shape (E, 3).
+        reference: References, see `Commands`, shape (E, R, 4).
+        length: Number of points of each reference, shape (E,).
+        windows: Windows, see `Commands`, shape (E,).
         slips: Whether the vehicle's tyres slip sideways, shape (E,).
-        memory: Shape (E, MEMORY); written.
-        shown: Written: the controls again, shape (E, 3).
-        rows: The vehicles, shape (R,).
+        memory: Memory of the tracking law, written, shape (E, MEMORY).
+        shown: A copy of the controls, written, shape (E, 3).
+        rows: The vehicles to control, shape (N,).
     """
     pose = np.empty(3)
     cars, states, bodies, controls = fleet.cars, fleet.states, fleet.bodies, fleet.controls
@@ -126,7 +126,7 @@ def drive(
 
 @kernel
 def first_bad_command(commands: Commands, active: Bools) -> int:
-    """Return the first active row b * A + a whose command holds a number that is not finite, or -1."""
+    """Return the first active row b * A + a whose command is not finite, or -1."""
     mode, actuators, poses = commands.mode, commands.actuators, commands.poses
     for b in range(active.shape[0]):
         for a in range(active.shape[1]):
@@ -145,7 +145,7 @@ def first_bad_command(commands: Commands, active: Bools) -> int:
 
 @kernel
 def _sum(rows, count):
-    """Return the sum of the first rows of a table."""
+    """Return the sum of the first `count` rows of a table."""
     total = 0.0
     for row in range(count):
         for column in range(rows.shape[1]):
@@ -155,7 +155,7 @@ def _sum(rows, count):
 
 @kernel
 def _track(car, state, motion, pose, reference, length, window, slips, memory, controls, dt):
-    """Write the controls of one vehicle that follows a reference; see the module."""
+    """Write the controls of one vehicle that tracks a reference; see the module docstring."""
     heading, vx, _, _ = motion
     segment, share, offset = _foot(reference, length, pose[0], pose[1])
     window = max(window, 0.3 * max(abs(vx), LEAST_SPEED))
@@ -167,7 +167,7 @@ def _track(car, state, motion, pose, reference, length, window, slips, memory, c
 
 @kernel
 def _foot(reference, length, x, y):
-    """Return the nearest segment of a reference, the share of it, and the offset to the left [m]."""
+    """Return the nearest segment of a reference, the position on it in [0, 1], and the left offset [m]."""
     best, best_square, best_share, best_cross = 0, np.inf, 0.0, 0.0
     for point in range(length - 1):
         a, b = reference[point], reference[point + 1]
@@ -178,7 +178,7 @@ def _foot(reference, length, x, y):
             break
     a, b = reference[best], reference[best + 1]
     span = math.hypot(b[0] - a[0], b[1] - a[1])
-    # Beyond an end the reference is extended straight, between two segments the corner counts.
+    # Beyond its ends the reference is extended straight; between two segments, measure to the corner.
     if (best_share < 0.0 and best == 0) or (best_share > 1.0 and best == length - 2):
         offset = best_cross / max(span, 1e-6)
     else:
@@ -188,7 +188,7 @@ def _foot(reference, length, x, y):
 
 @kernel
 def _heading_ahead(reference, length, segment, share, distance):
-    """Return the reference's heading [rad] a distance [m] ahead of a foot, at most at its end."""
+    """Return the reference's heading [rad] at `distance` [m] ahead of a position on it, or at its end."""
     a, b = reference[segment], reference[segment + 1]
     span = math.hypot(b[0] - a[0], b[1] - a[1])
     distance += share * span
@@ -202,7 +202,7 @@ def _heading_ahead(reference, length, segment, share, distance):
 
 @kernel
 def _steering(car, heading, vx, reference, length, segment, share, offset, window, slips, memory, dt):
-    """Return the steering in [-1, 1] of the lock."""
+    """Return the steering in [-1, 1] of full lock."""
     speed = max(abs(vx), LEAST_SPEED)
     wheelbase = car.cog_to_front_axle + car.cog_to_rear_axle
     front, rear = 2.0 * car.linear_y[0], 2.0 * car.linear_y[2]
@@ -212,9 +212,9 @@ def _steering(car, heading, vx, reference, length, segment, share, offset, windo
         rear_slip = per_acceleration * car.cog_to_front_axle / rear
         understeer = per_acceleration * car.cog_to_rear_axle / front - rear_slip
 
-    # Seen from the footprint's centre, a vehicle swings into a curve over the distance to its rear axle
-    # (less at speed, when its rear slips outwards). So the curvature is looked up as far ahead as the
-    # steering is late, and follows with the vehicle's own lag.
+    # The path of the footprint's centre responds to steering over the distance to the rear axle (less at
+    # speed, when the rear slips outwards). So the curvature is looked up ahead by the steering delay, and
+    # low-pass filtered with the vehicle's own lag.
     centre_to_rear = car.cog_to_rear_axle - car.centre_to_cog
     ahead = STEERING_DELAY * speed
     here = _heading_ahead(reference, length, segment, share, 0.0)
@@ -224,7 +224,7 @@ def _steering(car, heading, vx, reference, length, segment, share, offset, windo
     memory[CURVATURE] += (wrapped(last - first) / window - memory[CURVATURE]) * min(abs(vx) * dt / lag, 1.0)
     curvature = memory[CURVATURE]
 
-    # Faster than the steering turns, feedback only swings.
+    # Feedback faster than the steering rate would oscillate.
     followed = math.sqrt(car.steering_rate * speed / (2.0 * DAMPING * wheelbase * STEERED_TURN))
     frequency = min(FREQUENCY, FREQUENCY_PER_WHEELBASE * speed / wheelbase, followed)
     yaw_length = wheelbase + max(understeer, 0.0) * speed * speed
@@ -235,21 +235,21 @@ def _steering(car, heading, vx, reference, length, segment, share, offset, windo
     error = min(max(offset, -FARTHEST_OFFSET), FARTHEST_OFFSET)
     needed = math.atan(wheelbase * curvature) + understeer * speed * speed * curvature
     feedback = -gain * (error + look_ahead * math.sin(min(max(course, -1.2), 1.2)))
-    wanted = (needed + feedback + memory[OFFSET_INTEGRAL]) / car.max_steering
+    desired = (needed + feedback + memory[OFFSET_INTEGRAL]) / car.max_steering
     if (
-        abs(wanted) < 1.0
+        abs(desired) < 1.0
         and abs(offset) < FARTHEST_OFFSET
         and abs(course) < TRIMMED_TURN
         and vx > LEAST_SPEED
     ):
         trim = memory[OFFSET_INTEGRAL] - OFFSET_RATE * gain * error * dt
         memory[OFFSET_INTEGRAL] = min(max(trim, -STEERING_TRIM), STEERING_TRIM)
-    return min(max(wanted, -1.0), 1.0)
+    return min(max(desired, -1.0), 1.0)
 
 
 @kernel
 def _hold_speed(car, vx, reference, length, segment, share, memory, controls, dt):
-    """Write throttle and brake."""
+    """Write throttle and brake, `controls[0]` and `controls[1]`, in [0, 1]."""
     a, b = reference[segment], reference[segment + 1]
     span = math.hypot(b[0] - a[0], b[1] - a[1])
     begin, end = a[3] * a[3], b[3] * b[3]
@@ -261,10 +261,10 @@ def _hold_speed(car, vx, reference, length, segment, share, memory, controls, dt
         memory[SPEED_INTEGRAL] = 0.0
         return
     error = target - vx
-    # Slower than the reference, the vehicle need not brake with it yet.
+    # A vehicle slower than the reference need not brake with it yet.
     slowing *= min(max(1.0 - error, 0.0), 1.0)
-    wanted = slowing + SPEED_GAIN * error + memory[SPEED_INTEGRAL]
-    acceleration = min(max(wanted, -MOST_DECELERATION), MOST_ACCELERATION)
+    desired = slowing + SPEED_GAIN * error + memory[SPEED_INTEGRAL]
+    acceleration = min(max(desired, -MOST_DECELERATION), MOST_ACCELERATION)
     resistance = car.drag * vx * abs(vx) + car.rolling_resistance * car.mass * GRAVITY
     force = car.mass * acceleration + resistance
     available = car.drive_force
@@ -275,6 +275,6 @@ def _hold_speed(car, vx, reference, length, segment, share, memory, controls, dt
         braking += car.brake_torque[wheel] / car.radius[wheel]
     controls[0] = min(max(force / available, 0.0), 1.0)
     controls[1] = min(max(-force / braking, 0.0), 1.0)
-    if abs(error) < 1.0 and acceleration == wanted and force < available:
+    if abs(error) < 1.0 and acceleration == desired and force < available:
         trim = memory[SPEED_INTEGRAL] + SPEED_RATE * SPEED_GAIN * error * dt
         memory[SPEED_INTEGRAL] = min(max(trim, -ACCELERATION_TRIM), ACCELERATION_TRIM)

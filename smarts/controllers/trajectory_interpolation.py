@@ -1,4 +1,4 @@
-"""Following a path of poses at given times exactly."""
+"""Exact control by a path of poses with times."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ _PLACE, _NONE = int(CommandMode.PLACE), int(CommandMode.NONE)
 
 
 class TrajectoryInterpolation:
-    """Puts a vehicle where its path of time, x, y, heading, speed says, whatever its dynamics.
+    """Places a vehicle on its path of time, x, y, heading, speed, without its dynamics.
 
-    Times [s] count from the step in which the path is fresh. Between its points the path is straight; before
-    the first it is at the first, and after the last it continues straight at the last speed.
+    Times [s] count from the step in which the path is fresh. Poses are interpolated linearly between the
+    points. Before the first point the vehicle is at that point; after the last point it continues straight at
+    the last speed.
 
     Args:
-        scene: What the controller works in.
+        scene: The world, its maps and its routes.
     """
 
     action_format: ClassVar[ActionFormat] = PathFormat(columns=(0, 1, 2, 3, 4))
@@ -35,7 +36,7 @@ class TrajectoryInterpolation:
     def __init__(self, scene: Scene) -> None:
         begin = np.zeros(scene.world.agents.slot.shape, np.int32)
         self.columns = (begin,)
-        """First step of each agent's path, to be cleared for another agent, shape (B, A)."""
+        """First step of each agent's path, cleared when another agent takes its place, shape (B, A)."""
         self._follow = LateBound(follow_times, scene.world.state, begin)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
@@ -45,7 +46,15 @@ class TrajectoryInterpolation:
 
 @kernel
 def follow_times(state: State, begin: Ints, actions: Actions, commands: Commands, chosen: Bools) -> None:
-    """Write poses interpolated in time; an agent's times count from step `begin`, shape (B, A)."""
+    """Write poses of chosen agents, interpolated in time.
+
+    Args:
+        state: The state of the world.
+        begin: First step of each agent's path, written for fresh paths, shape (B, A).
+        actions: Actions of all agents.
+        commands: Mode and poses are written.
+        chosen: The agents, shape (B, A).
+    """
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
             if not chosen[b, a]:
@@ -64,7 +73,7 @@ def follow_times(state: State, begin: Ints, actions: Actions, commands: Commands
 
 @kernel
 def _pose_at(path: Floats, count: int, now: float, pose: Floats) -> None:
-    """Write x, y, heading, speed of a path at a time."""
+    """Write x, y, heading, speed of a path at a time [s]."""
     last = path[count - 1]
     if now >= last[0]:
         way = (now - last[0]) * last[4]

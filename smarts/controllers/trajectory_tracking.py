@@ -1,4 +1,4 @@
-"""Tracking of a path that the agent gives."""
+"""Control by a path that the vehicle tracks."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from smarts.types.actions import Actions, CommandMode, Commands
 from smarts.types.world import State
 
 BRAKING = 3.0
-"""Deceleration behind the end of a path [m/s^2]."""
+"""Deceleration beyond the end of a path [m/s^2]."""
 BEYOND = 2.0
-"""Distance of the points that extend a path beyond its end [m]."""
+"""Spacing of the points beyond the end of a path [m]."""
 
 _TRACK = int(CommandMode.TRACK)
 
 
 class TrajectoryTracking:
-    """Steers along a path of x, y, heading, speed at its speeds, from wherever the vehicle is near it.
+    """Tracks a path of x, y, heading, speed from the point nearest to the vehicle.
 
-    The path lies on the map: it is tracked until another is given, and its times do not count. Behind its end
-    the vehicle continues straight and brakes to a stand.
+    The path is fixed on the map: it is tracked until the agent gives another one. Beyond its end the vehicle
+    continues straight and brakes to a standstill.
     """
 
     action_format: ClassVar[ActionFormat] = PathFormat(columns=(1, 2, 3, 4))
@@ -37,13 +37,13 @@ class TrajectoryTracking:
         self._write = LateBound(write_paths, scene.world.state)
 
     def command(self, actions: Actions, chosen: Bools, out: Commands) -> None:
-        """Write the piece of each chosen agent's path that is ahead; see `Controller`."""
+        """Write the part of each chosen agent's path that lies ahead; see `Controller`."""
         self._write.to(actions, out)(chosen)
 
 
 @kernel
 def write_paths(state: State, actions: Actions, commands: Commands, chosen: Bools) -> None:
-    """Write references along paths, shape (B, A, P, 5), beginning with the point before the nearest one."""
+    """Write references along `actions.path`, beginning with the point before the nearest one."""
     vehicles = state.vehicles
     for b in range(chosen.shape[0]):
         for a in range(chosen.shape[1]):
@@ -81,7 +81,7 @@ def _nearest(path: Floats, count: int, x: float, y: float) -> int:
 
 @kernel
 def extend_path(points: Floats, count: int) -> None:
-    """Fill a reference behind its first `count` points: straight on, braking to a stand."""
+    """Extend a reference beyond its first `count` points: straight, braking to a standstill."""
     for i in range(count, len(points)):
         x, y, heading, speed = points[i - 1]
         points[i, 0] = x + BEYOND * math.cos(heading)

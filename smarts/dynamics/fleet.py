@@ -284,12 +284,16 @@ class Fleet:
         self.contacts.clear()
         self._remember_velocity()
         free, touching = self._bullet.part(rows[0])
-        all_rows, (_, dynamic, kinematic) = np.flatnonzero(moving), rows
+        all_rows = np.flatnonzero(moving)
+        kernels = self._advance_free, self._advance_dynamic, self._advance_kinematic
+        advanced = [
+            (kernel, each) for kernel, each in zip(kernels, (free, *rows[1:]), strict=True) if each.size
+        ]
         for substep in range(self._arrays.poses.shape[1]):
             if driver is not None:
                 driver(all_rows)
-            if free.size:
-                self._advance_free(free, substep)
+            for advance, each in advanced:
+                advance(each, substep)
             if touching.size:
                 self._advance_bodies(touching)
                 velocities = self._arrays.velocities.tolist()
@@ -297,10 +301,6 @@ class Fleet:
                     world.substep(velocities)
                     self.contacts += [(substep, contact) for contact in world.contacts(velocities)]
                 self._record_poses(touching, substep)
-            if dynamic.size:
-                self._advance_dynamic(dynamic, substep)
-            if kinematic.size:
-                self._advance_kinematic(kinematic, substep)
         bad = self._show_motion(moving)
         self._show_wheels()
         if bad >= 0:

@@ -17,6 +17,8 @@ from smarts.arrays import Bools, Floats
 from smarts.dynamics import parameters
 from smarts.dynamics.parameters import (
     AxleParameters,
+    LateralCurve,
+    LongitudinalCurve,
     TyreParameters,
     VehicleParameters,
 )
@@ -72,23 +74,7 @@ PARAMETERS = np.dtype(
         ("static_grip", _F, _PER_WHEEL),  # the set's own longitudinal friction at the static load
         ("rolling_resistance", _F),
         ("peak_slip", _F),  # normalised slip of the largest longitudinal force
-        ("pcx1", _F),
-        ("pdx1", _F),
-        ("pdx2", _F),
-        ("pex1", _F),
-        ("pex2", _F),
-        ("pex3", _F),
-        ("pkx1", _F),
-        ("pkx2", _F),
-        ("pkx3", _F),
-        ("pcy1", _F),
-        ("pdy1", _F),
-        ("pdy2", _F),
-        ("pey1", _F),
-        ("pey2", _F),
-        ("pky1", _F),
-        ("pky2", _F),
-        ("pky4", _F),
+        *((name, _F) for curve in (LongitudinalCurve, LateralCurve) for name in curve.model_fields),
     ],
     align=True,
 )
@@ -180,9 +166,9 @@ def pack(name: str, tyre_model: str) -> NDArray[np.void]:
 
 
 def _pack_body(record: NDArray[np.void], vehicle: VehicleParameters) -> None:
-    for name in ("mass", "cog_height", "cog_to_front_axle", "cog_to_rear_axle", "centre_to_cog"):
+    same = ("mass", "inertia", "cog_height", "cog_to_front_axle", "cog_to_rear_axle", "centre_to_cog")
+    for name in (*same, "abs", "traction_control"):
         record[name] = getattr(vehicle, name)
-    record["inertia"] = vehicle.inertia
     record["half_size"] = (
         0.5 * vehicle.length,
         0.5 * vehicle.width,
@@ -194,8 +180,6 @@ def _pack_body(record: NDArray[np.void], vehicle: VehicleParameters) -> None:
     record["drive_power"] = vehicle.drive.power
     record["max_steering"] = vehicle.steering.max_angle
     record["steering_rate"] = vehicle.steering.rate
-    record["abs"] = vehicle.abs
-    record["traction_control"] = vehicle.traction_control
 
 
 def _pack_axle(

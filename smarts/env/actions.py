@@ -55,7 +55,7 @@ class ActionEncoder:
 
     Args:
         actions: The buffers, with the action types of all agents.
-        action_mask: Which lane actions are legal now, shape (B, A, 4).
+        action_mask: Which lane actions are allowed now, shape (B, A, 4).
     """
 
     def __init__(self, actions: Actions, action_mask: Bools) -> None:
@@ -96,7 +96,7 @@ class ActionEncoder:
         """Write actions, and mark them as fresh.
 
         Raises:
-            ActionError: An adapter's own encoding has refused an action. Nothing is written then.
+            ActionError: An adapter's own encoding rejects an action. Nothing is written then.
         """
         actions = self._actions
         if own:
@@ -127,7 +127,7 @@ def place_of(agent: str, row: int | None = None) -> str:
 
 
 def own_remedy(group: AgentGroup) -> str:
-    """Return what errors tell the caller to give a group's agents."""
+    """Return the remedy of errors about a group's actions: what to give."""
     if group.encoding is None:
         return action_format(group.kind).remedy()
     return f"give an element of {group.action}"
@@ -137,8 +137,7 @@ def element_of(group: AgentGroup, agent: str, action: Any) -> NDArray:
     """Return one agent's action as an element of its adapter's own space, in that space's type.
 
     Raises:
-        ActionError: It is not made of finite numbers of the space's shape, or of whole ones where these are
-            wanted.
+        ActionError: It is not made of finite numbers of the space's shape; for integers, of whole numbers.
     """
     place, space = place_of(agent), group.action
     values = numbers_of(action, space.shape or (), place, lambda: own_remedy(group))
@@ -159,11 +158,11 @@ def arrays_of(actions: Any, groups: Sequence[AgentGroup], chosen: Bools) -> list
     Args:
         actions: A list of an array for each group, or groups of one size stacked; of any array library.
         groups: In the order of the columns.
-        chosen: Which egos' actions are wanted, shape (B, E).
+        chosen: Which egos act, shape (B, E).
 
     Raises:
-        ActionError: There are not as many arrays as groups, or one has not its group's shape, or holds what
-            is no number.
+        ActionError: There are not as many arrays as groups, or one has not its group's shape, or holds a
+            value that is not a number.
     """
     remedy = f"give an array for each of {len(groups)} blocks of agents"
     blocks = _blocks(actions)
@@ -177,7 +176,7 @@ def arrays_of(actions: Any, groups: Sequence[AgentGroup], chosen: Bools) -> list
 
 
 def _blocks(actions: Any) -> Sequence[ArrayLike] | NDArray | None:
-    """Return what is given for each group, None if that is no list."""
+    """Return the sequence of arrays, None if `actions` is not one."""
     if isinstance(actions, Sequence):
         return actions
     if not hasattr(actions, "__array__"):
@@ -190,23 +189,23 @@ def _blocks(actions: Any) -> Sequence[ArrayLike] | NDArray | None:
 
 
 def _numeric(group: AgentGroup, given: ArrayLike, chosen: Bools) -> NDArray:
-    wanted = (len(chosen), len(group.agents), *(group.action.shape or ()))
+    shape = (len(chosen), len(group.agents), *(group.action.shape or ()))
 
-    def refused(problem: str) -> ActionError:
+    def rejected(problem: str) -> ActionError:
         place = f"actions of {', '.join(group.agents)}"
-        return rejection(given, problem, place, f"give an array of shape {wanted}")
+        return rejection(given, problem, place, f"give an array of shape {shape}")
 
     try:
         values = np.asarray(given)
     except (TypeError, ValueError, OverflowError, RuntimeError) as error:
-        raise refused("is not an array") from error
-    if values.shape != wanted:
-        raise refused(f"is of shape {values.shape}")
+        raise rejected("is not an array") from error
+    if values.shape != shape:
+        raise rejected(f"is of shape {values.shape}")
     if values.dtype.kind in "iuf":
         return values
-    # An entry is no number, or too large for an array: the error names its agent.
-    each, values = np.asarray(given, object), np.zeros(wanted)
+    # An entry is not a number, or too large for an array: the error names its agent.
+    each, values = np.asarray(given, object), np.zeros(shape)
     for row, column in np.argwhere(chosen).tolist():
         place = place_of(group.agents[column], row if len(chosen) > 1 else None)
-        values[row, column] = numbers_of(each[row, column], wanted[2:], place, lambda: own_remedy(group))
+        values[row, column] = numbers_of(each[row, column], shape[2:], place, lambda: own_remedy(group))
     return values

@@ -25,9 +25,9 @@ from smarts.types.actions import ActionSpaceType
 class AdapterDictEnv(DictEnv):
     """One simulation whose agents have the settings' array adapter.
 
-    Where an agent's spec has adapters of its own, these come on top: its observation adapter gets an
+    An agent's spec may have adapters, which are applied on top: its observation adapter gets an
     `Observation` object instead of the arrays; its reward and info adapters get that object and the array
-    adapter's reward; its action adapter returns whatever `HiWayEnv` takes.
+    adapter's reward; its action adapter returns an action as `HiWayEnv` takes it.
 
     Args:
         settings: With one simulation.
@@ -40,19 +40,14 @@ class AdapterDictEnv(DictEnv):
         assembly, self._groups = make_groups(settings)
         adapters = [group.adapter for group in self._groups]
         runner = SimulationRunner(assembly, adapters, period=settings.decision_interval)
-        names = [name for group in self._groups for name in group.agents]
-        super().__init__(runner, names, settings.interfaces(), settings.specs(), settings.seed)
         self._places = {
             name: (number, place)
             for number, group in enumerate(self._groups)
             for place, name in enumerate(group.agents)
         }
-        self._encoded = {
-            name
-            for name, (number, _) in self._places.items()
-            if self._groups[number].encoding is not None and not self._has_own(name, "action")
-        }
-        self._rewards, self._masks = [0.0] * len(names), [None] * len(self._groups)
+        super().__init__(runner, [*self._places], settings.interfaces(), settings.specs(), settings.seed)
+        self._encoded = {name for name in self._places if self._is_encoded(name)}
+        self._rewards, self._masks = [0.0] * len(self._places), [None] * len(self._groups)
         self._checked: set[str] = set()
         self._collector = self._collect_objects(assembly)
         self.observation_spaces = {name: self._observation_space(name) for name in self.columns}
@@ -60,6 +55,10 @@ class AdapterDictEnv(DictEnv):
 
     def _has_own(self, name: str, adapter: str) -> bool:
         return adapter in self.specs[name].own_adapters
+
+    def _is_encoded(self, name: str) -> bool:
+        """Return whether an agent acts in its adapter's own encoding."""
+        return self._group(name).encoding is not None and not self._has_own(name, "action")
 
     def _group(self, name: str) -> AgentGroup:
         return self._groups[self._places[name][0]]
@@ -94,20 +93,21 @@ class AdapterDictEnv(DictEnv):
         return self._group(name).action if space is None else space
 
     def _parse(self, actions: Mapping[str, Any]) -> tuple[list[Parsed], list[Own]]:
-        """Check the actions of active agents, those in an adapter's own encoding apart."""
+        """Check the actions of active agents; return actions in an adapter's own encoding apart."""
         parsed, _ = super()._parse({n: a for n, a in actions.items() if n not in self._encoded})
-        own = []
-        for group in self._groups if self._encoded else ():
-            if group.encoding is None:
-                continue
-            given = np.zeros((1, len(group.agents), *(group.action.shape or ())), group.action.dtype)
-            chosen = np.zeros((1, len(group.agents)), np.bool_)
-            for place, name in enumerate(group.agents):
-                if name in actions and name in self._encoded and self.runner.alive[0, self.columns[name]]:
-                    given[0, place] = element_of(group, name, actions[name])
-                    chosen[0, place] = True
-            own.append(Own(group.encoding, given, chosen))
-        return parsed, own
+        groups = self._groups if self._encoded else ()
+        return parsed, [self._own(group, actions) for group in groups if group.encoding is not None]
+
+    def _own(self, group: AgentGroup, actions: Mapping[str, Any]) -> Own:
+        """Return the actions of a group's active agents in its adapter's own encoding."""
+        given = np.zeros((1, len(group.agents), *(group.action.shape or ())), group.action.dtype)
+        chosen = np.zeros((1, len(group.agents)), np.bool_)
+        for place, name in enumerate(group.agents):
+            if name in actions and name in self._encoded and self.runner.alive[0, self.columns[name]]:
+                given[0, place] = element_of(group, name, actions[name])
+                chosen[0, place] = True
+        encoding: Any = group.encoding
+        return Own(encoding, given, chosen)
 
     def _step_result(self, transition: Transition) -> StepResult:
         self._rewards = rewards_of(self._groups, transition.acted)[0].tolist()
@@ -124,8 +124,17 @@ class AdapterDictEnv(DictEnv):
             return reward, self._with_mask(name, info)
         seen = self._object(name)
         info["score"] = float(self.runner.world.agents.distance_travelled[0, self.columns[name]])
-        adapted = spec.info_adapter(seen, reward, info)
-        return spec.reward_adapter(seen, reward) if acted else reward, self._with_mask(name, adapted)
+        adapted = self._with_mask(name, spec.info_adapter(seen, reward, info))
+        if not acted:
+            return reward, adapted
+        given = spec.reward_adapter(seen, reward)
+        if not isinstance(given, int | float | np.number):
+            raise InterfaceError(
+                f"the reward adapter of agent {name!r} returns {given!r}",
+                place="AgentSpec.reward_adapter",
+                remedy="let it return a number",
+            )
+        return given, adapted
 
     def _read_masks(self) -> None:
         self._masks = [group.action_mask() for group in self._groups]

@@ -33,7 +33,7 @@ class ArrayAdapter(Protocol):
     sensors: ClassVar[Collection[str] | None]
     """Names of the agents' sensors whose readings in the frame it uses; None: all."""
     fields: tuple[Field, ...]
-    """The observation of one agent. A field `action_mask` says which discrete actions are legal."""
+    """The observation of one agent. A field `action_mask` says which discrete actions are allowed."""
 
     def collect(self, frame: Frame, is_last: bool) -> object:
         """Process one step of a decision, or a reset; `is_last` if the decision ends with it."""
@@ -100,10 +100,10 @@ class ObservationAndReward:
 
 
 def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = None) -> Callable[..., Any]:
-    """Return what makes adapters: `ObservationAndReward`, unless the caller has an adapter of its own.
+    """Return what makes adapters: `ObservationAndReward`, unless the caller gives an adapter.
 
     Args:
-        adapter: The caller's own.
+        adapter: The caller's.
         options: Its keywords.
 
     Raises:
@@ -113,7 +113,7 @@ def adapter_class(adapter: Adapter | None, options: Mapping[str, Any] | None = N
     if adapter is None:
         if options:
             raise InterfaceError(
-                f"adapter_options is {options!r}, and there is no adapter of one's own",
+                f"adapter_options is {options!r}, and adapter is not given",
                 place="adapter_options",
                 remedy="give observation=..., reward=..., discount=... themselves; a picture is a feature of "
                 "the observation: observation={'base': 'benchmark', 'stacked': ['image']}",

@@ -26,10 +26,10 @@ _OUTCOMES = [outcome.name.lower() for outcome in Outcome]
 
 
 class StepResult(NamedTuple):
-    """The result of one decision for the agents that acted, and for those that have entered since."""
+    """The result of one decision: of the agents that acted, and of agents that entered since."""
 
     observations: dict[str, Any]
-    """Of the agents that act next, and the last ones of those that have ended."""
+    """Of the agents that act next; of agents that have ended, the last one."""
     rewards: dict[str, float]
     terminated: dict[str, bool]
     truncated: dict[str, bool]
@@ -41,7 +41,7 @@ class StepResult(NamedTuple):
 
 
 class DictEnv:
-    """Steps one simulation by dicts; subclasses say what an agent's observation, reward and info are.
+    """Steps one simulation by dicts; subclasses define an agent's observation, reward and info.
 
     Args:
         runner: The simulation.
@@ -88,11 +88,11 @@ class DictEnv:
         return {name: self._observation(name) for name in agents}, self._first_infos(agents)
 
     def step(self, actions: Mapping[str, Any]) -> StepResult:
-        """Carry out a decision.
+        """Step until the next decision.
 
-        Actions of agents that are not active (any more, or yet) are ignored, so that a loop over the last
-        observations may act for those that have just ended. An agent without an action keeps the lasting
-        part of its last one. After the episode ends, `step` is a no-op.
+        Actions of agents that are not active are ignored, so a loop over the last observations may act for
+        agents that have just ended. An agent without an action keeps the lasting part of its last one. After
+        the episode ends, `step` is a no-op.
 
         Raises:
             ActionError: An agent is unknown, or an action is not in its space. No action is taken then.
@@ -117,7 +117,7 @@ class DictEnv:
 
         Args:
             name: What the values are, such as "probabilities".
-            values: A number or numbers of each agent; those of agents that are not active are ignored.
+            values: A number or numbers of each agent; inactive agents are ignored.
 
         Raises:
             ActionError: An agent is unknown, or its value is not made of numbers.

@@ -75,9 +75,9 @@ class AgentGroup:
         return assembled({name: array[row, place, ...].copy() for name, array in arrays.items()})
 
     def action_mask(self) -> Bools | None:
-        """Return which discrete actions are legal, shape (B, G, actions), None if the adapter does not say.
+        """Return which discrete actions are allowed, shape (B, G, actions), None if the adapter does not say.
 
-        Where none is, as for agents that do not act, it is the first one: masked logits stay finite.
+        Agents that do not act get a mask with only action 0 allowed: masked logits stay finite.
         """
         mask = self.adapter.observations.get(MASK)
         if mask is None:
@@ -122,7 +122,7 @@ def box_of(field: Field) -> Box:
 def assembled(parts: Mapping[str, Any]) -> Any:
     """Return the parts of an observation as one: "observation" itself if it is alone, else a tree of dicts.
 
-    A part named "a/b" is "b" in a dict of its own, "a".
+    A part named "a/b" is "b" in a dict "a".
     """
     if [*parts] == [ALONE]:
         return parts[ALONE]

@@ -47,7 +47,7 @@ class HiWayEnv(NotCopied, gym.Env):
         traffic: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or an agent is not what it has to be.
+        SmartsError: A scenario or an agent is invalid.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012
@@ -89,7 +89,7 @@ class HiWayEnv(NotCopied, gym.Env):
         return self._env.reset(seed)
 
     def step(self, action: Mapping[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
-        """Carry out a decision; return observations, rewards, terminated, truncated and infos by agent.
+        """Step until the next decision; return observations, rewards, terminated, truncated, infos by agent.
 
         Both done dicts have "__all__" too: whether the episode is over, and whether it is so because some of
         its last agents were only cut short. See `DictEnv.step` for actions and errors.

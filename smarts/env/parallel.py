@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Unpack
@@ -11,7 +12,7 @@ from pettingzoo import ParallelEnv
 
 from smarts.env.adapter_env import AdapterDictEnv
 from smarts.env.runner import NotCopied
-from smarts.env.settings import Agents, EnvOptions, EnvSettings
+from smarts.env.settings import NO_RENDERING, Agents, EnvOptions, EnvSettings, make_settings
 
 
 class ParallelHiWayEnv(NotCopied, ParallelEnv):
@@ -44,7 +45,7 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
         return observations, infos
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
-        """Carry out a decision; agents that end with it are in the results, and not in `agents` afterwards.
+        """Step until the next decision; agents that end with it are in the results, not in `agents`.
 
         See `DictEnv.step` for actions and errors.
         """
@@ -57,7 +58,8 @@ class ParallelHiWayEnv(NotCopied, ParallelEnv):
         self._env.annotate(name, values)
 
     def render(self) -> None:
-        """Draw nothing: `smarts-bench render` draws recorded episodes."""
+        """Draw nothing, and warn: `smarts-bench render` draws recorded episodes."""
+        warnings.warn(NO_RENDERING, stacklevel=2)
 
     def close(self) -> None:
         """Free the simulation; may be called again."""
@@ -77,12 +79,15 @@ def hiway_parallel_env(
 
     Args:
         scenarios: Folders, or names of the suite; they are played in a seeded order.
-        agents: How many agents of the benchmark, or specs or interfaces by name. The adapters of a spec come
-            on top of the array adapter.
+        agents: How many agents of the benchmark, or specs or interfaces by name. A spec's adapters are
+            applied to the observations, rewards and actions.
         action_mask: Whether observations hold the mask too: `{"observation": ..., "action_mask": ...}`.
         options: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or an agent is not what it has to be.
+        SmartsError: A scenario or an agent is invalid.
     """
-    return ParallelHiWayEnv(EnvSettings(scenarios, agents, 1, action_mask=action_mask, **options))
+    settings = make_settings(
+        "hiway_parallel_env", scenarios, agents, options=options, action_mask=action_mask
+    )
+    return ParallelHiWayEnv(settings)

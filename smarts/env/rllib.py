@@ -19,7 +19,7 @@ from smarts.types.streams import check_seed
 
 _OLD_NAMES = {"agent_specs": "agents"}
 _WITHOUT_EFFECT = ("headless", "sim_name", "num_envs")
-# `algorithms` gives the last one to every environment, for those that hold several simulations.
+# `algorithms` gives `num_envs` to every environment; some hold several simulations.
 
 
 def settings_of(config: Mapping[str, Any]) -> EnvSettings:
@@ -53,10 +53,10 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
 
     Args:
         config: `scenarios`, `agent_specs` (specs or interfaces by name, or how many agents of the benchmark),
-            `seed`, `action_mask`, and whatever else `EnvSettings` has. `headless` is without effect.
+            `seed`, `action_mask`, and the other fields of `EnvSettings`. `headless` is without effect.
 
     Raises:
-        SmartsError: The configuration is not what it has to be.
+        SmartsError: The configuration is invalid.
     """
 
     def __init__(self, config: Mapping[str, Any]) -> None:
@@ -79,7 +79,7 @@ class RLlibHiWayEnv(NotCopied, MultiAgentEnv):
         return {**observations}, {**infos}
 
     def step(self, action_dict: Mapping[Any, Any]) -> tuple[dict, dict, dict, dict, dict]:
-        """Carry out a decision.
+        """Step until the next decision.
 
         Agents that end with it stay in `agents` until the next step, since RLlib expects every agent with an
         observation there.

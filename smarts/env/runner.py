@@ -44,14 +44,14 @@ class NotCopied:
 
 
 class StepListener(Protocol):
-    """Gets every step: an array adapter, or what makes observations as objects."""
+    """Receives every step, such as an array adapter."""
 
     def collect(self, frame: Frame, is_last: bool) -> object:
         """Take in one step of a decision, or a reset; `is_last` if the decision ends with it."""
         ...
 
     def reset(self, egos: Bools) -> None:
-        """Forget what is remembered of these egos, shape (B, E)."""
+        """Begin episodes of these egos, shape (B, E)."""
         ...
 
 
@@ -68,16 +68,16 @@ class Transition:
     """The result of one decision of the egos, shape (B, E); arrays are valid until the next one."""
 
     acted: Bools
-    """Egos that were active when the decision began. Only these have rewards and endings: an ego that has
-    entered later and ended before its first decision is recorded, but the user has never seen it."""
+    """Egos that were active when the decision began. Only these have rewards and endings: an ego that entered
+    later and ended before its first decision is recorded, but was never observed."""
     events: Ints
     """`Event` bits of all its steps."""
     outcome: Bytes
     """An `Outcome`."""
     terminated: Bools
-    """Ended for good, among `acted`."""
+    """The episode terminated, among `acted`."""
     truncated: Bools
-    """Cut short, among `acted`."""
+    """The episode was truncated, among `acted`."""
     finished: Bools
     """Simulations whose episode is over, shape (B,)."""
     failures: Mapping[int, SmartsError]
@@ -87,16 +87,15 @@ class Transition:
 class SimulationRunner:
     """Advances B simulations together, one decision of their egos at a time.
 
-    All egos decide every `period` steps, counted from the beginning of the episode; an ego that enters in
-    between decides from the next time on, and keeps its lane until then. A simulation whose last agent has
-    ended stands still until it is reset. One in which all egos are still to enter is stepped on until one
-    has entered.
+    All egos decide every `period` steps, counted from the beginning of the episode. An ego that enters
+    between decisions keeps its lane until the next one. A simulation without agents left is not stepped until
+    `reset`. A simulation whose egos have all yet to enter is stepped until one enters.
 
     Args:
         assembly: The simulations, and what belongs to them.
         listeners: Get every step.
         period: Steps from one decision of the egos to the next.
-        others: The agents that are not the user's.
+        others: The social agents.
     """
 
     def __init__(
@@ -159,7 +158,7 @@ class SimulationRunner:
             TrafficError: The traffic engine refused.
             ScenarioError: No ego enters.
         """
-        self._refuse_closed()
+        self._check_open()
         starts = {
             row: self._schedule.start(key.world, key.episode, key.seed) for row, key in episodes.items()
         }
@@ -184,7 +183,7 @@ class SimulationRunner:
             self.step(waiting)
 
     def step(self, env_mask: Bools | None = None) -> Transition:
-        """Carry out a decision of the egos, which is in `actions`, in the simulations that run.
+        """Step the running simulations until the egos' next decision, with the actions in `actions`.
 
         Args:
             env_mask: Which of them make the step, shape (B,); by default all.
@@ -224,7 +223,7 @@ class SimulationRunner:
         Raises:
             SmartsError: The environment was closed, or a simulation was never reset.
         """
-        self._refuse_closed()
+        self._check_open()
         for row, start in enumerate(self.starts):
             if start is None:
                 problem = f"simulation {row} has no episode to step"
@@ -236,7 +235,7 @@ class SimulationRunner:
         Args:
             name: What the values are.
             values: Of each ego, shape (B, E, ...).
-            egos: Which egos have one, shape (B, E); only those of active egos are recorded.
+            egos: Which egos have one, shape (B, E); only active egos are recorded.
 
         Raises:
             InterfaceError: The name is not a text.
@@ -250,7 +249,7 @@ class SimulationRunner:
 
         Args:
             rewards: As the user gets them, shape (B, E).
-            has_reward: Which egos have one that is a number, shape (B, E); only those that acted are
+            has_reward: Which egos have one that is a number, shape (B, E); only egos that acted are
                 recorded.
         """
         if self._recorder is None:
@@ -273,7 +272,7 @@ class SimulationRunner:
             self._requests.close()
         self.simulation.close()
 
-    def _refuse_closed(self) -> None:
+    def _check_open(self) -> None:
         if self._closed:
             raise SmartsError(
                 "the environment was closed", place=type(self).__name__, remedy="make another one"
@@ -309,7 +308,7 @@ class SimulationRunner:
         return left
 
     def _keep(self, frame: Frame) -> Frame:
-        """Keep a frame; readings of simulations that are not in it stay those of their last frame."""
+        """Keep a frame; simulations that are not in it keep the readings of their last frame."""
         self._frame = frame
         np.copyto(self._seen, frame.observe_mask, where=frame.env_mask[:, None])
         return frame
@@ -355,7 +354,7 @@ def join_events(
     finished: Bools,
     pending: Bools,
 ) -> int:
-    """Add one step's events of the egos to those of the decision.
+    """Add one step's events of the egos to the decision's.
 
     Args:
         bits: Of the decision, shape (B, E), written, as `terminated` and `truncated`.

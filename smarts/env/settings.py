@@ -15,7 +15,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
-from smarts.errors import ScenarioError
+from smarts.errors import ScenarioError, nearest_names
 from smarts.observations.context import AdapterContext
 from smarts.observations.lists import Observed, feature_list
 from smarts.rewards.own import Reward, check_reward
@@ -53,6 +53,12 @@ class EnvOptions(SimulationOptions, total=False):
     discount: float | None
     adapter: Adapter | None
     adapter_options: Mapping[str, Any] | None
+
+
+NO_RENDERING = (
+    "environments do not draw: record episodes with simulation=Options(record=FOLDER), and draw them with "
+    "smarts-bench render"
+)
 
 
 @dataclass(frozen=True)
@@ -154,13 +160,13 @@ class EnvSettings:
 
         Args:
             interfaces: Of the egos.
-            sensors: Names of those that are observed (None: all) for agents without adapters of their own.
+            sensors: Names of the observed sensors (None: all) of agents without adapters in their spec.
 
         Raises:
             SmartsError: A scenario cannot be built or played.
         """
         if not interfaces:
-            raise InterfaceError("there are no agents", remedy="name at least one")
+            raise InterfaceError("there are no agents", place="agents", remedy="name at least one")
         specs = self.specs()
         observed = {
             agent_id: sensors
@@ -180,6 +186,27 @@ class EnvSettings:
     def _build(self, scenario: str | Path, egos: int) -> BuiltScenario:
         built = build_scenario(scenario, egos=egos)
         return built if self.traffic is None else built.with_traffic(self.traffic)
+
+
+def make_settings(environment: str, *values: Any, options: EnvOptions, **more: Any) -> EnvSettings:
+    """Return the settings that an environment's arguments stand for.
+
+    Args:
+        environment: Its name, for errors.
+        values: `scenarios`, `agents` and `num_envs`.
+        options: The environment's keywords, as the caller gave them.
+        more: Further settings.
+
+    Raises:
+        TypeError: There is no such keyword, as Python says it; the message names the nearest.
+        SmartsError: A value cannot be used.
+    """
+    for name in options.keys() - EnvOptions.__annotations__.keys():
+        known = nearest_names(name, [*EnvOptions.__annotations__, "agents", "scenarios"])
+        remedy = NO_RENDERING if name == "render_mode" else known
+        raise TypeError(f"{environment} has no keyword {name!r}; {remedy}")
+    given: dict[str, Any] = {**more, **options}
+    return EnvSettings(*values, **given)
 
 
 def check_scenarios(scenarios: Any) -> None:

@@ -12,7 +12,7 @@ from smarts.agents.interface import AgentInterface
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapter_env import AdapterDictEnv
 from smarts.env.runner import NotCopied
-from smarts.env.settings import EnvOptions, EnvSettings
+from smarts.env.settings import EnvOptions, make_settings
 from smarts.errors import ActionError
 from smarts.types.streams import check_seed
 
@@ -24,15 +24,15 @@ class SingleHiWayEnv(NotCopied, gym.Env):
     """A simulation with one learning agent, "agent-0".
 
     Args:
-        scenarios: Folders, or names of the suite; they are played in a seeded order, and so are the missions
-            of each.
-        agent: Its spec or interface; by default, that of the benchmark. The adapters of a spec come on top
-            of the array adapter.
+        scenarios: Folders, or names of the suite; scenarios and their missions are played in an order drawn
+            from the seed.
+        agent: Its spec or interface; by default, that of the benchmark. A spec's adapters are applied to the
+            observation, the reward and the action.
         action_mask: Whether observations hold the mask of the lane actions too, which is in each info.
         options: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or the agent is not what it has to be.
+        SmartsError: A scenario or the agent is invalid.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012
@@ -46,7 +46,10 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         **options: Unpack[EnvOptions],
     ) -> None:
         agents = 1 if agent is None else {AGENT: agent}
-        self._env = AdapterDictEnv(EnvSettings(scenarios, agents, 1, action_mask=action_mask, **options))
+        settings = make_settings(
+            "SingleHiWayEnv", scenarios, agents, options=options, action_mask=action_mask
+        )
+        self._env = AdapterDictEnv(settings)
         self.observation_space = self._env.observation_spaces[AGENT]
         self.action_space = self._env.action_spaces[AGENT]
 
@@ -61,7 +64,7 @@ class SingleHiWayEnv(NotCopied, gym.Env):
         return observations[AGENT], infos[AGENT]
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Carry out a decision; return observation, reward, terminated, truncated and info.
+        """Step until the next decision; return observation, reward, terminated, truncated and info.
 
         Raises:
             ActionError: The action is not in the space, or the episode is over.

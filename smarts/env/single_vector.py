@@ -45,12 +45,12 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
     Args:
         num_envs: How many simulations.
         scenarios: Folders, or names of the suite; they are played in a seeded order.
-        agent: Its spec (without adapters of its own) or interface; by default, that of the benchmark.
+        agent: Its spec (without adapters) or interface; by default, that of the benchmark.
         action_mask: Whether observations hold the mask of the lane actions too, which is in the infos.
         options: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or the agent is not what it has to be.
+        SmartsError: A scenario or the agent is invalid.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
@@ -104,7 +104,7 @@ class SingleHiWayVectorEnv(NotCopied, VectorEnv):
         return self._seen, self._infos()
 
     def step(self, actions: ArrayLike) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
-        """Carry out a decision in all simulations, and reset those whose episode ends with it.
+        """Step all simulations until the next decision; reset each simulation whose episode ends.
 
         Args:
             actions: An element of `action_space`.

@@ -16,7 +16,7 @@ from smarts.arrays import Bools, Singles
 from smarts.env.actions import Own, arrays_of
 from smarts.env.groups import ALONE, AgentGroup, box_of, make_groups, rewards_of
 from smarts.env.runner import EpisodeKey, NotCopied, SimulationRunner, Transition
-from smarts.env.settings import Agents, EnvOptions, EnvSettings
+from smarts.env.settings import Agents, EnvOptions, make_settings
 from smarts.errors import SmartsError, TrafficError
 from smarts.observations.action_mask import MASK
 from smarts.types.episode import EpisodeStart
@@ -51,7 +51,7 @@ class Spaces(NamedTuple):
     blocks: tuple[Block, ...]
     """In column order."""
     state: int = 0
-    """Size of a state for all agents: there is none."""
+    """Size of a global state; 0: there is none."""
     has_graph: bool = False
 
 
@@ -72,14 +72,14 @@ class VectorStep(NamedTuple):
     """The result of one decision of all simulations, after resets; valid until the next."""
 
     observations: tuple[Leaves, ...]
-    """Per block, shape (B, n, ...), after resets. An agent that ended while its simulation goes on has its
-    last observation here, and zeros from the next step on."""
+    """Per block, shape (B, n, ...), after resets. If an agent ends before its simulation, this is its last
+    observation; later ones are zero."""
     rewards: Singles
     """0 for agents that did not act, shape (B, N)."""
     terminated: Bools
-    """Ended for good, shape (B, N)."""
+    """The agent's episode terminated, shape (B, N)."""
     truncated: Bools
-    """Cut short, shape (B, N)."""
+    """The agent's episode was truncated, shape (B, N)."""
     alive: Bools
     """Agents that act in the next step, shape (B, N)."""
     reset: Bools
@@ -87,8 +87,8 @@ class VectorStep(NamedTuple):
     final: Final | None = None
     """Of the simulations that were reset."""
     masks: tuple[Bools | None, ...] = ()
-    """Per block, which actions are legal, shape (B, n, actions). For agents that do not act it is the first
-    one, so that masked logits are not all infinite."""
+    """Per block, which actions are allowed, shape (B, n, actions). Agents that do not act get a mask with
+    only action 0 allowed, so that masked logits are not all infinite."""
     state: None = None
     graph: None = None
     failed: Mapping[int, BaseException] = {}
@@ -100,7 +100,7 @@ class VectorStep(NamedTuple):
 class VectorHiWayEnv(NotCopied):
     """B simulations with the same agents, stepped together; each is reset as soon as its episode ends.
 
-    An episode is a function of (seed, world, episode), whatever else runs beside it.
+    An episode is a function of (seed, world, episode) alone.
 
     Args:
         num_envs: B.
@@ -110,7 +110,7 @@ class VectorHiWayEnv(NotCopied):
         options: See `EnvSettings`.
 
     Raises:
-        SmartsError: A scenario or an agent is not what it has to be.
+        SmartsError: A scenario or an agent is invalid.
     """
 
     def __init__(
@@ -120,11 +120,11 @@ class VectorHiWayEnv(NotCopied):
         agents: Agents = 4,
         **options: Unpack[EnvOptions],
     ) -> None:
-        settings = EnvSettings(scenarios, agents, num_envs, action_mask=False, **options)
+        settings = make_settings("VectorHiWayEnv", scenarios, agents, num_envs, options=options)
         for name, spec in settings.specs().items():
             if spec.own_adapters:
                 raise InterfaceError(
-                    f"agent {name!r} has adapters of its own: {', '.join(sorted(spec.own_adapters))}",
+                    f"the spec of agent {name!r} has adapters: {', '.join(sorted(spec.own_adapters))}",
                     place="VectorHiWayEnv",
                     remedy="write an array adapter (docs/adapters.md), or use an environment by name",
                 )
@@ -177,7 +177,7 @@ class VectorHiWayEnv(NotCopied):
         return self._so_far()
 
     def step(self, actions: Sequence[ArrayLike] | NDArray) -> VectorStep:
-        """Carry out a decision in all simulations, and reset those whose episode ends with it.
+        """Step all simulations until the next decision; reset each simulation whose episode ends.
 
         Args:
             actions: Per block, whole numbers of shape (B, n), or numbers of shape (B, n, k); tensors on a CPU
@@ -228,7 +228,7 @@ class VectorHiWayEnv(NotCopied):
                 self._runner.annotate(name, numbers, egos)
 
     def recreate(self, failures: Mapping[int, BaseException]) -> VectorStep:
-        """Begin the next episode in some simulations, whatever happened in them."""
+        """Begin the next episode in some simulations."""
         self._next_episodes(np.array(sorted(failures)))
         return self._so_far()._replace(failed=dict(failures))
 
@@ -247,7 +247,7 @@ class VectorHiWayEnv(NotCopied):
         check_whole("stride", stride, 0, MOST_EPISODES)
 
     def _encode(self, actions: Sequence[ArrayLike] | NDArray) -> None:
-        """Check all actions, then write those of active agents."""
+        """Check all actions, then write the actions of active agents."""
         chosen, encoder = self._runner.alive, self._runner.encoder
         parsed, own = [], []
         for group, given in zip(self._groups, arrays_of(actions, self._groups, chosen), strict=True):
@@ -298,7 +298,7 @@ class VectorHiWayEnv(NotCopied):
             self._episodes[rows] += 1
 
     def _begin(self, rows: Ints) -> None:
-        """Begin episodes; where that fails, those after them."""
+        """Begin episodes; if an episode fails, the next one."""
         try:
             self._runner.reset({int(row): self._key(row) for row in rows})
         except TrafficError:

@@ -1,1 +1,1 @@
-"""Pictures of scenarios and episodes."""
+"""Draws scenarios and recorded episodes."""

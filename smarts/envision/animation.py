@@ -1,4 +1,4 @@
-"""Writes pictures as files that move, and single ones."""
+"""Writes images and animations to files."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Image = NDArray[np.uint8]
 MOVING = (".gif", ".mp4")
 STILL = (".png",)
 LONGEST_SHOWN = 600.0
-"""How long one picture of a film is shown at most [s]; a .gif can say 655."""
+"""Maximum duration of a frame [s]; the .gif format allows 655 s."""
 
 
 def check_format(out: Path) -> None:
-    """See that a file of this name can be written.
+    """Check that the format of a file can be written.
 
     Raises:
-        SmartsError: The suffix is unknown, or a program is missing.
+        SmartsError: The suffix is unknown, or ffmpeg is missing for a .mp4.
     """
     suffix = out.suffix.lower()
     if suffix not in MOVING + STILL:
@@ -46,21 +46,21 @@ def check_format(out: Path) -> None:
 
 
 def write_still(image: Image, out: Path) -> None:
-    """Write one picture."""
+    """Write an image."""
     with written_whole(out) as partial:
         PIL.Image.fromarray(image).save(partial)
 
 
 def write_moving(images: Iterable[Image], out: Path, seconds: float) -> None:
-    """Write pictures as a film; they are asked for one after the other.
+    """Write an animation; frames are consumed one by one.
 
     Args:
-        images: All of one size, width and height even.
-        out: Ends with one of `MOVING`.
-        seconds: How long each is shown; `LONGEST_SHOWN` at most.
+        images: The frames, all of the same even width and height.
+        out: The file; its suffix is one of `MOVING`.
+        seconds: Duration of each frame, clipped to `LONGEST_SHOWN` [s].
 
     Raises:
-        SmartsError: ffmpeg failed; its own message is in it.
+        SmartsError: ffmpeg failed; the error holds its message.
     """
     write = _write_gif if out.suffix.lower() == ".gif" else _write_mp4
     with written_whole(out) as partial:
@@ -72,10 +72,10 @@ def _write_gif(images: Iterator[Image], out: Path, seconds: float) -> None:
 
     def others() -> Iterator[PIL.Image.Image]:
         for image in images:
-            # One palette for all, since flat colours would flicker from one to the next.
+            # One palette for all frames, since colours would flicker between different palettes.
             yield PIL.Image.fromarray(image).quantize(palette=first, dither=PIL.Image.Dither.NONE)
 
-    # The format counts in hundredths of a second, and players slow down what is shorter than two.
+    # The format's unit is 10 ms, and players slow down frames shorter than 20 ms.
     duration = max(20, 10 * round(100 * seconds))
     first.save(out, save_all=True, append_images=others(), duration=duration, loop=0, optimize=False)
 
@@ -87,7 +87,7 @@ def _write_mp4(images: Iterator[Image], out: Path, seconds: float) -> None:
     command += ["-r", f"{1 / seconds:g}", "-i", "-", "-pix_fmt", "yuv420p", str(out)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         feed = cast("IO[bytes]", process.stdin)
-        # What ffmpeg has to say, if it goes away, is read below.
+        # If ffmpeg exits early, its message is read below.
         with contextlib.suppress(BrokenPipeError):
             feed.write(first.tobytes())
             for image in images:

@@ -1,4 +1,4 @@
-"""Recorded episodes as pictures from above, drawn without a display."""
+"""Draws recorded episodes from above, without a display."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ Image = NDArray[np.uint8]
 """Red, green, blue, shape (height, width, 3)."""
 
 MARGIN = 20.0
-"""Shown around all that the agents drive through [m]."""
+"""Margin around the agents' paths [m]."""
 NARROWEST = 60.0
-"""Width and height that are shown at least [m]."""
+"""Minimum width and height of the picture [m]."""
 TRAIL = 3.0
-"""How much of an agent's way is drawn behind it [s]."""
-REMEMBERED = 4.0
-"""How long an agent's outcome is shown at its last place [s]; the last picture has all of them."""
+"""Duration of the trail behind an agent [s]."""
+OUTCOME_SHOWN = 4.0
+"""How long an agent's outcome is shown at its last position [s]; the last picture shows all outcomes."""
 COLLISION = {"marker": (10, 1, 0), "ms": 17, "mfc": "#ffdd33", "mec": "#c00000", "mew": 1.2}
-"""A star where two vehicles touched."""
+"""The star at the contact point of two vehicles."""
 TITLE, LINE = 24, 20
-"""Heights of the title, and of each row of agents below it [pixels]."""
+"""Heights of the title and of each row of agents below it [pixels]."""
 PADDING = 4
-"""Of the frame round a label [pixels]."""
+"""Padding of a label's frame [pixels]."""
 
 PLACE = ("x", "y", "heading", "length", "width")
 """Columns of a footprint."""
@@ -51,13 +51,13 @@ PIXELS = 900
 class EpisodePicture:
     """Draws any step of one episode; roads are drawn once.
 
-    Agents have colours of their own, a trail, and a ring at their goal. Where one has ended is a cross, or a
-    star where it collided, and for a while its outcome; above the map is a line for each agent. Lights are
-    bars at the ends of their lanes.
+    Each agent has a colour, a trail, a ring at its goal, and a line of text above the map. A cross marks its
+    last position, or a star if it collided, with its outcome beside it for `OUTCOME_SHOWN`. Traffic lights
+    are bars at the ends of their lanes.
 
     Args:
-        episode: What was recorded.
-        pixels: Width of the picture, its height follows.
+        episode: The recorded episode.
+        pixels: Width of the picture; the height follows from the map [pixels].
     """
 
     def __init__(self, episode: RecordedEpisode, *, pixels: int = PIXELS) -> None:
@@ -70,21 +70,21 @@ class EpisodePicture:
         self._first = np.searchsorted(self._vehicles["step"], np.arange(self.steps + 2))
         self._roads = episode.roads()
         self._label_size = TextMeasure(8, "normal", DOTS_PER_INCH)
-        self._columns = self._fitting(pixels)
+        self._columns = self._header_columns(pixels)
         self._header = TITLE + LINE * math.ceil(len(self._agents) / self._columns)
-        self._figure, self._axes = self._stage(pixels)
+        self._figure, self._axes = self._road_figure(pixels)
         self._canvas = FigureCanvasAgg(self._figure)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(self._figure.bbox)
         self._artists: list[Any] = []
 
     def images(self, steps: Sequence[int]) -> Iterator[Image]:
-        """Yield the pictures of some steps; each is a copy."""
+        """Yield the pictures of `steps`, each a copy, shape (height, width, 3)."""
         for step in steps:
             yield self.image(step)
 
     def image(self, step: int) -> Image:
-        """Return the picture of one step, counted from the reset."""
+        """Return the picture of a step, counted from the reset (step 0), shape (height, width, 3)."""
         self._canvas.restore_region(self._background)
         self._artists = []
         self._draw_lights(step)
@@ -97,19 +97,19 @@ class EpisodePicture:
             artist.remove()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
-    def _fitting(self, pixels: int) -> int:
-        """Return how many agents' lines fit beside each other."""
+    def _header_columns(self, pixels: int) -> int:
+        """Return how many agents' lines fit side by side."""
         measure = TextMeasure(8, "bold", DOTS_PER_INCH)
         longest = max(
             (measure(_longest_line(agent, self.steps * self.dt))[0] for agent in self._agents), default=1
         )
         return max(1, min(len(self._agents), int(pixels * 0.98 // (longest + 12))))
 
-    def _stage(self, pixels: int) -> tuple[Figure, Any]:
-        """Return a figure with the roads that the agents see, and its axes."""
+    def _road_figure(self, pixels: int) -> tuple[Figure, Any]:
+        """Return a figure with the roads and goals in the window, and its axes."""
         low, high = self._window()
         width, height = high - low
-        # A strip above the map for texts, even numbers of pixels for video.
+        # A header above the map for texts; even numbers of pixels for video.
         size = 2 * np.round(np.array([pixels, pixels * height / width + self._header]) / 2)
         figure = Figure(figsize=tuple(size / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor="white")
         axes = figure.add_axes((0.0, 0.0, 1.0, float(1.0 - self._header / size[1])))
@@ -135,17 +135,17 @@ class EpisodePicture:
         return [self._vehicles[name][rows] for name in columns]
 
     def _window(self) -> tuple[Floats, Floats]:
-        """Return the corners of what the agents' ways, starts and goals span."""
+        """Return the lower left and upper right corners [m] of a window on the agents' paths and goals."""
         points = [np.array([[agent["start_x"], agent["start_y"]]]) for agent in self._agents]
-        points += [np.stack(self._way(agent, 0, self.steps), -1) for agent in self._agents]
+        points += [np.stack(self._path(agent, 0, self.steps), -1) for agent in self._agents]
         points += [np.array([goal]) for agent in self._agents if (goal := self._goal_of(agent))]
-        there = np.concatenate(points) if points else self._roads.point_xy
-        low, high = there.min(0) - MARGIN, there.max(0) + MARGIN
+        shown = np.concatenate(points) if points else self._roads.point_xy
+        low, high = shown.min(0) - MARGIN, shown.max(0) + MARGIN
         missing = np.maximum(0.0, NARROWEST - (high - low)) / 2
         return low - missing, high + missing
 
-    def _way(self, agent: dict[str, Any], first: int, last: int) -> tuple[Floats, Floats]:
-        """Return where an agent's vehicle was during some steps, while it was the agent's."""
+    def _path(self, agent: dict[str, Any], first: int, last: int) -> tuple[Floats, Floats]:
+        """Return x and y of an agent's vehicle [m], shape (T,), from step `first` to `last` or its end."""
         vehicles = self._vehicles
         last = min(last, int(agent["end_step"]))
         rows = slice(self._first[min(first, self.steps + 1)], self._first[max(0, last + 1)])
@@ -173,7 +173,7 @@ class EpisodePicture:
         first = step - round(TRAIL / self.dt)
         for agent in self._agents:
             if agent["entry_step"] <= step <= agent["end_step"]:
-                way = np.stack(self._way(agent, max(first, 0), step), -1)
+                way = np.stack(self._path(agent, max(first, 0), step), -1)
                 self._add(LineCollection([way], colors=_colour(agent), linewidths=2.5, alpha=0.5, zorder=5))
 
     def _draw_vehicles(self, step: int) -> None:
@@ -191,30 +191,30 @@ class EpisodePicture:
             self._add(shapes)
 
     def _draw_agents(self, step: int) -> None:
-        """Mark where agents have ended, and write beside each its number, or its outcome."""
+        """Mark the agents' last positions, and label each agent with its `agent_id` and outcome."""
         labelled = []
         for agent in self._agents:
             since = step - int(agent["end_step"])
             if agent["entry_step"] < 0 or step < agent["entry_step"]:
                 continue
-            x, y = (float(column[-1]) for column in self._way(agent, 0, step))
+            x, y = (float(column[-1]) for column in self._path(agent, 0, step))
             has_ended = since >= 0 and agent["outcome"] != Outcome.NONE
             if has_ended:
                 self._mark_end(agent, x, y, is_gone=since > 0)
-            if since * self.dt <= REMEMBERED or step == self.steps:
+            if since * self.dt <= OUTCOME_SHOWN or step == self.steps:
                 text = _outcome_name(agent) if has_ended else ""
                 labelled.append((agent, f"{agent['agent_id']} {text}".strip(), (x, y)))
         self._write_labels(step, labelled)
 
     def _mark_end(self, agent: dict[str, Any], x: float, y: float, *, is_gone: bool) -> None:
         if agent["outcome"] == Outcome.COLLISION:
-            self._artists += self._axes.plot(*self._touching(agent, x, y), zorder=9, **COLLISION)
+            self._artists += self._axes.plot(*self._contact_point(agent, x, y), zorder=9, **COLLISION)
         elif is_gone:
             cross = self._axes.plot(x, y, marker="x", ms=11, mew=2.5, color=_colour(agent), zorder=9)
             self._artists += cross
 
-    def _touching(self, agent: dict[str, Any], x: float, y: float) -> tuple[float, float]:
-        """Return where an agent's vehicle touched its partner, at x, y if there is no record of it."""
+    def _contact_point(self, agent: dict[str, Any], x: float, y: float) -> tuple[float, float]:
+        """Return where an agent's vehicle touched its partner [m], or (x, y) if a vehicle is not recorded."""
         step, boxes = int(agent["end_step"]), []
         present = self._present(step, *PLACE)
         slots, generations = self._present(step, "slot", "generation")
@@ -233,24 +233,29 @@ class EpisodePicture:
     def _write_labels(
         self, step: int, labelled: Sequence[tuple[dict[str, Any], str, tuple[float, float]]]
     ) -> None:
-        """Write labels beside places on the map, apart from each other and from vehicles."""
+        """Write labels beside positions on the map, without overlap with each other and with few vehicles.
+
+        Args:
+            step: The step whose vehicles are drawn.
+            labelled: Agent, text, and position [m] of each label.
+        """
         to_pixels = self._axes.transData.transform
         width, height = self._figure.bbox.width, self._figure.bbox.height
         boxes = footprints(*self._present(step, *PLACE))
         corners = to_pixels(boxes.reshape(-1, 2)).reshape(-1, 4, 2)
         sizes = [self._label_size(text) for _, text, _ in labelled]
-        middles = place_labels(
+        centres = place_labels(
             [tuple(to_pixels(place)) for _, _, place in labelled],
             [(w + 2 * PADDING, h + 2 * PADDING) for w, h in sizes],
             np.concatenate([corners.min(1), corners.max(1)], -1),
             (0.0, 0.0, width, height - self._header),
         )
-        for (agent, text, place), middle in zip(labelled, middles, strict=True):
+        for (agent, text, place), centre in zip(labelled, centres, strict=True):
             style = {"boxstyle": "round,pad=0.25", "fc": "white", "ec": _colour(agent), "alpha": 0.9}
             label = self._axes.annotate(
                 text,
                 place,
-                xytext=middle,
+                xytext=centre,
                 textcoords="figure pixels",
                 ha="center",
                 va="center",
@@ -282,7 +287,7 @@ class EpisodePicture:
             self._artists.append(text)
 
     def _status(self, agent: dict[str, Any], step: int) -> str:
-        """Return what an agent is doing, in a word or two."""
+        """Return an agent's status: its outcome, or its speed."""
         if agent["entry_step"] < 0 or step < agent["entry_step"]:
             return "waits"
         if step >= agent["end_step"] and agent["outcome"] != Outcome.NONE:
@@ -305,7 +310,7 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 
 def _longest_line(agent: dict[str, Any], seconds: float) -> str:
-    """Return the longest that is written about an agent above the map."""
+    """Return the longest line that may be written about an agent above the map."""
     ending = f"{_outcome_name(agent)} at {seconds:.1f} s"
     return f"{agent['agent_id']} {agent['name']}: {max(ending, 'watches, 88.8 m/s', key=len)}"
 

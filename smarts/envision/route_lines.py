@@ -1,4 +1,4 @@
-"""Where missions and flows go, as lines on the map."""
+"""Computes the poses and lines of missions and flows on the map."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from smarts.roads.corridors import Corridor, route_corridor
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.routes import shortest_route
 from smarts.sstudio import types as t
-from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
+from smarts.sstudio.sstypes.constants import named_offset
 
 Place = tuple[str, int, float | str]
 
 ANY_VEHICLE = frozenset({LaneKind.CAR, LaneKind.BUS})
 CAR_LENGTH = 5.0
-"""Offsets of starts say where the front bumper is; this is how far the car reaches behind it [m]."""
+"""Length of a car [m]; the offset of a start is that of its front bumper."""
 LANE_CHANGE = 25.0
 """Length of a lane change in a picture [m]."""
 
 
 def start_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, float] | None:
-    """Return x, y [m], heading [rad] of a car's centre at a mission's start; None for a random route."""
+    """Return x, y [m], heading [rad] of a car's centre at a mission's start, or None for a random route."""
     if isinstance(mission, t.EndlessMission):
         return pose_on_map(roads, mission.begin, behind=CAR_LENGTH / 2)
     if isinstance(mission.route, t.Route):
@@ -30,9 +30,9 @@ def start_pose(roads: LaneGraph, mission: t.AnyMission) -> tuple[float, float, f
 
 
 def route_line(roads: LaneGraph, route: t.Route) -> Floats:
-    """Return a line from a route's begin to its end along lanes that connect, shape (., 2).
+    """Return the line along connected lanes from a route's beginning to its end [m], shape (P, 2).
 
-    Where lanes have to be changed, the line does so half-way along the road.
+    Lane changes are half-way along the road.
     """
     begin, end = route.begin, route.end
     (first, s0), (last, s1) = place_on_map(roads, begin), place_on_map(roads, end)
@@ -48,7 +48,7 @@ def route_line(roads: LaneGraph, route: t.Route) -> Floats:
 
 
 def _lanes_along(roads: LaneGraph, corridor: Corridor, first: int, last: int) -> list[list[int]]:
-    """Return the lanes on each road and in each junction of the way; two where the lane is changed."""
+    """Return the lanes on each road and in each junction of a corridor: two where the lane changes."""
     row = int(np.flatnonzero(corridor.lane == first)[0])
     legs = [[first]]
     while True:
@@ -77,7 +77,7 @@ def _rows_beside(corridor: Corridor, row: int) -> list[int]:
 
 
 def _leg(roads: LaneGraph, lanes: list[int], low: float, high: float) -> list[Floats]:
-    """Return the line from `low` to `high` [m] on one road, from the first of its lanes to the last."""
+    """Return the line from arc length `low` to `high` [m] on one road, from its first lane to its last."""
     before, after = lanes[0], lanes[-1]
     if before == after:
         return [_between(roads, before, low, high)]
@@ -101,9 +101,9 @@ def pose_on_map(roads: LaneGraph, place: Place, behind: float = 0.0) -> tuple[fl
 
 
 def place_on_map(roads: LaneGraph, place: Place) -> tuple[int, float]:
-    """Return the lane and arc length [m] of a scenario's place; a random one is taken to be in the middle."""
+    """Return the lane and arc length [m] of a scenario's position; a random offset becomes the middle."""
     edge, index, offset = place
     lane = roads.lane_number(edge, index)
-    length = float(roads.length[lane])
-    named = {BASE_OFFSET: 0.0, MAX_OFFSET: length, RANDOM_OFFSET: length / 2}
-    return lane, named[offset] if isinstance(offset, str) else roads.arc_length(lane, float(offset))
+    if not isinstance(offset, str):
+        return lane, roads.arc_length(lane, float(offset))
+    return lane, named_offset(offset, 0.0, float(roads.length[lane]), lambda low, high: (low + high) / 2)

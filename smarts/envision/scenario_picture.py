@@ -1,7 +1,7 @@
-"""Pictures of scenarios, drawn by matplotlib without a display.
+"""Draws scenarios with matplotlib, without a display.
 
-Each `draw_*` function adds one thing to a pair of axes in map coordinates [m]; `scenario_picture` and
-`scenario_sheet` put them together.
+Each `draw_*` function adds one layer to axes in map coordinates [m]; `scenario_picture` and `scenario_sheet`
+combine them.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ LARGE_VEHICLES = {
 }
 EGO_SIZE = (CAR_LENGTH, 2.0)
 FLATTEST, MOST_UPRIGHT = 0.12, 0.5
-"""Limits to the height over the width of one scenario on a sheet."""
+"""Minimum and maximum of height / width of a scenario on a sheet."""
 
 Picture = tuple[BuiltScenario, str | None, Moment]
-"""A scenario, the variation of its traffic, and the vehicles that are drawn."""
+"""A scenario, the name of its traffic variation, and the vehicles to draw."""
 
 
 def scenario_picture(picture: Picture, out: Path, *, edges: bool = False, dpi: int = 150) -> None:
-    """Draw one scenario, and with `edges` the ids of its roads, to a file whose suffix chooses the format."""
+    """Draw one scenario, with `edges` also the ids of its roads, to a file; the suffix is the format."""
     built, traffic, _ = picture
     figure = Figure(figsize=(12, 12 * _aspect(built.roads()) + 1.0), layout="constrained")
     axes = figure.add_subplot()
@@ -70,7 +70,7 @@ def scenario_picture(picture: Picture, out: Path, *, edges: bool = False, dpi: i
 def scenario_sheet(
     pictures: Sequence[Picture], out: Path, *, edges: bool = False, columns: int = 2, dpi: int = 100
 ) -> None:
-    """Draw many scenarios side by side, each around its missions' roads, to one file."""
+    """Draw several scenarios side by side to one file, each cropped to its missions' routes."""
     windows = [_mission_window(built) for built, _, _ in pictures]
     aspects = [height / width for _, _, width, height in windows]
     rows = [max(aspects[first : first + columns]) for first in range(0, len(aspects), columns)]
@@ -89,7 +89,7 @@ def scenario_sheet(
 
 
 def draw_roads(axes: Axes, roads: LaneGraph) -> None:
-    """Draw junctions and lanes, lines between lanes, and a yellow line on every road's left edge."""
+    """Draw junctions and lanes, dashed lines between lanes, and a yellow line on each road's left edge."""
     outlines = [roads.junction_outline(junction) for junction in range(len(roads.junction_ids))]
     areas = [outline for outline in outlines if len(outline) > 2]
     axes.add_collection(PolyCollection(areas, facecolors=JUNCTION, edgecolors="none", zorder=0))
@@ -98,8 +98,8 @@ def draw_roads(axes: Axes, roads: LaneGraph) -> None:
     strips = [_strip(roads, lane) for lane in lanes]
     axes.add_collection(PolyCollection(strips, facecolors=colours, edgecolors="none", zorder=1))
     between, left_edges = (
-        [_beside(roads, lane, 0.5) for lane in np.flatnonzero(~roads.is_internal & is_there).tolist()]
-        for is_there in (roads.left >= 0, roads.left < 0)
+        [_beside(roads, lane, 0.5) for lane in np.flatnonzero(~roads.is_internal & selected).tolist()]
+        for selected in (roads.left >= 0, roads.left < 0)
     )
     dashes = (0, (5, 5))
     axes.add_collection(
@@ -119,7 +119,7 @@ def draw_edge_ids(axes: Axes, roads: LaneGraph) -> None:
 
 
 def draw_flows(axes: Axes, roads: LaneGraph, traffic: t.Traffic) -> None:
-    """Draw a line along each flow's route with an arrow head at its end, and the stops on the way."""
+    """Draw each flow's route as a line with an arrow head at its end, and the flow's stops."""
     for flow in traffic.flows:
         if isinstance(flow.route, t.Route):
             line = route_line(roads, flow.route)
@@ -135,9 +135,15 @@ def draw_flows(axes: Axes, roads: LaneGraph, traffic: t.Traffic) -> None:
 def draw_missions(
     axes: Axes, roads: LaneGraph, missions: Iterable[t.AnyMission], entered: Sequence[int] = ()
 ) -> None:
-    """Draw each mission's route as a line and its goal as a ring; random ones are left out.
+    """Draw each mission's route as a line and its goal as a ring; random missions are skipped.
 
-    An ego that has not entered is an empty box at its start.
+    An ego that has not entered is drawn as an empty box at its start.
+
+    Args:
+        axes: The axes to draw on.
+        roads: The map.
+        missions: The egos' missions.
+        entered: Numbers of the egos that have entered.
     """
     for number, mission in enumerate(expand(tuple(missions))):
         start = start_pose(roads, mission)
@@ -155,7 +161,7 @@ def draw_missions(
 
 
 def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> None:
-    """Draw the zone of each bubble that stands still, and its margin as a dashed line."""
+    """Draw the zone of each fixed bubble, and its margin as a dashed line."""
     for bubble in bubbles:
         if bubble.follow_offset is not None:
             continue
@@ -166,7 +172,7 @@ def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> N
 
 
 def draw_vehicles(axes: Axes, moment: Moment) -> None:
-    """Draw the footprint of every vehicle, with a lighter bar across its front, egos in their own colours."""
+    """Draw the footprint of every vehicle with a light bar across its front; each ego has its colour."""
     states = moment.states
     egos = {slot: EGOS[number % len(EGOS)] for number, slot in enumerate(moment.egos)}
     rows = np.flatnonzero(states.alive)
@@ -178,7 +184,7 @@ def draw_vehicles(axes: Axes, moment: Moment) -> None:
 
 
 def vehicle_colour(kind: int) -> str:
-    """Return the colour of a vehicle that is no ego."""
+    """Return the colour of a vehicle that is not an ego."""
     return LARGE_VEHICLES.get(VehicleKind(kind), CAR)
 
 
@@ -192,7 +198,7 @@ def vehicle_shapes(
     colours: Sequence[str],
     edge_width: float,
 ) -> tuple[PolyCollection, PolyCollection]:
-    """Return the footprints of V vehicles, and the lighter bars across their fronts."""
+    """Return the footprints of V vehicles, and light bars across their fronts."""
     nose = 0.3 * length
     front = x + nose * np.cos(heading), y + nose * np.sin(heading)
     boxes = list(footprints(x, y, heading, length, width))
@@ -228,7 +234,7 @@ def _draw_scenario(axes: Axes, picture: Picture, *, edges: bool) -> None:
 
 
 def _mission_window(built: BuiltScenario, margin: float = 12.0) -> tuple[float, float, float, float]:
-    """Return the middle, width and height [m] of what the missions' routes span."""
+    """Return x and y of the centre, width and height [m] of a window on the missions' routes."""
     roads = built.roads()
     missions = expand(built.scenario.ego_missions or ())
     routes = [mission.route for mission in missions if not isinstance(mission, t.EndlessMission)]
@@ -241,17 +247,13 @@ def _mission_window(built: BuiltScenario, margin: float = 12.0) -> tuple[float, 
 
 
 def _legend(pictures: Sequence[Picture]) -> list[Patch]:
-    """Return an entry for each kind of thing in the pictures; random routes are not drawn."""
+    """Return legend entries for the kinds of objects in the pictures."""
     scenarios = [built.scenario for built, _, _ in pictures]
     traffics = [(built.scenario.traffic or {})[name] for built, name, _ in pictures if name]
     flows = [*chain.from_iterable(traffic.flows for traffic in traffics)]
     kinds = _social_kinds(pictures)
     entries = {
-        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(
-            start_pose(built.roads(), mission)
-            for built, _, _ in pictures
-            for mission in expand(built.scenario.ego_missions or ())
-        ),
+        Patch(facecolor=EGOS[0], label="ego, its route and goal"): any(map(_has_fixed_missions, pictures)),
         Patch(facecolor=CAR, label="car"): bool(kinds - set(LARGE_VEHICLES)),
         Patch(facecolor=BUS, label="bus"): bool(kinds & {VehicleKind.BUS, VehicleKind.COACH}),
         Patch(facecolor=TRUCK, label="truck"): bool(kinds & {VehicleKind.TRUCK, VehicleKind.TRAILER}),
@@ -262,8 +264,13 @@ def _legend(pictures: Sequence[Picture]) -> list[Patch]:
     return [entry for entry, shown in entries.items() if shown]
 
 
+def _has_fixed_missions(picture: Picture) -> bool:
+    built = picture[0]
+    return any(start_pose(built.roads(), each) for each in expand(built.scenario.ego_missions or ()))
+
+
 def _social_kinds(pictures: Sequence[Picture]) -> set[int]:
-    """Return the kinds of all vehicles but the egos."""
+    """Return the kinds of all vehicles except the egos."""
     return {
         int(moment.states.kind[slot])
         for _, _, moment in pictures
@@ -273,12 +280,12 @@ def _social_kinds(pictures: Sequence[Picture]) -> set[int]:
 
 
 def _strip(roads: LaneGraph, lane: int) -> Floats:
-    """Return the outline of a lane, shape (., 2)."""
+    """Return the outline of a lane [m], shape (P, 2)."""
     return np.concatenate([_beside(roads, lane, 0.5), _beside(roads, lane, -0.5)[::-1]])
 
 
 def _beside(roads: LaneGraph, lane: int, widths: float) -> Floats:
-    """Return the line that runs `widths` lane widths to the left of a lane's centreline, shape (., 2)."""
+    """Return the line `widths` lane widths to the left of a lane's centreline [m], shape (P, 2)."""
     rows = slice(roads.point_start[lane], roads.point_start[lane + 1])
     heading = roads.point_heading[rows]
     left = np.stack([-np.sin(heading), np.cos(heading)], -1)

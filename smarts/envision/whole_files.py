@@ -1,4 +1,4 @@
-"""Pictures and films that are whole or not there."""
+"""Writes files atomically."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ PARTIAL = ".partial-"
 
 @contextmanager
 def written_whole(out: Path) -> Iterator[Path]:
-    """Provide a file beside `out` to write to, which gets its name when all is in it.
+    """Yield a temporary path beside `out`, which replaces `out` if the block succeeds.
+
+    If the block fails, an existing file stays as it was.
 
     Raises:
-        SmartsError: It cannot be written; what was there before stays.
+        SmartsError: The file cannot be written.
     """
     partial = out.with_name(f"{PARTIAL}{out.name}")
     try:

@@ -1,1 +1,1 @@
-"""Geometry in the plane, arrays in and arrays out: frames, polylines, segments, boxes, spatial grids."""
+"""Plane geometry on arrays: frames, polylines, segments, boxes, spatial grids, rasters; and numba kernels."""

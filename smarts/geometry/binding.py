@@ -1,9 +1,9 @@
-"""Kernels whose arguments are handed over once.
+"""Binds arguments to kernels, so that calls do not pass them again.
 
-To hand numba a tuple of sixty arrays costs 20 us a call: it looks up the tuple's type and takes every array
-out of its Python object, which is more than many kernels of the step take themselves. So what stays the same
-from call to call is written down once, as addresses, shapes and strides, and compiled code reads it there:
-the call costs 0.3 us however much there is. Of named tuples it reads only what is used.
+Passing a tuple of sixty arrays to numba costs 20 us per call, more than many kernels need: numba looks up the
+tuple's type and unboxes every array. `bind` writes the addresses, shapes and strides of arguments that stay
+the same to memory once, and compiled code reads them there: a call costs 0.3 us, however many arguments are
+bound. Compiled code reads only the fields of named tuples that it uses.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from numba.np.arrayobj import get_itemsize, populate_array
 from smarts.geometry.compiling import kernel, sources_digest
 
 _MOST_BOUND = 4
-"""How many bindings a `LateBound` keeps."""
+"""Number of bindings that a `LateBound` caches."""
 _WORD = 8
-"""Bytes of a number, an address, an extent or a stride."""
+"""Size of a number, an address, an extent or a stride [bytes]."""
 
 T = TypeVar("T")
 
 
 class Replaceable(Generic[T]):
-    """An argument to bind that may be replaced by another of the same type: all kernels get the new one.
+    """A bound argument that can be replaced in all kernels at once by a value of the same type.
 
     Args:
-        value: What is bound at first; arrays, whole numbers, floats, and tuples of such.
+        value: The initial value: an array, an integer, a float, or a tuple of these.
     """
 
     def __init__(self, value: T) -> None:
@@ -48,19 +48,19 @@ class Replaceable(Generic[T]):
 
     @property
     def value(self) -> T:
-        """What is bound now."""
+        """The current value."""
         return self._value
 
     @property
     def address(self) -> int:
-        """Where compiled code reads it."""
+        """The address at which compiled code reads the value."""
         return self._words.ctypes.data
 
     def replace(self, value: T) -> None:
-        """Bind another value from now on.
+        """Replace the value in all kernels that it is bound to.
 
         Raises:
-            TypeError: It is of another type.
+            TypeError: The value has another type than the current one.
         """
         kind = typeof(value)
         if kind != self.kind:
@@ -70,35 +70,35 @@ class Replaceable(Generic[T]):
 
 
 class _Bound(partial):
-    """A call of a kernel with an address; keeps alive what lies there."""
+    """A kernel with the address of its bound arguments; keeps these alive."""
 
     held: tuple[Any, ...]
 
 
 def bind(function: Any, *arguments: Any) -> Callable[..., Any]:
-    """Return a kernel with its first arguments given, for calls by position with the others.
+    """Return a kernel with its first arguments bound; callers pass the others by position.
 
-    Arrays are bound as they lie in memory: what is written into them later is seen. Numbers are bound by
-    their value.
+    Arrays are bound by reference, so the kernel sees later changes to their contents. Numbers are bound by
+    value.
 
     Args:
         function: A kernel, made by `kernel`.
-        arguments: Arrays, whole numbers, floats, tuples of such, and `Replaceable`.
+        arguments: Arrays, integers, floats, `Replaceable`s, and tuples of these.
 
     Raises:
-        TypeError: An argument is of another type.
+        TypeError: An argument has an unsupported type.
     """
     memory = np.frombuffer(b"".join(_words(arguments)), np.int64)
     kinds = tuple(
         _Reference(each.kind) if isinstance(each, Replaceable) else typeof(each) for each in arguments
     )
-    bound = _Bound(_taking_address(function, kinds), memory.ctypes.data)
+    bound = _Bound(_address_kernel(function, kinds), memory.ctypes.data)
     bound.held = memory, arguments
     return bound
 
 
 class LateBound:
-    """A kernel that is bound to further arguments at the call: those that are usually the same objects.
+    """A kernel whose next arguments are bound when it is called; bindings to the same objects are cached.
 
     Args:
         function: A kernel, made by `kernel`.
@@ -110,19 +110,19 @@ class LateBound:
         self._bound: dict[tuple[int, ...], Callable[..., Any]] = {}
 
     def to(self, *arguments: Any) -> Callable[..., Any]:
-        """Return the kernel with its next arguments bound too; the same objects are bound once."""
+        """Return the kernel with its next arguments bound too, from the cache for the same objects."""
         key = tuple(map(id, arguments))
         found = self._bound.get(key)
         if found is None:
             if len(self._bound) == _MOST_BOUND:
                 self._bound.clear()
-            # What is bound keeps its arguments alive, so that no other object has the same `id`.
+            # A binding keeps its arguments alive, so no other object has the same `id`.
             found = self._bound[key] = bind(self._function, *self._arguments, *arguments)
         return found
 
 
 class _Reference(types.Type):
-    """The type of what is not bound itself, but by its address."""
+    """The numba type of a `Replaceable`: the address of a value is bound, not the value."""
 
     def __init__(self, kind: types.Type) -> None:
         super().__init__(f"reference to {_name_of(kind)}")
@@ -130,7 +130,7 @@ class _Reference(types.Type):
 
 
 def _words(argument: Any) -> Iterator[bytes]:
-    """Yield the bytes of an argument, in the order in which `_unpacked` reads them."""
+    """Yield the bytes of an argument in the order in which `_load` reads them."""
     if isinstance(argument, Replaceable):
         yield struct.pack("=q", argument.address)
     elif isinstance(argument, tuple):
@@ -146,11 +146,11 @@ def _words(argument: Any) -> Iterator[bytes]:
 
 
 @cache
-def _taking_address(function: Any, kinds: tuple[types.Type, ...]) -> Any:
-    """Return a kernel that takes the address of bound arguments, and then others, for another kernel."""
+def _address_kernel(function: Any, kinds: tuple[types.Type, ...]) -> Any:
+    """Return a kernel that calls `function` with arguments at an address, followed by further arguments."""
     target = function.py_func
-    # Globals, not cells of a closure: numba's cache would write objects of this process into its keys. Their
-    # layout is in the name instead.
+    # Pass `target` and `unpack` as globals: numba's cache keys would hold process-specific closure cells. The
+    # function's name holds the layout of the arguments instead.
     names = {"target": function, "unpack": _unpacker(kinds), "__name__": target.__module__}
     wrapper = FunctionType(_call.__code__, names)
     wrapper.__module__ = target.__module__
@@ -163,13 +163,13 @@ def _call(address: int, *others: Any) -> Any:
 
 
 def _unpacker(kinds: tuple[types.Type, ...]) -> Any:
-    """Return a compiled function that reads arguments of some types at an address."""
+    """Return an intrinsic that reads arguments of types `kinds` at an address."""
     found = _tuple_of(kinds)
 
     @intrinsic
     def unpack(typing_context: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            return context.make_tuple(builder, found, _loaded(context, builder, kinds, values[0]))
+            return context.make_tuple(builder, found, _load_all(context, builder, kinds, values[0]))
 
         return found(types.intp), generate
 
@@ -177,10 +177,10 @@ def _unpacker(kinds: tuple[types.Type, ...]) -> Any:
 
 
 class _Held(types.Type):
-    """The type of a named tuple that stays in memory: code that is given it gets one address.
+    """The numba type of a named tuple that is passed as one address; fields are read where they are used.
 
-    Its fields are read where they are used. Tuples of arrays themselves are handed from function to function
-    by value, five words or more for each array, which takes longer than many functions do.
+    Numba passes tuples of arrays by value, five or more words per array, which takes longer than many
+    kernels.
     """
 
     def __init__(self, kind: Any) -> None:
@@ -199,31 +199,31 @@ class _HeldFields(AttributeTemplate):
     key = _Held
 
     def generic_resolve(self, held: _Held, name: str) -> Any:
-        """Return the type of a field, None if there is none of this name."""
+        """Return the type of a field, or None if the tuple has no field `name`."""
         fields = held.kind.fields
-        return _seen(held.kind.types[fields.index(name)]) if name in fields else None
+        return _kernel_type(held.kind.types[fields.index(name)]) if name in fields else None
 
 
 @lower_getattr_generic(_Held)
 def _read_field(context: Any, builder: Any, held: _Held, address: Any, name: str) -> Any:
-    """Generate the reading of a field."""
+    """Generate code that reads a field."""
     number = held.kind.fields.index(name)
     place = sum(map(_size, held.kind.types[:number]))
-    return _load(context, builder, held.kind.types[number], _shifted(builder, address, place))
+    return _load(context, builder, held.kind.types[number], _offset_address(builder, address, place))
 
 
 @cache
 def _layout_digest(*kinds: Any) -> str:
-    """Return a digest of all that decides where compiled code looks for values of some types.
+    """Return a digest of everything that decides where compiled code reads values of types `kinds`.
 
-    That is this module too. A kernel need not import it, so that its own digest would not notice a change.
+    It includes this module: kernels need not import it, so their own digests would miss a change.
     """
     content = " ".join([sources_digest(__name__), *map(_layout, kinds)])
     return hashlib.blake2b(content.encode(), digest_size=6).hexdigest()
 
 
 def _layout(kind: Any) -> str:
-    """Return what a type holds, in order: other than its string, with the names of fields."""
+    """Return a description of a type's contents in order, with field names (which `str` leaves out)."""
     if isinstance(kind, _Reference):
         return f"reference to {_layout(kind.kind)}"
     if not _is_tuple(kind):
@@ -234,15 +234,15 @@ def _layout(kind: Any) -> str:
 
 
 def _name_of(kind: Any) -> str:
-    """Return a name for a type that another layout does not have: numba tells types apart by their names."""
+    """Return a type's name, unique to its layout: numba compares types by name."""
     title = kind.instance_class.__name__ if _is_named(kind) else str(kind)
     return f"{title} {_layout_digest(kind)}"
 
 
-def _seen(kind: Any) -> Any:
-    """Return the type as which compiled code gets what is bound as a type."""
+def _kernel_type(kind: Any) -> Any:
+    """Return the type that compiled code receives for a bound argument of type `kind`."""
     if isinstance(kind, _Reference):
-        return _seen(kind.kind)
+        return _kernel_type(kind.kind)
     if _is_named(kind):
         return _Held(kind)
     if _is_tuple(kind):
@@ -259,38 +259,40 @@ def _is_named(kind: Any) -> bool:
 
 
 def _tuple_of(kinds: tuple[Any, ...]) -> Any:
-    return types.BaseTuple.from_types([_seen(kind) for kind in kinds])
+    return types.BaseTuple.from_types([_kernel_type(kind) for kind in kinds])
 
 
 def _size(kind: Any) -> int:
-    """Return how many words `_words` yields for a value of a type."""
+    """Return the number of words that `_words` yields for a value of a type."""
     if _is_tuple(kind):
         return sum(map(_size, kind.types))
     return 1 + 2 * kind.ndim if isinstance(kind, types.Array) else 1
 
 
-def _shifted(builder: Any, address: Any, words: int) -> Any:
-    """Generate the address of what lies some words behind."""
+def _offset_address(builder: Any, address: Any, words: int) -> Any:
+    """Generate the address `words` words after `address`."""
     return builder.add(address, address.type(words * _WORD))
 
 
-def _loaded(context: Any, builder: Any, kinds: tuple[Any, ...], address: Any) -> list[Any]:
-    """Generate the reading of values that lie one after the other."""
+def _load_all(context: Any, builder: Any, kinds: tuple[Any, ...], address: Any) -> list[Any]:
+    """Generate code that reads consecutive values of types `kinds`."""
     places = accumulate(map(_size, kinds), initial=0)
     return [
-        _load(context, builder, kind, _shifted(builder, address, place))
+        _load(context, builder, kind, _offset_address(builder, address, place))
         for kind, place in zip(kinds, places, strict=False)
     ]
 
 
 def _load(context: Any, builder: Any, kind: Any, address: Any) -> Any:
-    """Generate the reading of a value of a type; return it as the type that is seen."""
+    """Generate code that reads a value of a type; the result has type `_kernel_type(kind)`."""
     if isinstance(kind, _Reference):
         return _load(context, builder, kind.kind, _load(context, builder, types.intp, address))
     if _is_named(kind):
         return address
     if _is_tuple(kind):
-        return context.make_tuple(builder, _seen(kind), _loaded(context, builder, kind.types, address))
+        return context.make_tuple(
+            builder, _kernel_type(kind), _load_all(context, builder, kind.types, address)
+        )
     if not isinstance(kind, types.Array):
         return _word(builder, context.get_value_type(kind), address, 0)
     array = context.make_array(kind)(context, builder)
@@ -299,13 +301,13 @@ def _load(context: Any, builder: Any, kind: Any, address: Any) -> Any:
     shape = [_word(builder, intp, address, 1 + axis) for axis in range(kind.ndim)]
     strides = [_word(builder, intp, address, 1 + kind.ndim + axis) for axis in range(kind.ndim)]
     size = context.get_constant(types.intp, get_itemsize(context, kind))
-    # Without an owner: the bound kernel keeps the array alive.
+    # No owner: the bound kernel keeps the array alive.
     populate_array(array, data, shape, strides, size, None)
     return array._getvalue()
 
 
 def _word(builder: Any, kind: Any, address: Any, place: int) -> Any:
-    """Generate the reading of one word, which does not change while the kernel runs."""
-    value = builder.load(builder.inttoptr(_shifted(builder, address, place), kind.as_pointer()))
+    """Generate code that reads one word; words do not change while the kernel runs."""
+    value = builder.load(builder.inttoptr(_offset_address(builder, address, place), kind.as_pointer()))
     value.set_metadata("invariant.load", builder.module.add_metadata([]))
     return value

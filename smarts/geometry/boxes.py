@@ -13,8 +13,9 @@ from smarts.geometry.compiling import kernel
 Pose = tuple[float, float, float]
 """x, y of the centre [m], heading [rad]."""
 Gaps = tuple[float, float, float, float]
+"""The result of `box_gaps` [m]."""
 Mover = tuple[Pose, float, float, float, float, float]
-"""A box under way: pose, half length, half width [m], velocity in x and y [m/s], yaw rate [rad/s]."""
+"""A moving box: pose, half length, half width [m], velocity in x and y [m/s], yaw rate [rad/s]."""
 
 
 def boxes_overlap(
@@ -25,15 +26,17 @@ def boxes_overlap(
     heading2: ArrayLike,
     size2: ArrayLike,
 ) -> Bools:
-    """Return whether two oriented boxes share area, by the separating-axis theorem; touching ones do not.
+    """Return whether two oriented boxes share area, by the separating-axis theorem, shape (...).
+
+    Boxes that only touch do not overlap. The shapes of the two boxes' arguments broadcast.
 
     Args:
-        centre: [m], shape (..., 2); the two boxes' shapes broadcast.
-        heading: Direction of the length [rad], shape (...).
-        size: Length and width [m], shape (..., 2).
-        centre2: Of the other box.
-        heading2: Of the other box.
-        size2: Of the other box.
+        centre: Centre of the first box [m], shape (..., 2).
+        heading: Direction of its length [rad], shape (...).
+        size: Its length and width [m], shape (..., 2).
+        centre2: Centre of the second box.
+        heading2: Its heading.
+        size2: Its size.
     """
     axes, axes2 = _axes(heading), _axes(heading2)
     half, half2 = np.asarray(size, float) / 2, np.asarray(size2, float) / 2
@@ -48,7 +51,7 @@ def boxes_overlap(
 
 
 def _axes(heading: ArrayLike) -> Floats:
-    """Return the directions of length and width, shape (..., 2, 2)."""
+    """Return the unit vectors along length and width, shape (..., 2, 2)."""
     cosine, sine = np.cos(heading), np.sin(heading)
     return np.stack([np.stack([cosine, sine], -1), np.stack([-sine, cosine], -1)], -2)
 
@@ -57,15 +60,15 @@ def _axes(heading: ArrayLike) -> Floats:
 def box_gaps(
     pose: Pose, half_length: float, half_width: float, pose2: Pose, half_length2: float, half_width2: float
 ) -> Gaps:
-    """Return how far two oriented boxes are apart along the four directions that can separate them [m].
+    """Return the gaps between two oriented boxes along the four axes that can separate them [m].
 
-    The directions are those of length and width of the first box, then of the second. A gap below 0 is an
-    overlap along that direction; the boxes share area if all four are below 0.
+    The axes are the directions of length and width of the first box, then of the second. A negative gap is an
+    overlap along that axis; the boxes share area if all four gaps are negative.
     """
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     cosine2, sine2 = math.cos(pose2[2]), math.sin(pose2[2])
     dx, dy = pose2[0] - pose[0], pose2[1] - pose[1]
-    # Between the two lengths (or the two widths), and between one's length and the other's width.
+    # Cosines between the two lengths (or the two widths), and between one length and the other width.
     along, across = abs(cosine * cosine2 + sine * sine2), abs(cosine * sine2 - sine * cosine2)
     return (
         abs(dx * cosine + dy * sine) - half_length - along * half_length2 - across * half_width2,
@@ -77,15 +80,15 @@ def box_gaps(
 
 @kernel
 def may_meet(mover: Mover, mover2: Mover, seconds: float, slack: float) -> bool:
-    """Return whether two boxes under way may touch within some time; wrong at most in saying yes.
+    """Return whether two moving boxes may touch within `seconds`; False only if they cannot.
 
-    They cannot where one of the directions that separate them now stays wide enough.
+    They cannot touch if the gap along one separating axis is too large to close in that time.
 
     Args:
-        mover: One.
-        mover2: The other.
+        mover: The first box.
+        mover2: The second box.
         seconds: The time [s].
-        slack: How far both may come nearer beyond what velocities and yaw rates say [m].
+        slack: Distance by which the boxes may approach beyond their velocities and yaw rates [m].
     """
     pose, half_length, half_width, vx, vy, yaw_rate = mover
     pose2, half_length2, half_width2, vx2, vy2, yaw_rate2 = mover2
@@ -110,21 +113,20 @@ def may_meet(mover: Mover, mover2: Mover, seconds: float, slack: float) -> bool:
 
 @kernel
 def contact_direction(pose: Pose, pose2: Pose, gaps_before: Gaps, gaps: Gaps) -> tuple[float, float, float]:
-    """Return where two boxes that now overlap, and a moment ago did not, have met.
+    """Return the direction and the time at which two overlapping boxes came into contact.
 
-    Of the directions in which they were apart it is the one in which they still were when they overlapped in
-    all others: they met across the sides that face each other there. Boxes that overlapped already met in the
-    direction in which they overlap least.
+    The contact direction is the axis whose gap closed last between the previous and the current step. If the
+    boxes overlapped in the previous step already, it is the axis along which they overlap least.
 
     Args:
-        pose: Of the first box, now.
-        pose2: Of the second box, now.
-        gaps_before: `box_gaps` a moment ago.
-        gaps: `box_gaps` now, all below 0.
+        pose: Current pose of the first box.
+        pose2: Current pose of the second box.
+        gaps_before: `box_gaps` of the previous step.
+        gaps: Current `box_gaps`, all negative.
 
     Returns:
-        The unit vector from the first box to the second, square to the sides that met, and when in between
-        they met: 0 a moment ago, 1 now.
+        The unit vector from the first box to the second, perpendicular to the sides in contact, and the time
+        of contact as a fraction of the step, in [0, 1].
     """
     axis, when = -1, -1.0
     for number in range(4):
@@ -141,13 +143,11 @@ def contact_direction(pose: Pose, pose2: Pose, gaps_before: Gaps, gaps: Gaps) ->
 
 @kernel
 def facing(pose: Pose, pose2: Pose, gaps: Gaps) -> tuple[float, float]:
-    """Return the unit vector from one box to another, square to the sides that face each other.
-
-    These are those that are furthest apart, or overlap least.
+    """Return the unit vector from one box to another, along the axis with the largest gap.
 
     Args:
-        pose: Of the first box.
-        pose2: Of the second box.
+        pose: Pose of the first box.
+        pose2: Pose of the second box.
         gaps: `box_gaps` of the two.
     """
     axis = 0
@@ -159,7 +159,7 @@ def facing(pose: Pose, pose2: Pose, gaps: Gaps) -> tuple[float, float]:
 
 @kernel
 def _towards(pose: Pose, pose2: Pose, axis: int) -> tuple[float, float]:
-    """Return the direction of one of `box_gaps`, from the first box to the second."""
+    """Return the unit vector along the axis of `box_gaps[axis]`, from the first box to the second."""
     heading = pose[2] if axis < 2 else pose2[2]
     x, y = math.cos(heading), math.sin(heading)
     if axis % 2:

@@ -1,4 +1,4 @@
-"""Compiled kernels, and a cache on disk that knows everything they were compiled from."""
+"""Numba kernels with a disk cache keyed by all source files that a kernel depends on."""
 
 from __future__ import annotations
 
@@ -20,32 +20,31 @@ from smarts.geometry.linking import Kernel
 
 
 def kernel(function: Callable) -> Any:
-    """Compile a function with numba when it is first called, and keep the machine code on disk.
+    """Compile a function with numba at its first call, and cache the machine code on disk.
 
-    Numba's own cache looks at the function's file only, and so reuses stale code after a change to
-    another: to a kernel that is called, a constant, or the fields of a named tuple. Here the entry's name
-    holds a digest of the function's module and of all modules of this project that it imports, itself or by
-    way of others.
+    Numba's own cache checks only the function's file, and so reuses stale code after a change in another
+    module: a kernel that is called, a constant, the fields of a named tuple. Here the name of a cache entry
+    holds a digest of the function's module and of all project modules that it imports, directly or not.
     """
-    _tell_of_compiling()
+    _log_compiling()
     _kernels.add(function.__code__)
     function.__qualname__ += f"_{sources_digest(function.__module__)}"
     return function if vars(config)["DISABLE_JIT"] else Kernel(function)
 
 
 _kernels: set[CodeType] = set()
-"""Of what was handed to `kernel`; users may compile functions of their own."""
+"""Code of all kernels: the notice ignores functions that users compile with numba."""
 
 
-class _Notice(Listener):
-    """Says once why nothing happens for a while: machine code that is in the cache is not compiled."""
+class _CompileNotice(Listener):
+    """Logs once that kernels are being compiled; kernels from the cache cause no message."""
 
     def __init__(self) -> None:
-        self._is_said = False
+        self._is_logged = False
 
     def on_start(self, event: Event) -> None:
-        if not self._is_said and event.data and event.data["dispatcher"].py_func.__code__ in _kernels:
-            self._is_said = True
+        if not self._is_logged and event.data and event.data["dispatcher"].py_func.__code__ in _kernels:
+            self._is_logged = True
             logging.getLogger("smarts").warning(
                 "compiling kernels, once after an installation or a change: half a minute for an environment"
                 " (`smarts-bench compile` compiles all of them at once)"
@@ -56,7 +55,7 @@ class _Notice(Listener):
 
 
 class Compilations(Listener):
-    """Counts what numba compiles, but for what is in the cache, as `with Compilations() as compiled: ...`."""
+    """Counts functions that numba compiles, without cache hits: `with Compilations() as compiled: ...`."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -69,7 +68,7 @@ class Compilations(Listener):
         unregister("numba:compile", self)
 
     def on_start(self, event: Event) -> None:
-        """Count one."""
+        """Count a compilation."""
         self.count += 1
 
     def on_end(self, event: Event) -> None:
@@ -77,20 +76,20 @@ class Compilations(Listener):
 
 
 @cache
-def _tell_of_compiling() -> None:
-    register("numba:compile", _Notice())
+def _log_compiling() -> None:
+    register("numba:compile", _CompileNotice())
 
 
 @cache
 def sources_digest(module_name: str) -> str:
-    """Return a digest of the sources of a module and of all that it imports from this project.
+    """Return a digest of the sources of a module and of all project modules that it imports, directly or not.
 
-    The imports are read in the sources, since a number does not say where it was imported from. Their files
-    are found without loading them, so that the digest does not depend on what is loaded already.
+    Imports are read from the sources, since a constant does not record its module. Files are found without
+    importing them, so the digest does not depend on the modules loaded so far.
     """
     own = Path(str(sys.modules[module_name].__file__))
     projects = {module_name.partition(".")[0], __name__.partition(".")[0]}
-    # A program's main file goes by another name than its file.
+    # The main program's module name, `__main__`, is not that of its file.
     found, ahead = {own}, [(own, module_name)]
     while ahead:
         for name in _imports(*ahead.pop()):
@@ -106,13 +105,13 @@ def sources_digest(module_name: str) -> str:
 
 @cache
 def _imports(file: Path, module_name: str) -> frozenset[str]:
-    """Return the names of all modules that a file imports, and others: `from a import b` may mean a.b."""
+    """Return the names of modules that a file may import: `from a import b` yields `a` and `a.b`."""
     package = module_name if file.name == "__init__.py" else module_name.rpartition(".")[0]
     names: set[str] = set()
     ahead: list[ast.AST] = [ast.parse(file.read_bytes())]
     while ahead:
         node = ahead.pop()
-        # Statements within statements; walking all expressions as well would take twice the time.
+        # Visit only statements: also walking expressions would take twice as long.
         for block in ("body", "orelse", "handlers", "finalbody"):
             ahead += getattr(node, block, ())
         if isinstance(node, ast.Import):
@@ -126,7 +125,7 @@ def _imports(file: Path, module_name: str) -> frozenset[str]:
 
 @cache
 def _file(module_name: str) -> Path | None:
-    """Return the source of a module of a package that is loaded, None if there is no such module."""
+    """Return the source file of a module whose top-level package is loaded, or None if there is none."""
     top, *parts = module_name.split(".")
     for folder in getattr(sys.modules.get(top), "__path__", ()):
         place = Path(folder, *parts)

@@ -1,15 +1,13 @@
-"""Angles and frames: the one place where SUMO's compass degrees become headings and back.
+"""Angles and frames; converts between headings and SUMO's compass angles.
 
 A heading is counter-clockwise from +x in (-pi, pi] [rad]. SUMO's angle is clockwise from north in degrees.
-The functions take floats or arrays, and compile with numba as they stand.
+The functions take floats or arrays and can be compiled with numba.
 """
 
 from __future__ import annotations
 
 import math
 from typing import TypeVar
-
-import numpy as np
 
 from smarts.arrays import Floats
 
@@ -23,16 +21,10 @@ def wrap_angle(angle: Angle) -> Angle:
 
 
 def heading_from_compass(degrees: Angle) -> Angle:
-    """Return the heading [rad] of SUMO's angle, which is clockwise from north [degrees]."""
+    """Return the heading [rad] of a SUMO angle [degrees]."""
     return wrap_angle((90.0 - degrees) * (math.pi / 180.0))
 
 
 def compass_from_heading(heading: Angle) -> Angle:
-    """Return SUMO's angle in [0, 360) of a heading [rad]."""
+    """Return the SUMO angle in [0, 360) [degrees] of a heading [rad]."""
     return (90.0 - heading * (180.0 / math.pi)) % 360.0
-
-
-def rotate(points: Floats, angle: float) -> Floats:
-    """Return points of shape (..., 2) turned counter-clockwise about the origin by `angle` [rad]."""
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return points @ np.array([[cosine, sine], [-sine, cosine]])

@@ -1,7 +1,7 @@
-"""A spatial grid over polylines and outlines: which of them come near a square cell.
+"""A spatial grid over polylines and outlines.
 
-A cell lists runs of points: (line, first point, last point) says that this stretch of the line comes within
-the line's reach of the cell. One look into the cell of a point therefore finds every line within its reach.
+Each square cell lists runs (line, first point, last point): the parts of lines that come within the line's
+reach of the cell. The cell of a point therefore lists every line that has the point within its reach.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ class Grid(NamedTuple):
     columns: int
     rows: int
     run_start: Ints
-    """CSR of the runs of each cell, shape (cells + 1,)."""
+    """CSR offsets of each cell's runs, shape (cells + 1,)."""
     run: Ints
     """Rows (line, first point, last point), shape (runs, 3); lines in ascending order within a cell."""
     outline_start: Ints
-    """CSR of the outlines of each cell, shape (cells + 1,)."""
+    """CSR offsets of each cell's outlines, shape (cells + 1,)."""
     outline: Ints
-    """Numbers of the outlines whose bounding box touches the cell."""
+    """Indices of the outlines whose bounding box touches the cell, shape (entries,)."""
 
 
 def build_grid(
@@ -41,11 +41,11 @@ def build_grid(
     """Return the grid of polylines and outlines, both in CSR form.
 
     Args:
-        line_start: CSR of the lines' points, shape (L + 1,).
-        points: [m], shape (P, 2).
-        reach: How far from a line its runs are listed [m], shape (L,).
-        outline_start: CSR of the outlines' vertices, shape (J + 1,).
-        outlines: [m], shape (., 2).
+        line_start: CSR offsets of the lines' points, shape (L + 1,).
+        points: Points of all lines [m], shape (P, 2).
+        reach: Distance from each line within which cells list it [m], shape (L,).
+        outline_start: CSR offsets of the outlines' vertices, shape (J + 1,).
+        outlines: Vertices of all outlines [m], shape (V, 2).
         size: Side of a cell [m].
     """
     margin = float(reach.max(initial=0.0))
@@ -60,7 +60,7 @@ def build_grid(
 
 
 def _count_then_fill(listing: Callable, cells: int, arguments: tuple, width: int) -> tuple[Ints, Ints]:
-    """Run a listing kernel twice: to count each cell's entries, and to write them."""
+    """Run a listing kernel twice: first count each cell's entries, then write them."""
     start = np.zeros(cells + 1, np.int32)
     nothing = np.empty((0, width), np.int32)
     listing(*arguments, start[1:], nothing)
@@ -81,7 +81,7 @@ def _list_runs(
     cursor: Ints,
     entries: Ints,
 ) -> None:
-    """Count each cell's runs in `cursor`, or, with room in `entries`, write them from `cursor` on."""
+    """Count each cell's runs in `cursor` if `entries` is empty; else write them at `cursor`."""
     cells = len(cursor)
     open_line = np.full(cells, -1, np.int32)
     open_point = np.full(cells, -1, np.int32)
@@ -118,7 +118,7 @@ def _list_outlines(
     cursor: Ints,
     entries: Ints,
 ) -> None:
-    """Count each cell's outlines in `cursor`, or, with room in `entries`, write them from `cursor` on."""
+    """Count each cell's outlines in `cursor` if `entries` is empty; else write them at `cursor`."""
     for outline in range(len(outline_start) - 1):
         vertices = outlines[outline_start[outline] : outline_start[outline + 1]]
         if len(vertices) == 0:

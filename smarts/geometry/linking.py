@@ -1,10 +1,10 @@
-"""How numba compiles kernels: one machine code for each call from Python, whatever kernels it calls.
+"""Numba compilers of kernels: callees end as LLVM code, only kernels called from Python as machine code.
 
-Numba compiles each function that another one calls as if Python called it too: with a wrapper, optimised, and
-as machine code, of which the caller uses nothing, since it links and optimises the callee's LLVM code again.
-And it does so for each combination of types of arguments, `int32` and `int64` apart. Here a kernel that
-another kernel calls ends as LLVM code, once for all widths of whole numbers. That halves the time to compile
-the kernels of an environment, and what they compute stays the same to the last bit.
+Numba compiles every callee as if Python called it too: with a wrapper, optimised, to machine code. The caller
+uses none of this: it links the callee's LLVM code and optimises it again. Numba also compiles a callee for
+each combination of argument types, with `int32` and `int64` apart. Here a callee is compiled to LLVM code
+only, once for all integer widths. This halves the compile time of an environment's kernels; results are
+bit-identical.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from numba.core.typed_passes import NativeLowering
 _OPTIONS = {"nopython": True, "boundscheck": None, "error_model": "numpy"}
 _NARROW = {types.int8, types.int16, types.int32}
 _LOCK = ".kernels.lock"
-"""File in a folder of compiled kernels that is locked while one is added."""
+"""Lock file in a folder of compiled kernels; held while an entry is added."""
 _ENVIRONMENT = "_ZN08NumbaEnv"
-"""How the names of variables begin that hold the Python objects of a function."""
+"""Prefix of the variables that hold a function's Python objects."""
 
 
 class _Cache(FunctionCache):
-    """Numba's cache on disk, to which one process at a time adds.
+    """Numba's disk cache with a lock, so that one process at a time adds entries.
 
-    Adding reads, extends and writes an index. Two processes at once would give two entries the same file, and
-    the cache would be damaged from then on.
+    Adding an entry reads, extends and writes an index. Two processes at once would give two entries the same
+    file and so damage the cache.
     """
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Add what was compiled."""
+        """Add a compiled overload."""
         folder = Path(self.cache_path)
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / _LOCK).open("a") as lock:
@@ -52,19 +52,19 @@ class _Cache(FunctionCache):
 
 
 class _Dispatcher(CPUDispatcher):
-    """Numba's compiler of one function, with that cache."""
+    """Numba's compiler of one function, with the locked disk cache."""
 
     def enable_caching(self) -> None:
-        """Keep machine code on disk."""
+        """Cache compiled code on disk."""
         self._cache = _Cache(self.py_func)
 
 
 class Kernel(_Dispatcher):
-    """A function that is compiled for calls from Python, and apart from that for calls from kernels.
+    """A function that is compiled once for calls from Python and separately for calls from kernels.
 
     Args:
         function: The function.
-        others: What numba hands over when it copies a dispatcher; the options are always those of kernels.
+        others: Arguments that numba passes when it copies a dispatcher; ignored.
     """
 
     def __init__(self, function: Callable, *others: Any) -> None:
@@ -77,11 +77,11 @@ class Kernel(_Dispatcher):
         return self.callee.get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:
-        """Return what another compiled function calls."""
+        """Return the compiled callee for a signature."""
         return self.callee.get_overload(sig)
 
     def compile(self, sig: Any) -> Any:
-        """Compile for arguments from Python, or load what was compiled before."""
+        """Compile for arguments from Python, or load the code from the cache."""
         with _no_collection():
             return super().compile(sig)
 
@@ -95,7 +95,7 @@ class _Callee(_Dispatcher):
         self.enable_caching()
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return the type of a call, in which all whole numbers are of 64 bits."""
+        """Return the type of a call with all integers widened to 64 bits."""
         return super().get_call_template(tuple(map(_widened, args)), {k: _widened(v) for k, v in kws.items()})
 
 
@@ -104,7 +104,7 @@ def _widened(kind: Any) -> Any:
 
 
 def _renamed(function: Any) -> Callable:
-    """Return a copy of a function with another name in the cache on disk."""
+    """Return a copy of a function with another name in the disk cache."""
     copy = FunctionType(
         function.__code__,
         function.__globals__,
@@ -120,7 +120,7 @@ def _renamed(function: Any) -> Callable:
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """Leave the garbage collector out: the compiler's objects live long, and looking at them takes 10%."""
+    """Disable the garbage collector: scanning the compiler's long-lived objects takes 10% of the time."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -131,7 +131,7 @@ def _no_collection() -> Iterator[None]:
 
 
 class _Flags(Flags):
-    """Options that are compared by what was set, not by asking for each one: numba does it 100,000 times."""
+    """Numba's flags with a fast comparison, by the flags that are set: numba compares them 100,000 times."""
 
     __slots__ = ()
 
@@ -143,7 +143,7 @@ class _Flags(Flags):
 
 
 class _Compiler(CompilerBase):
-    """Numba's own passes."""
+    """Numba's own compiler passes, with `_Flags`."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -155,7 +155,7 @@ class _Compiler(CompilerBase):
 
 
 class _CalleeCompiler(_Compiler):
-    """Numba's passes, the last of which leaves LLVM code."""
+    """Numba's compiler passes, with a last pass that leaves LLVM code."""
 
     def define_pipelines(self) -> list[Any]:
         """Return the passes."""
@@ -168,24 +168,24 @@ class _CalleeCompiler(_Compiler):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _CalleeLowering(NativeLowering):
-    """Writes LLVM code into a library that makes no machine code of it."""
+    """Lowers a function into a library that generates no machine code."""
 
     _name = "callee_lowering"
 
     def run_pass(self, state: Any) -> Any:
-        """Do so."""
+        """Lower the function into a `_CalleeLibrary`."""
         state.library = _CalleeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         return super().run_pass(state)
 
 
 class _CalleeLibrary(JITCodeLibrary):
-    """The LLVM code of a function, to be linked into that of its callers and optimised there."""
+    """The LLVM code of a function, to be linked into its callers and optimised there."""
 
     def _optimize_final_module(self) -> None:
         pass
 
     def _finalize_final_module(self: Any) -> None:
-        """Make machine code of nothing but the variables in which numba puts a function's Python objects."""
+        """Generate machine code only for the variables that hold the function's Python objects."""
         self._finalize_dynamic_globals()
         module = self._codegen._create_empty_module(f"{self.name}.environments")
         for variable in self._final_module.global_variables:
@@ -198,5 +198,5 @@ class _CalleeLibrary(JITCodeLibrary):
         self._finalized = True
 
     def serialize_using_object_code(self) -> Any:
-        """Return what goes into the cache on disk."""
+        """Return the bitcode for the disk cache."""
         return self.serialize_using_bitcode()

@@ -1,7 +1,7 @@
-"""Pictures from above as arrays: painting outlines, bands along lines and boxes, and cutting out views.
+"""Top-down rasters: paints outlines, bands along lines and boxes, and cuts out views.
 
-A view has the viewer in its middle, looking towards the upper edge: row 0 is the farthest ahead, column 0
-the farthest to the left. A place belongs to the pixel that it lies in; a pixel shows what is at its centre.
+A view has the viewer at its centre, facing the upper edge: row 0 is the farthest ahead, column 0 the farthest
+to the left. A point belongs to the pixel that contains it; a pixel shows the scene at its centre.
 """
 
 from __future__ import annotations
@@ -16,6 +16,11 @@ from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import cell_number, inside_outline, project
 
 Pixels = NDArray[np.uint8]
+
+BLOCK = 8
+"""Side of the blocks of cells whose neighbourhoods `near_blocks` describes [cells]."""
+_SMALLEST_TILE = 4
+"""Side of the smallest tiles of a view that are worth looking for blocks [pixels]."""
 
 
 @kernel
@@ -32,20 +37,20 @@ def paint_band(
     dash: float,
     bits: int,
 ) -> None:
-    """Set bits in the cells whose centres lie beside a polyline, between two distances from it.
+    """Set bits in the cells whose centres lie in a band along a polyline.
 
     Args:
-        cells: Rows from the south, columns from the west, shape (rows, columns).
-        origin_x: Lower left corner of cell (0, 0) [m].
-        origin_y: Of the same.
+        cells: The raster, rows from south to north, columns from west to east, shape (rows, columns).
+        origin_x: x of the lower left corner of cell (0, 0) [m].
+        origin_y: y of this corner [m].
         size: Side of a cell [m].
-        points: [m], shape (P, 2).
-        first: The polyline's first point.
-        last: The point after its last.
-        right: Where the band begins, positive to the left of the line [m].
-        left: Where it ends [m].
-        dash: Length of dashes and of the gaps between them [m]; 0 for a whole band.
-        bits: To be set.
+        points: Points of the polylines [m], shape (P, 2).
+        first: Index of the polyline's first point.
+        last: Index after its last point.
+        right: Offset of the band's right edge, positive to the left of the line [m].
+        left: Offset of the band's left edge [m].
+        dash: Length of dashes and of the gaps between them [m]; 0 for a solid band.
+        bits: The bits to set.
     """
     reach = max(abs(right), abs(left))
     gone = 0.0
@@ -71,7 +76,7 @@ def paint_band(
 
 @kernel
 def _is_in_wedge(points: Floats, first: int, point: int, x: float, y: float) -> bool:
-    """Return whether a place before the segment at `point` lies behind the one before it, round the bend."""
+    """Return whether a point before the segment at `point` lies beyond the previous segment's end."""
     if point == first:
         return False
     a, b = points[point - 1], points[point]
@@ -89,7 +94,7 @@ def paint_outline(
     last: int,
     bits: int,
 ) -> None:
-    """Set bits in the cells whose centres lie in the polygon of `vertices[first:last]`; see `paint_band`."""
+    """Set bits in the cells whose centres lie in the polygon `vertices[first:last]`; see `paint_band`."""
     if first == last:
         return
     low_x, high_x = vertices[first:last, 0].min(), vertices[first:last, 0].max()
@@ -107,7 +112,7 @@ def paint_outline(
 def place_in_view(
     x: float, y: float, viewer_x: float, viewer_y: float, viewer_heading: float
 ) -> tuple[float, float]:
-    """Return how far a place is ahead of a viewer and to its left [m]."""
+    """Return the position of a point in a viewer's frame: distance ahead and to the left [m]."""
     cosine, sine = math.cos(viewer_heading), math.sin(viewer_heading)
     dx, dy = x - viewer_x, y - viewer_y
     return dx * cosine + dy * sine, dy * cosine - dx * sine
@@ -124,24 +129,24 @@ def paint_box(
     width: float,
     colour: Pixels,
 ) -> None:
-    """Paint an oriented box into a view, at least a pixel long and wide.
+    """Paint an oriented box into a view, at least one pixel long and wide.
 
     Args:
-        view: Shape (rows, columns, channels).
+        view: The view, shape (rows, columns, channels).
         resolution: Side of a pixel [m].
-        ahead: Of the viewer [m].
-        aside: To the viewer's left [m].
-        turn: Of the box's length against the viewer's heading [rad].
-        length: Of the box [m].
-        width: Of the box [m].
-        colour: Shape (channels,).
+        ahead: Position of the box's centre ahead of the viewer [m].
+        aside: Its position to the viewer's left [m].
+        turn: Heading of the box minus the viewer's heading [rad].
+        length: Length of the box [m].
+        width: Width of the box [m].
+        colour: Colour of the box, shape (channels,).
     """
     rows, columns, channels = view.shape
     half_length, half_width = 0.5 * max(length, resolution), 0.5 * max(width, resolution)
     cosine, sine = math.cos(turn), math.sin(turn)
     reach_ahead = abs(cosine) * half_length + abs(sine) * half_width
     reach_aside = abs(sine) * half_length + abs(cosine) * half_width
-    # Written so that boxes which are nowhere (NaN) are left out, and no number is too large for an index.
+    # This comparison skips boxes at NaN, and far ones, whose indices would overflow.
     in_view = (
         abs(ahead) <= 0.5 * rows * resolution + reach_ahead
         and abs(aside) <= 0.5 * columns * resolution + reach_aside
@@ -155,7 +160,7 @@ def paint_box(
     for row in range(top, bottom + 1):
         forward = (0.5 * rows - row - 0.5) * resolution - ahead
         along, across = forward * cosine, forward * sine
-        # A row of a box has no gaps: look for its ends, and fill what lies between.
+        # A box covers a row without gaps: find the ends and fill the pixels between them.
         begin, end = leftmost, rightmost
         while begin <= end:
             left = (0.5 * columns - begin - 0.5) * resolution - aside
@@ -174,13 +179,64 @@ def paint_box(
 
 @kernel
 def _within(start: float, step: float, limit: int, begin: int, end: int) -> tuple[int, int]:
-    """Return the part of begin..end in which start + step * c is within 0 and a limit, or slightly more."""
+    """Return a range within [begin, end] that holds all c with 0 <= start + step * c <= limit."""
     if step == 0.0:
         return (begin, end) if -1.0 <= start <= limit + 1.0 else (begin, begin)
     one, other = -start / step, (limit - start) / step
     first = min(max(min(one, other) - 1.0, begin), end)
     last = min(max(max(one, other) + 2.0, begin), end)
     return math.floor(first), math.ceil(last)
+
+
+def near_blocks(cells: Pixels) -> Pixels:
+    """Return for each block of a raster whether it or a block that touches it has a cell other than 0.
+
+    Args:
+        cells: Shape (rows, columns).
+
+    Returns:
+        Shape (rows / BLOCK + 2, columns / BLOCK + 2), rounded up: with a ring of blocks around the raster.
+    """
+    rows, columns = (-(-side // BLOCK) for side in cells.shape)
+    filled = np.zeros((rows * BLOCK, columns * BLOCK), np.bool_)
+    filled[: cells.shape[0], : cells.shape[1]] = cells != 0
+    taken = np.zeros((rows + 4, columns + 4), np.bool_)
+    taken[2:-2, 2:-2] = filled.reshape(rows, BLOCK, columns, BLOCK).any(axis=(1, 3))
+    near = np.zeros((rows + 2, columns + 2), np.uint8)
+    for down in range(3):
+        for along in range(3):
+            near |= taken[down : down + rows + 2, along : along + columns + 2]
+    return near
+
+
+@kernel
+def _row_of_tiles(
+    near: Pixels, tile: int, width: int, column: float, row: float, sine: float, cosine: float
+) -> tuple[int, int]:
+    """Return the pixels of some rows of a view that may show a cell other than 0: first, and after the last.
+
+    Args:
+        near: Of the raster, see `near_blocks`.
+        tile: How many rows there are, and how many pixels are looked at together.
+        width: Of the view [pixels].
+        column: Of the raster [cells], in the middle of the view and of the rows.
+        row: The same.
+        sine: Of the view's heading, times the side of a pixel [cells].
+        cosine: The same.
+    """
+    begin, end = width, 0
+    for first in range(0, width, tile):
+        left = 0.5 * width - first - 0.5 * tile
+        at_row = math.floor((row + left * cosine) / BLOCK) + 1
+        at_column = math.floor((column - left * sine) / BLOCK) + 1
+        if 0 <= at_row < near.shape[0] and 0 <= at_column < near.shape[1] and near[at_row, at_column]:
+            begin, end = min(begin, first), min(first + tile, width)
+    return begin, max(begin, end)
+
+
+@kernel
+def _is_inside(column: float, row: float, columns: int, rows: int) -> bool:
+    return 0.0 <= column < columns and 0.0 <= row < rows
 
 
 @kernel
@@ -191,6 +247,7 @@ def cut_view(
     origin_x: float,
     origin_y: float,
     size: float,
+    near: Pixels,
     x: float,
     y: float,
     heading: float,
@@ -198,50 +255,54 @@ def cut_view(
     colours: Pixels,
     view: Pixels,
 ) -> None:
-    """Write for each pixel of a view the colour of the cell at its centre, that of an empty cell outside.
+    """Write to each pixel of a view the colour of the raster cell at its centre, `colours[0]` outside.
+
+    Tiles of pixels around which all cells are 0 are not looked up one by one.
 
     Args:
-        cells: Of the raster, from the south by rows from the west, shape (rows * columns,).
-        rows: Of the raster.
-        columns: Of the raster.
-        origin_x: Lower left corner of cell (0, 0) [m].
-        origin_y: Of the same.
+        cells: The raster, rows from south to north, columns from west to east, shape (rows * columns,).
+        rows: Rows of the raster.
+        columns: Columns of the raster.
+        origin_x: x of the lower left corner of cell (0, 0) [m].
+        origin_y: y of this corner [m].
         size: Side of a cell [m].
-        x: The viewer's [m].
-        y: The viewer's [m].
-        heading: The viewer's [rad].
+        near: The result of `near_blocks`.
+        x: x of the viewer [m].
+        y: y of the viewer [m].
+        heading: Heading of the viewer [rad].
         resolution: Side of a pixel [m].
-        colours: Of each value of a cell, shape (values, channels); 1 or 3 channels.
-        view: Written, shape (height, width, channels).
+        colours: Colour of each cell value, shape (values, channels); 1 or 3 channels.
+        view: The view, written, shape (height, width, channels).
     """
     height, width, channels = view.shape
     cosine, sine = math.cos(heading) * resolution / size, math.sin(heading) * resolution / size
     middle_column, middle_row = (x - origin_x) / size, (y - origin_y) / size
-    west, north, cell = np.empty(width), np.empty(width), np.empty(width, np.int32)
-    for c in range(width):
-        left = 0.5 * width - 0.5 - c
-        west[c], north[c] = left * sine, left * cosine
+    left, cell = 0.5 * width - 0.5 - np.arange(width), np.empty(width, np.int32)
+    west, north = left * sine, left * cosine
+    # No centre of a pixel is farther than a block from the middle of its tile.
+    tile = int(min(1.4 * (BLOCK - 0.5) * size / resolution, max(height, width)))
+    low, high = 0, width
     for r in range(height):
+        if tile >= _SMALLEST_TILE and r % tile == 0:
+            ahead = 0.5 * height - r - 0.5 * tile
+            across, along = middle_column + ahead * cosine, middle_row + ahead * sine
+            low, high = _row_of_tiles(near, tile, width, across, along, sine, cosine)
         ahead = 0.5 * height - r - 0.5
         across, along = middle_column + ahead * cosine, middle_row + ahead * sine
-        # The pixels of a row that are inside lie side by side: ends are estimated, then found by trying.
-        begin, end = _within(across - west[0], sine, columns, 0, width)
+        # The pixels of a row inside the raster are contiguous: estimate the ends, then find them by trial.
+        begin, end = _within(across - west[0], sine, columns, low, high)
         begin, end = _within(along + north[0], -cosine, rows, begin, end)
-        while begin < end and not (
-            0.0 <= across - west[begin] < columns and 0.0 <= along + north[begin] < rows
-        ):
+        while begin < end and not _is_inside(across - west[begin], along + north[begin], columns, rows):
             begin += 1
-        while end > begin and not (
-            0.0 <= across - west[end - 1] < columns and 0.0 <= along + north[end - 1] < rows
-        ):
+        while end > begin and not _is_inside(across - west[end - 1], along + north[end - 1], columns, rows):
             end -= 1
-        # Apart from the look-up, so that the compiler makes vector instructions of it.
+        # A loop apart from the look-up, so that the compiler vectorises it.
         for c in range(begin, end):
             cell[c] = np.int32(np.floor(along + north[c]) * columns + np.floor(across - west[c]))
         line = view[r]
         for channel in range(channels):
             line[:begin, channel], line[end:, channel] = colours[0, channel], colours[0, channel]
-        # Unsigned: a signed index might be negative, which costs a test.
+        # An unsigned index: a signed one would need a test for negative values.
         if channels == 3:
             for c in range(begin, end):
                 value = cells[np.uint32(cell[c])]

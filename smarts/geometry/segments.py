@@ -1,4 +1,4 @@
-"""Compiled geometry of single segments and outlines, for use inside kernels."""
+"""Kernels for angles, single segments and outlines."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ def project(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> t
     """Project a point onto the segment from a to b.
 
     Returns:
-        The share of the segment at which the foot lies, not clipped (0 at a, 1 at b); the square of the
-        distance to the segment [m^2]; the cross product of direction and offset, positive to the left [m^2].
+        The position of the projection along the segment, not clipped (0 at a, 1 at b); the squared distance
+        to the segment [m^2]; the cross product of direction and offset, positive to the left [m^2].
     """
     dx, dy = bx - ax, by - ay
     px, py = x - ax, y - ay
@@ -27,7 +27,7 @@ def project(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> t
 
 @kernel
 def inside_outline(x: float, y: float, outline: Floats, first: int, last: int) -> bool:
-    """Return whether a point lies in the polygon of vertices `outline[first:last]`, by the even-odd rule."""
+    """Return whether a point lies in the polygon `outline[first:last]`, by the even-odd rule."""
     inside = False
     before = last - 1
     for vertex in range(first, last):
@@ -41,23 +41,23 @@ def inside_outline(x: float, y: float, outline: Floats, first: int, last: int) -
 
 @kernel
 def wrapped_half_open(angle: float) -> float:
-    """Return the equal angle in (-pi, pi] [rad]: `frames.wrap_angle` for kernels."""
+    """Return the equivalent angle in (-pi, pi] [rad]: `frames.wrap_angle` for kernels."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
 @kernel
 def wrapped(angle: float) -> float:
-    """Return the equal angle in [-pi, pi] [rad].
+    """Return the equivalent angle in [-pi, pi] [rad].
 
-    Other than by `wrapped_half_open`, an angle inside stays as it is to the last bit: small turns are exact.
+    Unlike `wrapped_half_open`, this returns angles inside the interval bit-identically.
     """
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @kernel
 def interpolate_angle(a: float, b: float, share: float) -> float:
-    """Return the angle at `share` of the shorter turn from a to b, all three in (-pi, pi] [rad]."""
-    # Both sums stay within a turn of the interval, and comparing is several times faster than a modulo.
+    """Interpolate from a to b along the shorter turn; angles are in (-pi, pi] [rad], `share` in [0, 1]."""
+    # Both sums stay within one turn of the interval, and a comparison is several times faster than a modulo.
     turn = b - a
     if turn > math.pi:
         turn -= 2.0 * math.pi
@@ -73,9 +73,15 @@ def interpolate_angle(a: float, b: float, share: float) -> float:
 
 @kernel
 def segment_at(stations: Floats, first: int, last: int, s: float) -> int:
-    """Return the segment that holds arc length `s`, of the polyline of points `first` to `last - 1`.
+    """Return the segment at arc length `s` of the polyline of points `first` to `last - 1`.
 
-    The segment's number is that of its first point. Beyond the ends it is the first or last segment.
+    A segment has the index of its first point. Beyond the ends, the first or the last segment is returned.
+
+    Args:
+        stations: Arc lengths of all polylines' points [m], shape (P,).
+        first: Index of the polyline's first point.
+        last: Index after its last point.
+        s: Arc length [m].
     """
     low, high = first, last - 2
     while low < high:
@@ -89,5 +95,5 @@ def segment_at(stations: Floats, first: int, last: int, s: float) -> int:
 
 @kernel
 def cell_number(value: float, origin: float, size: float) -> int:
-    """Return the number of the cell of width `size` that holds a coordinate; it may be negative."""
+    """Return the index of the cell of width `size` that contains a coordinate; it may be negative."""
     return math.floor((value - origin) / size)

@@ -9,7 +9,7 @@ def _adopt(name: str, found: Any) -> Any:
     """Return a user's feature: a class with a method `bind`, such as a subclass of `Feature`."""
     if not isinstance(found, type) or not callable(getattr(found, "bind", None)):
         raise ValueError(
-            "is no class with a method 'bind': derive it from smarts.observations.feature.Feature"
+            "is not a class with a method 'bind': derive it from smarts.observations.feature.Feature"
         )
     return found
 

@@ -16,17 +16,17 @@ from smarts.types.agent_states import AgentStates
 from smarts.types.interface import Field
 
 MASK = "action_mask"
-"""Name of the field that says which discrete actions are legal."""
+"""Name of the field that says which discrete actions are allowed."""
 
 
 class ActionMask(Feature):
-    """Which lane actions are legal, of agents that act by lanes; the others have no mask."""
+    """Which lane actions are allowed; only agents that act by lanes have a mask."""
 
     in_vector = False
 
     def fields(self) -> tuple[Field, ...]:
         """Return the mask."""
-        meaning = "which lane actions are legal"
+        meaning = "which lane actions are allowed"
         has_mask = self.context.action == ActionSpaceType.Lane
         return (Field(MASK, (len(LaneAction),), np.int8, 0, 1, "", meaning),) if has_mask else ()
 

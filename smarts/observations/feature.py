@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
-from types import FunctionType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,9 +10,9 @@ from numpy.typing import NDArray
 
 from smarts.arrays import Bools, Ints
 from smarts.geometry.binding import bind
-from smarts.geometry.compiling import kernel
 from smarts.observations.context import AdapterContext
 from smarts.roads.arrays import Roads, RouteTable
+from smarts.sensors.protocol import looped
 from smarts.types.interface import Field
 from smarts.types.world import State
 
@@ -79,17 +77,7 @@ class Feature:
         """
         scene = self.context.scene
         known = scene.world.state, scene.atlas.roads, scene.routes.current, self.context.agent_ids
-        return bind(_for_each_agent(self.write), *known, *out)
-
-
-@cache
-def _for_each_agent(write: Any) -> Any:
-    """Return a kernel that calls a feature's kernel for each agent in a mask."""
-    target = write.py_func
-    loop = FunctionType(_loop.__code__, {"write": write, "range": range, "__name__": target.__module__})
-    loop.__module__ = target.__module__
-    loop.__qualname__ = f"each_{target.__qualname__}"
-    return kernel(loop)
+        return bind(looped(_loop, self.write), *known, *out)
 
 
 def _loop(state: Any, roads: Any, routes: Any, agent_ids: Any, out: Any, observe_mask: Any) -> None:

@@ -54,7 +54,7 @@ def _write_sines(roads: Roads, table: RouteTable, row: int, s: float, heading: f
 class HeadingErrors(Feature):
     """Sines of how far the next 20 waypoints, a metre apart, point to the left of the heading.
 
-    The waypoints are those of the lane that the vehicle steers for, along the route; zeros without a lane.
+    The waypoints lie in the lane that the vehicle steers for, along the route; zeros without a lane.
     """
 
     size = WAYPOINTS

@@ -12,7 +12,9 @@ from smarts.errors import SmartsError
 from smarts.observations.context import AdapterContext
 from smarts.observations.feature import Feature
 from smarts.sensors.grid_map import GridOut
-from smarts.sensors.top_down_rgb import FINE, bind_picture, road_colours
+from smarts.sensors.protocol import bind_write
+from smarts.sensors.road_raster import road_raster
+from smarts.sensors.top_down_rgb import FINE, TopDownRgb, road_colours
 from smarts.types.interface import Field
 
 _GROUND, _PATH, _ROAD, _DIVIDER, _CENTRE_LINE = 0, 32, 64, 96, 112
@@ -60,5 +62,6 @@ class Image(Feature):
         boxes = np.array([[_TRAFFIC], [_AGENT], [_OWN]], np.uint8)
         (image,) = out
         arrays = GridOut(image, np.zeros(image.shape[:2], np.float32))
-        context = self.context
-        return bind_picture(context.scene, context.agent_ids, self._resolution, road, boxes, arrays)
+        scene, agent_ids = self.context.scene, self.context.agent_ids
+        known = self._resolution, road, boxes, road_raster(scene.atlas)
+        return bind_write(TopDownRgb.write, scene, agent_ids, arrays, *known)

@@ -50,7 +50,7 @@ def write_vector(
 
 @kernel
 def write_stack(now: NDArray, is_new: Bools, stack: NDArray, observe_mask: Bools) -> None:
-    """Append agents' arrays to those that they hold, along the last axis.
+    """Append agents' arrays to their stacks, along the last axis.
 
     Args:
         now: Shape (B, G, P, C).

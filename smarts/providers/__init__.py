@@ -1,21 +1,20 @@
-"""Providers move the vehicles that they own and fill their rows of the world.
+"""Providers move the vehicles that they own and write the vehicles' rows of the world.
 
-How a traffic engine fits into a step (`Simulation.step`, one layer up):
+A traffic engine's part of a step (`Simulation.step`, one layer up):
 
-    egos' poses at t + dt are in their rows          (another's: the engine reads these rows)
-    traffic.step(env_mask)                            (its own: the engine writes these rows)
+    egos' poses at t + dt are in their rows          (the engine reads the rows of other owners)
+    traffic.step(env_mask)                           (the engine writes the rows that it owns)
 
-The owner column assigns each vehicle to a provider, and the provider follows: it compares the column with its
-last copy. A hand-over is therefore one write to that column, never a call that could be forgotten, and the
-registry alone issues and withdraws slots. (Considered instead: one call per transfer, which keeps the same
-fact in two places; and one proposal array per provider for an arbiter to merge, which copies every row once
-more.)
+The owner column assigns each vehicle to a provider. Providers compare the column with its values of the last
+step, so a hand-over is one write to that column; only the registry issues and withdraws slots. (Alternatives
+considered: one call per transfer, which stores the same fact twice; one proposal array per provider that an
+arbiter merges, which copies every row.)
 
-`traffic_engine` says what the simulation asks of a traffic engine: all simulations at once, arrays in and
-out. (Considered instead: an interface for one simulation, and a loop over simulations above it; then an
-engine that steps thousands of simulations in one kernel has no place to do so.) `smarts.types.traffic` lists
-the engines, a scenario or `Options.traffic_engine` chooses one, and `traffic_engines` makes them. They are
-`constant_speed`, the example, and `sumo_engine`, which steps a copy of SUMO for each simulation:
-`sumo_traffic` drives one, `sumo_rows` writes SUMO's vehicles into the world, `sumo_shadows` shows SUMO the
-vehicles of others, `sumo_library` loads independent copies of libsumo.
+`traffic_engine` is the protocol of traffic engines: arrays of all simulations at once, in and out.
+(Alternative considered: a protocol for one simulation and a loop over simulations, which rules out engines
+that step thousands of simulations in one kernel.) `smarts.types.traffic` lists the engines, a scenario or
+`Options.traffic_engine` chooses one, and `traffic_engines` constructs them: `constant_speed`, an example, and
+`sumo_engine`, which steps one copy of SUMO per simulation. `sumo_traffic` runs one SUMO simulation,
+`sumo_rows` writes SUMO's vehicles into the world, `sumo_shadows` shows other providers' vehicles to SUMO, and
+`sumo_library` loads independent copies of libsumo.
 """

@@ -1,4 +1,4 @@
-"""Paths along the lanes of routes, of several maps, as one polyline: poses of many vehicles in one call."""
+"""Paths along the lanes of routes, stored as one polyline so that one call returns many vehicles' poses."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from smarts.roads.atlas import ROAD_LANES
 from smarts.roads.lane_graph import LaneGraph
 
 NEAR, ALIGNED = 3.0, np.pi / 4
-"""How far a vehicle may be from a path [m], and turned away from it [rad], to be taken for being on it."""
+"""Maximum distance [m] and heading difference [rad] of a vehicle that is on a path."""
 GRID = 2.0**-20
-"""Of stations [m]: their sums with the begins of paths are exact, whichever paths have been added before."""
+"""Stations are multiples of this [m], so that their sums with the paths' starts are exact."""
 
 
 class LanePaths:
     """P paths, each along the lanes of a route.
 
     Args:
-        maps: The maps by their number in the atlas.
+        maps: The maps, by their number in the atlas.
 
     Attributes:
-        length: [m], shape (P,).
-        speed: The lowest limit on each path [m/s], shape (P,).
-        edges: The edges of each path's route, by number.
+        length: Length of each path [m], shape (P,).
+        speed: The lowest speed limit on each path [m/s], shape (P,).
+        edges: Edge numbers of each path's route.
     """
 
     def __init__(self, maps: Sequence[LaneGraph]) -> None:
@@ -38,15 +38,15 @@ class LanePaths:
         self._numbers: dict[tuple[int, tuple[int, ...]], int] = {}
         self._start = np.zeros(0)
         self._points = np.zeros((4, 0))
-        """Station along all paths one after another [m], x, y [m], unwrapped heading [rad]."""
+        """Rows: station along all paths in succession [m], x, y [m], unwrapped heading [rad]."""
         self._rows: list[NDArray[np.intp]] = []
-        """Of each path's points."""
+        """Columns of `_points` of each path."""
 
     def add(self, map_number: int, edges: tuple[int, ...]) -> int:
-        """Return the number of the path along a route, a new one if need be.
+        """Return the number of the path along a route; add the path if it is new.
 
         Raises:
-            TrafficError: An edge of the route does not lead into the next.
+            TrafficError: No lane connects an edge of the route with the next.
         """
         if (map_number, edges) in self._numbers:
             return self._numbers[map_number, edges]
@@ -56,7 +56,7 @@ class LanePaths:
         rows = [np.arange(graph.point_start[lane], graph.point_start[lane + 1]) for lane in lanes]
         heading = np.unwrap(graph.point_heading[np.concatenate(rows)])
         s = _on_grid(np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]))
-        # A gap of a metre, so that stations tell paths apart.
+        # Leave a gap of 1 m or more, so that a station identifies the path.
         before = self._points.shape[1]
         start = np.ceil(self._points[0, -1]) + 1.0 if before else 0.0
         self._rows.append(before + np.arange(len(s)))
@@ -68,7 +68,7 @@ class LanePaths:
         return self._numbers[map_number, edges]
 
     def poses(self, path: Ints, s: Floats, t: Floats) -> Floats:
-        """Return x, y [m], heading [rad] of places on paths, shape (N, 3): `s` along, `t` to the left [m]."""
+        """Return x, y [m], heading [rad] at `s` along and `t` to the left of paths [m], shape (N, 3)."""
         if not len(path):
             return np.zeros((0, 3))
         station = self._start[path] + np.clip(_on_grid(s), 0.0, self.length[path])
@@ -76,9 +76,9 @@ class LanePaths:
         return np.column_stack([x - t * np.sin(heading), y + t * np.cos(heading), wrap_angle(heading)])
 
     def nearest(self, paths: Sequence[int], x: float, y: float, heading: float) -> tuple[int, float, float]:
-        """Return path, s and t [m] of a pose on one of some paths; path -1 if none is `NEAR` and `ALIGNED`.
+        """Return path, s and t [m] of a pose on the nearest of `paths`; -1, 0, 0 if none is near and aligned.
 
-        Of paths that are equally near it is the first one in `paths`.
+        Of equally near paths, it is the first one.
         """
         if not len(paths):
             return -1, 0.0, 0.0
@@ -101,22 +101,24 @@ def _on_grid(s: Floats) -> Floats:
 
 
 def _lanes_along(graph: LaneGraph, edges: tuple[int, ...]) -> list[int]:
-    """Return lanes that follow a route; where they do not join, the vehicle has to move over."""
+    """Return lanes that follow a route; where consecutive lanes do not connect, the path jumps sideways."""
     lanes = [lane for lane in graph.edge_lanes(edges[-1]) if graph.kind[lane] in ROAD_LANES][:1]
     for edge, following in zip(edges[-2::-1], edges[:0:-1], strict=True):
-        ways = [way for lane in graph.edge_lanes(edge) for way in _ways(graph, lane, following)]
-        if not ways or not lanes:
+        options = [
+            option for lane in graph.edge_lanes(edge) for option in _connections(graph, lane, following)
+        ]
+        if not options or not lanes:
             names = f"{graph.edge_ids[edge]!r} to {graph.edge_ids[following]!r}"
             raise TrafficError(f"no lane leads from edge {names}", place="a route of the traffic")
         ahead = lanes[0]
-        lanes = min(ways, key=lambda way: abs(way[-1] - ahead))[:-1] + lanes
+        lanes = min(options, key=lambda option: abs(option[-1] - ahead))[:-1] + lanes
     return lanes
 
 
-def _ways(graph: LaneGraph, lane: int, edge: int) -> Iterator[list[int]]:
-    """Yield the lanes from a lane through the junction ahead, up to one of an edge."""
+def _connections(graph: LaneGraph, lane: int, edge: int) -> Iterator[list[int]]:
+    """Yield the lanes from a lane through the junction ahead to each lane of an edge."""
     for following in graph.successors(lane).tolist():
         if graph.lane_edge[following] == edge:
             yield [lane, following]
         elif graph.is_internal[following]:
-            yield from ([lane, *way] for way in _ways(graph, following, edge))
+            yield from ([lane, *rest] for rest in _connections(graph, following, edge))

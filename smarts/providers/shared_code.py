@@ -1,11 +1,11 @@
-"""One machine code for all copies of a library.
+"""Shares code and constants between copies of a library.
 
-Copies of a library are files of their own, so the kernel keeps the code of each in memory of its own, and
-simulations that take turns push each other's code out of the processor's caches: with eight copies of
-libsumo that costs a fifth of the time (`perf/traffic.py`). Their code is the same, byte by byte, for it is
-position-independent and the loader writes only into data. So every copy's code pages are mapped from one
-file instead, and caches, which go by physical address, hold them once. So are its constants: of a copy only
-the data stay, which are apart, and the rest of its file is freed.
+Copies of a library are different files, so the operating system keeps the code of each in separate memory,
+and simulations that take turns evict each other's code from the processor's caches: with eight copies of
+libsumo, this costs a fifth of the time (`perf/traffic.py`). The copies' code is identical byte by byte: it is
+position-independent, and the loader writes only to data. So the code pages of every copy are mapped from one
+file, and caches, which use physical addresses, hold them once. Constants are shared likewise. A copy keeps
+only its data; the rest of its file is freed.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ _PROTECTIONS = {"r": mmap.PROT_READ, "w": mmap.PROT_WRITE, "x": mmap.PROT_EXEC}
 
 
 class Mapping(NamedTuple):
-    """A stretch of this process' memory that was mapped from a file."""
+    """A range of this process' memory that is mapped from a file."""
 
     begin: int
     end: int
     offset: int
-    """In the file."""
+    """Position in the file [bytes]."""
     access: str
-    """As in /proc/self/maps: `r-xp`."""
+    """Permissions as in /proc/self/maps: `r-xp`."""
 
 
 def share_code(copy: int, original: Path) -> None:
-    """Let a library that has just been loaded use the code and constants of a file with the same content.
+    """Map the code and constants of a loaded library from another file with the same content.
 
-    Where the system refuses, the library keeps its own pages, which is slower and takes more memory.
+    If the system does not allow it, the library keeps its own pages, which is slower and takes more memory.
 
     Args:
-        copy: Descriptor of the library's file, of which nothing but this library is left.
-        original: The other file.
+        copy: Descriptor of the library's file, which nothing else uses.
+        original: The file to share.
     """
     with open(original, "rb") as file, mmap.mmap(file.fileno(), 0, prot=mmap.PROT_READ) as whole:
         mapped = mappings_of(copy)
@@ -52,11 +52,11 @@ def share_code(copy: int, original: Path) -> None:
 
 
 def mappings_of(file: int) -> list[Mapping]:
-    """Return what is mapped of an open file in this process."""
+    """Return the mappings of an open file in this process."""
     found, status = [], os.fstat(file)
     for line in Path("/proc/self/maps").read_text().splitlines():
         span, access, offset, device, number, *_ = line.split(maxsplit=5)
-        # Files of other systems may have the same number.
+        # Files of other file systems may have the same inode number.
         if int(number) == status.st_ino and _device_of(device) == status.st_dev:
             begin, end = span.split("-")
             found.append(Mapping(int(begin, 16), int(end, 16), int(offset, 16), access))
@@ -69,9 +69,9 @@ def _device_of(numbers: str) -> int:
 
 
 def _replaced(part: Mapping, original: int, whole: mmap.mmap) -> bool:
-    """Map the same part of the original in the place of a copy's, unless something was written there."""
+    """Replace a mapping by the same part of the original, unless it was written to; return whether it was."""
     if "r" not in part.access:
-        # A gap that the linker leaves between segments; its content is unused.
+        # A gap that the linker leaves between segments; it is unused.
         return True
     library = ctypes.CDLL(None)
     library.memcmp.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t]
@@ -84,12 +84,12 @@ def _replaced(part: Mapping, original: int, whole: mmap.mmap) -> bool:
             return False
     protection = sum(bit for sign, bit in _PROTECTIONS.items() if sign in part.access)
     flags = mmap.MAP_PRIVATE | _MAP_FIXED
-    # One call replaces the pages, so the code may be running meanwhile.
+    # One call replaces the pages atomically, so other threads may execute them meanwhile.
     return library.mmap(part.begin, size, protection, flags, original, part.offset) != _FAILED
 
 
 def _free_all_but(file: int, kept: list[tuple[int, int]], size: int) -> None:
-    """Give the room of a file back but for some stretches, if its file system can."""
+    """Free the storage of a file except for the ranges `kept`, if the file system supports it."""
     library = ctypes.CDLL(None)
     library.fallocate.argtypes = [ctypes.c_int, ctypes.c_int, ctypes.c_long, ctypes.c_long]
     begin = 0

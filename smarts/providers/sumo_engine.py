@@ -1,4 +1,4 @@
-"""The traffic engine SUMO: one copy of libsumo for each simulation, stepped in turn."""
+"""The traffic engine SUMO: one copy of libsumo per simulation, stepped in turn."""
 
 from __future__ import annotations
 
@@ -18,62 +18,64 @@ from smarts.types.world import World
 
 
 class SumoEngine(TrafficEngine):
-    """SUMO in B simulations. If one fails, the others continue, and the next reset makes a new copy for it.
+    """Runs SUMO in B simulations. If one fails, the others continue, and its next reset uses a new copy.
 
     Args:
-        world: The state.
-        maps: The maps by their number in the atlas.
-        owner: Its number among the providers.
+        world: The world.
+        maps: The maps, by their number in the atlas.
+        owner: The engine's owner number.
     """
 
     def __init__(self, world: World, maps: Sequence[LaneGraph], owner: int = Owner.TRAFFIC) -> None:
         self.failures: Mapping[int, TrafficError] = {}
         self.is_full = np.zeros(world.worlds, np.bool_)
         self._world, self._maps, self._owner = world, tuple(maps), owner
-        self._drivers = [SumoTraffic(world, row, owner) for row in range(world.worlds)]
+        self._simulations = [SumoTraffic(world, row, owner) for row in range(world.worlds)]
         self._broken: set[int] = set()
 
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`."""
         for row, start in starts.items():
             if row in self._broken:
-                _end(self._drivers[row])
-                self._drivers[row] = SumoTraffic(self._world, row, self._owner)
+                _close_failed(self._simulations[row])
+                self._simulations[row] = SumoTraffic(self._world, row, self._owner)
             self._broken.add(row)
-            self._drivers[row].reset(start.traffic, start.traffic_seed, self._maps[start.map], start.limit)
+            self._simulations[row].reset(
+                start.traffic, start.traffic_seed, self._maps[start.map], start.limit
+            )
             self._broken.discard(row)
-            self.is_full[row] = self._drivers[row].is_full
+            self.is_full[row] = self._simulations[row].is_full
 
     def step(self, env_mask: Bools) -> None:
         """See `TrafficEngine`."""
         failures: dict[int, TrafficError] = {}
         for row in np.flatnonzero(env_mask).tolist():
             try:
-                self._drivers[row].step()
-                self.is_full[row] = self._drivers[row].is_full
+                self._simulations[row].step()
+                self.is_full[row] = self._simulations[row].is_full
             except TrafficError as error:
                 self._broken.add(row)
                 failures[row] = error
         self.failures = failures
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """See `TrafficEngine`: SUMO needs a lane under the vehicle."""
+        """See `TrafficEngine`: SUMO accepts vehicles that are on a lane."""
         vehicles = zip(rows.tolist(), slots.tolist(), strict=True)
-        can_drive = [self._drivers[row].can_accept(slot) for row, slot in vehicles]
+        can_drive = [self._simulations[row].can_accept(slot) for row, slot in vehicles]
         return np.where(can_drive, Refusal.NONE, Refusal.OFF_LANES).astype(np.int8)
 
     def close(self) -> None:
-        """See `TrafficEngine`; also frees copies that have failed."""
-        for row, driver in enumerate(self._drivers):
+        """See `TrafficEngine`; failed copies are freed too."""
+        for row, simulation in enumerate(self._simulations):
             if row in self._broken:
-                _end(driver)
+                _close_failed(simulation)
             else:
-                driver.close()
+                simulation.close()
 
 
-def _end(driver: SumoTraffic) -> None:
-    """Close a failed SUMO instance; ignore errors."""
+def _close_failed(simulation: SumoTraffic) -> None:
+    """Close a simulation that has failed, and ignore errors."""
     try:
-        driver.close()
+        simulation.close()
     except TrafficError:
         return

@@ -1,9 +1,9 @@
-"""Independent copies of libsumo: one library holds one simulation, so each simulation gets its own.
+"""Loads independent copies of libsumo: a library holds one simulation, so each simulation has its own copy.
 
-The loader takes two files with different inodes for two libraries. A copy is therefore an anonymous file with
-SUMO's extension module, and nothing of it stays on disk; the libraries that it needs and the Python side of
-the package stay where they are installed. All copies run the same pages of code (`shared_code`), so that each
-takes some 4 MB. Threads gain nothing: libsumo holds the interpreter's lock.
+The loader treats files with different inodes as different libraries. A copy is an anonymous file with SUMO's
+extension module and leaves nothing on disk; its dependencies and the Python side of the package are used from
+the installation. All copies share their code pages (`shared_code`), so each takes about 4 MB. Threads do not
+help: libsumo holds the GIL.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import importlib.machinery
 import importlib.util
 import os
 import re
+import shutil
 import sys
 import tempfile
 import threading
@@ -29,7 +30,7 @@ from smarts.errors import TrafficError
 from smarts.providers.shared_code import share_code
 
 SYSTEM_PACKAGES = "libgl1 libx11-6 libxext6 libxrender1 libexpat1 libatomic1"
-"""Debian packages of the system libraries that libsumo's wheel expects to find."""
+"""Debian packages of the system libraries that libsumo's wheel needs."""
 
 _SUMO_ERRORS = {"TraCIException", "FatalTraCIError", "RuntimeError"}
 
@@ -41,25 +42,26 @@ _INPUTS = ("--net-file", "--route-files", "--additional-files")
 
 
 def _is_from_sumo(error: Exception) -> bool:
-    """Return whether libsumo raised this; by name, for it may carry the class of another copy."""
+    """Return whether libsumo raised an error; by the class name, since each copy has its own classes."""
     return type(error).__name__ in _SUMO_ERRORS
 
 
 class SumoLibrary:
-    """One copy of libsumo, held until `close`.
+    """One copy of libsumo, reserved until `close`.
 
     Args:
-        index: Which copy to hold, by default the lowest that is free in this process; no simulation depends
-        on it.
+        index: Index of the copy, by default the lowest that is free in this process; it does not affect
+            results.
 
     Attributes:
-        vehicle: libsumo's functions by domain; so are `lane`, `simulation`, `trafficlight` and `vehicletype`.
+        vehicle: libsumo's functions of the domain "vehicle"; likewise `lane`, `simulation`, `trafficlight`
+            and `vehicletype`.
     """
 
     def __init__(self, index: int | None = None) -> None:
         self.index = _claim(index)
         self._files = _Files()
-        # Also if the caller did not call `close`.
+        # Free the copy even if the caller never calls `close`.
         self._closer = weakref.finalize(self, _give_back, self.index, self._files)
         try:
             with _descriptors("a traffic engine"):
@@ -75,14 +77,14 @@ class SumoLibrary:
         self._place = ""
 
     def start(self, options: Sequence[str], place: str = "traffic") -> None:
-        """Begin a simulation; it is the same whatever the library simulated before.
+        """Begin a simulation; it does not depend on the library's earlier simulations.
 
         Args:
             options: SUMO's command line.
-            place: What to name in errors, now and later.
+            place: The place that error messages name, now and later.
 
         Raises:
-            TrafficError: SUMO refuses; its own message is in the error.
+            TrafficError: SUMO cannot start; the error holds its message.
         """
         self.check_open()
         self._place = place
@@ -96,7 +98,7 @@ class SumoLibrary:
 
     @contextmanager
     def errors(self, what: str) -> Iterator[None]:
-        """Turn SUMO's errors in the body into a `TrafficError`; the next `start` works."""
+        """Convert SUMO's errors in the body to a `TrafficError`; the next `start` works."""
         self.check_open()
         try:
             yield
@@ -117,7 +119,7 @@ class SumoLibrary:
             )
 
     def accepts(self, call: Callable[..., object], *arguments: object) -> bool:
-        """Make a call and return whether SUMO complied."""
+        """Make a call, and return whether SUMO raised no error."""
         try:
             call(*arguments)
         except Exception as error:
@@ -127,12 +129,12 @@ class SumoLibrary:
         return True
 
     def route_ahead(self, name: str) -> tuple[str, ...]:
-        """Return the edges that a vehicle has yet to drive, its own first."""
+        """Return the remaining edges of a vehicle's route, the current one first."""
         # The index is -1 before departure.
         return self.vehicle.getRoute(name)[max(self.vehicle.getRouteIndex(name), 0) :]
 
     def is_out_of_order(self, name: str, lane: str, own: float) -> bool:
-        """Return whether SUMO's order on a vehicle's lane is not that of the positions around its own [m]."""
+        """Return whether SUMO's order on a lane contradicts a vehicle's (`own` [m]) and others' positions."""
         order = self.lane.getLastStepVehicleIDs(lane)
         if len(order) < 2:
             return False
@@ -142,17 +144,17 @@ class SumoLibrary:
         return place + 1 < len(order) and position(order[place + 1]) < own
 
     def close(self) -> None:
-        """End the simulation and give the copy back to the process."""
+        """End the simulation and free the copy."""
         if self._closer.alive:
             with self.errors("failed to stop"):
                 self.simulation.close()
             self._closer()
 
     def _named(self, what: str, error: Exception) -> TrafficError:
-        """Return the error to raise for one of SUMO's own, with the reason that SUMO logged."""
+        """Return a `TrafficError` for an error of SUMO, with the reason that SUMO logged."""
         logged = self._files.logged()
-        said = str(error).strip()
-        reason = logged.removeprefix("Error: ") if said == "Process Error" and logged else said
+        message = str(error).strip()
+        reason = logged.removeprefix("Error: ") if message == "Process Error" and logged else message
         for name, descriptor in self._files.inputs.items():
             reason = re.sub(rf"{_FILE.format(descriptor)}\b", lambda _, name=name: name, reason)
         return TrafficError(
@@ -162,7 +164,7 @@ class SumoLibrary:
         )
 
     def _flush_log(self) -> None:
-        """Make SUMO write its log after a failed start, which it does only when the next simulation ends."""
+        """Make SUMO write its log after a failed start; it does so when the next simulation ends."""
         net = os.memfd_create("empty-net")
         os.write(net, b'<net version="1.20"/>')
         self.simulation.load(["--net-file", _FILE.format(net), "--no-step-log", "--no-warnings"])
@@ -171,16 +173,16 @@ class SumoLibrary:
 
 
 def _is_used_up(error: BaseException) -> bool:
-    """Return whether the system says that no more files may be opened."""
+    """Return whether an error means that the limit of open files is reached."""
     return isinstance(error, OSError) and error.errno in _USED_UP
 
 
 @contextmanager
 def _descriptors(place: str) -> Iterator[None]:
-    """Say what is wrong where the process may open no more files.
+    """Convert the system's error at the limit of open files.
 
     Raises:
-        TrafficError: In place of that error of the system.
+        TrafficError: The body reached the limit of open files.
     """
     try:
         yield
@@ -199,17 +201,17 @@ class _Files:
 
     def __init__(self) -> None:
         self.log = -1
-        """What SUMO says of errors. An anonymous file, one for each start: nothing stays behind when the
-        process is killed, and a forked child does not write into its parent's."""
+        """SUMO's error log: an anonymous file per start, so that a killed process leaves nothing behind and a
+        forked child does not write to its parent's log."""
         self.inputs: dict[str, int] = {}
 
     def begin(self, options: Sequence[str]) -> list[str]:
-        """Open a log, and return the options with input files by number instead of by name.
+        """Open a log, and return the options with input files by descriptor instead of by name.
 
-        SUMO 1.28 loses the memory of each name some ten times a load (`XMLSubSys::transcodeToLocal`).
+        SUMO 1.28 leaks the memory of each name about ten times per load (`XMLSubSys::transcodeToLocal`).
 
         Raises:
-            OSError: The process may open no more files.
+            OSError: The limit of open files is reached.
         """
         self.close()
         self.log = os.memfd_create("sumo-errors")
@@ -220,11 +222,11 @@ class _Files:
         return short
 
     def logged(self) -> str:
-        """Return what the log says."""
+        """Return the content of the log."""
         return os.pread(self.log, 4096, 0).decode(errors="replace").strip() if self.log >= 0 else ""
 
     def close(self) -> None:
-        """Close them; may be called again."""
+        """Close all files; may be called repeatedly."""
         while self.inputs:
             os.close(self.inputs.popitem()[1])
         if self.log >= 0:
@@ -232,7 +234,7 @@ class _Files:
             self.log = -1
 
     def _opened(self, name: str) -> str:
-        """Return the short name of a file, or its own if it cannot be opened: SUMO then says so."""
+        """Return the short name of a file, or `name` if it cannot be opened: SUMO then reports it."""
         if name not in self.inputs:
             try:
                 self.inputs[name] = os.open(name, os.O_RDONLY | os.O_CLOEXEC)
@@ -265,14 +267,14 @@ def _claim(index: int | None) -> int:
 
 
 def _domain(extension: types.ModuleType, name: str) -> Any:
-    """Return libsumo's functions of one domain, without wrappers in Python that cost as much as the calls."""
+    """Return libsumo's functions of one domain without their Python wrappers, which double a call's cost."""
     prefix = f"{name}_"
     functions = {key: value for key, value in vars(extension).items() if key.startswith(prefix)}
     return types.SimpleNamespace(**{key.removeprefix(prefix): value for key, value in functions.items()})
 
 
 def _load(index: int) -> types.ModuleType:
-    """Import copy `index`; a copy once loaded stays loaded, since no extension module can be unloaded."""
+    """Import copy `index`; a copy stays loaded, since extension modules cannot be unloaded."""
     name = f"_smarts_libsumo_{index}"
     known = sys.modules.get(f"{name}.{_MODULE}")
     if known is not None:
@@ -284,7 +286,7 @@ def _load(index: int) -> types.ModuleType:
     sys.modules[name] = package
     try:
         with _copied(installed / _EXTENSION) as copy:
-            # Copies have no folder beside which to look for the libraries they need, but take those loaded.
+            # Anonymous copies cannot find their dependencies by folder, but use those that are loaded.
             ctypes.CDLL(str(installed / _EXTENSION))
             extension = _imported(f"{name}.{_MODULE}", _name_of(copy.fileno(), index))
             setattr(package, _MODULE, extension)
@@ -304,7 +306,7 @@ def _load(index: int) -> types.ModuleType:
 
 
 def _imported(name: str, path: str) -> types.ModuleType:
-    """Import an extension module from a file of any name."""
+    """Import an extension module from a file with any name."""
     loader = importlib.machinery.ExtensionFileLoader(name, path)
     module = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, loader, origin=path))
     sys.modules[name] = module
@@ -313,19 +315,19 @@ def _imported(name: str, path: str) -> types.ModuleType:
 
 
 def _name_of(descriptor: int, index: int) -> str:
-    """Return a name of an open file that no copy had before: the loader takes those of one name for one.
+    """Return a path of an open file that is unique to the copy: the loader identifies libraries by path too.
 
-    Descriptors are used again, so the copy's number is in the name, too: a slash for each 0, "./" for each 1.
+    Descriptors are reused, so the path encodes the copy's index: "/" for each 0 bit, "./" for each 1 bit.
     """
     number = "".join("./" if digit == "1" else "/" for digit in f"{index:b}")
     return f"/proc/self/{number}fd/{descriptor}"
 
 
 def _copied(original: Path) -> IO[bytes]:
-    """Return a new file without a name that has the content of another.
+    """Return an anonymous copy of a file.
 
     Raises:
-        TrafficError: There is no room.
+        TrafficError: There is not enough memory or disk space.
     """
     try:
         file = os.fdopen(os.memfd_create(original.name), "wb")
@@ -334,11 +336,7 @@ def _copied(original: Path) -> IO[bytes]:
             raise
         file = tempfile.TemporaryFile()  # noqa: SIM115
     try:
-        with open(original, "rb") as source:
-            size = os.fstat(source.fileno()).st_size
-            done = 0
-            while done < size:
-                done += os.sendfile(file.fileno(), source.fileno(), done, size - done)
+        shutil.copyfile(original, _FILE.format(file.fileno()))
     except OSError as error:
         file.close()
         if _is_used_up(error):
@@ -352,7 +350,7 @@ def _copied(original: Path) -> IO[bytes]:
 
 
 def _installed_package(name: str) -> Path:
-    # `find_spec` does not run the package, which would load an unused copy.
+    # `find_spec` does not import the package, which would load an unused copy.
     spec = importlib.util.find_spec(name)
     if spec is None or not spec.submodule_search_locations:
         raise TrafficError(f"{name} is not installed", remedy="pip install libsumo==1.28.0")
@@ -360,7 +358,7 @@ def _installed_package(name: str) -> Path:
 
 
 def _point_to_projections() -> None:
-    """Say where maps with a projection find its data, as libsumo's package does."""
+    """Set the environment variables of the projection data, as libsumo's package does."""
     if not os.environ.get("PROJ_LIB") and not os.environ.get("PROJ_DATA"):
         data = str(_installed_package("sumo_data") / "data" / "proj")
         os.environ["PROJ_LIB"] = os.environ["PROJ_DATA"] = data

@@ -1,12 +1,13 @@
-"""Proxies: vehicles that show SUMO's oncoming drivers a vehicle that reaches over the centre line.
+"""Proxies: make vehicles that cross the centre line visible to SUMO's oncoming drivers.
 
-SUMO assigns each vehicle to one lane, so oncoming drivers do not see a shadow that crosses the centre line.
-For such a shadow, a proxy vehicle of the same size is placed in the oncoming lane until the shadow is back.
-Proxies exist only in SUMO.
+SUMO assigns each vehicle to one lane, and detects overlap only with lanes of the same direction, so oncoming
+drivers do not see a shadow (`sumo_shadows`) that crosses the centre line. For such a shadow, a proxy vehicle
+of the same size is placed beside it in the oncoming lane until the shadow is back. Proxies exist only in
+SUMO.
 
-Their speed is set after each step, because SUMO would treat an oncoming vehicle as a leader driving away.
-After a driver has passed a proxy, it is replaced by a new one within the same step, so that following drivers
-always see one.
+The speed of a proxy is set after each step, because SUMO takes a proxy that moves towards a driver for a
+leader that drives away. A proxy that a driver has passed is replaced by a new vehicle within the same step,
+so that the following drivers always see one.
 """
 
 from __future__ import annotations
@@ -21,29 +22,33 @@ from smarts.geometry.frames import compass_from_heading
 from smarts.providers.sumo_library import SumoLibrary
 from smarts.roads.lane_graph import LaneGraph
 
-SUFFIX = "-proxy"
-"""In the SUMO ids of proxies, before a number."""
+SUFFIX = "-smarts-proxy"
+"""Part of a proxy's SUMO id, between the vehicle's id and a number."""
 
 _KEEP_CLOSE = 2
 _NO_LANE_CHANGES = 0
 _SEAM = 0.5
-"""How far apart the edges of two opposite lanes may be for a vehicle to be in both [m]."""
+"""Maximum gap between two opposite lanes that count as adjacent [m]."""
 
 
 @dataclass
 class _Proxy:
-    """A proxy between steps."""
+    """The state of a proxy between steps."""
 
     lane: int
-    """The lane that it is led along."""
+    """The lane that it is placed on."""
     id: str = ""
-    """Of its vehicle; empty if there is none yet."""
+    """SUMO id of its vehicle; empty if it does not exist yet."""
     speed: float = 0.0
-    """Along that lane [m/s]."""
+    """Speed along that lane [m/s]."""
 
 
 class SumoProxies:
-    """The proxies of one simulation, by the name of the vehicle that they show."""
+    """The proxies of one simulation, by the SUMO id of the vehicle that they represent.
+
+    Args:
+        library: The copy of libsumo that runs the simulation.
+    """
 
     def __init__(self, library: SumoLibrary) -> None:
         self._library = library
@@ -51,11 +56,11 @@ class SumoProxies:
         self._oncoming: dict[int, int] = {}
 
     def __contains__(self, name: str) -> bool:
-        """Return whether a vehicle of SUMO's is a proxy."""
+        """Return whether a SUMO vehicle is a proxy."""
         return SUFFIX in name
 
     def has_one(self, name: str) -> bool:
-        """Return whether a vehicle needs a proxy in the coming step."""
+        """Return whether a vehicle needs a proxy in the next step."""
         return name in self._proxies
 
     def reset(self, roads: LaneGraph) -> None:
@@ -69,9 +74,9 @@ class SumoProxies:
         """Update which proxy a vehicle needs from the next step on.
 
         Args:
-            name: Of the vehicle.
-            lane: That it is on.
-            leftmost: How far its footprint reaches to the left of the lane's middle [m].
+            name: SUMO id of the vehicle.
+            lane: Lane of the vehicle.
+            leftmost: Largest offset of its footprint to the left of the lane's centreline [m].
         """
         other = self._lane_across(lane) if leftmost > self._roads.width[lane] / 2 else -1
         if other < 0:
@@ -84,15 +89,15 @@ class SumoProxies:
     def place(
         self, name: str, kind: str, centre: tuple[float, float], heading: float, speed: float, length: float
     ) -> None:
-        """Place a vehicle's proxy for the end of the coming step.
+        """Place a vehicle's proxy at its position of the end of the next step.
 
         Args:
-            name: Of the vehicle; it needs a proxy.
-            kind: Its SUMO vehicle type.
-            centre: Of its footprint at the end of the step [m].
-            heading: [rad].
-            speed: [m/s].
-            length: Of its footprint [m].
+            name: SUMO id of the vehicle, which needs a proxy.
+            kind: SUMO vehicle type of the proxy.
+            centre: Centre of the vehicle's footprint at the end of the step [m].
+            heading: Heading of the vehicle [rad].
+            speed: Speed of the vehicle [m/s].
+            length: Length of its footprint [m].
         """
         proxy, vehicle = self._proxies[name], self._library.vehicle
         if not proxy.id:
@@ -104,7 +109,7 @@ class SumoProxies:
         vehicle.moveToXY(proxy.id, "", -1, x, y, compass_from_heading(along), _KEEP_CLOSE, 2.0)
 
     def settle(self) -> None:
-        """Read the proxies' positions from SUMO and correct their speeds."""
+        """Correct the proxies' speeds in SUMO, and remove proxies that drivers have passed."""
         library, vehicle = self._library, self._library.vehicle
         for proxy in self._proxies.values():
             if not proxy.id:
@@ -122,9 +127,9 @@ class SumoProxies:
             self._library.vehicle.remove(proxy.id)
 
     def _front_on(self, lane: int, centre: tuple[float, float], length: float) -> tuple[float, float, float]:
-        """Return the place and direction of a front that is half a length past a point, along a lane.
+        """Return x, y, heading along a lane of the front of a vehicle with a given centre and length.
 
-        Beyond the lane's ends it lies straight on.
+        The lane is extended straight beyond its ends.
         """
         points = self._roads.centreline(lane)
         nearest = int(np.hypot(*(points - centre).T).argmin())
@@ -138,7 +143,7 @@ class SumoProxies:
         return x + (s - on_lane) * math.cos(along), y + (s - on_lane) * math.sin(along), along
 
     def _lane_across(self, lane: int) -> int:
-        """Return the lane on the other side of the centre line, -1 where there is none."""
+        """Return the lane on the other side of the centre line, or -1."""
         if lane not in self._oncoming:
             self._oncoming[lane] = self._find_lane_across(lane)
         return self._oncoming[lane]
@@ -148,14 +153,16 @@ class SumoProxies:
         if roads.left[lane] >= 0:
             return -1
         x, y, _ = roads.pose_at(lane, float(roads.length[lane]) / 2)
-        for other in self._ways_back(lane) if roads.is_internal[lane] else self._lanes_back(lane):
+        for other in (
+            self._opposite_connections(lane) if roads.is_internal[lane] else self._opposite_lanes(lane)
+        ):
             apart = np.hypot(*(roads.centreline(other) - (x, y)).T).min()
             if apart <= (roads.width[lane] + roads.width[other]) / 2 + _SEAM:
                 return other
         return -1
 
-    def _lanes_back(self, lane: int) -> list[int]:
-        """Return the leftmost lanes of the roads that lead back to where a lane's road begins."""
+    def _opposite_lanes(self, lane: int) -> list[int]:
+        """Return the leftmost lanes of the roads opposite to a lane's road."""
         roads = self._roads
         edge = roads.lane_edge[lane]
         returning = (roads.edge_from == roads.edge_to[edge]) & (roads.edge_to == roads.edge_from[edge])
@@ -163,8 +170,8 @@ class SumoProxies:
             roads.edge_lanes(int(other))[-1] for other in np.flatnonzero(returning & ~roads.edge_is_internal)
         ]
 
-    def _ways_back(self, lane: int) -> list[int]:
-        """Return the lanes inside a junction that lead from across a lane's way out to across its way in."""
+    def _opposite_connections(self, lane: int) -> list[int]:
+        """Return the lanes inside a junction that connect the lanes opposite to a lane's exit and entry."""
         roads = self._roads
         ends = [*roads.predecessors(lane)[:1].tolist(), *roads.successors(lane)[:1].tolist()]
         if len(ends) < 2 or roads.is_internal[ends].any():

@@ -1,4 +1,4 @@
-"""SUMO's vehicles as rows of the world."""
+"""Kernels that convert between SUMO's values and rows of the world."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from smarts.types.vehicles import VehicleStates
 
 
 def centre_of(front: Floats, heading: Floats, length: Floats) -> Floats:
-    """Return the centres of footprints, shape (A, 2), of which SUMO names the middle of the front bumper."""
+    """Return the centres of footprints, shape (A, 2), from SUMO's positions of the fronts, (A, 2) [m]."""
     return front - np.stack([np.cos(heading), np.sin(heading)], -1) * (length[:, None] / 2)
 
 
@@ -22,26 +22,26 @@ def centre_of(front: Floats, heading: Floats, length: Floats) -> Floats:
 def fill_rows(
     states: VehicleStates, is_new: Bools, dt: float, rows: NDArray[np.intp], values: Floats
 ) -> None:
-    """Fill the rows of A vehicles.
+    """Write the rows of A vehicles from SUMO's values.
 
-    SUMO gives neither yaw rate nor lateral speed; both follow from the poses a step ago, which the rows
-    still hold, and are 0 for arrivals. One pass, because at this size a dozen array
-    operations cost more than SUMO's own step.
+    SUMO gives no yaw rates and lateral speeds. Both are computed from the poses of the last step, which the
+    rows still hold, and are 0 for arrivals. A single pass is faster than a dozen array operations, which at
+    this size cost more than SUMO's own step.
 
     Args:
-        states: Of one simulation, shape (V,); motion and desired speed are written.
-        is_new: Whether the row does not hold the vehicle's pose a step ago, shape (V,); cleared.
-        dt: Step [s].
-        rows: Where to write, shape (A,).
-        values: Shape (6 A,): x and y of the middle of the front bumper of every vehicle [m], then all of
-            SUMO's angles [degrees], speeds [m/s], accelerations [m/s^2] and allowed speeds [m/s].
+        states: Vehicles of one simulation, shape (V,); motion and desired speed are written.
+        is_new: Whether a row does not hold the vehicle's last pose, shape (V,); cleared.
+        dt: Duration of the step [s].
+        rows: The rows to write, shape (A,).
+        values: Shape (6 A,): x, y of the middle of the front bumper for every vehicle [m], then all of SUMO's
+            angles [degrees], speeds [m/s], accelerations [m/s^2] and allowed speeds [m/s].
     """
     position, before = states.position, states.heading
     count = len(rows)
     for index in range(count):
         row = rows[index]
         half = states.length[row] / 2
-        # As `frames.heading_from_compass` has it.
+        # Equals `frames.heading_from_compass`.
         heading = wrapped_half_open((90.0 - values[2 * count + index]) * (math.pi / 180.0))
         x = values[2 * index] - math.cos(heading) * half
         y = values[2 * index + 1] - math.sin(heading) * half
@@ -63,7 +63,7 @@ def fill_rows(
 
 @kernel
 def next_unplanned(states: VehicleStates, provider: int, begin: int) -> int:
-    """Return the first slot from `begin` on whose vehicle a provider drives without a route, or -1."""
+    """Return the first slot from `begin` on whose vehicle the provider owns and has no route, or -1."""
     for slot in range(begin, len(states.owner)):
         if states.owner[slot] == provider and states.route[slot] < 0:
             return slot
@@ -71,20 +71,20 @@ def next_unplanned(states: VehicleStates, provider: int, begin: int) -> int:
 
 
 LEADING = 7
-"""Numbers that `lead` returns of a vehicle."""
+"""Number of columns of `lead`."""
 
 
 @kernel
 def lead(states: VehicleStates, rows: NDArray[np.intp]) -> Floats:
-    """Return the poses of A vehicles of other providers in SUMO's terms, shape (A, `LEADING`).
+    """Return the poses of A vehicles of other providers as SUMO needs them, shape (A, `LEADING`).
 
     Args:
-        states: Of one simulation.
-        rows: Of these vehicles, shape (A,).
+        states: Vehicles of one simulation.
+        rows: Rows of the A vehicles, shape (A,).
 
     Returns:
-        x and y of the middle of the front bumper [m], SUMO's angle [degrees], then heading, speed, length and
-        width as they are.
+        x, y of the middle of the front bumper [m], SUMO's angle [degrees], heading [rad], speed [m/s], length
+        and width [m].
     """
     found = np.empty((len(rows), LEADING))
     for index in range(len(rows)):
@@ -92,7 +92,7 @@ def lead(states: VehicleStates, rows: NDArray[np.intp]) -> Floats:
         turn, half = states.heading[row], states.length[row] / 2
         found[index, 0] = states.position[row, 0] + half * math.cos(turn)
         found[index, 1] = states.position[row, 1] + half * math.sin(turn)
-        # As `frames.compass_from_heading` has it.
+        # Equals `frames.compass_from_heading`.
         found[index, 2] = (90.0 - turn * (180.0 / math.pi)) % 360.0
         found[index, 3], found[index, 4] = turn, states.speed[row]
         found[index, 5], found[index, 6] = states.length[row], states.width[row]

@@ -1,28 +1,27 @@
-"""Shadows: vehicles that show SUMO's drivers the vehicles that SUMO does not drive.
+"""Shadows: make vehicles of other providers visible to SUMO's drivers.
 
-A shadow is a vehicle of SUMO that is placed at its owner's pose (`moveToXY`) at the end of every step. SUMO's
-drivers follow it, make way for it and brake for it as for SUMO's own vehicles, in both lanes if it straddles
-two. SUMO's limitations, found by experiment (the tests in `test_sumo_shadows.py` show each):
+A shadow is a SUMO vehicle that is moved to the pose of another provider's vehicle (`moveToXY`) in every step.
+SUMO's drivers follow it, yield to it and brake for it as for any SUMO vehicle, in both lanes if it straddles
+two. SUMO needs these workarounds, found by experiment and shown by the tests in `test_sumo_shadows.py`:
 
-- `keepRoute` must be 2: 1 leaves a ghost in the old lane, 0 snaps to the lane's centre. The first `moveToXY`
-  must come before any step.
-- Within a lane SUMO keeps vehicles in the order in which they came, so a shadow that overtakes inside a lane
-  remains behind it in SUMO's lane order, and SUMO ignores it from then on. Likewise SUMO notes only on
-  entry to a lane whether a vehicle straddles the next one: a shadow that drifts over the line is not seen
-  there, and one that drifts back leaves a ghost. Such a shadow is re-inserted via the neighbouring lane,
-  which its drivers cannot see; without such a lane it leaves the net for one step.
-- Yielding drivers consider the routes of approaching vehicles. A shadow whose route ends before the
-  junction is no reason to wait, so every shadow is given a route across the next junction: its own, or
-  straight on.
-- A vehicle is added on any road. If it is then placed on that road, SUMO resets its route to that one road a
-  step later; so the route is set when the vehicle is added.
-- SUMO derives a shadow's speed from its last two positions, and caps it at the lane's limit. The
-  speed is set instead.
-- Oncoming drivers do not see a shadow that reaches over the centre line; `sumo_proxies` shows it to them.
-- A vehicle that moves against its lane would be taken for a leader that drives away; it is said to stand.
-- SUMO continues a lane change that it has begun when a vehicle is taken over, and crashes if the vehicle is
-  then in a lane without a neighbour. Such a change is completed in SUMO within the first step.
-- SUMO would change a shadow's lane and ask others to make room for that, so lane changing is off meanwhile.
+- `keepRoute` must be 2: 1 leaves a ghost in the old lane, 0 snaps the vehicle to the lane's centre. The first
+  `moveToXY` must precede any step.
+- SUMO keeps the vehicles of a lane in the order of their arrival. A shadow that overtakes within a lane
+  remains behind the overtaken vehicle in this order, and its driver ignores the shadow from then on. SUMO
+  also detects only on entry to a lane whether a vehicle straddles the next lane: a shadow that drifts over
+  the line is not seen there, and one that drifts back leaves a ghost. Such a shadow is re-inserted via the
+  neighbouring lane, without effect on the drivers there, or leaves the net for one step if there is none.
+- Yielding drivers consider the routes of approaching vehicles. They ignore a shadow whose route ends before
+  the junction, so every shadow gets a route across the next junction: its own, or straight on.
+- SUMO adds a vehicle on any edge. If the vehicle is then placed on that edge, SUMO resets its route to that
+  edge one step later; so the route is set when the vehicle is added.
+- SUMO derives a shadow's speed from its last two positions and caps it at the lane's limit; so the speed is
+  set explicitly.
+- Oncoming drivers do not see a shadow that crosses the centre line; `sumo_proxies` makes it visible.
+- SUMO takes a vehicle that moves against its lane for a leader that drives away; so its speed is set to 0.
+- SUMO continues a lane change that was in progress when a vehicle becomes a shadow, and crashes if the
+  vehicle is then on a lane without a neighbour. So the change is completed in SUMO within the first step.
+- SUMO would change a shadow's lane and make others cooperate, so lane changing is disabled for shadows.
 """
 
 from __future__ import annotations
@@ -42,74 +41,72 @@ from smarts.providers.sumo_rows import lead
 from smarts.roads.lane_graph import LaneGraph
 from smarts.types.vehicles import VehicleKind, VehicleStates
 
-_CLASSES = {
-    VehicleKind.PASSENGER: "passenger",
-    VehicleKind.BUS: "bus",
-    VehicleKind.COACH: "coach",
-    VehicleKind.TRUCK: "truck",
-    VehicleKind.TRAILER: "trailer",
-    VehicleKind.MOTORCYCLE: "motorcycle",
-}
-
 _MAY_LEAVE_NET = 2
 _MATCH_WITHIN = 8.0
-"""Where SUMO looks for lanes [m]. At the intersection 20 m take three times the time, its own 100 m six.
+"""Radius in which SUMO looks for lanes [m]. At an intersection, 20 m take three times as long, SUMO's default
+of 100 m six times.
 
-Half a metre of distance counts to SUMO like 28 degrees of heading or 0.8 of being on the route, so beyond 8 m
-no lane beats one within 4.4 m, and a vehicle further than that from the middle is on no lane of usual width.
+SUMO weighs 0.5 m of distance like 28 degrees of heading or 0.8 of being on the route. So no lane beyond 8 m
+is preferred to one within 4.4 m, and a vehicle farther than that from a centreline is off lanes of usual
+width.
 """
 _NO_LANE_CHANGES = 0
 _SUMO_LANE_CHANGES = 0b011001010101
-"""Lane-change modes: nothing, and SUMO's default."""
+"""Lane-change modes: none, and SUMO's default."""
 _SIDEWAYS = "laneChangeModel.lcMaxSpeedLatStanding"
 _AT_ONCE = 1e4
-"""A limit to the speed of lane changes [m/s] that ends one in a step; `_SIDEWAYS` is its other half."""
+"""Lateral speed that completes a lane change in one step [m/s]; also the value of `_SIDEWAYS`."""
 _CENTRING = 0.1
-"""How far a vehicle that SUMO has got back moves to the middle of its lane in a step [m]."""
+"""Distance per step by which a vehicle handed back to SUMO moves to its centreline [m]."""
 _OVER_THE_LINE = 0.1
-"""How far a vehicle must reach over a line to be seen there for sure [m]."""
+"""Overlap with a lane at which its drivers see the vehicle reliably [m]."""
 _OFF_THE_NET = -1e6
-"""Both coordinates of a place that is on no map [m]."""
+"""Both coordinates of a position off every map [m]."""
 
 
-class _Entry(enum.Enum):
+class _Reinsertion(enum.Enum):
     """How a shadow is re-inserted into its lane."""
 
     BESIDE = enum.auto()
-    """By way of the lane that it straddles into."""
+    """Via the lane that it straddles."""
     AND_BACK = enum.auto()
-    """By way of a lane beside and back at once."""
+    """Via a neighbouring lane and back within one step."""
     OFF_THE_NET = enum.auto()
     """By leaving the net for one step."""
 
 
 @dataclass
 class _Shadow:
-    """A shadow between steps."""
+    """The state of a shadow between steps."""
 
     id: str
     route: tuple[str, ...]
     """Planned route; empty if unknown."""
     lane: str = ""
     position: float = 0.0
-    """Of the front along the lane [m]."""
+    """Position of the front along the lane [m]."""
     offset: float = 0.0
-    """Of the front to the left of the lane's centre [m]."""
+    """Offset of the front to the left of the lane's centreline [m]."""
     shift: float = 0.0
-    """Lateral shift of the shadow in SUMO [m], to the left, so that SUMO sees the lane of its rear."""
+    """Shift to the left in SUMO, so that SUMO sees the vehicle in the lane of its tail [m]."""
     side: int = 0
-    """Where it reaches into another lane: 1 left, -1 right, 0 nowhere."""
+    """The side on which the vehicle straddles another lane: 1 left, -1 right, 0 none."""
     noted_side: int = 0
-    """The side that SUMO has noted."""
-    entry: _Entry | None = None
-    """How to re-insert it in the coming step."""
+    """The side that SUMO has detected."""
+    reinsertion: _Reinsertion | None = None
+    """How to re-insert the vehicle in the next step, or None."""
     own_type: str = ""
     own_sideways: str = ""
-    """Type and `_SIDEWAYS`, to be restored after its change of lane was ended; empty if there was none."""
+    """Type and `_SIDEWAYS` to restore after a lane change was completed; empty if there was none."""
 
 
 class SumoShadows:
-    """The shadows of one simulation, by slot."""
+    """The shadows of one simulation, by slot.
+
+    Args:
+        library: The copy of libsumo that runs the simulation.
+        states: Vehicles of the simulation.
+    """
 
     def __init__(self, library: SumoLibrary, states: VehicleStates) -> None:
         self._library = library
@@ -118,9 +115,9 @@ class SumoShadows:
         self._shadows: dict[int, _Shadow] = {}
         self._returned: dict[int, _Shadow] = {}
         self._types: set[str] = set()
-        self._ways_on: dict[str, list[str]] = {}
-        self._courses: dict[str, tuple[list[float], list[float]]] = {}
-        self._told: list[list[float]] = []
+        self._next_edges: dict[str, list[str]] = {}
+        self._lane_headings: dict[str, tuple[list[float], list[float]]] = {}
+        self._poses: list[list[float]] = []
         self.proxies = SumoProxies(library)
 
     def __contains__(self, slot: int) -> bool:
@@ -133,12 +130,12 @@ class SumoShadows:
         self._shadows.clear()
         self._returned.clear()
         self._types.clear()
-        self._ways_on.clear()
-        self._courses.clear()
+        self._next_edges.clear()
+        self._lane_headings.clear()
         self.proxies.reset(roads)
 
     def create(self, slot: int, name: str, route: Sequence[str]) -> None:
-        """Add a vehicle that SUMO has not known; it is on the road at the end of the next step."""
+        """Add a vehicle to SUMO as a shadow; it is on the road at the end of the next step."""
         self._library.vehicle.add(name, "", typeID=self._type_of(slot))
         self._library.vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         if route:
@@ -146,7 +143,7 @@ class SumoShadows:
         self._shadows[slot] = _Shadow(name, tuple(route))
 
     def take_over(self, slot: int, name: str) -> None:
-        """Turn a vehicle of SUMO's into a shadow from the next step on."""
+        """Make a vehicle that SUMO drives a shadow from the next step on."""
         vehicle = self._library.vehicle
         vehicle.setLaneChangeMode(name, _NO_LANE_CHANGES)
         route, lane = self._library.route_ahead(name), vehicle.getLaneID(name)
@@ -161,10 +158,10 @@ class SumoShadows:
         self._shadows[slot] = shadow
 
     def hand_back(self, slot: int) -> bool:
-        """Let SUMO drive a shadow on towards its destination; return whether SUMO can.
+        """Hand a shadow back to SUMO; return whether SUMO can drive it, which requires a lane.
 
-        Off its route, the vehicle takes the fastest way to its destination; without such a way, or
-        without a planned route, it drives to the end of its road. It must stand on a lane.
+        Off its route, the vehicle takes the fastest route to its destination. Without such a route, or if its
+        destination is unknown, it drives to the end of its road.
         """
         shadow = self._shadows.pop(slot)
         self.proxies.remove(shadow.id)
@@ -179,7 +176,7 @@ class SumoShadows:
         return True
 
     def forget(self, slot: int) -> None:
-        """Drop the shadow in a slot, if there is one."""
+        """Drop the shadow of a slot, if there is one."""
         if shadow := self._shadows.pop(slot, None):
             self.proxies.remove(shadow.id)
         self._returned.pop(slot, None)
@@ -189,16 +186,16 @@ class SumoShadows:
         shadow = self._shadows[slot]
         shadow.route = tuple(edges)
         if shadow.lane:
-            self._show_way_on(shadow, shadow.lane)
+            self._extend_route(shadow, shadow.lane)
 
     def place(self) -> None:
-        """Place every shadow for the end of the coming step."""
+        """Set the pose of every shadow at the end of the next step."""
         move = self._library.vehicle.moveToXY
-        # Plain numbers at once: every look into an array costs as much as a call to SUMO.
-        self._told = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows))).tolist()
-        for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._told, strict=True):
-            if shadow.entry and not self._reinsert(shadow):
-                shadow.entry = _Entry.OFF_THE_NET
+        # Convert to Python numbers at once: access to an array element costs as much as a call to SUMO.
+        self._poses = self._lead(np.fromiter(self._shadows, np.intp, len(self._shadows))).tolist()
+        for (slot, shadow), (x, y, angle, *_) in zip(self._shadows.items(), self._poses, strict=True):
+            if shadow.reinsertion and not self._reinsert(shadow):
+                shadow.reinsertion = _Reinsertion.OFF_THE_NET
                 move(shadow.id, "", -1, _OFF_THE_NET, _OFF_THE_NET, 0.0, _MAY_LEAVE_NET, _MATCH_WITHIN)
                 continue
             if self.proxies.has_one(shadow.id):
@@ -212,19 +209,19 @@ class SumoShadows:
                 del self._returned[slot]
 
     def settle(self) -> None:
-        """Read the shadows' positions from SUMO, and plan corrections."""
+        """Read the shadows' positions in SUMO, correct their speeds, and find the shadows to re-insert."""
         vehicle = self._library.vehicle
-        for shadow, (_, _, _, heading, speed, *size) in zip(self._shadows.values(), self._told, strict=True):
+        for shadow, (_, _, _, heading, speed, *size) in zip(self._shadows.values(), self._poses, strict=True):
             lane = vehicle.getLaneID(shadow.id)
             if lane:
                 position = vehicle.getLanePosition(shadow.id)
-                # On a bend, a vehicle is in line with the lane at its middle.
+                # In a bend, a vehicle is aligned with the lane at the vehicle's middle.
                 lean = heading - self._heading_of(lane, position - size[0] / 2)
                 if speed * math.cos(lean) < 0:
                     speed = 0.0
                 self._settle_on_lane(shadow, lane, position, lean, *size)
             else:
-                shadow.lane, shadow.entry, shadow.shift = "", None, 0.0
+                shadow.lane, shadow.reinsertion, shadow.shift = "", None, 0.0
                 self.proxies.remove(shadow.id)
             vehicle.setPreviousSpeed(shadow.id, abs(speed))
             if shadow.own_type:
@@ -246,49 +243,54 @@ class SumoShadows:
         half = self._half_widths[number]
         lateral = self._library.vehicle.getLateralLanePosition(shadow.id)
         offset = lateral - shadow.shift
-        # Its place in a step, when the proxy is there.
+        # Predict one step ahead, when the proxy appears.
         drift = max(offset - shadow.offset, 0.0) if lane == shadow.lane else 0.0
         shadow.offset = offset
         shadow.side = self._side_of(number, lateral) if abs(lateral) + width / 2 > half else 0
-        # What is not on this lane yet may well turn into it from another direction.
+        # The part of the vehicle before the lane's beginning may have another direction; ignore it.
         tail, half_box = -min(length, position) * math.sin(lean), width / 2 * abs(math.cos(lean))
         left, right = offset + max(0.0, tail) + half_box, offset + min(0.0, tail) - half_box
         reaches_out = left > half or right < -half
         shadow.shift = self._shift_of(number, offset, left, right, width) if reaches_out else 0.0
         if left + drift > half or self.proxies.has_one(shadow.id):
             self.proxies.reach(shadow.id, number, left + drift)
-        # SUMO has noted the side if it has just moved the shadow to this lane from another or from off the
-        # net.
-        is_noted = lane != shadow.lane or shadow.entry is _Entry.BESIDE
+        # SUMO detects the side when it moves the shadow to this lane from another lane or from off the net.
+        is_noted = lane != shadow.lane or shadow.reinsertion is _Reinsertion.BESIDE
         if lane != shadow.lane:
-            self._show_way_on(shadow, lane)
+            self._extend_route(shadow, lane)
         shadow.lane, shadow.position = lane, position
-        if shadow.entry is _Entry.AND_BACK:
+        if shadow.reinsertion is _Reinsertion.AND_BACK:
             shadow.noted_side = 0
         elif is_noted:
             shadow.noted_side = shadow.side
-        shadow.entry = None
+        shadow.reinsertion = None
         if shadow.side != shadow.noted_side or self._library.is_out_of_order(shadow.id, lane, position):
-            shadow.entry = _Entry.BESIDE if shadow.side else _Entry.AND_BACK
+            shadow.reinsertion = _Reinsertion.BESIDE if shadow.side else _Reinsertion.AND_BACK
 
     def _heading_of(self, lane: str, position: float) -> float:
-        """Return the direction of a lane [rad] at one of SUMO's positions [m], or up to a metre on."""
-        if lane not in self._courses:
+        """Return a lane's heading [rad] at the first point at or after SUMO's `position` [m]."""
+        if lane not in self._lane_headings:
             roads, number = self._roads, self._roads.lane_of_id(lane)
             rows = slice(int(roads.point_start[number]), int(roads.point_start[number + 1]))
             positions = roads.point_s[rows] * float(
                 roads.sumo_length[number] / max(roads.length[number], 1e-9)
             )
-            self._courses[lane] = positions.tolist(), roads.point_heading[rows].tolist()
-        positions, headings = self._courses[lane]
+            self._lane_headings[lane] = positions.tolist(), roads.point_heading[rows].tolist()
+        positions, headings = self._lane_headings[lane]
         return headings[min(bisect.bisect_left(positions, position), len(headings) - 1)]
 
     def _shift_of(self, lane: int, offset: float, left: float, right: float, width: float) -> float:
-        """Return how far SUMO must have a vehicle to the left to see the lane that its tail reaches into.
+        """Return the shift to the left that makes SUMO see a vehicle in the lane that its tail reaches [m].
 
-        SUMO takes all of a vehicle to be in line with its front, at `offset` from the lane's middle; it
-        reaches from `right` to `left` [m]. Where the front is over the line itself, or there is no lane
-        behind the line, nothing is to be shifted.
+        SUMO assumes that the whole vehicle has the offset of its front. The shift is 0 if the front itself
+        crosses the line, or if there is no lane beyond the line.
+
+        Args:
+            lane: Lane of the vehicle.
+            offset: Offset of the front to the left of the centreline [m].
+            left: Largest offset of the footprint [m].
+            right: Smallest offset of the footprint [m].
+            width: Width of the vehicle [m].
         """
         half, side = self._half_widths[lane], 1.0 if left > -right else -1.0
         if abs(offset) + width / 2 > half or not self._side_of(lane, side):
@@ -296,9 +298,9 @@ class SumoShadows:
         return side * (half - width / 2 + _OVER_THE_LINE) - offset
 
     def _is_centred(self, shadow: _Shadow) -> bool:
-        """Ease a vehicle that was handed to SUMO to the middle of its lane; return whether that is over.
+        """Move a vehicle that was handed back towards its centreline; return whether it is done.
 
-        SUMO would leave it where it is, with what it has noted of it, until it changes lanes.
+        SUMO would keep the vehicle's offset, and the side that it has detected, until the next lane change.
         """
         vehicle = self._library.vehicle
         if abs(vehicle.getLateralLanePosition(shadow.id) - shadow.offset) > 1e-6:
@@ -309,35 +311,36 @@ class SumoShadows:
             return False
         if shadow.side or shadow.noted_side:
             shadow.lane, shadow.position = vehicle.getLaneID(shadow.id), vehicle.getLanePosition(shadow.id)
-            shadow.entry = _Entry.AND_BACK
+            shadow.reinsertion = _Reinsertion.AND_BACK
             self._reinsert(shadow)
         return True
 
     def _reinsert(self, shadow: _Shadow) -> bool:
-        """Take a shadow out of its lane and in again; return whether there was a lane beside to do it by."""
+        """Re-insert a shadow into its lane; return whether a neighbouring lane made this possible."""
         beside = self._lane_beside(shadow)
         if not beside:
             return False
-        # SUMO refuses where the lane is not on the route that it has given to the shadow.
+        # SUMO raises an error if the lane is not on the shadow's route in SUMO.
         move, accepts = self._library.vehicle.moveTo, self._library.accepts
         return accepts(move, shadow.id, beside, shadow.position) and (
-            shadow.entry is _Entry.BESIDE or accepts(move, shadow.id, shadow.lane, shadow.position)
+            shadow.reinsertion is _Reinsertion.BESIDE
+            or accepts(move, shadow.id, shadow.lane, shadow.position)
         )
 
     def _lane_beside(self, shadow: _Shadow) -> str:
-        """Return the lane that a shadow straddles into, or else any lane beside its own, "" without one."""
+        """Return the lane that a shadow straddles, or else any neighbouring lane, or ""."""
         number = self._roads.lane_of_id(shadow.lane)
         left, right = int(self._roads.left[number]), int(self._roads.right[number])
         beside = left if shadow.side > 0 or right < 0 else right
         return self._roads.lane_ids[beside] if beside >= 0 else ""
 
     def _side_of(self, lane: int, offset: float) -> int:
-        """Return 1 or -1 if there is a lane on the side where a vehicle is off the centreline, or else 0."""
+        """Return the side of an offset, 1 left or -1 right, if there is a lane on that side, else 0."""
         beside = self._roads.left if offset > 0 else self._roads.right
         return (1 if offset > 0 else -1) if beside[lane] >= 0 else 0
 
-    def _show_way_on(self, shadow: _Shadow, lane: str) -> None:
-        """Give a shadow that has come onto a road lane a route across the next junction."""
+    def _extend_route(self, shadow: _Shadow, lane: str) -> None:
+        """Give a shadow that is new on a lane a route across the next junction."""
         if lane.startswith(":"):
             return
         edge = lane.rpartition("_")[0]
@@ -345,39 +348,38 @@ class SumoShadows:
             shadow.route = shadow.route[shadow.route.index(edge) :]
             ahead = list(shadow.route)
         else:
-            ahead = [edge, *self._way_on(lane)]
+            ahead = [edge, *self._next_edge(lane)]
         if tuple(ahead) != self._library.route_ahead(shadow.id):
-            # Where SUMO refuses, because the vehicle may not use a lane, it sees no way on; nothing else is
-            # lost.
+            # If SUMO rejects the route, because the vehicle may not use a lane, the shadow keeps its old one.
             self._library.accepts(self._library.vehicle.setRoute, shadow.id, ahead)
 
-    def _way_on(self, lane: str) -> list[str]:
-        """Return the edge that a lane leads into, the one straight on where there are several."""
-        if lane not in self._ways_on:
+    def _next_edge(self, lane: str) -> list[str]:
+        """Return the edge after a lane, straight on if there are several; [] at the end of a road."""
+        if lane not in self._next_edges:
             links = self._library.lane.getLinks(lane)
             straight = [link for link in links if link[6] == "s"]
-            self._ways_on[lane] = [link[0].rpartition("_")[0] for link in (straight or list(links))[:1]]
-        return self._ways_on[lane]
+            self._next_edges[lane] = [link[0].rpartition("_")[0] for link in (straight or list(links))[:1]]
+        return self._next_edges[lane]
 
     def _restore_route(self, shadow: _Shadow) -> None:
-        """Send a vehicle on to its destination: along its own route, or else by the fastest way."""
+        """Set the route of a vehicle to its destination: its planned route, or else the fastest one."""
         if not shadow.route:
             return
         vehicle = self._library.vehicle
         present = self._library.route_ahead(shadow.id)
-        # Inside a junction the edge behind it is settled already.
-        settled = present[: 2 if vehicle.getRoadID(shadow.id).startswith(":") else 1]
-        here, destination = settled[-1], shadow.route[-1]
+        # Inside a junction, the edge after it is fixed already.
+        fixed = present[: 2 if vehicle.getRoadID(shadow.id).startswith(":") else 1]
+        here, destination = fixed[-1], shadow.route[-1]
         if here in shadow.route:
             ahead = shadow.route[shadow.route.index(here) :]
         else:
             find = self._library.simulation.findRoute
             ahead = tuple(find(here, destination, vehicle.getTypeID(shadow.id)).edges)
-        if ahead and (*settled[:-1], *ahead) != present:
-            vehicle.setRoute(shadow.id, [*settled[:-1], *ahead])
+        if ahead and (*fixed[:-1], *ahead) != present:
+            vehicle.setRoute(shadow.id, [*fixed[:-1], *ahead])
 
     def _type_of(self, slot: int) -> str:
-        """Return a vehicle type with the footprint of the vehicle in a slot, made on first use."""
+        """Return a SUMO vehicle type with the footprint of a slot's vehicle, created on first use."""
         states = self._states
         kind = VehicleKind(states.kind[slot])
         length, width = float(states.length[slot]), float(states.width[slot])
@@ -385,10 +387,10 @@ class SumoShadows:
         if name not in self._types:
             vehicletype = self._library.vehicletype
             vehicletype.copy("DEFAULT_VEHTYPE", name)
-            vehicletype.setVehicleClass(name, _CLASSES[kind])
+            vehicletype.setVehicleClass(name, kind.name.lower())
             vehicletype.setLength(name, length)
             vehicletype.setWidth(name, width)
-            # With a spread, the type would draw from SUMO's random stream.
+            # With a speed deviation, the type would draw random numbers from SUMO's stream.
             vehicletype.setSpeedDeviation(name, 0.0)
             self._types.add(name)
         return name

@@ -1,6 +1,6 @@
-"""Traffic that SUMO drives, in this process.
+"""Traffic of one simulation, driven by SUMO in this process.
 
-Without agents, the result equals that of `sumo` with the same files, options, seed and step.
+Without agents, it equals the result of `sumo` with the same files, options, seed and step length.
 """
 
 from __future__ import annotations
@@ -25,76 +25,69 @@ from smarts.types.vehicles import Owner, VehicleKind, VehicleStates
 from smarts.types.world import World
 
 SPAWN_MARGIN = (10.0, 1.0)
-"""Kept free of traffic around a vehicle that enters: before and behind it, and on either side [m]."""
+"""Margin around an entering vehicle that is cleared of traffic: in front and behind, on either side [m]."""
 
-_KINDS = {
-    "bus": VehicleKind.BUS,
-    "coach": VehicleKind.COACH,
-    "truck": VehicleKind.TRUCK,
-    "delivery": VehicleKind.TRUCK,
-    "trailer": VehicleKind.TRAILER,
-    "motorcycle": VehicleKind.MOTORCYCLE,
-    "moped": VehicleKind.MOTORCYCLE,
-}
+_KINDS = {kind.name.lower(): kind for kind in VehicleKind}
+_KINDS |= {"delivery": VehicleKind.TRUCK, "moped": VehicleKind.MOTORCYCLE}
+"""`VehicleKind` of SUMO's vehicle classes; others are passenger cars."""
 
 _LIGHTS = np.full(256, Signal.NONE, np.int8)
 _LIGHTS[list(b"rR")] = Signal.STOP
 _LIGHTS[list(b"yYuoOs")] = Signal.CAUTION
 _LIGHTS[list(b"gG")] = Signal.GO
-"""`Signal` of each letter of SUMO's signal states; an unlit light (o, O) asks for caution, and so does an
-arrow for turning right after a stop (s)."""
+"""`Signal` of each letter of SUMO's signal states; lights that are off (o, O) and green right-turn arrows
+after a stop (s) mean caution."""
 
 
-class _Seen(NamedTuple):
-    """The columns that SUMO follows, as of its last step; bytes compare faster than arrays of this size."""
+class _Snapshot(NamedTuple):
+    """Columns of the vehicles as of the last step; bytes compare faster than arrays of this size."""
 
     owner: bytes
     generation: bytes
     route: bytes
 
 
-def _seen(states: VehicleStates) -> _Seen:
-    return _Seen(states.owner.tobytes(), states.generation.tobytes(), states.route.tobytes())
+def _snapshot(states: VehicleStates) -> _Snapshot:
+    return _Snapshot(states.owner.tobytes(), states.generation.tobytes(), states.route.tobytes())
 
 
 def sumo_options(files: TrafficFiles, seed: int, dt: float) -> list[str]:
-    """Return SUMO's command line; another simulation with it has exactly the same traffic."""
+    """Return SUMO's command line; simulations with equal command lines have identical traffic."""
     options = ["--net-file", str(files.net), "--seed", str(seed), "--step-length", repr(dt)]
     if files.routes:
         options += ["--route-files", ",".join(map(str, files.routes))]
     if files.additional:
         options += ["--additional-files", ",".join(map(str, files.additional))]
-    # A lane change takes 3 s instead of one step; vehicles are not removed from jams or after collisions.
+    # Lane changes take 3 s instead of one step; vehicles are not removed from jams and after collisions.
     options += ["--lanechange.duration", "3", "--time-to-teleport", "-1"]
     options += ["--collision.action", "none", "--collision.check-junctions", "true"]
     return [*options, "--no-step-log", "--no-warnings", "--xml-validation", "never"]
 
 
 class SumoTraffic:
-    """One simulation's traffic: SUMO drives the vehicles of its owner number and reacts to all others.
+    """One simulation's traffic: SUMO drives the vehicles with its owner number and reacts to all others.
 
-    A vehicle keeps one SUMO id for life. When another becomes a row's owner, its SUMO vehicle is led as a
-    shadow from the next step on; when SUMO becomes it again, SUMO drives on from that pose and speed. A row
-    that others have admitted gets a SUMO vehicle, and a row that others have dismissed loses it. A vehicle
-    handed to SUMO while it stands on no lane leaves the world (`can_accept` tells beforehand). SUMO's drivers
-    expect a vehicle of others to take its `route`.
+    A vehicle keeps its SUMO id until it leaves. When another provider becomes its owner, it is led as a
+    shadow from the next step on; when SUMO becomes its owner again, SUMO drives it from its current pose and
+    speed. A vehicle that another provider admits is added to SUMO, and one that another provider dismisses is
+    removed. A vehicle that is handed to SUMO off all lanes leaves the world (`can_accept` predicts this).
+    SUMO's drivers expect another provider's vehicle to follow its `route`.
 
-    At the limit of vehicles SUMO holds departures back until one has left (`is_full`), so what an episode
-    looks like depends on the limit only if the limit is too small.
+    At the vehicle limit, SUMO delays departures until a vehicle has left (`is_full`), so an episode depends
+    on the limit only if the limit is too small.
 
     Args:
-        world: The state, of which it reads and writes one row.
+        world: The world; one simulation of it is read and written.
         row: The simulation.
-        owner: SUMO's number among the providers.
-        library: Which copy of libsumo to use; by default any that is free.
+        owner: SUMO's owner number.
+        library: Index of the copy of libsumo; by default any free one.
 
     Attributes:
-        signals: Of the map's lanes, in the world.
-        is_full: Whether departures have had to wait in this episode.
+        signals: Signals of the map's lanes, a view into the world.
+        is_full: Whether the limit has delayed departures in this episode.
 
     Raises:
-        TrafficError: From every method, when SUMO fails; other simulations continue, and the next `reset`
-            works.
+        TrafficError: SUMO failed, in any method; other simulations continue, and the next `reset` works.
     """
 
     def __init__(
@@ -105,7 +98,7 @@ class SumoTraffic:
         self.signals = world.signals[row]
         self.is_full = False
         self._world, self._row, self._owner = world, row, int(owner)
-        # Once: to make some twenty views takes as long as to write the vehicles into them.
+        # Create the views once: creating them takes as long as writing the vehicles.
         self._states = states = world.vehicles.of(row)
         self._library = SumoLibrary(library)
         self._shadows = SumoShadows(self._library, states)
@@ -119,16 +112,16 @@ class SumoTraffic:
         self._next_unplanned = bind(next_unplanned, states)
 
     def reset(self, files: TrafficFiles, seed: int, roads: LaneGraph, limit: int | None = None) -> None:
-        """Begin an episode: load, warm up, and let the traffic into the world.
+        """Begin an episode: load, warm up, and admit the traffic to the world.
 
-        Egos may be at their starts; traffic keeps clear of them.
+        Vehicles that are in the world already, such as egos, are kept clear of traffic.
 
         Args:
             files: The traffic.
-            seed: SUMO's, in [0, 2^31).
+            seed: SUMO's seed, in [0, 2^31).
             roads: The lanes of the net in `files`.
-            limit: The most vehicles that SUMO knows at a time, those of others included; by default as many
-                as there are slots.
+            limit: Maximum number of vehicles in SUMO, those of other providers included; by default the
+                number of slots.
         """
         self._library.check_open()
         self._has_begun = False
@@ -147,16 +140,16 @@ class SumoTraffic:
             self._write()
             self._read_signals()
             self._number_routes()
-        # Vehicles placed before the reset are not yet in SUMO.
-        self._remember([slot for slot in self._kept_clear if slot not in self._ids])
+        # Vehicles that were in the world before the reset are not in SUMO yet.
+        self._take_snapshot([slot for slot in self._kept_clear if slot not in self._ids])
         self._has_begun = True
 
     def step(self) -> None:
-        """Advance by one step; the rows of others hold their pose at its end already."""
+        """Advance by one step; other providers' vehicles have their poses of the step's end already."""
         library = self._library
         self._check_begun()
         with library.errors("failed in mid-run"):
-            entering = self._follow_others() if _seen(self._states) != self._last_seen else []
+            entering = self._apply_changes() if _snapshot(self._states) != self._last_snapshot else []
             self._shadows.place()
             library.simulation.step(0.0)
             self._shadows.settle()
@@ -168,18 +161,18 @@ class SumoTraffic:
             self._write()
             self._read_signals()
             self._number_routes()
-        # They are shadows until the next step.
-        self._remember(entering)
+        # Entering vehicles are shadows in this step; SUMO drives them from the next step on.
+        self._take_snapshot(entering)
 
     def can_accept(self, slot: int) -> bool:
-        """Return whether SUMO could drive on with a vehicle of another: it must stand on a lane."""
+        """Return whether SUMO can take over another provider's vehicle: it must be on a lane."""
         if slot not in self._shadows:
             return True
         with self._library.errors("failed to read a position"):
             return bool(self._library.vehicle.getLaneID(self._ids[slot]))
 
     def route(self, slot: int) -> tuple[str, ...]:
-        """Return the edges that a vehicle has yet to drive, its own first; for a shadow, as SUMO believes."""
+        """Return the remaining edges of a vehicle's route in SUMO, the current one first."""
         self._check_begun()
         if slot not in self._ids:
             raise TrafficError(f"slot {slot} holds no vehicle that SUMO knows", place="traffic")
@@ -187,7 +180,7 @@ class SumoTraffic:
             return self._library.route_ahead(self._ids[slot])
 
     def close(self) -> None:
-        """End the simulation and give the library back."""
+        """End the simulation and free its copy of libsumo."""
         self._library.close()
 
     def _check_begun(self) -> None:
@@ -196,10 +189,10 @@ class SumoTraffic:
             raise TrafficError("no episode has begun", place="traffic", remedy="call reset first")
 
     def _warm_up(self, duration: float) -> list[str]:
-        """Run the warm-up [s]; return the departed vehicles.
+        """Run the warm-up of `duration` [s]; return the SUMO ids of departed vehicles.
 
-        Vehicles that are already in the world are inserted in the last step, so that SUMO's drivers react to
-        them from the first step of the episode.
+        Vehicles that are already in the world are inserted in the last warm-up step, so that SUMO's drivers
+        react to them from the first step of the episode.
         """
         library, dt = self._library, self._world.dt
         entering = self._kept_clear if duration > dt else []
@@ -231,22 +224,22 @@ class SumoTraffic:
             if len(lanes := np.flatnonzero(roads.signal == number))
         ]
 
-    def _remember(self, unseen: Sequence[int] = ()) -> None:
-        """Note what the vehicles' rows say, except for those slots, which are to be new in the next step."""
+    def _take_snapshot(self, unseen: Sequence[int] = ()) -> None:
+        """Store the vehicles' columns, except for slots `unseen`, which count as changed in the next step."""
         states = self._states
-        self._last_seen = _seen(states)
+        self._last_snapshot = _snapshot(states)
         if unseen:
             owner = states.owner.copy()
             owner[unseen] = Owner.NOBODY
-            self._last_seen = self._last_seen._replace(owner=owner.tobytes())
+            self._last_snapshot = self._last_snapshot._replace(owner=owner.tobytes())
 
-    def _follow_others(self) -> list[int]:
-        """Bring SUMO in line with the rows; return the slots of traffic that SUMO has yet to take over."""
+    def _apply_changes(self) -> list[int]:
+        """Apply changes of the world's rows to SUMO; return the new slots that SUMO is to drive."""
         entering, states = [], self._states
         is_other, is_new, is_rerouted = (
             column != np.frombuffer(before, column.dtype)
             for column, before in zip(
-                (states.owner, states.generation, states.route), self._last_seen, strict=True
+                (states.owner, states.generation, states.route), self._last_snapshot, strict=True
             )
         )
         for slot in np.flatnonzero(is_new | is_other | is_rerouted).tolist():
@@ -262,11 +255,11 @@ class SumoTraffic:
                 if slot in self._shadows:
                     self._take_back(slot)
             else:
-                self._mind(slot, is_rerouted=bool(is_rerouted[slot]))
+                self._lead_shadow(slot, is_rerouted=bool(is_rerouted[slot]))
         return entering
 
-    def _mind(self, slot: int, *, is_rerouted: bool) -> None:
-        """Lead the vehicle in a slot as a shadow, on the route in its row if others have written one."""
+    def _lead_shadow(self, slot: int, *, is_rerouted: bool) -> None:
+        """Lead a slot's vehicle as a shadow, with the route in its row if another provider has changed it."""
         if slot not in self._shadows:
             del self._driven[self._ids[slot]]
             self._shadows.take_over(slot, self._ids[slot])
@@ -274,7 +267,7 @@ class SumoTraffic:
             self._shadows.set_route(slot, route)
 
     def _planned(self, slot: int) -> tuple[str, ...]:
-        """Return the edges of the route in a vehicle's row, () without one."""
+        """Return the edges of the route in a vehicle's row, or () if it has none."""
         number = int(self._states.route[slot])
         if number < 0:
             return ()
@@ -282,10 +275,10 @@ class SumoTraffic:
         return tuple(names[edge] for edge in self._world.routes.edges(self._row, number).tolist())
 
     def _number_routes(self) -> None:
-        """Number the routes of SUMO's vehicles that have none."""
+        """Write the routes of SUMO's vehicles whose rows have none."""
         slot = -1
         while (slot := self._next_unplanned(self._owner, slot + 1)) >= 0:
-            # One that others have just admitted may not have come to SUMO so far.
+            # A vehicle that another provider has just admitted may not be in SUMO yet.
             if name := self._ids.get(slot):
                 edges = map(self._roads.edge_number, self._library.route_ahead(name))
                 self._states.route[slot] = self._world.routes.number(self._row, edges)
@@ -303,27 +296,27 @@ class SumoTraffic:
         self._ids[slot] = name
 
     def _remove(self, slot: int) -> None:
-        """Take a vehicle out of SUMO."""
+        """Remove a vehicle from SUMO."""
         name = self._ids.pop(slot)
         self._library.vehicle.remove(name)
         self._shadows.forget(slot)
         self._driven.pop(name, None)
 
     def _dismiss(self, names: Iterable[str]) -> None:
-        """Take vehicles that SUMO has removed out of the world."""
+        """Remove vehicles that have arrived in SUMO from the world."""
         for name in names:
-            # Those that were removed for others are gone already.
+            # Vehicles that other providers dismissed are gone already.
             if (slot := self._driven.pop(name, None)) is not None:
                 del self._ids[slot]
                 self._shadows.forget(slot)
                 self._world.registry.dismiss(self._row, slot)
 
     def _admit(self, departed: Iterable[str]) -> None:
-        """Let vehicles into the world in the order of departure, except where the place is kept clear."""
+        """Admit departed vehicles to the world in order; remove those in positions that are kept clear."""
         vehicle = self._library.vehicle
         present = set(vehicle.getIDList()).difference(self._ids.values())
         names = [name for name in departed if name in present and name not in self._shadows.proxies]
-        blocking = self._in_the_way(names)
+        blocking = self._blocking(names)
         for name in names:
             # SUMO counts vehicles inserted by `moveToXY` one step late, so one vehicle too many may depart.
             if name in blocking or len(self._ids) >= self._limit:
@@ -337,8 +330,8 @@ class SumoTraffic:
             self._is_new[slot] = True
         self.is_full |= len(self._ids) >= self._limit
 
-    def _in_the_way(self, names: Sequence[str]) -> list[str]:
-        """Return those of SUMO's vehicles that are in a place to be kept clear."""
+    def _blocking(self, names: Sequence[str]) -> list[str]:
+        """Return the SUMO vehicles `names` that are too close to vehicles to keep clear."""
         states = self._states
         slots = [slot for slot in self._kept_clear if states.alive[slot]]
         if not names or not slots:
@@ -360,10 +353,10 @@ class SumoTraffic:
         return [names[row] for row in np.flatnonzero(overlap.any(axis=1)).tolist()]
 
     def _write(self) -> None:
-        """Fill the rows that SUMO drives.
+        """Write the rows of the vehicles that SUMO drives.
 
-        One call per value and vehicle, all in one pass without Python's interpreter, costs less in this
-        process than subscriptions, which build a dictionary for every vehicle (`perf/traffic.py`).
+        One call per value and vehicle, in a pass without interpreted code, is faster than subscriptions,
+        which build a dictionary for every vehicle (`perf/traffic.py`).
         """
         driven, count = self._driven, len(self._driven)
         if not count:
@@ -372,7 +365,7 @@ class SumoTraffic:
         ones = (vehicle.getAngle, vehicle.getSpeed, vehicle.getAcceleration, vehicle.getAllowedSpeed)
         pairs = chain.from_iterable(map(vehicle.getPosition, driven))
         values = np.fromiter(chain(pairs, *(map(one, driven) for one in ones)), np.float64, 6 * count)
-        # Where a vehicle is on the map is for the simulation to say, of all vehicles alike.
+        # The simulation matches all vehicles to lanes itself.
         self._fill(np.fromiter(driven.values(), np.intp, count), values)
 
     def _read_signals(self) -> None:

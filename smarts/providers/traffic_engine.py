@@ -1,4 +1,4 @@
-"""What the simulation asks of a traffic engine."""
+"""The protocol of traffic engines."""
 
 from __future__ import annotations
 
@@ -11,47 +11,50 @@ from smarts.types.episode import EpisodeStart
 
 
 class TrafficEngine(Protocol):
-    """Moves the vehicles that carry its owner number, in B simulations, in sight of all others.
+    """Moves the vehicles with its owner number in B simulations, and reacts to all other vehicles.
 
-    An engine is made by `Engine(world, maps, owner=number)`, `maps` being the lane graphs in the order of
-    `world.map`. It reads all of `world`, and writes of the simulations that take part:
+    An engine is constructed by `Engine(world, maps, owner=number)`; `maps` are the lane graphs, indexed by
+    `world.map`. It reads all of `world`. In the simulations of a call, it writes:
 
-    - identity of arrivals and departures, by `world.registry`; it admits none beyond `EpisodeStart.limit`
-      vehicles in the simulation, and none onto a vehicle that enters in the same step;
-    - motion and `desired_speed` of the vehicles that it owns, and their `route`, a number of `world.routes`;
-    - `world.signals`, where it controls lights.
+    - arrivals and departures, by `world.registry`; it admits no vehicle beyond `EpisodeStart.limit`, and none
+      that overlaps a vehicle that enters in the same step;
+    - motion, `desired_speed` and `route` (a number of `world.routes`) of the vehicles that it owns;
+    - `world.signals`, where it controls traffic lights.
 
-    It follows the arrays: a vehicle whose owner changes to its number is its own from the next step on, one
-    whose owner changes to another is to be reacted to, one that has been dismissed is gone. Where `route` is
-    not -1, it says where a vehicle of others is bound for.
+    The engine follows changes of the arrays. It owns a vehicle from the step after the owner column changes
+    to its number; it reacts to a vehicle after the column changes to another number; a dismissed vehicle is
+    removed. `route` is the planned route of another provider's vehicle, -1 if unknown.
 
-    Several engines may run in one simulation, under different numbers.
+    Several engines with different numbers may run in one simulation.
     """
 
     failures: Mapping[int, TrafficError]
-    """What went wrong in the last step, by row; those rows are to be reset."""
+    """Errors of the last step, by simulation; the caller resets these simulations."""
 
     is_full: Bools
-    """Whether arrivals have had to wait for room under the limit in this episode, shape (B,)."""
+    """Whether the vehicle limit has delayed arrivals in this episode, shape (B,)."""
 
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
-        """Begin episodes, by row, in simulations that hold their first agents.
+        """Begin episodes in simulations whose first agents are in the world already.
+
+        Args:
+            starts: The episode of each simulation to reset.
 
         Raises:
-            TrafficError: The engine refuses; all these rows are to be reset again.
+            TrafficError: An episode cannot begin; the caller resets all these simulations again.
         """
         ...
 
     def step(self, env_mask: Bools) -> None:
-        """Advance some simulations by `world.dt`; others' vehicles are where they are at its end.
+        """Advance simulations by `world.dt`; other providers' vehicles have their poses of the step's end.
 
         Args:
-            env_mask: Which simulations, shape (B,).
+            env_mask: The simulations to step, shape (B,).
         """
         ...
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """Return for each vehicle the `Refusal` to drive on with it from where it is; changes nothing.
+        """Return for each vehicle whether the engine can take it over, as a `Refusal`, shape (N,).
 
         Args:
             rows: Simulation of each vehicle, shape (N,).
@@ -60,5 +63,5 @@ class TrafficEngine(Protocol):
         ...
 
     def close(self) -> None:
-        """Free what the engine holds; may be called again."""
+        """Free the engine's resources; may be called repeatedly."""
         ...

@@ -1,4 +1,4 @@
-"""Traffic engines side by side: each simulation is driven by the one that its episode names."""
+"""Constructs traffic engines, and runs several side by side, one per simulation."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from smarts.types.world import World
 
 
 def traffic_of(names: Sequence[str], world: World, maps: Sequence[LaneGraph]) -> TrafficEngine:
-    """Return the traffic of simulations whose episodes name these engines.
+    """Return the traffic of simulations whose episodes use these engines.
 
     Args:
-        names: Of `TRAFFIC_ENGINES`.
-        world: The state.
-        maps: The maps by their number in the atlas.
+        names: Names of the engines, keys of `TRAFFIC_ENGINES`.
+        world: The world.
+        maps: The maps, by their number in the atlas.
 
     Raises:
-        UnknownNameError: There is no such engine.
-        TrafficError: An engine cannot be made.
+        UnknownNameError: A name is not registered.
+        TrafficError: An engine cannot be constructed.
     """
     kinds = {name: TRAFFIC_ENGINES[name] for name in names}
     with ExitStack() as on_failure:
@@ -40,11 +40,11 @@ def traffic_of(names: Sequence[str], world: World, maps: Sequence[LaneGraph]) ->
 
 
 class EnginesByEpisode(TrafficEngine):
-    """Hands each simulation to the engine that its episode names.
+    """Runs each simulation with the engine that its episode names.
 
     Args:
-        engines: By name.
-        worlds: B.
+        engines: The engines, by name.
+        worlds: Number of simulations.
     """
 
     def __init__(self, engines: Mapping[str, TrafficEngine], worlds: int) -> None:
@@ -52,7 +52,7 @@ class EnginesByEpisode(TrafficEngine):
         self.is_full = np.zeros(worlds, np.bool_)
         self._engines = dict(engines)
         self._driven = {name: np.zeros(worlds, np.bool_) for name in engines}
-        """Which simulations each engine drives, shape (B,)."""
+        """The simulations of each engine, by name, shape (B,)."""
 
     def reset(self, starts: Mapping[int, EpisodeStart]) -> None:
         """See `TrafficEngine`."""
@@ -74,11 +74,11 @@ class EnginesByEpisode(TrafficEngine):
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
         """See `TrafficEngine`."""
-        answers = np.full(len(rows), Refusal.NONE, np.int8)
+        refusals = np.full(len(rows), Refusal.NONE, np.int8)
         for name, engine in self._engines.items():
-            asked = self._driven[name][rows]
-            answers[asked] = engine.can_accept(rows[asked], slots[asked])
-        return answers
+            of_engine = self._driven[name][rows]
+            refusals[of_engine] = engine.can_accept(rows[of_engine], slots[of_engine])
+        return refusals
 
     def close(self) -> None:
         """See `TrafficEngine`."""

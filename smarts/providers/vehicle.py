@@ -1,4 +1,4 @@
-"""The vehicle provider: moves the vehicles of agents as their commands say."""
+"""The vehicle provider: moves the vehicles of agents by their commands."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from smarts.geometry.binding import LateBound, bind
 from smarts.providers.vehicle_kernels import (
     NOWHERE,
     AgentGroups,
-    HeldVehicles,
+    FleetSlots,
     find_changes,
     find_touchable,
     group_agents,
     place_vehicles,
-    show_vehicles,
+    write_motion,
 )
 from smarts.providers.vehicle_surface import DRY, RoadSurfaces
 from smarts.types.actions import CommandMode, Commands
@@ -33,22 +33,22 @@ from smarts.types.world import World
 
 SUBSTEPS = 10
 TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
-"""The type of `smarts.dynamics` that a kind of vehicle drives like; a trailer does not drive."""
+"""Vehicle type of `smarts.dynamics` of each kind; trailers have none."""
 
 
 class FleetVehicles:
-    """All agents' vehicles of all simulations, in one `Fleet`: the stage that moves them.
+    """The stage that moves the agents' vehicles of all simulations, in one `Fleet`.
 
-    The world says which vehicle an agent drives. A vehicle that an agent takes over continues from its row:
-    pose, velocity, yaw rate, steering on the circle that it drives. Vehicles that are commanded by poses are
-    not in the fleet; they stand where commands put them, and the others collide with them as with traffic.
+    `world.agents.slot` is the agent's vehicle. A vehicle that an agent takes over keeps its pose, velocity
+    and yaw rate; its steering is derived from these. Vehicles that are commanded by poses are not in the
+    fleet: they are placed by their commands, and other vehicles collide with them as with traffic.
 
     Args:
-        world: What is to be read and written.
-        models: How each agent's vehicle moves, one of `smarts.dynamics.MODELS`, shape (A,) or one for all.
-        surfaces: Friction patches by map.
-        tyres: The tyre model of each agent's vehicle, shape (A,) or one for all.
-        flat_tyres: Wheels of each agent's vehicle whose tyre is flat when it spawns, by agent.
+        world: The world, read and written.
+        models: The dynamics model of each agent's vehicle (`smarts.dynamics.MODELS`), shape (A,) or one name.
+        surfaces: Friction patches of all maps.
+        tyres: The tyre model of each agent's vehicle, shape (A,) or one name.
+        flat_tyres: Wheels with a flat tyre when the agent's vehicle spawns, by agent.
     """
 
     def __init__(
@@ -62,23 +62,23 @@ class FleetVehicles:
     ) -> None:
         worlds, agents = world.agents.slot.shape
         self.failures: dict[int, SmartsError] = {}
-        """What went wrong in the last step, by row: a command that is not finite, a motion that cannot be."""
+        """Errors of the last step, by simulation: a non-finite command or motion."""
         self._models = [models] * agents if isinstance(models, str) else list(models)
         self.fleet = Fleet(worlds, agents, step=world.dt, substeps=SUBSTEPS)
-        """For read-outs and faults; row b * A + a is the vehicle of agent a of simulation b."""
+        """Row b * A + a is the vehicle of agent a of simulation b."""
         self._world = world
         self._surfaces = surfaces
         self._tyres = [tyres] * agents if isinstance(tyres, str) else list(tyres)
         self._flat_tyres = flat_tyres or {}
         shape = (worlds, agents)
-        self._held = HeldVehicles(
+        self._fleet_slots = FleetSlots(
             np.full(shape, NOWHERE, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.int32)
         )
-        self._slips = np.tile([model != "kinematic" for model in self._models], worlds)
+        self._has_tyre_slip = np.tile([model != "kinematic" for model in self._models], worlds)
         self._memory = np.zeros((worlds * agents, tracking.MEMORY))
         self._tracks = Tracks.allocate(worlds, agents, world.vehicles.capacity, SUBSTEPS)
         self._no_controls = np.zeros((worlds * agents, 3))
-        self._shown = np.zeros((worlds * agents, 3))
+        self._applied_controls = np.zeros((worlds * agents, 3))
         self._boxed = np.zeros(world.vehicles.alive.shape, np.bool_)
         self._with_boxes: set[int] = set()
         self._has_contacts = False
@@ -87,30 +87,37 @@ class FleetVehicles:
         is_bullet = np.array([model == MODELS[0] for model in self._models])
         self._group_agents = LateBound(group_agents, state, is_bullet, self._groups)
         self._find_bad = LateBound(tracking.first_bad_command)
-        self._find_changes = bind(find_changes, state, self._groups, self._held)
-        self._show = bind(show_vehicles, state, motion, self._shown, self._tracks, self._groups)
+        self._find_changes = bind(find_changes, state, self._groups, self._fleet_slots)
+        self._write_motion = bind(
+            write_motion, state, motion, self._applied_controls, self._tracks, self._groups
+        )
         self._place = LateBound(place_vehicles, state, self._tracks, self._groups)
         self._find_touchable = bind(find_touchable, state, motion, self._groups, self._boxed)
         self._driver: tuple[Commands, SubstepDriver] | None = None
 
     def reset(self, env_mask: Bools) -> None:
-        """Forget all vehicles of some simulations; those in their rows now are new."""
+        """Remove the vehicles of some simulations from the fleet; vehicles in their rows now are new.
+
+        Args:
+            env_mask: The simulations to reset, shape (B,).
+        """
         for row in np.flatnonzero(env_mask).tolist():
             self.fleet.clear(row)
-            self._held.slot[row] = NOWHERE
+            self._fleet_slots.slot[row] = NOWHERE
             self._boxed[row] = False
             self._with_boxes.discard(row)
             self._tracks.poses[row] = 0.0
 
     def step(self, commands: Commands, env_mask: Bools) -> Tracks:
-        """Move the vehicles of active agents by one step; return how.
+        """Move the vehicles of active agents by one step.
 
         Args:
-            commands: From the controllers.
-            env_mask: Which simulations make the step, shape (B,).
+            commands: Commands of the controllers.
+            env_mask: The simulations to step, shape (B,).
 
         Returns:
-            Refilled by the next step. Those of simulations that are in `failures` after it mean nothing.
+            The vehicles' poses and contacts within the step, overwritten by the next step. They are undefined
+            for simulations in `failures`.
         """
         self.failures = failures = {}
         if self._has_contacts:
@@ -119,13 +126,13 @@ class FleetVehicles:
             self._has_contacts = False
         placed, driven = self._group_agents.to(commands)(env_mask)
         while (bad := self._find_bad.to(commands)(self._groups.active)) >= 0:
-            row = bad // self._held.slot.shape[1]
-            failures[row] = self._refusal(commands, bad)
+            row = bad // self._fleet_slots.slot.shape[1]
+            failures[row] = self._command_error(commands, bad)
             env_mask = env_mask.copy()
             env_mask[row] = False
             placed, driven = self._group_agents.to(commands)(env_mask)
         if self._find_changes(env_mask):
-            self._follow_ownership()
+            self._update_fleet()
         if placed:
             self._place.to(commands)()
         if driven:
@@ -134,23 +141,32 @@ class FleetVehicles:
 
     @property
     def columns(self) -> tuple[NDArray, ...]:
-        """What is kept of each agent's vehicle, to be cleared for another agent, shape (B, A, ...)."""
-        shape = self._held.slot.shape
-        # A generation of 0 is no vehicle's, so the next vehicle is new to the fleet, even if it is the last.
-        kept = (self._held.generation, self._memory.reshape(*shape, -1), self._shown.reshape(*shape, -1))
+        """Arrays with an entry per agent, cleared when another agent takes its place, shape (B, A, ...)."""
+        shape = self._fleet_slots.slot.shape
+        # No vehicle has generation 0, so the fleet spawns the next vehicle even if its slot is the same.
+        kept = (
+            self._fleet_slots.generation,
+            self._memory.reshape(*shape, -1),
+            self._applied_controls.reshape(*shape, -1),
+        )
         return (*self._tracks, *kept)
 
     def can_accept(self, rows: Ints, slots: Ints) -> Bytes:
-        """Return for each vehicle the `Refusal` to let an agent drive it: some kinds have no model."""
+        """Return for each vehicle whether an agent can drive it, as a `Refusal`, shape (N,).
+
+        Args:
+            rows: Simulation of each vehicle, shape (N,).
+            slots: Slot of each vehicle, shape (N,).
+        """
         can_drive = np.isin(self._world.vehicles.kind[rows, slots], [int(kind) for kind in TYPES])
         return np.where(can_drive, Refusal.NONE, Refusal.KIND).astype(np.int8)
 
     def close(self) -> None:
-        """Give back Bullet's worlds."""
+        """Free Bullet's worlds."""
         self.fleet.close()
 
     def _driver_of(self, commands: Commands) -> SubstepDriver:
-        """Return what writes the fleet's controls; a set of controllers keeps its commands' arrays."""
+        """Return the function that writes the fleet's controls in each sub-step, bound to `commands`."""
         if self._driver is not None and self._driver[0] is commands:
             return self._driver[1]
         count, reference = len(self._no_controls), commands.reference
@@ -161,15 +177,15 @@ class FleetVehicles:
             reference.reshape(count, *reference.shape[2:]),
             commands.reference_length.reshape(count),
             commands.window.reshape(count),
-            self._slips,
+            self._has_tyre_slip,
             self._memory,
-            self._shown,
+            self._applied_controls,
         )
         self._driver = commands, driver
         return driver
 
     def _drive(self, commands: Commands, env_mask: Bools) -> None:
-        """Advance the fleet, and write its motion into the world."""
+        """Advance the fleet and write its motion into the world."""
         self._place_boxes(env_mask)
         if self._surfaces is not None:
             self._surfaces.look_up(self._world, self._groups.driven, self.fleet)
@@ -177,27 +193,29 @@ class FleetVehicles:
             self.fleet.step(self._no_controls, simulations=env_mask, driver=self._driver_of(commands))
         except MotionError:
             for number in np.flatnonzero(self.fleet.lost).tolist():
-                row = number // self._held.slot.shape[1]
+                row = number // self._fleet_slots.slot.shape[1]
                 self.failures.setdefault(row, self.fleet.motion_error(number))
                 self._groups.driven[row] = False
-        self._show()
+        self._write_motion()
         if self.fleet.contacts:
             self._record_contacts()
 
     def _record_contacts(self) -> None:
         """Record each Bullet contact for both vehicles."""
         self._has_contacts = True
-        capacity, agents = self._world.vehicles.capacity, self._held.slot.shape[1]
+        capacity, agents = self._world.vehicles.capacity, self._fleet_slots.slot.shape[1]
         for substep, contact in self.fleet.contacts:
             row, agent_id = divmod(contact.row, agents)
             slot = (
                 contact.box % capacity
                 if contact.other_row < 0
-                else self._held.slot[row, contact.other_row % agents]
+                else self._fleet_slots.slot[row, contact.other_row % agents]
             )
             self._record_contact(row, agent_id, slot, substep, contact.speed)
             for other in np.flatnonzero(self._world.agents.slot[row] == slot).tolist():
-                self._record_contact(row, other, self._held.slot[row, agent_id], substep, contact.speed)
+                self._record_contact(
+                    row, other, self._fleet_slots.slot[row, agent_id], substep, contact.speed
+                )
 
     def _record_contact(self, row: int, agent_id: int, slot: int, substep: int, speed: float) -> None:
         tracks = self._tracks
@@ -205,25 +223,25 @@ class FleetVehicles:
             tracks.touched[row, agent_id, slot] = substep + 1
             tracks.touch_speed[row, agent_id, slot] = speed
 
-    def _follow_ownership(self) -> None:
-        """Add vehicles to the fleet and remove them, following the agents' slots."""
-        agents, wanted = self._world.agents, self._held.wanted
-        changed = (wanted != self._held.slot) | (
-            self._groups.active & (agents.generation != self._held.generation)
+    def _update_fleet(self) -> None:
+        """Spawn and despawn vehicles of the fleet by `target_slot`."""
+        agents, target_slot = self._world.agents, self._fleet_slots.target_slot
+        changed = (target_slot != self._fleet_slots.slot) | (
+            self._groups.active & (agents.generation != self._fleet_slots.generation)
         )
         for row, agent_id in np.argwhere(changed).tolist():
-            number = row * self._held.slot.shape[1] + agent_id
-            if self._held.slot[row, agent_id] >= 0:
+            number = row * self._fleet_slots.slot.shape[1] + agent_id
+            if self._fleet_slots.slot[row, agent_id] >= 0:
                 self.fleet.despawn(number)
-            self._held.slot[row, agent_id] = wanted[row, agent_id]
-            self._held.generation[row, agent_id] = agents.generation[row, agent_id]
-            if wanted[row, agent_id] >= 0:
+            self._fleet_slots.slot[row, agent_id] = target_slot[row, agent_id]
+            self._fleet_slots.generation[row, agent_id] = agents.generation[row, agent_id]
+            if target_slot[row, agent_id] >= 0:
                 self._spawn(row, agent_id, number)
 
     def _spawn(self, row: int, agent_id: int, number: int) -> None:
-        """Put an agent's vehicle on the road, going on as its row of the world says."""
+        """Spawn an agent's vehicle in the fleet with the motion in its row of the world."""
         vehicles = self._world.vehicles
-        slot = int(self._held.slot[row, agent_id])
+        slot = int(self._fleet_slots.slot[row, agent_id])
         name = TYPES[VehicleKind(int(vehicles.kind[row, slot]))]
         x, y = vehicles.position[row, slot].tolist()
         speed, heading = float(vehicles.speed[row, slot]), float(vehicles.heading[row, slot])
@@ -248,7 +266,7 @@ class FleetVehicles:
         self.fleet.road.friction[number] = DRY
 
     def _place_boxes(self, env_mask: Bools) -> None:
-        """Put the road users that vehicles in Bullet may touch there as boxes."""
+        """Place the road users that Bullet's vehicles may touch as boxes in Bullet."""
         if not self._find_touchable(env_mask) and not self._with_boxes:
             return
         for row in np.flatnonzero(env_mask).tolist():
@@ -271,7 +289,7 @@ class FleetVehicles:
         x, y = vehicles.position[row, slot].tolist()
         speed, sideways = float(vehicles.speed[row, slot]), float(vehicles.lateral_speed[row, slot])
         yaw_rate = float(vehicles.yaw_rate[row, slot])
-        # In a bend the way goes along the heading of the step's middle.
+        # In a bend, the box moves along its heading at the middle of the step.
         ahead = 0.5 * self._world.dt * yaw_rate
         cos, sin = math.cos(ahead), math.sin(ahead)
         return Box(
@@ -285,15 +303,15 @@ class FleetVehicles:
             yaw_rate,
         )
 
-    def _refusal(self, commands: Commands, bad: int) -> ActionError:
-        """Return what is wrong with a command that is not finite; it must not come near Bullet."""
-        row, agent_id = divmod(bad, self._held.slot.shape[1])
+    def _command_error(self, commands: Commands, bad: int) -> ActionError:
+        """Return the error for a command that is not finite."""
+        row, agent_id = divmod(bad, self._fleet_slots.slot.shape[1])
         mode = CommandMode(int(commands.mode[row, agent_id]))
-        shown: Any = {
+        values: Any = {
             CommandMode.TRACK: commands.reference[row, agent_id],
             CommandMode.PLACE: commands.poses[row, agent_id],
         }.get(mode, commands.actuators[row, agent_id])
-        wrong = shown[~np.isfinite(shown).reshape(len(shown), -1).all(axis=1)]
+        wrong = values[~np.isfinite(values).reshape(len(values), -1).all(axis=1)]
         return ActionError(
             f"a command by {mode.name} is not finite: {wrong[:1].tolist()}",
             place=f"agent {agent_id} of simulation {row}",

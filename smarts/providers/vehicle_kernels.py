@@ -1,4 +1,4 @@
-"""Compiled: between the rows of the world and the rows of the fleet."""
+"""Kernels that copy between rows of the world and rows of the fleet."""
 
 from __future__ import annotations
 
@@ -18,71 +18,71 @@ from smarts.types.vehicles import VehicleStates
 from smarts.types.world import State
 
 FASTEST = 100.0
-"""What a vehicle that is commanded by poses drives at most [m/s]: farther poses are not jumped to."""
+"""Maximum speed of vehicles that are commanded by poses [m/s]."""
 STAYS = 1.0
-"""A vehicle that could be touched stays in Bullet until it is this much farther away [m]: to come and go
-costs as much as a step."""
+"""Additional distance at which a box is removed from Bullet [m]: adding and removing costs as much as a
+step."""
 
 _ACTIVE, _PLACE = int(AgentStatus.ACTIVE), int(CommandMode.PLACE)
 
 NOWHERE = -1
 BY_POSES = -2
-"""Of the slot that an agent's row of the fleet is for: it holds no vehicle, or one that goes by poses."""
+"""Values of `FleetSlots.slot`: the agent's row of the fleet is empty; its vehicle is moved by poses."""
 
 
 class AgentGroups(NamedTuple):
-    """Which agents' vehicles are moved how, shape (B, A)."""
+    """Agents grouped by how their vehicles move, shape (B, A)."""
 
     active: Bools
     """Agents that drive in this step."""
     by_poses: Bools
-    """Those of them whose vehicle is put where the commands say."""
+    """Active agents whose vehicles are placed by commands."""
     driven: Bools
-    """Those of them whose vehicle the fleet moves."""
+    """Active agents whose vehicles are moved by the fleet."""
     in_bullet: Bools
-    """Those of these whose vehicle is in Bullet."""
+    """Driven agents whose vehicles are in Bullet."""
 
 
-class HeldVehicles(NamedTuple):
-    """Which vehicle each agent's row of the fleet is for, shape (B, A)."""
+class FleetSlots(NamedTuple):
+    """The vehicle in each agent's row of the fleet, shape (B, A)."""
 
     slot: Ints
     """A slot, `NOWHERE` or `BY_POSES`."""
     generation: Ints
-    """Of the vehicle in that slot."""
-    wanted: Ints
-    """The slot that the row is to be for in this step."""
+    """Generation of the vehicle in that slot."""
+    target_slot: Ints
+    """The slot that the row should hold in this step."""
 
 
 class FrictionPatches(NamedTuple):
-    """Patches of the road with a friction of their own, on M maps."""
+    """Friction patches on M maps, in CSR form."""
 
     usual: float
-    """Friction where no patch is."""
+    """Friction outside patches."""
     start: Ints
-    """CSR of the patches of each map, shape (M + 1,)."""
+    """CSR offsets of each map's patches, shape (M + 1,)."""
     patch: Floats
-    """Rows (begin [s], end [s], friction)."""
+    """Rows (begin [s], end [s], friction), shape (P, 3)."""
     ring_start: Ints
-    """CSR of each patch's rings."""
+    """CSR offsets of each patch's rings, shape (P + 1,)."""
     vertex_start: Ints
-    """CSR of the rings' vertices."""
+    """CSR offsets of each ring's vertices, shape (R + 1,)."""
     vertex: Floats
-    """[m], shape (., 2)."""
+    """Vertices of all rings [m], shape (V, 2)."""
 
 
 @kernel
 def group_agents(
     state: State, is_bullet: Bools, groups: AgentGroups, commands: Commands, env_mask: Bools
 ) -> tuple[int, int]:
-    """Group the agents by how their vehicles move; return how many go by poses, how many are driven.
+    """Group the agents by how their vehicles move; return the numbers of placed and of driven vehicles.
 
     Args:
-        state: Of the world.
-        is_bullet: Whether the agent's vehicles are modelled in Bullet, shape (A,).
-        groups: Written.
-        commands: Of the controllers.
-        env_mask: Which simulations make the step, shape (B,).
+        state: The state of the world.
+        is_bullet: Whether each agent's vehicles use the model "bullet", shape (A,).
+        groups: The groups, written.
+        commands: Commands of the controllers.
+        env_mask: The simulations to step, shape (B,).
     """
     placed = driven = 0
     for b in range(groups.active.shape[0]):
@@ -98,45 +98,44 @@ def group_agents(
 
 
 @kernel
-def find_changes(state: State, groups: AgentGroups, held: HeldVehicles, env_mask: Bools) -> bool:
-    """Write which slot each agent's row of the fleet is to be for; tell if any is for another vehicle now.
+def find_changes(state: State, groups: AgentGroups, fleet_slots: FleetSlots, env_mask: Bools) -> bool:
+    """Write the slot that each fleet row should hold; return whether any row changes its vehicle.
 
     Args:
-        state: Of the world.
-        groups: Of the agents.
-        held: `wanted` is written.
-        env_mask: Which simulations make the step, shape (B,).
+        state: The state of the world.
+        groups: The agents by group.
+        fleet_slots: The fleet's vehicles; `target_slot` is written.
+        env_mask: The simulations to step, shape (B,).
     """
-    agents, slot, wanted = state.agents, held.slot, held.wanted
+    agents, slot, target_slot = state.agents, fleet_slots.slot, fleet_slots.target_slot
     any_change = False
     for b in range(slot.shape[0]):
         for a in range(slot.shape[1]):
-            wanted[b, a] = slot[b, a]
+            target_slot[b, a] = slot[b, a]
             if not env_mask[b]:
                 continue
             if not groups.active[b, a]:
-                wanted[b, a] = NOWHERE
+                target_slot[b, a] = NOWHERE
             elif groups.by_poses[b, a]:
-                wanted[b, a] = BY_POSES
+                target_slot[b, a] = BY_POSES
             else:
-                wanted[b, a] = agents.slot[b, a]
-                any_change = any_change or agents.generation[b, a] != held.generation[b, a]
-            any_change = any_change or wanted[b, a] != slot[b, a]
+                target_slot[b, a] = agents.slot[b, a]
+                any_change = any_change or agents.generation[b, a] != fleet_slots.generation[b, a]
+            any_change = any_change or target_slot[b, a] != slot[b, a]
     return any_change
 
 
 @kernel
-def show_vehicles(
-    state: State, motion: Motion, controls: Floats, tracks: Tracks, groups: AgentGroups
-) -> None:
-    """Write the motion of the driven agents' vehicles into their rows of the world, and their tracks.
+def write_motion(state: State, motion: Motion, controls: Floats, tracks: Tracks, groups: AgentGroups) -> None:
+    """Write the motion of the driven agents' vehicles into the world and into `tracks`.
 
     Args:
-        state: Of the world; motion of vehicles, actuators and distance of agents are written.
-        motion: Of the fleet.
+        state: The state of the world; the vehicles' motion and the agents' actuators and distances are
+            written.
+        motion: Motion of the fleet.
         controls: Throttle, brake, steering of the last sub-step, shape (E, 3).
-        tracks: The poses are written.
-        groups: Of the agents.
+        tracks: Poses are written.
+        groups: The agents by group.
     """
     vehicles, agents, poses = state.vehicles, state.agents, motion.substeps
     egos, last = groups.driven.shape[1], poses.shape[1] - 1
@@ -166,12 +165,13 @@ def show_vehicles(
 
 @kernel
 def place_vehicles(state: State, tracks: Tracks, groups: AgentGroups, commands: Commands) -> None:
-    """Put vehicles where their commands say, or on the straight way there as far as `FASTEST` takes them.
+    """Place vehicles at the poses of their commands, or on the straight line to these, limited by `FASTEST`.
 
     Args:
-        state: Of the world; motion of vehicles, actuators and distance of agents are written.
-        tracks: The poses are written.
-        groups: Of the agents.
+        state: The state of the world; the vehicles' motion and the agents' actuators and distances are
+            written.
+        tracks: Poses are written.
+        groups: The agents by group.
         commands: The poses after each sub-step.
     """
     vehicles, agents, poses, dt = state.vehicles, state.agents, commands.poses, state.dt
@@ -188,7 +188,7 @@ def place_vehicles(state: State, tracks: Tracks, groups: AgentGroups, commands: 
                 pose = poses[b, a, substep]
                 far = math.hypot(pose[0] - x, pose[1] - y)
                 if far > reach:
-                    # There as fast as it may, and on in the next steps.
+                    # Move towards the pose at the maximum speed; continue in the next sub-steps.
                     x, y = x + reach / far * (pose[0] - x), y + reach / far * (pose[1] - y)
                     now = math.copysign(FASTEST, pose[3])
                 else:
@@ -210,31 +210,35 @@ def place_vehicles(state: State, tracks: Tracks, groups: AgentGroups, commands: 
 
 @kernel
 def find_touchable(state: State, motion: Motion, groups: AgentGroups, boxed: Bools, env_mask: Bools) -> bool:
-    """Write which road users that are not in Bullet a vehicle in there may touch in this step; tell if any.
+    """Mark the road users outside Bullet that a vehicle in Bullet may touch in this step.
 
     Args:
-        state: Of the world.
-        motion: Of the fleet.
-        groups: Of the agents.
-        boxed: Whether the vehicle could be touched in the step before, shape (B, V); written.
-        env_mask: Which simulations make the step, shape (B,).
+        state: The state of the world.
+        motion: Motion of the fleet.
+        groups: The agents by group.
+        boxed: Marks of the last step, overwritten, shape (B, V).
+        env_mask: The simulations to step, shape (B,).
+
+    Returns:
+        Whether any road user is marked.
     """
     vehicles, slot, in_bullet = state.vehicles, state.agents.slot, groups.in_bullet
     any_found = False
     for b in range(env_mask.shape[0]):
         if not env_mask[b]:
             continue
+        count = _end_of(in_bullet[b])
         for v in range(vehicles.alive.shape[1]):
             slack = SLACK + (STAYS if boxed[b, v] else 0.0)
             boxed[b, v] = False
             is_other = vehicles.alive[b, v]
-            for a in range(slot.shape[1]):
+            for a in range(count):
                 if in_bullet[b, a] and slot[b, a] == v:
                     is_other = False
             if not is_other:
                 continue
             one = _mover(vehicles, b, v)
-            for a in range(slot.shape[1]):
+            for a in range(count):
                 if not in_bullet[b, a]:
                     continue
                 within = slack + motion.overhang[b * slot.shape[1] + a]
@@ -245,8 +249,17 @@ def find_touchable(state: State, motion: Motion, groups: AgentGroups, boxed: Boo
 
 
 @kernel
+def _end_of(chosen: Bools) -> int:
+    """Return one more than the last chosen index, 0 without one: the columns behind it are mostly vacant."""
+    for a in range(len(chosen) - 1, -1, -1):
+        if chosen[a]:
+            return a + 1
+    return 0
+
+
+@kernel
 def _mover(vehicles: VehicleStates, b: int, v: int) -> Mover:
-    """Return a vehicle's footprint under way."""
+    """Return a vehicle's moving footprint."""
     cos, sin = math.cos(vehicles.heading[b, v]), math.sin(vehicles.heading[b, v])
     forward, aside = vehicles.speed[b, v], vehicles.lateral_speed[b, v]
     velocity = forward * cos - aside * sin, forward * sin + aside * cos
@@ -262,22 +275,22 @@ def look_up_friction(
     """Write the friction under each wheel of the driven vehicles.
 
     Args:
-        state: Of the world.
-        patches: Of all maps.
-        driven: Which agents' vehicles, shape (B, A).
-        wheels: Where the wheels stand [m], shape (E, 4, 2).
-        friction: Written, shape (E, 4).
+        state: The state of the world.
+        patches: Patches of all maps.
+        driven: Agents whose vehicles are in the fleet, shape (B, A).
+        wheels: Positions of the wheels [m], shape (E, 4, 2).
+        friction: Friction at each wheel, written, shape (E, 4).
     """
     egos = driven.shape[1]
     for b in range(driven.shape[0]):
-        time, world = state.step[b] * state.dt, state.map[b]
+        time, map_id = state.step[b] * state.dt, state.map[b]
         for a in range(egos):
             if not driven[b, a]:
                 continue
             for wheel in range(4):
                 x, y = wheels[b * egos + a, wheel, 0], wheels[b * egos + a, wheel, 1]
                 found = patches.usual
-                for p in range(patches.start[world], patches.start[world + 1]):
+                for p in range(patches.start[map_id], patches.start[map_id + 1]):
                     if patches.patch[p, 0] <= time < patches.patch[p, 1] and _is_inside(patches, p, x, y):
                         found = patches.patch[p, 2]
                 friction[b * egos + a, wheel] = found
@@ -285,7 +298,7 @@ def look_up_friction(
 
 @kernel
 def _is_inside(patches: FrictionPatches, patch: int, x: float, y: float) -> bool:
-    """Return whether a point is in an odd number of a patch's rings."""
+    """Return whether a point is inside an odd number of a patch's rings."""
     inside = False
     for ring in range(patches.ring_start[patch], patches.ring_start[patch + 1]):
         if inside_outline(x, y, patches.vertex, patches.vertex_start[ring], patches.vertex_start[ring + 1]):

@@ -1,4 +1,4 @@
-"""Road friction patches: where and when the road is slippery."""
+"""Road friction patches: areas and periods with another friction."""
 
 from __future__ import annotations
 
@@ -20,14 +20,12 @@ __all__ = ["DRY", "RoadSurfaces"]
 
 
 class RoadSurfaces:
-    """The patches of each map.
-
-    Where patches overlap, the later in the list counts; where there is none, the road has one friction.
+    """The friction patches of all maps; where patches overlap, the last in the list applies.
 
     Args:
-        patches: Of each map, in the atlas's order.
+        patches: The patches of each map, in the order of the atlas.
         maps: The maps.
-        friction: Of the road outside of patches.
+        friction: Friction outside patches.
     """
 
     def __init__(
@@ -56,7 +54,13 @@ class RoadSurfaces:
         self._look_up = LateBound(look_up_friction)
 
     def look_up(self, world: World, driven: Bools, fleet: Fleet) -> None:
-        """Write the friction under the wheels of driven vehicles, shape (B, A), into the fleet's road."""
+        """Write the friction under the wheels of driven vehicles into `fleet.road`.
+
+        Args:
+            world: The world.
+            driven: Agents whose vehicles are in the fleet, shape (B, A).
+            fleet: The fleet.
+        """
         given = world.state, self._patches, driven, fleet.wheels.position, fleet.road.friction
         self._look_up.to(*given)()
 

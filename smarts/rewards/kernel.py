@@ -1,4 +1,4 @@
-"""What decisions are worth, for many agents at once.
+"""The reward kernel, batched over simulations and agents.
 
 Axis letters: B simulations, G agents that are rewarded together, A agents, V vehicle slots.
 """
@@ -15,10 +15,10 @@ from smarts.geometry.compiling import kernel
 from smarts.observations.neighbor_sectors import distance_and_time
 from smarts.observations.neighbors import NEIGHBORS, neighbors_within
 from smarts.observations.scales import LONGEST_TIME, MOST_LANE_CHANGES, RADIUS
-from smarts.types.agent_states import AgentStates, AgentStatus
+from smarts.types.agent_states import AgentStatus
 from smarts.types.events import Events
-from smarts.types.mission import Missions
 from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 FAST = 60.0 / 3.6
 """Speed above which hard steering is penalised [m/s]."""
@@ -28,8 +28,21 @@ _ACTIVE = int(AgentStatus.ACTIVE)
 
 
 class Terms(NamedTuple):
-    """Weights as the kernel takes them."""
+    """Weights as the kernel takes them; see `RewardWeights`."""
 
+    discount: float
+    progress: float
+    lane_change: float
+    time: float
+    """Of one decision."""
+    each_step: float
+    metres: float
+    goal_distance: float
+    approach: float
+    centring: float
+    neighbour_distance: float
+    time_to_collision: float
+    hard_steering: float
     by_outcome: Floats
     """Of each `Outcome`, shape (outcomes,)."""
     event: Ints
@@ -37,33 +50,29 @@ class Terms(NamedTuple):
     by_event: Floats
     """Their weights, shape (E,)."""
     always: Ints
-    """Bits of those events that count even in the decision that ends the episode."""
-    shares: Floats
-    """discount, progress, lane_change, time of one decision, each_step, metres, goal_distance, approach,
-    centring, neighbour_distance, time_to_collision, hard_steering."""
+    """Bits of the events that count even in the decision that ends the episode."""
 
 
 class Memory(NamedTuple):
-    """What the reward remembers of each agent from one decision to the next, shape (B, G)."""
+    """Each agent's values at its last decision, shape (B, G)."""
 
     initial: Floats
-    """Length of the agent's route, or what was left of it at entry if that is more [m]; 0 before."""
+    """The larger of the route's length and the remaining distance at entry [m]; 0 before entry."""
     potential: Floats
-    """At the last decision."""
     remaining: Floats
-    """Of the route at the last decision [m]."""
+    """Distance to the goal along the route [m]."""
     goal_distance: Floats
-    """At the last decision [m]."""
+    """Straight-line distance to the goal [m]."""
     centring: Floats
-    """Distance to the lane's centre at the last decision [m]."""
+    """Distance to the lane's centre [m]."""
     neighbour_distance: Floats
-    """Mean over the neighbors at the last decision [m]."""
+    """Mean over the neighbors [m]."""
     time_to_collision: Floats
-    """Mean over the neighbors at the last decision [s]."""
+    """Mean over the neighbors [s]."""
     events: Ints
-    """Bits of what has happened since then."""
+    """Bits of the events since the last decision."""
     steps: Ints
-    """Since then."""
+    """Steps since the last decision."""
 
     @classmethod
     def allocate(cls, worlds: int, agents: int) -> Memory:
@@ -74,26 +83,26 @@ class Memory(NamedTuple):
 
 
 @kernel
-def _worth_of_events(terms: Terms, happened: int, outcome: int) -> float:
+def _event_reward(terms: Terms, happened: int, outcome: int) -> float:
     """Return the weights of a decision's events, and of the outcome unless it is -1."""
-    worth = 0.0
+    reward = 0.0
     if outcome >= 0:
-        worth += terms.by_outcome[outcome]
+        reward += terms.by_outcome[outcome]
         happened &= terms.always[0]
     for event in range(len(terms.event)):
         if happened & terms.event[event]:
-            worth += terms.by_event[event]
-    return worth
+            reward += terms.by_event[event]
+    return reward
 
 
 @kernel
 def near_traffic(
     vehicles: VehicleStates, b: int, own: int, found: Ints, squares: Floats
 ) -> tuple[float, float]:
-    """Return mean distance [m] and mean time to collision [s] of the eight vehicles nearest to one.
+    """Return mean distance [m] and mean time to collision [s] of the eight vehicles nearest to a vehicle.
 
-    Where there are fewer within the radius, the others count as at the radius, and as never met: so nothing
-    jumps when a vehicle enters or leaves the radius.
+    Missing neighbors count as at the radius with the longest time to collision, so the means are continuous
+    when a vehicle enters or leaves the radius.
 
     Args:
         vehicles: All vehicles.
@@ -114,30 +123,23 @@ def near_traffic(
 
 
 @kernel
-def _hardness(speed: float, steering: float) -> float:
-    """Return how hard a vehicle steers at speed: 0 up to 60 km/h, then growing with both."""
+def _hard_steering(speed: float, steering: float) -> float:
+    """Return the term of hard steering: 0 up to 60 km/h, then growing with speed and steering angle."""
     excess = max(0.0, speed - FAST) / _FAST_BY
     return (excess * steering / _HARD) ** 2
 
 
 @kernel
-def _standing(
-    terms: Terms,
-    memory: Memory,
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    missions: Missions,
-    b: int,
-    g: int,
-    a: int,
+def _potential_terms(
+    terms: Terms, memory: Memory, state: State, b: int, g: int, a: int
 ) -> tuple[float, float, float, float]:
-    """Return an agent's remaining metres, potential, distance to the goal, and to the lane's centre."""
+    """Return an agent's remaining distance, potential, distance to the goal, and to the lane's centre."""
+    agents, vehicles, missions = state.agents, state.vehicles, state.missions
     own = agents.slot[b, a]
     left, potential, distance = agents.remaining[b, a], 0.0, 0.0
     if missions.goal[b, a] != 0:
-        progress, lane_change = terms.shares[1], terms.shares[2]
-        potential = -progress * min(1.0, max(0.0, left / memory.initial[b, g]))
-        potential += lane_change * min(MOST_LANE_CHANGES, abs(agents.lane_changes[b, a]))
+        potential = -terms.progress * min(1.0, max(0.0, left / memory.initial[b, g]))
+        potential += terms.lane_change * min(MOST_LANE_CHANGES, abs(agents.lane_changes[b, a]))
         dx = missions.goal_position[b, a, 0] - vehicles.position[b, own, 0]
         dy = missions.goal_position[b, a, 1] - vehicles.position[b, own, 1]
         distance = math.sqrt(dx * dx + dy * dy)
@@ -148,9 +150,7 @@ def _standing(
 def _reward(
     terms: Terms,
     memory: Memory,
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    missions: Missions,
+    state: State,
     happened: Events,
     b: int,
     g: int,
@@ -158,31 +158,32 @@ def _reward(
     found: Ints,
     squares: Floats,
 ) -> float:
-    """Return the reward of the decision that ends here, 0 if there was none; remember the rest."""
-    discount, _, _, time, each_step, metres, far, approach, centring, apart, meeting, hard = terms.shares
+    """Return the reward of the decision that ends with this step, 0 at entry; write `memory`."""
+    agents, vehicles, missions = state.agents, state.vehicles, state.missions
     own, is_first = agents.slot[b, a], memory.initial[b, g] == 0.0
     if is_first:
-        # Nothing remains for an agent that begins off its route; the potential must not jump on the route.
+        # `remaining` is 0 for an agent that begins off its route; the potential must not jump on the route.
         length = max(agents.remaining[b, a], missions.route_length[b, a])
         memory.initial[b, g] = max(length, 1.0)
-    left, potential, distance, aside = _standing(terms, memory, agents, vehicles, missions, b, g, a)
+    left, potential, distance, aside = _potential_terms(terms, memory, state, b, g, a)
     near, soon = 0.0, 0.0
-    if apart != 0.0 or meeting != 0.0:
+    if terms.neighbour_distance != 0.0 or terms.time_to_collision != 0.0:
         near, soon = near_traffic(vehicles, b, own, found, squares)
     reward = 0.0
     if not is_first:
         after = 0.0 if happened.terminated[b, a] else potential
-        reward = discount * after - memory.potential[b, g] + time
-        reward += metres * (memory.remaining[b, g] - left)
-        reward += far * distance * memory.steps[b, g]
-        reward += approach * (memory.goal_distance[b, g] - distance)
-        reward += centring * (memory.centring[b, g] - aside)
-        reward += apart * (near - memory.neighbour_distance[b, g])
-        reward += meeting * (soon - memory.time_to_collision[b, g])
-        reward += hard * _hardness(vehicles.speed[b, own], agents.steering[b, a]) * memory.steps[b, g]
-        reward += each_step * memory.steps[b, g]
+        reward = terms.discount * after - memory.potential[b, g] + terms.time
+        reward += terms.metres * (memory.remaining[b, g] - left)
+        reward += terms.goal_distance * distance * memory.steps[b, g]
+        reward += terms.approach * (memory.goal_distance[b, g] - distance)
+        reward += terms.centring * (memory.centring[b, g] - aside)
+        reward += terms.neighbour_distance * (near - memory.neighbour_distance[b, g])
+        reward += terms.time_to_collision * (soon - memory.time_to_collision[b, g])
+        hard = _hard_steering(vehicles.speed[b, own], agents.steering[b, a])
+        reward += terms.hard_steering * hard * memory.steps[b, g]
+        reward += terms.each_step * memory.steps[b, g]
         ending = agents.outcome[b, a] if happened.just_done[b, a] else -1
-        reward += _worth_of_events(terms, memory.events[b, g], ending)
+        reward += _event_reward(terms, memory.events[b, g], ending)
     memory.potential[b, g], memory.remaining[b, g] = potential, left
     memory.goal_distance[b, g], memory.centring[b, g] = distance, aside
     memory.neighbour_distance[b, g], memory.time_to_collision[b, g] = near, soon
@@ -194,10 +195,8 @@ def _reward(
 def add_rewards(
     terms: Terms,
     memory: Memory,
+    state: State,
     agent_ids: Ints,
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    missions: Missions,
     happened: Events,
     has_decided: Bools,
     rewards: Singles,
@@ -206,22 +205,21 @@ def add_rewards(
 ) -> None:
     """Accumulate one step, and write the reward of each agent whose decision ends with it.
 
-    A decision ends with its last step, and before with the agent's episode. In an agent's first step nothing
-    has been decided: its state is only remembered.
+    A decision ends with its last step, or with the agent's episode. An agent's first step ends no decision:
+    only `memory` is written.
 
     Args:
         terms: The weights.
-        memory: Since the last decision.
+        memory: Values of the last decision; written.
+        state: All simulations.
         agent_ids: The agents that are rewarded, shape (G,).
-        agents: Of all agents.
-        vehicles: All vehicles.
-        missions: Of all agents.
-        happened: In this step.
+        happened: The events of this step.
         has_decided: Whether the agent's decision ends with this step; written, shape (B, G).
         rewards: Written, shape (B, G).
         env_mask: The simulations that made the step, shape (B,).
         is_last: Whether it is the last step of the decision.
     """
+    agents = state.agents
     found, squares = np.empty(NEIGHBORS, np.int32), np.empty(NEIGHBORS)
     for b in range(len(env_mask)):
         for g in range(len(agent_ids)):
@@ -234,6 +232,6 @@ def add_rewards(
             memory.events[b, g] |= happened.bits[b, a]
             memory.steps[b, g] += 1
             if has_decided[b, g] or is_first:
-                reward = _reward(terms, memory, agents, vehicles, missions, happened, b, g, a, found, squares)
+                reward = _reward(terms, memory, state, happened, b, g, a, found, squares)
                 if not is_first:
                     rewards[b, g] = reward

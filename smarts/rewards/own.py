@@ -1,4 +1,4 @@
-"""Rewards as Python of the user's: a function of one simulation step, batched over simulations and agents."""
+"""User-defined rewards: a function of one simulation step, batched over simulations and agents."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from smarts.types.events import Event
 from smarts.types.frame import Frame
 
 Reward = Weights | Callable[..., Any]
-"""What a reward is given as: weights, `module:Class` or `module:function`, or that itself."""
+"""A reward: weights, a callable, or its `module:NAME`."""
 
 
 @dataclass(frozen=True)
 class RewardStep:
     """What happened to the agents in one simulation step.
 
-    Arrays have the shape (B, n) of simulations and agents, and are the caller's to keep. Numbers of agents
-    that are not `driving` are unspecified, and are 0 where there is no vehicle.
+    Arrays have the shape (B, n) of simulations and agents, and are copies. Entries of agents that are not
+    `driving` are unspecified, and 0 without a vehicle.
     """
 
     frame: Frame
     """The whole step; `frame.world` holds every vehicle."""
     context: AdapterContext
-    """The agents: names, rows of `AgentStates`, scene."""
+    """The agents: names, `agent_ids`, scene."""
     driving: Bools
-    """Which agents drove in this step, those included whose episode ended with it."""
+    """Which agents drove in this step, including agents whose episode ended in it."""
 
     @property
     def dt(self) -> float:
@@ -183,12 +183,15 @@ class OwnRewards:
     def _worth(self, step: RewardStep) -> Floats:
         given = self._call(step)
         try:
-            worth = np.broadcast_to(np.asarray(given, np.float64), self.values.shape)
-        except (TypeError, ValueError) as error:
+            worth = np.asarray(given, np.float64)
+        except (TypeError, ValueError):
+            worth = np.zeros(0)
+        if worth.shape not in ((), self.values.shape):
             raise OwnCodeError(
                 f"{self._doing} returns {_shape_of(given)}",
-                remedy=f"return numbers of shape {self.values.shape}: simulations, agents",
-            ) from error
+                remedy=f"return numbers of shape {self.values.shape}: simulations, agents; or a single one",
+            )
+        worth = np.broadcast_to(worth, self.values.shape)
         bad = ~np.isfinite(worth) & step.driving
         if bad.any():
             row, agent = np.argwhere(bad)[0].tolist()

@@ -20,42 +20,41 @@ from smarts.types.events import Event, Events, Outcome
 from smarts.types.frame import Frame
 
 DECISIONS = 120
-"""Over how many the cost of time is spread where there is no time limit."""
+"""Decisions over which the cost of time is spread if there is no time limit."""
 
 _FILE = Path(__file__).with_name("rewards.yaml")
 
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """The weights of a decision's reward. A weight is added (times what it weighs), so costs are negative."""
+    """The weights of a decision's reward, the sum of weight * term; penalties have negative weights."""
 
     discount: float = 0.99
-    """By which the learner discounts one decision: shaping by a potential needs the same."""
+    """The learner's discount per decision; potential-based shaping must use the same."""
     progress: float = 0.0
-    """Of the potential's gain, discount * potential after - potential before. The potential is the share of
-    the route that is left, negative, and 0 when the agent's episode has ended for good."""
+    """Of the potential's gain, discount * potential after - potential before. The potential is minus the
+    share of the route that remains, and 0 after termination."""
     lane_change: float = 0.0
-    """For each lane change that the route still demands, of three at most, as another part of the potential;
-    it too is 0 at the end. Without it nothing penalises the wrong lane before the wrong exit."""
+    """Per lane change that the route still needs, three at most; part of the potential, so 0 after
+    termination. Without this term, the wrong lane costs nothing until the exit is missed."""
     time: float = 0.0
-    """For all decisions up to the time limit together."""
+    """Total of an episode that runs to the time limit."""
     each_step: float = 0.0
-    """For each step."""
+    """Per step."""
     metres: float = 0.0
-    """For each metre gone along the route."""
+    """Per metre along the route."""
     goal_distance: float = 0.0
-    """For each step and metre between the agent and its goal then, as the crow flies (of all steps of a
-    decision, the distance at its end counts)."""
+    """Per step and metre of straight-line distance to the goal, measured at the decision's end."""
     approach: float = 0.0
-    """For each metre by which that distance has become less."""
+    """Per metre that this distance decreases."""
     centring: float = 0.0
-    """For each metre by which the distance to the lane's centre has become less."""
+    """Per metre that the distance to the lane's centre decreases."""
     neighbour_distance: float = 0.0
-    """For each metre by which the mean distance to the eight nearest vehicles has become more."""
+    """Per metre that the mean distance to the eight nearest vehicles increases."""
     time_to_collision: float = 0.0
-    """For each second by which the mean time to collision with them has become more."""
+    """Per second that the mean time to collision with them increases."""
     hard_steering: float = 0.0
-    """For each step, times ((v - 60 km/h) / 20 km/h * steering [rad] / 4) ** 2 where v is above 60 km/h."""
+    """Per step, times ((v - 60 km/h) / 20 km/h * steering [rad] / 4) ** 2 if v is above 60 km/h."""
     goal: float = 0.0
     collision: float = 0.0
     off_road: float = 0.0
@@ -64,7 +63,7 @@ class RewardWeights:
     not_moving: float = 0.0
     time_out: float = 0.0
     wrong_way: float = 0.0
-    """For each decision in which it happens; as the others, where they do not end the episode."""
+    """Per decision with the event; so are the weights above if the event does not end the episode."""
     on_shoulder: float = 0.0
 
 
@@ -76,7 +75,7 @@ def reward_weights(name: str = "benchmark", **changes: float) -> RewardWeights:
     """Return weights of `rewards.yaml`, with some of them changed.
 
     Raises:
-        ScenarioError: There are no such weights; the remedy names those that are nearest.
+        ScenarioError: There are no such weights; the remedy names the nearest.
     """
     known: Mapping[str, Mapping[str, float]] = yaml.safe_load(_FILE.read_text())
     if name not in known:
@@ -145,20 +144,20 @@ def reward_terms(weights: RewardWeights, horizon: float) -> Terms:
     by_outcome = np.zeros(len(Outcome))
     for outcome, name in _OUTCOMES.items():
         by_outcome[outcome] = getattr(weights, name)
-    shares = [weights.discount, weights.progress, weights.lane_change, weights.time / horizon]
-    shares += [weights.each_step, weights.metres, weights.goal_distance, weights.approach, weights.centring]
-    shares += [weights.neighbour_distance, weights.time_to_collision, weights.hard_steering]
-    return Terms(
-        by_outcome,
-        np.array([*_EVENTS], np.int32),
-        np.array([getattr(weights, name) for name in _EVENTS.values()]),
-        np.array([Event.WRONG_WAY | Event.ON_SHOULDER], np.int32),
-        np.array(shares),
-    )
+    by_event = np.array([getattr(weights, name) for name in _EVENTS.values()])
+    always = np.array([Event.WRONG_WAY | Event.ON_SHOULDER], np.int32)
+    arrays = {
+        "by_outcome": by_outcome,
+        "event": np.array([*_EVENTS], np.int32),
+        "by_event": by_event,
+        "always": always,
+    }
+    single = {name: float(getattr(weights, name)) for name in Terms._fields if name not in arrays}
+    return Terms(**{**single, "time": float(weights.time / horizon)}, **arrays)
 
 
-class _Adding(NamedTuple):
-    """The kernel with the events that it is bound to."""
+class _BoundKernel(NamedTuple):
+    """The kernel, and the events that it is bound to."""
 
     events: Events
     add: Callable[..., None]
@@ -192,13 +191,13 @@ class Rewards:
         self.values: Singles = np.zeros(shape, np.float32)
         """Of the last decision, shape (B, G); entries of agents that made none are unspecified."""
         self._has_decided = np.zeros(shape, np.bool_)
-        self._adding: _Adding | None = None
+        self._kernel: _BoundKernel | None = None
 
     def collect(self, frame: Frame, is_last: bool) -> Bools:
         """Accumulate a step; return the agents whose decision ends with it, shape (B, G), until the next."""
-        if self._adding is None or self._adding.events is not frame.events:
-            self._adding = self._bind(frame.events)
-        self._adding.add(frame.env_mask, is_last)
+        if self._kernel is None or self._kernel.events is not frame.events:
+            self._kernel = self._bind(frame.events)
+        self._kernel.add(frame.env_mask, is_last)
         return self._has_decided
 
     def reset(self, egos: Bools) -> None:
@@ -207,9 +206,8 @@ class Rewards:
             column[egos] = 0
         self.values[egos] = 0.0
 
-    def _bind(self, events: Events) -> _Adding:
+    def _bind(self, events: Events) -> _BoundKernel:
         """Bind the kernel to events, which a simulation writes into the same arrays in every step."""
         world = self._context.scene.world
-        known = self._terms, self._memory, self._context.agent_ids
-        state = world.agents, world.vehicles, world.missions, events
-        return _Adding(events, bind(add_rewards, *known, *state, self._has_decided, self.values))
+        known = self._terms, self._memory, world.state, self._context.agent_ids
+        return _BoundKernel(events, bind(add_rewards, *known, events, self._has_decided, self.values))

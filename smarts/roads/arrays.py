@@ -10,7 +10,7 @@ from typing import NamedTuple
 from smarts.arrays import Bools, Bytes, Floats, Ints
 
 MOST_CANDIDATES = 1024
-"""How many runs a cell of the grid may list. `packing.pack_roads` refuses maps with more, so that kernels
+"""Most runs in a cell of the grid. `packing.pack_roads` refuses maps with more, so that kernels
 drop none silently; the densest junction of the benchmark's maps has 17."""
 
 
@@ -46,7 +46,7 @@ class Roads(NamedTuple):
     conflict_lane: Ints
     """The other lane, shape (C,)."""
     conflict_extent: Floats
-    """Where the two overlap along the lane, from and to [m], shape (C, 2)."""
+    """Extent of the overlap along the lane, from and to [m], shape (C, 2)."""
     conflict_other_extent: Floats
     """The same along the other lane [m], shape (C, 2)."""
     point_start: Ints
@@ -100,7 +100,7 @@ class RouteTable(NamedTuple):
     before: Ints
     """Row of the lane before on the same way through a junction, -1 where the way begins."""
     by_lane: Ints
-    """Within each corridor its rows in ascending order of lane."""
+    """Rows of each corridor in ascending order of lane."""
     changes: Bytes
     """Lane changes from each row to the k-th lane from the end of the corridor, as `Corridor.changes`; 0
     where the last edge has fewer lanes, shape (R, K)."""

@@ -17,14 +17,14 @@ from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.packing import pack_roads, pack_routes
 
 _BESIDE = 1.0
-"""How far beyond a road's left edge to look for the road of the other direction [m]."""
+"""Distance beyond a road's left edge at which the opposite road is searched [m]."""
 ROAD_LANES = frozenset({LaneKind.CAR, LaneKind.BUS})
 """The lanes that are road to a motor vehicle."""
 _ROAD_MASK = sum(1 << kind for kind in ROAD_LANES)
 
 
 class NearestLanes(NamedTuple):
-    """Where E poses are on their maps."""
+    """The nearest lanes of E poses on their maps."""
 
     lane: Ints
     """Lane within the map, -1 where there is none, shape (E,)."""
@@ -33,7 +33,7 @@ class NearestLanes(NamedTuple):
     t: Floats
     """Signed lateral error: offset from the centreline, positive to the left [m], shape (E,)."""
     distance: Floats
-    """From the centreline [m]: |t|, or more behind an end of the lane, shape (E,)."""
+    """Distance from the centreline [m]: |t|, or more behind an end of the lane, shape (E,)."""
 
     @classmethod
     def allocate(cls, count: int) -> NearestLanes:

@@ -21,7 +21,7 @@ from typing import IO
 from smarts.errors import SmartsError
 
 TIME_LIMIT = 600.0
-"""How long a scenario file or a map converter may run, unless `TIME_LIMIT_VARIABLE` says otherwise [s]."""
+"""Default time limit of scenario files and map converters [s]; see `TIME_LIMIT_VARIABLE`."""
 TIME_LIMIT_VARIABLE = "SMARTS_BUILD_TIME_LIMIT"
 """The environment variable with another time limit [s]."""
 

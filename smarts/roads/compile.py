@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import itertools
 import os
 import re
 import signal
@@ -90,12 +91,12 @@ _GENERATED_COMMENT = re.compile(rb"<!-- generated on .*?-->\s*", re.DOTALL)
 
 
 class MapNotes(NamedTuple):
-    """What the user of a compiled map should know."""
+    """Notes for the user of a compiled map."""
 
     remarks: tuple[str, ...] = ()
-    """What netconvert warned about, and which roads a foreign map has that cars do not use."""
+    """Warnings of netconvert, and the roads of a foreign map that cars do not use."""
     warnings: tuple[str, ...] = ()
-    """What was left out of the map because it is broken, or had to be built again."""
+    """Parts of the map that are broken and were dropped, or were built again."""
 
 
 def compile_map(source: MapSource, out: Path) -> MapNotes:
@@ -272,17 +273,18 @@ def _arguments(source: MapSource, prepared: dict[str, str]) -> list[str]:
     """Return the command line: the user's options file, then our choices for what it leaves open."""
     config = source.files[0] if source.kind == "netgenerate" else source.options
     chosen = _configured_options(config) if config else set()
-    files: dict[str, str] = {}
-    if source.kind != "netgenerate":
-        for file in source.files:
-            option = next((o for suffix, o in _INPUT_OPTIONS.items() if file.name.endswith(suffix)), None)
-            if option:
-                files[option] = file.name
+    files = {} if source.kind == "netgenerate" else _input_files(source)
     arguments = ["--configuration-file", config.name] if config else []
     for option, value in (files | _COMMON | _DEFAULTS[source.kind] | prepared).items():
         if option in files or option not in chosen:
             arguments += [f"--{option}", value]
     return arguments
+
+
+def _input_files(source: MapSource) -> dict[str, str]:
+    """Return the names of the map's files by their options."""
+    pairs = itertools.product(source.files, _INPUT_OPTIONS.items())
+    return {option: file.name for file, (suffix, option) in pairs if file.name.endswith(suffix)}
 
 
 def _configured_options(config: Path) -> set[str]:

@@ -1,4 +1,4 @@
-"""Where the lanes inside a junction meet: pairs that cross or merge, and how far along each lane."""
+"""Conflicts of lanes inside a junction: pairs that cross or merge, and their extents along each lane."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from smarts.roads.lane_graph import ConflictKind, LaneKind
 LEAST_OVERLAP = 0.25
 """Lanes that share less area than this only touch, as neighbours in a bend do [m^2]."""
 SIMPLIFICATION = 0.01
-"""How far the lines may be from the centrelines here [m]; with fewer points the search is faster."""
+"""Tolerance of simplified centrelines [m]; fewer points make the search faster."""
 
 _MOTOR_TRAFFIC = (LaneKind.CAR, LaneKind.BUS)
 
 
 @dataclass(frozen=True)
 class LaneAreas:
-    """What the search needs of all L lanes: lane i covers its centreline widened to `width[i]`."""
+    """The areas of L lanes: lane i covers its centreline widened to `width[i]`."""
 
     centrelines: list[Floats]
     width: Floats

@@ -1,4 +1,4 @@
-"""What netconvert and netgenerate say while they work, sorted into remarks and losses."""
+"""Messages of netconvert and netgenerate, sorted into remarks and losses."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 SHOWN = 3
-"""How many messages of one kind are repeated in full."""
+"""Messages of one kind that are shown in full."""
 NAMED = 20
-"""How many of the parts that were left out are named."""
+"""Dropped parts that are named."""
 
 _VARYING = re.compile(r"'[^']*'|-?\d+(?:\.\d+)?")
 _LOSSES = ("While setting connections: ",)
-"""How warnings begin that report a link as lost."""
+"""Beginnings of warnings that report a dropped link."""
 
 
 @dataclass(frozen=True)
@@ -22,27 +22,21 @@ class ConverterMessages:
     """The messages of one run, in their order, repeated ones included."""
 
     errors: tuple[str, ...]
-    """What made the tool fail or, where it ignores errors, what it left out."""
+    """Causes of failure or, with `ignore-errors`, dropped parts."""
     warnings: tuple[str, ...]
 
     @classmethod
     def parse(cls, stderr: str) -> ConverterMessages:
         """Return the messages in the standard error stream of a tool."""
-        messages: list[str] = []
-        for line in stderr.splitlines():
-            text = " ".join(line.split())
-            if not text or "SUMO_HOME" in text or text.startswith("Quitting"):
-                continue
-            if text.startswith(("Warning: ", "Error: ")) or not messages:
-                messages.append(text)
-            else:
-                messages[-1] += f" {text}"
-        is_lost = [not m.startswith("Warning: ") for m in messages]
-        texts = [m.removeprefix("Warning: ").removeprefix("Error: ") for m in messages]
-        return cls(
-            errors=tuple(text for text, lost in zip(texts, is_lost, strict=True) if lost),
-            warnings=tuple(text for text, lost in zip(texts, is_lost, strict=True) if not lost),
-        )
+        lines = [" ".join(line.split()) for line in stderr.splitlines()]
+        lines = [line for line in lines if not re.match(r"$|Quitting|.*SUMO_HOME", line)]
+        # A message may continue on further lines.
+        messages = re.split(r"\n(?=Warning: |Error: )", "\n".join(lines)) if lines else []
+        errors, warnings = [], []
+        for message in messages:
+            kind, text = re.fullmatch(r"(Warning: )?(?:Error: )?(.*)", message.replace("\n", " ")).groups()  # type: ignore[union-attr]
+            (warnings if kind else errors).append(text)
+        return cls(tuple(errors), tuple(warnings))
 
     def left_out(self) -> tuple[str, ...]:
         """Return one warning that counts and names what a tool that ignores errors left out, or nothing."""

@@ -13,7 +13,7 @@ from smarts.arrays import Bools, Bytes, Floats, Ints
 from smarts.errors import MapError
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.roads.memory import remembered
-from smarts.roads.routes import CARS, edge_graph
+from smarts.roads.routes import CARS, edge_graph, names_of
 
 Counts = Bytes
 
@@ -129,19 +129,14 @@ def route_corridor(graph: LaneGraph, route: tuple[str, ...], kinds: frozenset[La
     usable = np.isin(graph.kind, list(kinds))
     rows: list[_Row] = []
     station = 0.0
-    for leg, edge in enumerate(numbers):
+    for leg, (edge, following) in enumerate(zip(numbers, [*numbers[1:], None], strict=True)):
         if not np.isfinite(edges.cost[edge]):
-            raise MapError(
-                f"edge '{route[leg]}' has no lane of kind {', '.join(sorted(kind.name for kind in kinds))}",
-                remedy="choose an edge that is open to the route's vehicles",
-            )
-        following = numbers[leg + 1] if leg + 1 < len(numbers) else None
+            problem = f"edge '{route[leg]}' has no lane of kind {names_of(kinds)}"
+            raise MapError(problem, remedy="choose an edge that is open to the route's vehicles")
         between = 0.0 if following is None else edges.onward[edge].get(following)
         if between is None:
-            raise MapError(
-                f"edge '{route[leg]}' does not lead into edge '{route[leg + 1]}'",
-                remedy="complete the route with the edges in between",
-            )
+            problem = f"edge '{route[leg]}' does not lead into edge '{route[leg + 1]}'"
+            raise MapError(problem, remedy="complete the route with the edges in between")
         end = station + edges.cost[edge]
         lanes = [lane for lane in graph.edge_lanes(edge) if usable[lane]]
         chains = [] if following is None else _chains(graph, lanes, following, usable)
@@ -199,16 +194,13 @@ def _junction_rows(
 
 def _corridor(rows: Sequence[_Row]) -> Corridor:
     numbers = {(row.lane, row.group): number for number, row in enumerate(rows)}
-    onward = [
-        sorted(
-            number
-            for lane in dict.fromkeys(row.onward)
-            # A lane's successor is in the same junction, or else in the group after.
-            for number in (numbers.get((lane, row.group | 1)), numbers.get((lane, (row.group | 1) + 1)))
-            if number is not None
-        )
-        for row in rows
-    ]
+
+    def numbers_onward(row: _Row) -> list[int]:
+        # A lane's successor is in the same junction, or else in the group after.
+        places = {(lane, (row.group | 1) + ahead) for lane in row.onward for ahead in (0, 1)}
+        return sorted(numbers[place] for place in places & numbers.keys())
+
+    onward = [*map(numbers_onward, rows)]
     return Corridor(
         lane=np.array([row.lane for row in rows], np.int32),
         group=np.array([row.group for row in rows], np.int32),

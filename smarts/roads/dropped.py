@@ -1,4 +1,4 @@
-"""What of a foreign map did not make it into the compiled network."""
+"""Parts of a foreign map that the compiled network lacks."""
 
 from __future__ import annotations
 

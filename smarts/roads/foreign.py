@@ -11,7 +11,7 @@ from smarts.roads.converter_messages import listed
 from smarts.roads.sources import MapSource
 
 ROUNDING = 0.01
-"""By how much lengths and widths may be below 0 in maps that were drawn by programs [m]."""
+"""Tolerance for negative lengths and widths in maps drawn by programs [m]."""
 
 
 def check_sources(source: MapSource) -> None:
@@ -86,21 +86,19 @@ def _without_bad_connections(root: ElementTree.Element) -> list[str]:
     links = 0
     for junction in root.iterfind("junction"):
         is_direct = junction.get("type") == "direct"
+        names, end_name = (direct, "linkedRoad") if is_direct else (bad, "connectingRoad")
         for connection in junction.findall("connection"):
-            begin = connection.get("incomingRoad")
-            end = connection.get("linkedRoad" if is_direct else "connectingRoad")
-            if not is_direct and {begin, end} <= roads:
-                continue
-            junction.remove(connection)
-            name = f"junction '{junction.get('id')}', road '{begin}' to '{end}'"
-            (direct if is_direct else bad).append(name)
-            links += 0 if is_direct else len(connection.findall("laneLink"))
-    told = (
+            begin, end = connection.get("incomingRoad"), connection.get(end_name)
+            if is_direct or not {begin, end} <= roads:
+                junction.remove(connection)
+                names.append(f"junction '{junction.get('id')}', road '{begin}' to '{end}'")
+                links += 0 if is_direct else len(connection.findall("laneLink"))
+    warnings = (
         f"left out {len(bad)} connections with {links} lane links, whose roads do not exist: {listed(bad)}",
         f"left out {len(direct)} connections of direct junctions, where netconvert guesses the lanes' links: "
         f"{listed(direct)}",
     )
-    return [text for text, names in zip(told, (bad, direct), strict=True) if names]
+    return [text for text, names in zip(warnings, (bad, direct), strict=True) if names]
 
 
 def _check_opendrive(source: MapSource) -> None:

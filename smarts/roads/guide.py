@@ -7,7 +7,7 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.curves import curve_into, pose_along, station_near, stations_of
 from smarts.roads.kernels import candidates, find_row, place_on_map
-from smarts.roads.waypoints import WaypointPaths, clear_waypoints, foot, walk_lane
+from smarts.roads.waypoints import WaypointPaths, clear_waypoints, foot, walk_lane, write_waypoint
 from smarts.types.guidance import Guidance, GuidePhase
 
 _APPROACH, _MANOEUVRE = int(GuidePhase.APPROACH), int(GuidePhase.MANOEUVRE)
@@ -96,13 +96,7 @@ def _write_curve(
     while i < paths.heading.shape[2] and station < stations[-1]:
         x, y, heading = pose_along(control, stations, station)
         lane, s, _, _ = place_on_map(roads, table, world, x, y, heading, -1, mask, room)
-        paths.position[0, 0, i, 0], paths.position[0, 0, i, 1] = x, y
-        paths.heading[0, 0, i] = heading
-        paths.width[0, 0, i] = roads.lane_width[base + lane]
-        paths.speed_limit[0, 0, i] = roads.lane_speed[base + lane]
-        paths.lane[0, 0, i] = lane
-        paths.lane_index[0, 0, i] = roads.lane_index[base + lane]
-        paths.lane_offset[0, 0, i] = s
+        write_waypoint(roads, base, base + lane, s, (x, y, heading), 0, 0, i, paths)
         station += spacing
         i += 1
     return i, station - stations[-1]

@@ -16,11 +16,11 @@ from smarts.geometry.segments import cell_number, interpolate_angle, project, se
 from smarts.roads.arrays import MOST_CANDIDATES, Roads, RouteTable
 
 HEADING_COST = 10.0
-"""What a lane of exactly the opposite direction costs among lanes that overlap [m of distance]."""
+"""Cost of a lane of the opposite direction among lanes that overlap [m of distance]."""
 OFF_ROUTE_COST = 3.0
-"""What a lane beside the route costs among lanes that overlap [m of distance]."""
+"""Cost of a lane off the route among lanes that overlap [m of distance]."""
 END_TOLERANCE = 1e-6
-"""How far beyond its end a lane still holds a point [m]; against rounding where two lanes meet."""
+"""Tolerance beyond a lane's end, against rounding where two lanes meet [m]."""
 FARTHEST = 1e7
 """Positions with larger coordinates, or NaN, are on no map [m]."""
 

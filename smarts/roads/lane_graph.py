@@ -24,7 +24,7 @@ from smarts.errors import MapError, nearest_names
 from smarts.geometry.frames import wrap_angle
 
 FORMAT = 1
-"""Of the saved file; files of another format are rebuilt."""
+"""Format of the saved file; files of another format are rebuilt."""
 OPPOSITE = -0.7
 """Cosine of the angle between two lanes that lead in other directions, at most."""
 
@@ -47,7 +47,7 @@ class LaneKind(enum.IntEnum):
 
 
 class ConflictKind(enum.IntEnum):
-    """How the paths of two lanes meet."""
+    """Kinds of conflicts between two lanes."""
 
     CROSS = 0
     """They lead into different lanes."""
@@ -96,7 +96,7 @@ class LaneGraph:
     signal: Ints
     """Signal that governs entering this junction lane, -1 where none does, shape (L,)."""
     signal_link: Ints
-    """Which of that signal's lights, -1 where none, shape (L,)."""
+    """Index among that signal's lights, -1 for none, shape (L,)."""
 
     point_start: Ints
     """CSR of the centreline's points, shape (L + 1,)."""
@@ -123,7 +123,7 @@ class LaneGraph:
     conflict_kind: Bytes
     """A `ConflictKind`, shape (C,)."""
     conflict_extent: Floats
-    """Where the lanes' areas overlap along this lane, from and to [m], shape (C, 2)."""
+    """Extent of the overlap along this lane, from and to [m], shape (C, 2)."""
     conflict_other_extent: Floats
     """The same along the other lane [m], shape (C, 2)."""
 
@@ -133,6 +133,8 @@ class LaneGraph:
     """Shape (E,)."""
     edge_is_internal: Bools
     """Whether the edge lies inside a junction, shape (E,)."""
+    edge_is_roundabout: Bools
+    """Whether the edge is part of a roundabout's ring, shape (E,)."""
     edge_from: Ints
     """Junction where the edge begins, -1 for edges inside junctions, shape (E,)."""
     edge_to: Ints

@@ -1,4 +1,4 @@
-"""What can be mended in a compiled SUMO network by building it again."""
+"""Repairs of a compiled SUMO network by building it again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How types of OpenStreetMap roads become lanes: SUMO's table, with roads that it closes to cars opened."""
+"""Lane types of OpenStreetMap roads: SUMO's table, with some roads opened to cars."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -17,7 +17,7 @@ Cost = Literal["length", "time"]
 
 
 class EdgeGraph:
-    """Which road edges lead into which for a user of lanes of certain kinds, and at what cost."""
+    """The successors of road edges for users of some kinds of lanes, with costs."""
 
     def __init__(self, graph: LaneGraph, kinds: frozenset[LaneKind], cost: Cost) -> None:
         usable = np.isin(graph.kind, list(kinds))
@@ -27,7 +27,7 @@ class EdgeGraph:
             min((float(lane_cost[lane]) for lane in graph.edge_lanes(edge) if usable[lane]), default=np.inf)
             for edge in edges
         ]
-        """Of driving each edge; infinite where no lane is usable."""
+        """Cost of each edge; infinite where no lane is usable."""
         self.onward: list[dict[int, float]] = [{} for _ in edges]
         """For each edge the edges that follow it, with the least cost of the junction between."""
         for lane in np.flatnonzero(usable & ~graph.is_internal):
@@ -35,6 +35,11 @@ class EdgeGraph:
                 following = self.onward[graph.lane_edge[lane]]
                 edge = int(graph.lane_edge[target])
                 following[edge] = min(between, following.get(edge, np.inf))
+
+
+def names_of(kinds: Iterable[LaneKind]) -> str:
+    """Return kinds of lanes as errors name them."""
+    return ", ".join(sorted(kind.name for kind in kinds))
 
 
 def _exits(graph: LaneGraph, lane: int, usable: np.ndarray, lane_cost: np.ndarray) -> list[tuple[int, float]]:
@@ -114,13 +119,9 @@ def random_route(
         MapError: No edge is open to the lanes' users.
     """
     edges = edge_graph(graph, kinds, "length")
-    usable = [
-        edge for edge, cost in enumerate(edges.cost) if np.isfinite(cost) and not graph.edge_is_internal[edge]
-    ]
+    usable = np.flatnonzero(np.isfinite(edges.cost) & ~graph.edge_is_internal).tolist()
     if not usable:
-        raise MapError(
-            f"the map has no road for lanes of kind {', '.join(sorted(kind.name for kind in kinds))}"
-        )
+        raise MapError(f"the map has no road for lanes of kind {names_of(kinds)}")
     begins = [edge for edge in usable if _exits_without_turnarounds(graph, edges, edge)] or usable
     route = [begins[generator.integers(len(begins))]]
     while len(route) < max_edges and (exits := _exits_without_turnarounds(graph, edges, route[-1])):

@@ -19,7 +19,7 @@ from smarts.roads.permissions import lane_kind
 POINT_SPACING = 1.0
 """The most that two points of a centreline are apart [m]."""
 DEFAULT_LANE_WIDTH = 3.2
-"""What SUMO takes where a lane names no width [m]."""
+"""SUMO's default lane width [m]."""
 
 DIRECTED = 0.1
 """A line shorter than this has no direction, since its points are rounded to 1 cm [m]."""
@@ -68,27 +68,27 @@ class _NetReader:
 
     def __init__(self, root: ElementTree.Element) -> None:
         self.root = root
-        self.edges = [_edge(element) for element in root.iterfind("edge")]
+        self.edges = [*map(_edge, root.iterfind("edge"))]
         self.lanes = [lane for edge in self.edges for lane in edge.lanes]
-        self.lane_edge = np.repeat(np.arange(len(self.edges)), [len(edge.lanes) for edge in self.edges])
-        self.lane_number = {lane.attrib["id"]: number for number, lane in enumerate(self.lanes)}
-        self.edge_number = {edge.id: number for number, edge in enumerate(self.edges)}
-        self.first_lane = np.cumsum([0] + [len(edge.lanes) for edge in self.edges])[:-1]
+        self.lane_count = np.array([len(edge.lanes) for edge in self.edges], np.int32)
+        self.lane_edge = np.repeat(np.arange(len(self.edges)), self.lane_count)
+        self.first_lane = np.cumsum([0, *self.lane_count])[:-1]
         self.junctions = [j for j in root.iterfind("junction") if j.get("type") != "internal"]
-        self.junction_number = {junction.attrib["id"]: n for n, junction in enumerate(self.junctions)}
+        self.lane_number = _numbered(lane.attrib["id"] for lane in self.lanes)
+        self.edge_number = _numbered(edge.id for edge in self.edges)
+        self.junction_number = _numbered(junction.attrib["id"] for junction in self.junctions)
 
     def graph(self) -> LaneGraph:
         """Return the lane graph."""
         links, signal, signal_link, signal_ids = self._links()
         lines = self._centrelines(links)
-        stations = [polylines.arc_lengths(line) for line in lines]
+        stations = [*map(polylines.arc_lengths, lines)]
         successor_start, successor = _csr(len(self.lanes), links)
         predecessor_start, predecessor = _csr(len(self.lanes), [(b, a) for a, b in links])
-        width = np.array([float(lane.get("width", DEFAULT_LANE_WIDTH)) for lane in self.lanes])
-        kind = np.array([self._kind(number) for number in range(len(self.lanes))], np.int8)
-        lane_junction = np.array(
-            [self._junction_inside(self.edges[edge]) for edge in self.lane_edge], np.int32
-        )
+        width = _numbers(self.lanes, "width", DEFAULT_LANE_WIDTH)
+        kind = np.array([*map(self._kind, range(len(self.lanes)))], np.int8)
+        edge_junction = np.array([*map(self._junction_inside, self.edges)], np.int32)
+        lane_junction = edge_junction[self.lane_edge]
         left, right = self._neighbours()
         inside = lane_junction >= 0
         conflicts = find_conflicts(
@@ -101,19 +101,19 @@ class _NetReader:
                 target=_outside(inside, successor_start, successor),
             )
         )
-        outlines = [_outline(junction) for junction in self.junctions]
+        outlines = [*map(_outline, self.junctions)]
         return LaneGraph(
             lane_ids=tuple(self.lane_number),
             edge_ids=tuple(self.edge_number),
             junction_ids=tuple(self.junction_number),
             signal_ids=signal_ids,
             lane_edge=self.lane_edge.astype(np.int32),
-            lane_index=np.array([int(lane.attrib["index"]) for lane in self.lanes], np.int32),
+            lane_index=_numbers(self.lanes, "index").astype(np.int32),
             lane_junction=lane_junction,
             length=np.array([s[-1] for s in stations]),
-            sumo_length=np.array([float(lane.attrib["length"]) for lane in self.lanes]),
+            sumo_length=_numbers(self.lanes, "length"),
             width=width,
-            speed_limit=np.array([float(lane.attrib["speed"]) for lane in self.lanes]),
+            speed_limit=_numbers(self.lanes, "speed"),
             left=left,
             right=right,
             opposite=self._opposites(),
@@ -123,7 +123,7 @@ class _NetReader:
             signal_link=signal_link,
             point_start=_starts(lines),
             point_xy=np.concatenate(lines),
-            point_heading=np.concatenate([polylines.headings(line) for line in lines]),
+            point_heading=np.concatenate([*map(polylines.headings, lines)]),
             point_s=np.concatenate(stations),
             successor_start=successor_start,
             successor=successor,
@@ -135,8 +135,9 @@ class _NetReader:
             conflict_extent=conflicts.extent,
             conflict_other_extent=conflicts.other_extent,
             edge_first_lane=self.first_lane.astype(np.int32),
-            edge_lane_count=np.array([len(edge.lanes) for edge in self.edges], np.int32),
-            edge_is_internal=np.array([self._junction_inside(edge) >= 0 for edge in self.edges], np.bool_),
+            edge_lane_count=self.lane_count,
+            edge_is_internal=edge_junction >= 0,
+            edge_is_roundabout=self._roundabouts(),
             edge_from=self._edge_ends("from"),
             edge_to=self._edge_ends("to"),
             junction_start=_starts(outlines),
@@ -203,6 +204,10 @@ class _NetReader:
                 opposite[number] = self.lane_number[neighbour.attrib["lane"]]
         return opposite
 
+    def _roundabouts(self) -> Bools:
+        ring = {edge for r in self.root.iterfind("roundabout") for edge in r.get("edges", "").split()}
+        return np.array([edge.id in ring for edge in self.edges], np.bool_)
+
     def _edge_ends(self, end: str) -> Ints:
         return np.array(
             [self.junction_number.get(edge.element.get(end, ""), -1) for edge in self.edges], np.int32
@@ -213,6 +218,16 @@ def _edge(element: ElementTree.Element) -> _Edge:
     return _Edge(
         element, element.attrib["id"], element.get("function", "normal"), list(element.iterfind("lane"))
     )
+
+
+def _numbered(names: Iterable[str]) -> dict[str, int]:
+    return {name: number for number, name in enumerate(names)}
+
+
+def _numbers(elements: Iterable[ElementTree.Element], name: str, default: float | None = None) -> Floats:
+    """Return an attribute of all elements; KeyError if one lacks it and there is no default."""
+    texts = (e.attrib[name] if default is None else e.get(name, default) for e in elements)
+    return np.array([float(text) for text in texts])
 
 
 def _points(shape: str) -> Floats:

@@ -1,6 +1,8 @@
-"""Where a vehicle can turn round: out of a lane into one that leads back, over road all the way; compiled."""
+"""Kernels that find where a vehicle can make a U-turn into an opposite lane, over road all the way."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -45,18 +47,19 @@ def can_turn_round(roads: Roads, world: int, lane: int, back: int, begin: float)
 
 @kernel
 def place_to_turn(roads: Roads, world: int, lane: int, back: int, begin: float, end: float) -> float:
-    """Return the first arc length on a lane where one can turn into another lane [m], -1 if there is none.
+    """Return the first arc length on a lane where a vehicle can turn into another lane [m], -1 without one.
 
     Args:
         roads: The maps' lanes.
         world: The map.
-        lane: To turn from.
-        back: To turn into.
-        begin: From where to look [m].
-        end: How far [m]; at most to the lane's end.
+        lane: The lane before the turn.
+        back: The lane after it.
+        begin: First arc length to try [m].
+        end: Last arc length to try [m]; at most the lane's length.
     """
     pose = np.empty(3)
-    for i in range(int((min(end, lane_length(roads, lane)) - begin) / SPACING) + 1):
+    last = min(end, lane_length(roads, lane))
+    for i in range(math.floor((last - begin) / SPACING) + 1):
         s = begin + i * SPACING
         point = segment_at(roads.point_s, roads.point_start[lane], roads.point_start[lane + 1], s)
         pose[0], pose[1], pose[2] = centre_at(roads, point, s)

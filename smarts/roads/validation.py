@@ -15,7 +15,7 @@ from smarts.roads.permissions import lane_kind
 from smarts.roads.sources import MapSource
 
 WIDEST_GAP = 5.0
-"""How far lanes may be apart that lead into each other without a lane inside the junction [m].
+"""Largest gap between lanes that are connected without a lane inside the junction [m].
 
 Old nets have such connections in the middle of straight roads, some to the lane beside.
 """
@@ -170,15 +170,15 @@ def connection_jumps(root: ElementTree.Element) -> list[str]:
         for lane in edge.iter("lane")
     }
     junctions = {edge.get("id"): edge.get("to", "") for edge in roads}
-    jumps = []
-    for connection in root.iter("connection"):
+
+    def jumps(connection: ElementTree.Element) -> bool:
         source = ends.get((connection.get("from"), connection.get("fromLane")))
         target = ends.get((connection.get("to"), connection.get("toLane")))
         if connection.get("via") is not None or source is None or target is None:
-            continue
-        if np.hypot(*(target[0] - source[1])) > WIDEST_GAP:
-            jumps.append(junctions[connection.get("from")])
-    return jumps
+            return False
+        return bool(np.hypot(*(target[0] - source[1])) > WIDEST_GAP)
+
+    return [junctions[each.get("from")] for each in root.iter("connection") if jumps(each)]
 
 
 def _point(lane: ElementTree.Element, number: int) -> Floats:

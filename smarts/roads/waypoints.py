@@ -183,17 +183,31 @@ def walk_lane(
     while i < lookahead and s <= length:
         while point < last_point and roads.point_s[point + 1] <= s:
             point += 1
-        x, y, heading = centre_at(roads, point, s)
-        paths.position[e, path, i, 0], paths.position[e, path, i, 1] = x, y
-        paths.heading[e, path, i] = heading
-        paths.width[e, path, i] = roads.lane_width[lane]
-        paths.speed_limit[e, path, i] = roads.lane_speed[lane]
-        paths.lane[e, path, i] = lane - base
-        paths.lane_index[e, path, i] = roads.lane_index[lane]
-        paths.lane_offset[e, path, i] = s
+        write_waypoint(roads, base, lane, s, centre_at(roads, point, s), e, path, i, paths)
         i += 1
         s += spacing
     return i, s - length
+
+
+@kernel
+def write_waypoint(
+    roads: Roads,
+    base: int,
+    lane: int,
+    s: float,
+    pose: tuple[float, float, float],
+    e: int,
+    path: int,
+    i: int,
+    paths: WaypointPaths,
+) -> None:
+    """Write waypoint `i` of a path, at a pose: x, y [m], heading [rad]; `base` is the map's first lane."""
+    paths.position[e, path, i, 0], paths.position[e, path, i, 1], paths.heading[e, path, i] = pose
+    paths.width[e, path, i] = roads.lane_width[lane]
+    paths.speed_limit[e, path, i] = roads.lane_speed[lane]
+    paths.lane[e, path, i] = lane - base
+    paths.lane_index[e, path, i] = roads.lane_index[lane]
+    paths.lane_offset[e, path, i] = s
 
 
 @kernel

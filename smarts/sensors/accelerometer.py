@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import Accelerometer
-from smarts.arrays import Bools, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
-from smarts.roads.scene import Scene
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.sensors.bounds import HARDEST, HARDEST_JERK, HARDEST_TURN, HARDEST_TURN_JERK, clipped
-from smarts.sensors.protocol import Readings, Seen, Triple, triple
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen, Triple, triple
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 
 class MotionChange(NamedTuple):
@@ -42,7 +40,7 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class AccelerationAndJerk:
+class AccelerationAndJerk(KernelSensor):
     """Accelerations in the map frame, and how fast they changed since the step before.
 
     Those of agents' vehicles are of the centre of gravity, and the mean over the step. Jerk is 0 in a
@@ -50,9 +48,10 @@ class AccelerationAndJerk:
     """
 
     option: Accelerometer = field(default_factory=Accelerometer)
+    arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         single, turn, jerk = np.float32, HARDEST_TURN, HARDEST_JERK
         return (
             Field("linear_acceleration", (2,), single, -2 * HARDEST, 2 * HARDEST, "m/s^2", "along x and y"),
@@ -64,12 +63,25 @@ class AccelerationAndJerk:
             ),
         )
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        world = scene.world
-        return bind(
-            _observe, world.agents, world.vehicles, world.before, float(world.dt), agent_ids, _Out(**out)
-        )
+    @staticmethod
+    @kernel
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        vehicles, before, v = state.vehicles, state.before, state.agents.slot[b, a]
+        x, y = _in_map(vehicles, b, v)
+        turn = vehicles.yaw_acceleration[b, v]
+        out.linear_acceleration[b, g, 0] = clipped(x, 2 * HARDEST)
+        out.linear_acceleration[b, g, 1] = clipped(y, 2 * HARDEST)
+        out.angular_acceleration[b, g] = clipped(turn, HARDEST_TURN)
+        if vehicles.generation[b, v] == before.generation[b, v]:
+            x_before, y_before = _in_map(before, b, v)
+            turn_before = before.yaw_acceleration[b, v]
+            out.linear_jerk[b, g, 0] = clipped((x - x_before) / state.dt, HARDEST_JERK)
+            out.linear_jerk[b, g, 1] = clipped((y - y_before) / state.dt, HARDEST_JERK)
+            out.angular_jerk[b, g] = clipped((turn - turn_before) / state.dt, HARDEST_TURN_JERK)
+        else:
+            out.linear_jerk[b, g, 0], out.linear_jerk[b, g, 1] = 0.0, 0.0
+            out.angular_jerk[b, g] = 0.0
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> MotionChange:
@@ -89,34 +101,3 @@ def _in_map(vehicles: VehicleStates, b: int, v: int) -> tuple[float, float]:
     across = clipped(vehicles.lateral_acceleration[b, v], HARDEST)
     cosine, sine = math.cos(vehicles.heading[b, v]), math.sin(vehicles.heading[b, v])
     return along * cosine - across * sine, along * sine + across * cosine
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    before: VehicleStates,
-    dt: float,
-    agent_ids: Ints,
-    out: _Out,
-    observe_mask: Bools,
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            v = agents.slot[b, agent_ids[g]]
-            x, y = _in_map(vehicles, b, v)
-            turn = vehicles.yaw_acceleration[b, v]
-            out.linear_acceleration[b, g, 0] = clipped(x, 2 * HARDEST)
-            out.linear_acceleration[b, g, 1] = clipped(y, 2 * HARDEST)
-            out.angular_acceleration[b, g] = clipped(turn, HARDEST_TURN)
-            if vehicles.generation[b, v] == before.generation[b, v]:
-                x_before, y_before = _in_map(before, b, v)
-                turn_before = before.yaw_acceleration[b, v]
-                out.linear_jerk[b, g, 0] = clipped((x - x_before) / dt, HARDEST_JERK)
-                out.linear_jerk[b, g, 1] = clipped((y - y_before) / dt, HARDEST_JERK)
-                out.angular_jerk[b, g] = clipped((turn - turn_before) / dt, HARDEST_TURN_JERK)
-            else:
-                out.linear_jerk[b, g, 0], out.linear_jerk[b, g, 1] = 0.0, 0.0
-                out.angular_jerk[b, g] = 0.0

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bools, Floats, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
-from smarts.roads.arrays import Roads
-from smarts.roads.scene import Scene
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.sensors.bounds import (
     FARTHEST,
     FASTEST,
@@ -25,11 +22,10 @@ from smarts.sensors.bounds import (
 )
 from smarts.sensors.heights import vehicle_height
 from smarts.sensors.mission import MissionObservation
-from smarts.sensors.protocol import Readings, Seen, Triple, triple
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen, Triple, triple
 from smarts.types.coordinates import Dimensions, Heading, RefLinePoint
 from smarts.types.interface import Field
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 
 class EgoVehicleObservation(NamedTuple):
@@ -86,11 +82,13 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class EgoVehicleState:
+class EgoVehicleState(KernelSensor):
     """Pose, size and motion of the agent's vehicle, and the lane that it is on."""
 
+    arrays: ClassVar[type] = _Out
+
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         moving = "of the centre of gravity along x and y"
         return (
             Field("position", (3,), np.float64, -FARTHEST, FARTHEST, "m", "centre of the footprint"),
@@ -105,11 +103,31 @@ class EgoVehicleState:
             Field("distance_travelled", (), np.float32, 0, FARTHEST, "m", "driven since entry"),
         )
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        world = scene.world
-        state = world.agents, world.vehicles, scene.atlas.roads, world.map
-        return bind(_observe, *state, agent_ids, _Out(**out))
+    @staticmethod
+    @kernel
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        vehicles, agents = state.vehicles, state.agents
+        v = agents.slot[b, a]
+        out.position[b, g, 0] = clipped(vehicles.position[b, v, 0], FARTHEST)
+        out.position[b, g, 1] = clipped(vehicles.position[b, v, 1], FARTHEST)
+        out.position[b, g, 2] = 0.0
+        out.bounding_box[b, g, 0] = clipped_above(vehicles.length[b, v], LARGEST_BOX)
+        out.bounding_box[b, g, 1] = clipped_above(vehicles.width[b, v], LARGEST_BOX)
+        out.bounding_box[b, g, 2] = vehicle_height(vehicles.kind[b, v])
+        out.heading[b, g] = clipped(vehicles.heading[b, v], math.pi)
+        forward = clipped(vehicles.speed[b, v], FASTEST)
+        aside = clipped(vehicles.lateral_speed[b, v], FASTEST)
+        cosine, sine = math.cos(out.heading[b, g]), math.sin(out.heading[b, g])
+        out.speed[b, g] = forward
+        out.steering[b, g] = clipped(agents.steering[b, a], math.pi)
+        out.yaw_rate[b, g] = clipped(vehicles.yaw_rate[b, v], FASTEST_TURN)
+        out.linear_velocity[b, g, 0] = forward * cosine - aside * sine
+        out.linear_velocity[b, g, 1] = forward * sine + aside * cosine
+        lane = vehicles.lane[b, v]
+        out.lane[b, g] = lane
+        out.lane_index[b, g] = roads.lane_index[roads.lane_base[state.map[b]] + lane] if lane >= 0 else 0
+        out.distance_travelled[b, g] = clipped_above(agents.distance_travelled[b, a], FARTHEST)
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> EgoVehicleObservation:
@@ -138,40 +156,3 @@ class EgoVehicleState:
             angular_jerk,
             seen.lane_positions,
         )
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    roads: Roads,
-    maps: Ints,
-    agent_ids: Ints,
-    out: _Out,
-    observe_mask: Bools,
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            a = agent_ids[g]
-            v = agents.slot[b, a]
-            out.position[b, g, 0] = clipped(vehicles.position[b, v, 0], FARTHEST)
-            out.position[b, g, 1] = clipped(vehicles.position[b, v, 1], FARTHEST)
-            out.position[b, g, 2] = 0.0
-            out.bounding_box[b, g, 0] = clipped_above(vehicles.length[b, v], LARGEST_BOX)
-            out.bounding_box[b, g, 1] = clipped_above(vehicles.width[b, v], LARGEST_BOX)
-            out.bounding_box[b, g, 2] = vehicle_height(vehicles.kind[b, v])
-            out.heading[b, g] = clipped(vehicles.heading[b, v], math.pi)
-            forward = clipped(vehicles.speed[b, v], FASTEST)
-            aside = clipped(vehicles.lateral_speed[b, v], FASTEST)
-            cosine, sine = math.cos(out.heading[b, g]), math.sin(out.heading[b, g])
-            out.speed[b, g] = forward
-            out.steering[b, g] = clipped(agents.steering[b, a], math.pi)
-            out.yaw_rate[b, g] = clipped(vehicles.yaw_rate[b, v], FASTEST_TURN)
-            out.linear_velocity[b, g, 0] = forward * cosine - aside * sine
-            out.linear_velocity[b, g, 1] = forward * sine + aside * cosine
-            lane = vehicles.lane[b, v]
-            out.lane[b, g] = lane
-            out.lane_index[b, g] = roads.lane_index[roads.lane_base[maps[b]] + lane] if lane >= 0 else 0
-            out.distance_travelled[b, g] = clipped_above(agents.distance_travelled[b, a], FARTHEST)

@@ -2,53 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import LanePositions
-from smarts.arrays import Bools, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Singles
 from smarts.geometry.compiling import kernel
-from smarts.roads.scene import Scene
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.sensors.bounds import FARTHEST, clipped
-from smarts.sensors.protocol import Readings, Seen, triple
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen, triple
 from smarts.types.coordinates import RefLinePoint
 from smarts.types.interface import Field
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
+
+
+class _Out(NamedTuple):
+    lane_position: Singles
 
 
 @dataclass(frozen=True)
-class LanePosition:
+class LanePosition(KernelSensor):
     """The place in the lane as s, t, h: along the centreline, to its left, above the surface."""
 
     option: LanePositions = field(default_factory=LanePositions)
+    arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         meaning = "along the lane from its begin, to the left of its centreline, above it (always 0)"
         return (Field("lane_position", (3,), np.float32, -FARTHEST, FARTHEST, "m", meaning),)
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, out["lane_position"])
+    @staticmethod
+    @kernel
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        vehicles, v = state.vehicles, state.agents.slot[b, a]
+        out.lane_position[b, g, 0] = clipped(vehicles.lane_position[b, v], FARTHEST)
+        out.lane_position[b, g, 1] = clipped(vehicles.lane_offset[b, v], FARTHEST)
+        out.lane_position[b, g, 2] = 0.0
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> RefLinePoint:
         """Return the place."""
         return RefLinePoint(*triple(readings["lane_position"]))
-
-
-@kernel
-def _observe(
-    agents: AgentStates, vehicles: VehicleStates, agent_ids: Ints, out: Singles, observe_mask: Bools
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if observe_mask[b, g]:
-                v = agents.slot[b, agent_ids[g]]
-                out[b, g, 0] = clipped(vehicles.lane_position[b, v], FARTHEST)
-                out[b, g, 1] = clipped(vehicles.lane_offset[b, v], FARTHEST)
-                out[b, g, 2] = 0.0

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import Lidar
-from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Bytes, Floats, Singles
 from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, LARGEST_BOX, clipped, clipped_above
 from smarts.sensors.heights import vehicle_height
-from smarts.sensors.protocol import Readings, Seen
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.types.interface import Field
 from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 ABOVE_ROOF = 0.3
 """Where rays begin [m]."""
@@ -37,16 +36,17 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LidarPoints:
+class LidarPoints(KernelSensor):
     """Where each ray first meets the ground or the box of another vehicle.
 
     Rays are ordered by laser, and for each laser counter-clockwise from its start angle. There is no noise.
     """
 
     option: Lidar = field(default_factory=Lidar)
+    arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         reach = self.option.sensor_params.max_distance
         rays = len(self.option.sensor_params.laser_angles) * self.option.sensor_params.rays_around
         return (
@@ -64,10 +64,47 @@ class LidarPoints:
         level = np.cos(up)
         return np.stack((level * np.cos(around), level * np.sin(around), np.sin(up)), axis=-1)
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        rays = self.directions(), float(self.option.sensor_params.max_distance)
-        return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, *rays, _Out(**out))
+    def known(self, scene: Scene) -> tuple[Any, ...]:
+        """Return what the kernel needs besides the state."""
+        boxes = np.empty((scene.world.vehicles.alive.shape[1], 7))
+        return self.directions(), float(self.option.sensor_params.max_distance), boxes
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: _Out,
+        directions: Floats,
+        reach: float,
+        boxes: Floats,
+    ) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        vehicles, own = state.vehicles, state.agents.slot[b, a]
+        count = _boxes_within(vehicles, b, own, reach, boxes)
+        x = clipped(vehicles.position[b, own, 0], FARTHEST)
+        y = clipped(vehicles.position[b, own, 1], FARTHEST)
+        z = vehicle_height(vehicles.kind[b, own]) + ABOVE_ROOF
+        direction = clipped(vehicles.heading[b, own], math.pi)
+        cosine, sine = math.cos(direction), math.sin(direction)
+        for ray in range(len(directions)):
+            ahead, left, up = directions[ray]
+            dx, dy = ahead * cosine - left * sine, ahead * sine + left * cosine
+            nearest = -z / up if up < 0.0 else np.inf
+            for box in range(count):
+                nearest = min(nearest, _distance_to_box(x, y, z, dx, dy, up, boxes[box]))
+            out.ray[b, g, ray, 0] = clipped(reach * dx, reach)
+            out.ray[b, g, ray, 1] = clipped(reach * dy, reach)
+            out.ray[b, g, ray, 2] = clipped(reach * up, reach)
+            hit = nearest <= reach
+            out.hit[b, g, ray] = hit
+            out.point[b, g, ray, 0] = clipped(x + nearest * dx, FARTHEST) if hit else 0.0
+            out.point[b, g, ray, 1] = clipped(y + nearest * dy, FARTHEST) if hit else 0.0
+            out.point[b, g, ray, 2] = z + nearest * up if hit else 0.0
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> LidarPointCloud:
@@ -125,41 +162,3 @@ def _boxes_within(vehicles: VehicleStates, b: int, own: int, reach: float, boxes
             boxes[count, 6] = vehicle_height(vehicles.kind[b, v])
             count += 1
     return count
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    agent_ids: Ints,
-    directions: Floats,
-    reach: float,
-    out: _Out,
-    observe_mask: Bools,
-) -> None:
-    boxes = np.empty((vehicles.alive.shape[1], 7))
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            own = agents.slot[b, agent_ids[g]]
-            count = _boxes_within(vehicles, b, own, reach, boxes)
-            x = clipped(vehicles.position[b, own, 0], FARTHEST)
-            y = clipped(vehicles.position[b, own, 1], FARTHEST)
-            z = vehicle_height(vehicles.kind[b, own]) + ABOVE_ROOF
-            direction = clipped(vehicles.heading[b, own], math.pi)
-            cosine, sine = math.cos(direction), math.sin(direction)
-            for ray in range(len(directions)):
-                ahead, left, up = directions[ray]
-                dx, dy = ahead * cosine - left * sine, ahead * sine + left * cosine
-                nearest = -z / up if up < 0.0 else np.inf
-                for box in range(count):
-                    nearest = min(nearest, _distance_to_box(x, y, z, dx, dy, up, boxes[box]))
-                out.ray[b, g, ray, 0] = clipped(reach * dx, reach)
-                out.ray[b, g, ray, 1] = clipped(reach * dy, reach)
-                out.ray[b, g, ray, 2] = clipped(reach * up, reach)
-                hit = nearest <= reach
-                out.hit[b, g, ray] = hit
-                out.point[b, g, ray, 0] = clipped(x + nearest * dx, FARTHEST) if hit else 0.0
-                out.point[b, g, ray, 1] = clipped(y + nearest * dy, FARTHEST) if hit else 0.0
-                out.point[b, g, ray, 2] = z + nearest * up if hit else 0.0

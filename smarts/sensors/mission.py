@@ -1,23 +1,21 @@
-"""Where the agent's mission leads."""
+"""The agent's mission: goal, remaining distance and laps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Bytes, Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
-from smarts.roads.scene import Scene
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
-from smarts.sensors.protocol import Readings, Seen
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.types.coordinates import Point
 from smarts.types.interface import Field
-from smarts.types.mission import GoalKind, Missions
+from smarts.types.mission import GoalKind
+from smarts.types.world import State
 
 
 class GoalObservation(NamedTuple):
@@ -58,11 +56,13 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class MissionAndGoal:
+class MissionAndGoal(KernelSensor):
     """The goal, how far it is along the route, and the laps."""
 
+    arrays: ClassVar[type] = _Out
+
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         kinds = ", ".join(f"{kind.value} {kind.name.lower()}" for kind in GoalKind)
         return (
             Field("goal", (), np.int8, 0, max(GoalKind), "", f"what it takes to arrive: {kinds}"),
@@ -76,9 +76,18 @@ class MissionAndGoal:
             Field("lap", (), np.int32, 0, MOST, "", "laps completed"),
         )
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        return bind(_observe, scene.world.agents, scene.world.missions, agent_ids, _Out(**out))
+    @staticmethod
+    @kernel
+    def write(state: State, roads: Roads, routes: RouteTable, b: int, g: int, a: int, out: _Out) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        missions, agents = state.missions, state.agents
+        out.goal[b, g] = missions.goal[b, a]
+        out.goal_position[b, g, 0] = clipped(missions.goal_position[b, a, 0], FARTHEST)
+        out.goal_position[b, g, 1] = clipped(missions.goal_position[b, a, 1], FARTHEST)
+        out.goal_radius[b, g] = clipped_above(missions.goal_radius[b, a], FARTHEST)
+        out.route_length[b, g] = clipped_above(missions.route_length[b, a], FARTHEST)
+        out.remaining[b, g] = clipped_above(agents.remaining[b, a], FARTHEST)
+        out.laps[b, g], out.lap[b, g] = missions.laps[b, a], agents.lap[b, a]
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> MissionObservation:
@@ -90,20 +99,3 @@ class MissionAndGoal:
         )
         length, left = float(readings["route_length"]), float(readings["remaining"])
         return MissionObservation(goal, length, left, int(readings["laps"]), int(readings["lap"]))
-
-
-@kernel
-def _observe(
-    agents: AgentStates, missions: Missions, agent_ids: Ints, out: _Out, observe_mask: Bools
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if observe_mask[b, g]:
-                a = agent_ids[g]
-                out.goal[b, g] = missions.goal[b, a]
-                out.goal_position[b, g, 0] = clipped(missions.goal_position[b, a, 0], FARTHEST)
-                out.goal_position[b, g, 1] = clipped(missions.goal_position[b, a, 1], FARTHEST)
-                out.goal_radius[b, g] = clipped_above(missions.goal_radius[b, a], FARTHEST)
-                out.route_length[b, g] = clipped_above(missions.route_length[b, a], FARTHEST)
-                out.remaining[b, g] = clipped_above(agents.remaining[b, a], FARTHEST)
-                out.laps[b, g], out.lap[b, g] = missions.laps[b, a], agents.lap[b, a]

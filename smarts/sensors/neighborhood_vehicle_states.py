@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import NeighborhoodVehicles
-from smarts.arrays import Bools, Floats, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
-from smarts.roads.arrays import Roads
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
 from smarts.sensors.heights import vehicle_height
 from smarts.sensors.nearest import nearest_vehicles
-from smarts.sensors.protocol import Readings, Seen, Triple
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen, Triple
 from smarts.types.coordinates import Dimensions, Heading, RefLinePoint
 from smarts.types.interface import Field
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 
 class VehicleObservation(NamedTuple):
@@ -66,13 +63,14 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class NeighborhoodVehicleStates:
+class NeighborhoodVehicleStates(KernelSensor):
     """The nearest other vehicles, nearest first; of vehicles equally far the one of the lower slot."""
 
     option: NeighborhoodVehicles = field(default_factory=NeighborhoodVehicles)
+    arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k = self.option.most
         return (
             Field("count", (), np.int32, 0, k, "", "how many vehicles follow; the entries after them are 0"),
@@ -87,11 +85,49 @@ class NeighborhoodVehicleStates:
             Field("lane_position", (k, 3), np.float32, -FARTHEST, FARTHEST, "m", "along, left of, above it"),
         )
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        world, radius = scene.world, self.option.radius
-        state = world.agents, world.vehicles, scene.atlas.roads, world.map
-        return bind(_observe, *state, agent_ids, math.inf if radius is None else float(radius), _Out(**out))
+    def known(self, scene: Scene) -> tuple[Any, ...]:
+        """Return what the kernel needs besides the state."""
+        radius, most = self.option.radius, self.option.most
+        return math.inf if radius is None else float(radius), np.empty(most, np.int32), np.empty(most)
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: _Out,
+        radius: float,
+        found: Ints,
+        squares: Floats,
+    ) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        vehicles, own = state.vehicles, state.agents.slot[b, a]
+        count = nearest_vehicles(vehicles, b, own, radius, found, squares)
+        out.count[b, g] = count
+        _clear(out, b, g, count)
+        for k in range(count):
+            v = found[k]
+            out.slot[b, g, k] = v
+            out.generation[b, g, k] = vehicles.generation[b, v]
+            out.position[b, g, k, 0] = clipped(vehicles.position[b, v, 0], FARTHEST)
+            out.position[b, g, k, 1] = clipped(vehicles.position[b, v, 1], FARTHEST)
+            out.position[b, g, k, 2] = 0.0
+            out.bounding_box[b, g, k, 0] = clipped_above(vehicles.length[b, v], LARGEST_BOX)
+            out.bounding_box[b, g, k, 1] = clipped_above(vehicles.width[b, v], LARGEST_BOX)
+            out.bounding_box[b, g, k, 2] = vehicle_height(vehicles.kind[b, v])
+            out.heading[b, g, k] = clipped(vehicles.heading[b, v], math.pi)
+            out.speed[b, g, k] = clipped(vehicles.speed[b, v], FASTEST)
+            lane = vehicles.lane[b, v]
+            out.lane[b, g, k] = lane
+            index = roads.lane_index[roads.lane_base[state.map[b]] + lane] if lane >= 0 else 0
+            out.lane_index[b, g, k] = index
+            out.lane_position[b, g, k, 0] = clipped(vehicles.lane_position[b, v], FARTHEST)
+            out.lane_position[b, g, k, 1] = clipped(vehicles.lane_offset[b, v], FARTHEST)
+            out.lane_position[b, g, k, 2] = 0.0
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> tuple[VehicleObservation, ...]:
@@ -127,44 +163,3 @@ def _clear(out: _Out, b: int, g: int, first: int) -> None:
             out.position[b, g, k, axis] = 0.0
             out.bounding_box[b, g, k, axis] = 0.0
             out.lane_position[b, g, k, axis] = 0.0
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    roads: Roads,
-    maps: Ints,
-    agent_ids: Ints,
-    radius: float,
-    out: _Out,
-    observe_mask: Bools,
-) -> None:
-    most = out.slot.shape[2]
-    found, squares = np.empty(most, np.int32), np.empty(most)
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            count = nearest_vehicles(vehicles, b, agents.slot[b, agent_ids[g]], radius, found, squares)
-            out.count[b, g] = count
-            _clear(out, b, g, count)
-            for k in range(count):
-                v = found[k]
-                out.slot[b, g, k] = v
-                out.generation[b, g, k] = vehicles.generation[b, v]
-                out.position[b, g, k, 0] = clipped(vehicles.position[b, v, 0], FARTHEST)
-                out.position[b, g, k, 1] = clipped(vehicles.position[b, v, 1], FARTHEST)
-                out.position[b, g, k, 2] = 0.0
-                out.bounding_box[b, g, k, 0] = clipped_above(vehicles.length[b, v], LARGEST_BOX)
-                out.bounding_box[b, g, k, 1] = clipped_above(vehicles.width[b, v], LARGEST_BOX)
-                out.bounding_box[b, g, k, 2] = vehicle_height(vehicles.kind[b, v])
-                out.heading[b, g, k] = clipped(vehicles.heading[b, v], math.pi)
-                out.speed[b, g, k] = clipped(vehicles.speed[b, v], FASTEST)
-                lane = vehicles.lane[b, v]
-                out.lane[b, g, k] = lane
-                index = roads.lane_index[roads.lane_base[maps[b]] + lane] if lane >= 0 else 0
-                out.lane_index[b, g, k] = index
-                out.lane_position[b, g, k, 0] = clipped(vehicles.lane_position[b, v], FARTHEST)
-                out.lane_position[b, g, k, 1] = clipped(vehicles.lane_offset[b, v], FARTHEST)
-                out.lane_position[b, g, k, 2] = 0.0

@@ -175,7 +175,7 @@ class _Readings(Mapping[str, NDArray]):
 class ObservationMaker:
     """Makes agents' observations out of a frame.
 
-    A sensor's block of arrays is copied once a frame, however many agents are in it.
+    A sensor's block of arrays is copied once a frame, for all its agents.
 
     Args:
         scene: What is observed.

@@ -1,46 +1,83 @@
-"""What around the agent's vehicle other vehicles do not hide from it."""
+"""Grid of the area that other vehicles do not hide from the agent's vehicle."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any, ClassVar
 
 import numpy as np
 
 from smarts.agents.options import OcclusionMap
-from smarts.arrays import Bools, Floats, Ints
-from smarts.geometry.binding import bind
+from smarts.arrays import Floats, Ints
 from smarts.geometry.compiling import kernel
 from smarts.geometry.raster import place_in_view
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import LARGEST_BOX, clipped, clipped_above
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, viewer
-from smarts.sensors.protocol import Readings, Seen
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.types.interface import Field
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 
 @dataclass(frozen=True)
-class VisibleArea:
+class VisibleArea(KernelSensor):
     """A view from above: what can be seen from the middle of the own vehicle, all around.
 
     Of another vehicle the side that is turned this way is seen, a pixel deep; it hides what is behind.
     """
 
     option: OcclusionMap = field(default_factory=OcclusionMap)
+    arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         meaning = "1 where the own vehicle can see; it is in the middle, its front towards row 0"
         return grid_fields(self.option.height, self.option.width, 1, 1, meaning)
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        sight = float(self.option.resolution), *_lines_of_sight(self.option)
-        return bind(_observe, scene.world.agents, scene.world.vehicles, agent_ids, *sight, GridOut(**out))
+    def known(self, scene: Scene) -> tuple[Any, ...]:
+        """Return what the kernel needs besides the state."""
+        ray, distance = _lines_of_sight(self.option)
+        return float(self.option.resolution), ray, distance, np.empty(_rays(*ray.shape))
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: GridOut,
+        resolution: float,
+        ray: Ints,
+        distance: Floats,
+        reach: Floats,
+    ) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        rows, columns = ray.shape
+        corner = 0.5 * resolution * math.hypot(rows, columns)
+        vehicles, position = state.vehicles, state.vehicles.position
+        own = state.agents.slot[b, a]
+        x, y, heading = viewer(vehicles, b, own)
+        reach[:] = np.inf
+        for v in range(vehicles.alive.shape[1]):
+            if not vehicles.alive[b, v] or v == own:
+                continue
+            long = clipped_above(vehicles.length[b, v], LARGEST_BOX)
+            wide = clipped_above(vehicles.width[b, v], LARGEST_BOX)
+            ahead, aside = place_in_view(position[b, v, 0], position[b, v, 1], x, y, heading)
+            if math.hypot(ahead, aside) <= corner + 0.5 * math.hypot(long, wide):
+                turn = clipped(vehicles.heading[b, v], math.pi) - heading
+                _shade(reach, ahead, aside, turn, long, wide)
+        for row in range(rows):
+            for column in range(columns):
+                free = reach[ray[row, column]] + resolution
+                out.data[b, g, row, column, 0] = distance[row, column] <= free
+        out.resolution[b, g] = resolution
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> GridMap:
@@ -96,41 +133,3 @@ def _shade(reach: Floats, ahead: float, aside: float, turn: float, length: float
         if near <= far:
             ray = number % rays
             reach[ray] = min(reach[ray], near)
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    agent_ids: Ints,
-    resolution: float,
-    ray: Ints,
-    distance: Floats,
-    out: GridOut,
-    observe_mask: Bools,
-) -> None:
-    rows, columns = ray.shape
-    reach = np.empty(_rays(rows, columns))
-    corner = 0.5 * resolution * math.hypot(rows, columns)
-    position = vehicles.position
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            own = agents.slot[b, agent_ids[g]]
-            x, y, heading = viewer(vehicles, b, own)
-            reach[:] = np.inf
-            for v in range(vehicles.alive.shape[1]):
-                if not vehicles.alive[b, v] or v == own:
-                    continue
-                long = clipped_above(vehicles.length[b, v], LARGEST_BOX)
-                wide = clipped_above(vehicles.width[b, v], LARGEST_BOX)
-                ahead, aside = place_in_view(position[b, v, 0], position[b, v, 1], x, y, heading)
-                if math.hypot(ahead, aside) <= corner + 0.5 * math.hypot(long, wide):
-                    turn = clipped(vehicles.heading[b, v], math.pi) - heading
-                    _shade(reach, ahead, aside, turn, long, wide)
-            for row in range(rows):
-                for column in range(columns):
-                    free = reach[ray[row, column]] + resolution
-                    out.data[b, g, row, column, 0] = distance[row, column] <= free
-            out.resolution[b, g] = resolution

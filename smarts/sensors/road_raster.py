@@ -10,7 +10,7 @@ import numpy as np
 
 from smarts.arrays import Floats, Longs, Pixels
 from smarts.geometry.compiling import kernel
-from smarts.geometry.raster import cut_view, paint_band, paint_outline
+from smarts.geometry.raster import cut_view, near_blocks, paint_band, paint_outline
 from smarts.roads.atlas import ROAD_LANES, RoadAtlas
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 
@@ -46,6 +46,12 @@ class RoadRaster(NamedTuple):
     """South-western corner of each map [m], shape (M, 2)."""
     size: Floats
     """Side of each map's cells [m], shape (M,)."""
+    near: Pixels
+    """The maps' `near_blocks`, flat, one after the other."""
+    near_first: Longs
+    """First block of each map, shape (M,)."""
+    near_shape: Longs
+    """Rows and columns of each map's blocks, shape (M, 2)."""
 
 
 _known: weakref.WeakKeyDictionary[RoadAtlas, RoadRaster] = weakref.WeakKeyDictionary()
@@ -83,20 +89,45 @@ def paint_road(
     """
     rows, columns = raster.shape[m, 0], raster.shape[m, 1]
     cells = raster.cells[raster.first[m] : raster.first[m] + rows * columns]
-    origin_x, origin_y = raster.origin[m, 0], raster.origin[m, 1]
+    near_rows, near_columns = raster.near_shape[m, 0], raster.near_shape[m, 1]
+    near = raster.near[raster.near_first[m] : raster.near_first[m] + near_rows * near_columns]
     cut_view(
-        cells, rows, columns, origin_x, origin_y, raster.size[m], x, y, heading, resolution, colours, view
+        cells,
+        rows,
+        columns,
+        raster.origin[m, 0],
+        raster.origin[m, 1],
+        raster.size[m],
+        near.reshape(near_rows, near_columns),
+        x,
+        y,
+        heading,
+        resolution,
+        colours,
+        view,
     )
 
 
 def _pack(pictures: list[tuple[Pixels, Floats, float]]) -> RoadRaster:
-    sizes = [picture.size for picture, _, _ in pictures]
+    cells, near = (
+        [picture for picture, _, _ in pictures],
+        [near_blocks(picture) for picture, _, _ in pictures],
+    )
     return RoadRaster(
-        cells=np.concatenate([picture.ravel() for picture, _, _ in pictures]),
-        first=np.cumsum([0, *sizes])[:-1].astype(np.int64),
-        shape=np.array([picture.shape for picture, _, _ in pictures], np.int64),
-        origin=np.array([origin for _, origin, _ in pictures]),
-        size=np.array([size for _, _, size in pictures]),
+        *_in_a_row(cells),
+        np.array([origin for _, origin, _ in pictures]),
+        np.array([size for _, _, size in pictures]),
+        *_in_a_row(near),
+    )
+
+
+def _in_a_row(pictures: list[Pixels]) -> tuple[Pixels, Longs, Longs]:
+    """Return the pixels of all pictures, where each begins, and their shapes."""
+    sizes = [picture.size for picture in pictures]
+    return (
+        np.concatenate([picture.ravel() for picture in pictures]),
+        np.cumsum([0, *sizes])[:-1].astype(np.int64),
+        np.array([picture.shape for picture in pictures], np.int64),
     )
 
 

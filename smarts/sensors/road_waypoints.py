@@ -1,29 +1,26 @@
-"""Waypoints in all lanes of the road that the agent's vehicle is on, whatever the agent's route."""
+"""Waypoints in all lanes of the road that the agent's vehicle is on, independent of the agent's route."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import RoadWaypoints as RoadWaypointOption
-from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Bytes, Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.geometry.segments import segment_at
-from smarts.roads.arrays import Roads
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import centre_at, lane_length, project_on_lanes
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
-from smarts.sensors.protocol import Readings, Seen
+from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.sensors.road_links import RoadLinks, road_links
-from smarts.sensors.waypoint import Waypoint, waypoints_of
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.waypoint import Waypoint, clear_waypoints, waypoints_of
 from smarts.types.interface import Field
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 
 class RoadWaypoints(NamedTuple):
@@ -50,7 +47,7 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class RoadWaypointsAround:
+class RoadWaypointsAround(KernelSensor):
     """Waypoints a metre apart behind and ahead of the vehicle in every lane of its road.
 
     Lanes of its own direction come first, from the right to the left, then the oncoming ones, from their
@@ -59,9 +56,10 @@ class RoadWaypointsAround:
     """
 
     option: RoadWaypointOption = field(default_factory=RoadWaypointOption)
+    arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k, w = self.option.lanes, 2 * self.option.horizon + 1
         return (
             Field("lane_count", (), np.int32, 0, k, "", "how many lanes there are; the others are 0"),
@@ -77,11 +75,47 @@ class RoadWaypointsAround:
             Field("lane_offset", (k, w), np.float32, 0, FARTHEST, "m", "along the lane from its begin"),
         )
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        world, atlas = scene.world, scene.atlas
-        state = world.agents, world.vehicles, atlas.roads, road_links(atlas), world.map
-        return bind(_observe, *state, agent_ids, self.option.horizon, _Out(**out))
+    def known(self, scene: Scene) -> tuple[Any, ...]:
+        """Return what the kernel needs besides the state."""
+        foot = np.empty(1, np.int32), np.empty(1), np.empty(1)
+        return self.option.horizon, road_links(scene.atlas), *foot
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: _Out,
+        horizon: int,
+        links: RoadLinks,
+        number: Ints,
+        foot: Floats,
+        offset: Floats,
+    ) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        base = roads.lane_base[state.map[b]]
+        vehicles, most = state.vehicles, out.beside.shape[2]
+        v, count = state.agents.slot[b, a], 0
+        position = vehicles.position[b, v : v + 1]
+        if vehicles.lane[b, v] >= 0:
+            own = base + vehicles.lane[b, v]
+            first, last = links.beside_start[own], links.beside_start[own + 1]
+            for entry in range(first, min(last, first + most)):
+                number[0] = links.beside[entry] - base
+                project_on_lanes(roads, state.map[b : b + 1], number, position, foot, offset)
+                out.oncoming[b, g, count] = entry - first >= links.own_count[own]
+                _write_lane(roads, links, base, links.beside[entry], foot[0], horizon, b, g, count, out)
+                clear_waypoints(out, b, g, count, out.waypoint_count[b, g, count])
+                count += 1
+        out.lane_count[b, g] = count
+        for k in range(count, most):
+            out.oncoming[b, g, k] = 0
+            out.beside[b, g, k], out.waypoint_count[b, g, k] = 0, 0
+            clear_waypoints(out, b, g, k, 0)
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> RoadWaypoints:
@@ -158,52 +192,3 @@ def _write_lane(
         count += 1
         at, s = _one_on(roads, links, at, s)
     out.beside[b, g, k], out.waypoint_count[b, g, k] = behind, count
-
-
-@kernel
-def _clear(out: _Out, b: int, g: int, k: int, first: int) -> None:
-    out.position[b, g, k, first:] = 0.0
-    out.heading[b, g, k, first:] = 0.0
-    out.lane_width[b, g, k, first:] = 0.0
-    out.speed_limit[b, g, k, first:] = 0.0
-    out.lane[b, g, k, first:] = 0
-    out.lane_index[b, g, k, first:] = 0
-    out.lane_offset[b, g, k, first:] = 0.0
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    roads: Roads,
-    links: RoadLinks,
-    maps: Ints,
-    agent_ids: Ints,
-    horizon: int,
-    out: _Out,
-    observe_mask: Bools,
-) -> None:
-    number, foot, offset = np.empty(1, np.int32), np.empty(1), np.empty(1)
-    most = out.beside.shape[2]
-    for b in range(observe_mask.shape[0]):
-        base = roads.lane_base[maps[b]]
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            v, count = agents.slot[b, agent_ids[g]], 0
-            position = vehicles.position[b, v : v + 1]
-            if vehicles.lane[b, v] >= 0:
-                own = base + vehicles.lane[b, v]
-                first, last = links.beside_start[own], links.beside_start[own + 1]
-                for entry in range(first, min(last, first + most)):
-                    number[0] = links.beside[entry] - base
-                    project_on_lanes(roads, maps[b : b + 1], number, position, foot, offset)
-                    out.oncoming[b, g, count] = entry - first >= links.own_count[own]
-                    _write_lane(roads, links, base, links.beside[entry], foot[0], horizon, b, g, count, out)
-                    _clear(out, b, g, count, out.waypoint_count[b, g, count])
-                    count += 1
-            out.lane_count[b, g] = count
-            for k in range(count, most):
-                out.oncoming[b, g, k] = 0
-                out.beside[b, g, k], out.waypoint_count[b, g, k] = 0, 0
-                _clear(out, b, g, k, 0)

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import Signals
-from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Bytes, Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.kernels import find_row, lane_length
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, MOST, clipped, clipped_above
 from smarts.sensors.nearest import keep_nearest
-from smarts.sensors.protocol import Readings, Seen
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.types.coordinates import Point
 from smarts.types.interface import Field
 from smarts.types.traffic import Signal
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 _NONE = int(Signal.NONE)
 _MOST_OPEN = 64
@@ -69,7 +66,7 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SignalsAhead:
+class SignalsAhead(KernelSensor):
     """The lights that govern the lanes ahead, nearest first.
 
     The lanes are those that the vehicle's own lane leads into along its route; where it leads off the route,
@@ -77,9 +74,10 @@ class SignalsAhead:
     """
 
     option: Signals = field(default_factory=Signals)
+    arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k = self.option.most
         states = ", ".join(f"{state.value} {state.name.lower()}" for state in Signal)
         return (
@@ -90,13 +88,55 @@ class SignalsAhead:
             Field("lane", (k,), np.int32, 0, MOST, "", "the lane behind the light, number in the map"),
         )
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        world, lookahead = scene.world, float(self.option.lookahead)
-        ways = scene.atlas.roads, scene.routes.current, scene.routes.number, world.map
-        return bind(
-            _observe, world.agents, world.vehicles, *ways, world.signals, agent_ids, lookahead, _Out(**out)
-        )
+    def known(self, scene: Scene) -> tuple[Any, ...]:
+        """Return what the kernel needs besides the state."""
+        most = self.option.most
+        found = np.empty(most, np.int32), np.empty(most)
+        ahead = np.empty(_MOST_OPEN, np.int32), np.empty(_MOST_OPEN)
+        return scene.routes.number, float(self.option.lookahead), *found, *ahead
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: _Out,
+        route: Ints,
+        lookahead: float,
+        lanes: Ints,
+        far: Floats,
+        rows: Ints,
+        begins: Floats,
+    ) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        vehicles, agents, signals = state.vehicles, state.agents, state.signals
+        v = agents.slot[b, a]
+        own, base, count = vehicles.lane[b, v], roads.lane_base[state.map[b]], 0
+        if own >= 0:
+            row = -1
+            if route[b, a] >= 0:
+                done = agents.route_progress[b, a]
+                row = find_row(routes, routes.free + route[b, a], base + own, done)
+            if row < 0 or routes.onward_start[row] == routes.onward_start[row + 1]:
+                row = int(routes.start[state.map[b]] + own)
+            left = lane_length(roads, base + own) - clipped(vehicles.lane_position[b, v], FARTHEST)
+            count = _find(roads, routes, row, base, left, lookahead, signals[b], rows, begins, lanes, far)
+        out.count[b, g] = count
+        for k in range(count):
+            first = roads.point_start[lanes[k]]
+            out.state[b, g, k] = signals[b, lanes[k] - base]
+            out.stop_point[b, g, k, 0] = clipped(roads.point_xy[first, 0], FARTHEST)
+            out.stop_point[b, g, k, 1] = clipped(roads.point_xy[first, 1], FARTHEST)
+            out.distance[b, g, k] = clipped_above(far[k], FARTHEST)
+            out.lane[b, g, k] = lanes[k] - base
+        out.state[b, g, count:] = 0
+        out.stop_point[b, g, count:] = 0.0
+        out.distance[b, g, count:] = 0.0
+        out.lane[b, g, count:] = 0
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> tuple[SignalObservation, ...]:
@@ -146,50 +186,3 @@ def _find(
                 rows[open_rows], begins[open_rows] = following, end
                 open_rows += 1
     return found
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    roads: Roads,
-    table: RouteTable,
-    route: Ints,
-    maps: Ints,
-    signals: Bytes,
-    agent_ids: Ints,
-    lookahead: float,
-    out: _Out,
-    observe_mask: Bools,
-) -> None:
-    most = out.state.shape[2]
-    lanes, far = np.empty(most, np.int32), np.empty(most)
-    rows, begins = np.empty(_MOST_OPEN, np.int32), np.empty(_MOST_OPEN)
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            a = agent_ids[g]
-            v = agents.slot[b, a]
-            own, base, count = vehicles.lane[b, v], roads.lane_base[maps[b]], 0
-            if own >= 0:
-                row = -1
-                if route[b, a] >= 0:
-                    done = agents.route_progress[b, a]
-                    row = find_row(table, table.free + route[b, a], base + own, done)
-                if row < 0 or table.onward_start[row] == table.onward_start[row + 1]:
-                    row = int(table.start[maps[b]] + own)
-                left = lane_length(roads, base + own) - clipped(vehicles.lane_position[b, v], FARTHEST)
-                count = _find(roads, table, row, base, left, lookahead, signals[b], rows, begins, lanes, far)
-            out.count[b, g] = count
-            for k in range(count):
-                first = roads.point_start[lanes[k]]
-                out.state[b, g, k] = signals[b, lanes[k] - base]
-                out.stop_point[b, g, k, 0] = clipped(roads.point_xy[first, 0], FARTHEST)
-                out.stop_point[b, g, k, 1] = clipped(roads.point_xy[first, 1], FARTHEST)
-                out.distance[b, g, k] = clipped_above(far[k], FARTHEST)
-                out.lane[b, g, k] = lanes[k] - base
-            out.state[b, g, count:] = 0
-            out.stop_point[b, g, count:] = 0.0
-            out.distance[b, g, count:] = 0.0
-            out.lane[b, g, count:] = 0

@@ -122,10 +122,13 @@ class SensorSuite:
 
     def observe(self, observe_mask: Bools) -> Readings:
         """Return the readings of the agents in the mask, shape (B, A)."""
+        observed = set()
         for agent_ids, mask in self._masks:
             np.take(observe_mask, agent_ids, axis=1, out=mask)
-        if np.count_nonzero(observe_mask):
-            for group in self._groups:
+            if np.count_nonzero(mask):
+                observed.add(id(mask))
+        for group in self._groups:
+            if id(group.observe_mask) in observed:
                 group.observe(group.observe_mask)
         return self.readings
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
+from typing import Any, ClassVar
 
 import numpy as np
 
 from smarts.agents.options import RGB
-from smarts.arrays import Bools, Ints, Pixels
-from smarts.geometry.binding import bind
+from smarts.arrays import Pixels
 from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
 from smarts.sensors.grid_map import GridMap, GridOut, grid_fields, grid_map, paint_vehicle, viewer
-from smarts.sensors.protocol import Readings, Seen
+from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.sensors.road_raster import (
     CENTRE_LINE,
     DIVIDER,
@@ -24,10 +24,10 @@ from smarts.sensors.road_raster import (
     paint_road,
     road_raster,
 )
-from smarts.types.agent_states import AgentStates
 from smarts.types.colors import SceneColors
 from smarts.types.interface import Field
-from smarts.types.vehicles import Owner, VehicleStates
+from smarts.types.vehicles import Owner
+from smarts.types.world import State
 
 _AGENT = int(Owner.AGENT)
 _GROUND = (26, 32, 26)
@@ -73,69 +73,54 @@ def _vehicle_colours() -> Pixels:
 
 
 @dataclass(frozen=True)
-class TopDownRgb:
+class TopDownRgb(KernelSensor):
     """A view from above: road with its markings, traffic, agents, and the own vehicle in red."""
 
     option: RGB = field(default_factory=RGB)
+    arrays: ClassVar[type] = GridOut
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         meaning = "red, green, blue; the own vehicle in the middle, its front towards row 0"
         return grid_fields(self.option.height, self.option.width, 3, 255, meaning)
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
+    def known(self, scene: Scene) -> tuple[Any, ...]:
+        """Return what the kernel needs besides the state."""
         resolution = float(self.option.resolution)
         colours = _colours(lines=resolution <= FINE), _vehicle_colours()
-        return bind_picture(scene, agent_ids, resolution, *colours, GridOut(**out))
+        return resolution, *colours, road_raster(scene.atlas)
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: GridOut,
+        resolution: float,
+        road: Pixels,
+        boxes: Pixels,
+        raster: RoadRaster,
+    ) -> None:
+        """Paint road and vehicles around an agent; see `KernelSensor`.
+
+        `road` is the result of `road_colours`; `boxes` are the colours of traffic, of other agents, and of
+        the own vehicle, shape (3, channels).
+        """
+        vehicles, own = state.vehicles, state.agents.slot[b, a]
+        x, y, heading = viewer(vehicles, b, own)
+        view = out.data[b, g]
+        paint_road(raster, state.map[b], x, y, heading, resolution, road, view)
+        for v in range(vehicles.alive.shape[1]):
+            if vehicles.alive[b, v]:
+                kind = 2 if v == own else 1 if vehicles.owner[b, v] == _AGENT else 0
+                paint_vehicle(vehicles, b, v, x, y, heading, resolution, boxes[kind], view)
+        out.resolution[b, g] = resolution
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> GridMap:
         """Return the picture."""
         return grid_map(readings, seen)
-
-
-def bind_picture(
-    scene: Scene, agent_ids: Ints, resolution: float, road: Pixels, boxes: Pixels, out: GridOut
-) -> Callable[[Bools], object]:
-    """Return the function that paints road and vehicles around the agents in its mask.
-
-    Args:
-        scene: The state that is observed.
-        agent_ids: The agents, shape (G,).
-        resolution: Side of a pixel [m].
-        road: The result of `road_colours`.
-        boxes: Colours of traffic, of other agents, and of the own vehicle, shape (3, channels).
-        out: Written.
-    """
-    world = scene.world
-    state = world.agents, world.vehicles, world.map, road_raster(scene.atlas)
-    return bind(_observe, *state, agent_ids, resolution, road, boxes, out)
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    maps: Ints,
-    raster: RoadRaster,
-    agent_ids: Ints,
-    resolution: float,
-    road: Pixels,
-    boxes: Pixels,
-    out: GridOut,
-    observe_mask: Bools,
-) -> None:
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            own = agents.slot[b, agent_ids[g]]
-            x, y, heading = viewer(vehicles, b, own)
-            view = out.data[b, g]
-            paint_road(raster, maps[b], x, y, heading, resolution, road, view)
-            for v in range(vehicles.alive.shape[1]):
-                if vehicles.alive[b, v]:
-                    kind = 2 if v == own else 1 if vehicles.owner[b, v] == _AGENT else 0
-                    paint_vehicle(vehicles, b, v, x, y, heading, resolution, boxes[kind], view)
-            out.resolution[b, g] = resolution

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import Vias as ViaOption
-from smarts.arrays import Bools, Bytes, Floats, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Bytes, Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
-from smarts.roads.arrays import Roads
+from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
 from smarts.sensors.bounds import FARTHEST, FASTEST, MOST, clipped, clipped_above
 from smarts.sensors.nearest import keep_nearest
-from smarts.sensors.protocol import Readings, Seen
-from smarts.types.agent_states import AgentStates
+from smarts.sensors.protocol import KernelSensor, Readings, Seen
 from smarts.types.interface import Field
-from smarts.types.mission import Missions
-from smarts.types.vehicles import VehicleStates
+from smarts.types.world import State
 
 
 class ViaPoint(NamedTuple):
@@ -59,13 +55,14 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ViaPoints:
-    """The via points near the vehicle, nearest first, those that it has passed included."""
+class ViaPoints(KernelSensor):
+    """The via points near the vehicle, nearest first, including points that it has passed."""
 
     option: ViaOption = field(default_factory=ViaOption)
+    arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k = self.option.most
         return (
             Field("count", (), np.int32, 0, k, "", "how many points follow; the entries after them are 0"),
@@ -76,11 +73,51 @@ class ViaPoints:
             Field("hit", (k,), np.int8, 0, 1, "", "1 if it has been passed, in laps in this one"),
         )
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        world, reach = scene.world, float(self.option.acquisition_range)
-        state = world.agents, world.vehicles, world.missions, scene.atlas.roads, world.map
-        return bind(_observe, *state, agent_ids, reach, _Out(**out))
+    def known(self, scene: Scene) -> tuple[Any, ...]:
+        """Return what the kernel needs besides the state."""
+        most = self.option.most
+        return float(self.option.acquisition_range), np.empty(most, np.int32), np.empty(most)
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: _Out,
+        reach: float,
+        order: Ints,
+        far: Floats,
+    ) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        vehicles, missions, agents = state.vehicles, state.missions, state.agents
+        count = 0
+        v = agents.slot[b, a]
+        for via in range(missions.via_count[b, a]):
+            dx = missions.via_position[b, a, via, 0] - vehicles.position[b, v, 0]
+            dy = missions.via_position[b, a, via, 1] - vehicles.position[b, v, 1]
+            square = dx * dx + dy * dy
+            if square <= reach * reach:
+                count = keep_nearest(order, far, count, via, square)
+        out.count[b, g] = count
+        for k in range(count):
+            via = order[k]
+            out.position[b, g, k, 0] = clipped(missions.via_position[b, a, via, 0], FARTHEST)
+            out.position[b, g, k, 1] = clipped(missions.via_position[b, a, via, 1], FARTHEST)
+            lane = missions.via_lane[b, a, via]
+            out.lane[b, g, k] = lane
+            index = roads.lane_index[roads.lane_base[state.map[b]] + lane] if lane >= 0 else 0
+            out.lane_index[b, g, k] = index
+            out.required_speed[b, g, k] = clipped_above(missions.via_speed[b, a, via], FASTEST)
+            out.hit[b, g, k] = agents.via_hit[b, a, via]
+        out.position[b, g, count:] = 0.0
+        out.lane[b, g, count:] = 0
+        out.lane_index[b, g, count:] = 0
+        out.required_speed[b, g, count:] = 0.0
+        out.hit[b, g, count:] = 0
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> Vias:
@@ -97,47 +134,3 @@ class ViaPoints:
                 for k in range(int(readings["count"]))
             )
         )
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    missions: Missions,
-    roads: Roads,
-    maps: Ints,
-    agent_ids: Ints,
-    reach: float,
-    out: _Out,
-    observe_mask: Bools,
-) -> None:
-    most = out.lane.shape[2]
-    order, far = np.empty(most, np.int32), np.empty(most)
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            a, count = agent_ids[g], 0
-            v = agents.slot[b, a]
-            for via in range(missions.via_count[b, a]):
-                dx = missions.via_position[b, a, via, 0] - vehicles.position[b, v, 0]
-                dy = missions.via_position[b, a, via, 1] - vehicles.position[b, v, 1]
-                square = dx * dx + dy * dy
-                if square <= reach * reach:
-                    count = keep_nearest(order, far, count, via, square)
-            out.count[b, g] = count
-            for k in range(count):
-                via = order[k]
-                out.position[b, g, k, 0] = clipped(missions.via_position[b, a, via, 0], FARTHEST)
-                out.position[b, g, k, 1] = clipped(missions.via_position[b, a, via, 1], FARTHEST)
-                lane = missions.via_lane[b, a, via]
-                out.lane[b, g, k] = lane
-                index = roads.lane_index[roads.lane_base[maps[b]] + lane] if lane >= 0 else 0
-                out.lane_index[b, g, k] = index
-                out.required_speed[b, g, k] = clipped_above(missions.via_speed[b, a, via], FASTEST)
-                out.hit[b, g, k] = agents.via_hit[b, a, via]
-            out.position[b, g, count:] = 0.0
-            out.lane[b, g, count:] = 0
-            out.lane_index[b, g, count:] = 0
-            out.required_speed[b, g, count:] = 0.0
-            out.hit[b, g, count:] = 0

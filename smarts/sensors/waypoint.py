@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from smarts.arrays import Floats
+from smarts.geometry.compiling import kernel
 from smarts.sensors.protocol import Readings, Seen
 from smarts.types.coordinates import Heading
 
@@ -43,6 +44,26 @@ class Waypoint(NamedTuple):
     def dist_to(self, position: Floats | tuple[float, ...]) -> float:
         """Return the distance to a position [m]."""
         return math.hypot(position[0] - self.pos[0], position[1] - self.pos[1])
+
+
+@kernel
+def clear_waypoints(out: Any, b: int, g: int, k: int, first: int) -> None:
+    """Write 0 into an agent's waypoints in row `k` from number `first` on.
+
+    Args:
+        out: A named tuple of the waypoints' arrays, shape (B, G, K, W, ...); written.
+        b: The simulation.
+        g: The agent.
+        k: The path or lane.
+        first: The first waypoint.
+    """
+    out.position[b, g, k, first:] = 0.0
+    out.heading[b, g, k, first:] = 0.0
+    out.lane_width[b, g, k, first:] = 0.0
+    out.speed_limit[b, g, k, first:] = 0.0
+    out.lane[b, g, k, first:] = 0
+    out.lane_index[b, g, k, first:] = 0
+    out.lane_offset[b, g, k, first:] = 0.0
 
 
 def waypoints_of(readings: Readings, seen: Seen, path: int, count: int) -> list[Waypoint]:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from smarts.agents.options import Waypoints
-from smarts.arrays import Bools, Floats, Ints, Singles
-from smarts.geometry.binding import bind
+from smarts.arrays import Floats, Ints, Singles
 from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.guide import is_led, write_led_path
@@ -19,12 +17,11 @@ from smarts.roads.lane_graph import LaneKind
 from smarts.roads.scene import Scene
 from smarts.roads.waypoints import WaypointPaths, write_waypoints
 from smarts.sensors.bounds import FARTHEST, FASTEST, LARGEST_BOX, MOST, clipped, clipped_above
-from smarts.sensors.protocol import Readings, Seen
-from smarts.sensors.waypoint import Waypoint, waypoints_of
-from smarts.types.agent_states import AgentStates
-from smarts.types.guidance import Guidance
+from smarts.sensors.protocol import KernelSensor, Readings, Seen
+from smarts.sensors.waypoint import Waypoint, clear_waypoints, waypoints_of
 from smarts.types.interface import Field
-from smarts.types.vehicles import VehicleKind, VehicleStates
+from smarts.types.vehicles import VehicleKind
+from smarts.types.world import State
 
 _CAR_LANES = 1 << LaneKind.CAR
 _BUS_LANES = 1 << LaneKind.CAR | 1 << LaneKind.BUS
@@ -46,7 +43,7 @@ class _Out(NamedTuple):
 
 
 @dataclass(frozen=True)
-class WaypointPathsAhead:
+class WaypointPathsAhead(KernelSensor):
     """A path for each lane of the road that the vehicle may use, from the right to the left, along the route.
 
     `smarts.roads.waypoints.WaypointPaths` says how paths run, branch and end. An agent that its mission's
@@ -55,9 +52,10 @@ class WaypointPathsAhead:
     """
 
     option: Waypoints = field(default_factory=Waypoints)
+    arrays: ClassVar[type] = _Out
 
     def fields(self) -> tuple[Field, ...]:
-        """Return what is reported."""
+        """Return the fields."""
         k, w = self.option.paths, self.option.lookahead
         return (
             Field("path_count", (), np.int32, 0, k, "", "how many paths there are; the others are 0"),
@@ -73,88 +71,80 @@ class WaypointPathsAhead:
             Field("lane_offset", (k, w), np.float32, 0, FARTHEST, "m", "along the lane from its begin"),
         )
 
-    def bind(self, scene: Scene, agent_ids: Ints, out: Readings) -> Callable[[Bools], object]:
-        """Return the function that writes the readings of the agents in its mask."""
-        world, spacing = scene.world, float(self.option.spacing)
-        ways = scene.atlas.roads, scene.routes.current, scene.routes.number, world.map
-        state = world.agents, world.vehicles, *ways, world.guidance
-        return bind(_observe, *state, agent_ids, spacing, _Out(**out))
+    def known(self, scene: Scene) -> tuple[Any, ...]:
+        """Return what the kernel needs besides the state."""
+        shape = (1, self.option.paths, self.option.lookahead)
+        paths = WaypointPaths(
+            np.zeros(1, np.int32),
+            np.zeros(shape[:2], np.int32),
+            np.zeros((*shape, 2)),
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(shape, np.int32),
+            np.zeros(shape, np.int32),
+            np.zeros(shape),
+        )
+        return scene.routes.number, float(self.option.spacing), paths, np.empty(1)
+
+    @staticmethod
+    @kernel
+    def write(
+        state: State,
+        roads: Roads,
+        routes: RouteTable,
+        b: int,
+        g: int,
+        a: int,
+        out: _Out,
+        route: Ints,
+        spacing: float,
+        paths: WaypointPaths,
+        hint: Floats,
+    ) -> None:
+        """Write an agent's readings; see `KernelSensor`."""
+        vehicles, agents, guide = state.vehicles, state.agents, state.guidance
+        v = agents.slot[b, a]
+        hint[0] = agents.route_progress[b, a]
+        lane, kind = vehicles.lane[b, v], vehicles.kind[b, v]
+        mask = _BUS_LANES if kind in (_BUS, _COACH) else _CAR_LANES
+        if is_led(guide, b, a) and lane >= 0:
+            write_led_path(
+                roads,
+                routes,
+                guide,
+                b,
+                a,
+                state.map[b],
+                (vehicles.position[b, v, 0], vehicles.position[b, v, 1], lane),
+                route[b, a],
+                hint[0],
+                mask,
+                spacing,
+                paths,
+            )
+        else:
+            write_waypoints(
+                roads,
+                routes,
+                state.map[b : b + 1],
+                vehicles.position[b, v : v + 1],
+                vehicles.lane[b, v : v + 1],
+                route[b, a : a + 1],
+                hint,
+                mask,
+                spacing,
+                paths,
+            )
+        if guide.speed[b, a] > 0.0:
+            paths.speed_limit[:] = guide.speed[b, a]
+        _copy(paths, out, b, g)
 
     @staticmethod
     def as_object(readings: Readings, seen: Seen) -> list[list[Waypoint]]:
         """Return the paths, from the right to the left."""
         counts = readings["waypoint_count"][: int(readings["path_count"])].tolist()
         return [waypoints_of(readings, seen, path, count) for path, count in enumerate(counts)]
-
-
-@kernel
-def _observe(
-    agents: AgentStates,
-    vehicles: VehicleStates,
-    roads: Roads,
-    table: RouteTable,
-    route: Ints,
-    maps: Ints,
-    guide: Guidance,
-    agent_ids: Ints,
-    spacing: float,
-    out: _Out,
-    observe_mask: Bools,
-) -> None:
-    most, lookahead = out.heading.shape[2], out.heading.shape[3]
-    shape = (1, most, lookahead)
-    paths = WaypointPaths(
-        np.zeros(1, np.int32),
-        np.zeros((1, most), np.int32),
-        np.zeros((1, most, lookahead, 2)),
-        np.zeros(shape),
-        np.zeros(shape),
-        np.zeros(shape),
-        np.zeros(shape, np.int32),
-        np.zeros(shape, np.int32),
-        np.zeros(shape),
-    )
-    hint = np.empty(1)
-    for b in range(observe_mask.shape[0]):
-        for g in range(observe_mask.shape[1]):
-            if not observe_mask[b, g]:
-                continue
-            a = agent_ids[g]
-            v = agents.slot[b, a]
-            hint[0] = agents.route_progress[b, a]
-            lane, kind = vehicles.lane[b, v], vehicles.kind[b, v]
-            mask = _BUS_LANES if kind in (_BUS, _COACH) else _CAR_LANES
-            if is_led(guide, b, a) and lane >= 0:
-                write_led_path(
-                    roads,
-                    table,
-                    guide,
-                    b,
-                    a,
-                    maps[b],
-                    (vehicles.position[b, v, 0], vehicles.position[b, v, 1], lane),
-                    route[b, a],
-                    hint[0],
-                    mask,
-                    spacing,
-                    paths,
-                )
-            else:
-                write_waypoints(
-                    roads,
-                    table,
-                    maps[b : b + 1],
-                    vehicles.position[b, v : v + 1],
-                    vehicles.lane[b, v : v + 1],
-                    route[b, a : a + 1],
-                    hint,
-                    mask,
-                    spacing,
-                    paths,
-                )
-            if guide.speed[b, a] > 0.0:
-                paths.speed_limit[:] = guide.speed[b, a]
-            _copy(paths, out, b, g)
 
 
 @kernel
@@ -174,10 +164,4 @@ def _copy(paths: WaypointPaths, out: _Out, b: int, g: int) -> None:
             out.lane[b, g, k, w] = paths.lane[0, k, w]
             out.lane_index[b, g, k, w] = paths.lane_index[0, k, w]
             out.lane_offset[b, g, k, w] = clipped_above(paths.lane_offset[0, k, w], FARTHEST)
-        out.position[b, g, k, length:] = 0.0
-        out.heading[b, g, k, length:] = 0.0
-        out.lane_width[b, g, k, length:] = 0.0
-        out.speed_limit[b, g, k, length:] = 0.0
-        out.lane[b, g, k, length:] = 0
-        out.lane_index[b, g, k, length:] = 0
-        out.lane_offset[b, g, k, length:] = 0.0
+        clear_waypoints(out, b, g, k, length)

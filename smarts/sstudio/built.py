@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -115,11 +115,8 @@ class BuiltScenario:
         """
         if name is None:
             return TrafficFiles(net=self.net_file)
-        if name in self.traffic:
-            return self.traffic[name]
-        raise ScenarioError(
-            f"there is no traffic {name!r}", place=self.name, remedy=nearest_names(name, self.traffic)
-        )
+        self._require_traffic(name, self.traffic)
+        return self.traffic[name]
 
     def roads(self) -> LaneGraph:
         """Return the map; equal artefacts share one in memory."""
@@ -135,12 +132,14 @@ class BuiltScenario:
         Raises:
             ScenarioError: It has no such variation.
         """
-        known = self.scenario.traffic or {}
         for name in names:
-            if name not in known:
-                remedy = nearest_names(name, known)
-                raise ScenarioError(f"there is no traffic {name!r}", place=self.name, remedy=remedy)
+            self._require_traffic(name, self.scenario.traffic or {})
         return replace(self, chosen_traffic=tuple(names))
+
+    def _require_traffic(self, name: str, known: Collection[str]) -> None:
+        if name not in known:
+            remedy = nearest_names(name, known)
+            raise ScenarioError(f"there is no traffic {name!r}", place=self.name, remedy=remedy)
 
 
 def _load_json(file: Path) -> Any:

@@ -30,7 +30,7 @@ PARTIAL = ".partial-"
 MANIFEST = "manifest.json"
 """The artefact that lists the others."""
 KEPT_DAYS = 14
-"""How long unused artefacts are kept [days]."""
+"""Days that unused artefacts are kept."""
 _DAY = 86400.0
 
 

@@ -29,7 +29,7 @@ class CallableReference:
         return found
 
 
-_TYPES: dict[str, Any] = {name: getattr(sstypes, name) for name in sstypes.__all__} | {
+_TYPES: dict[str, Any] = {name: kind for name, kind in vars(sstypes).items() if isinstance(kind, type)} | {
     "Colors": Colors,
     "SceneColors": SceneColors,
 }

@@ -19,7 +19,7 @@ from typing import Any
 from smarts.errors import ScenarioError, shown
 
 Json = Any
-"""What JSON can hold: None, bool, int, float, str, and lists and string-keyed dicts of these."""
+"""Values of JSON: None, bool, int, float, str, and lists and string-keyed dicts of these."""
 
 TYPE = "$type"
 PAIRS = "$pairs"

@@ -230,7 +230,7 @@ def gen_metadata(scenario: str | Path, scenario_metadata: t.ScenarioMetadata) ->
 
 
 _given: dict[Path, dict[str, t.Scenario]] = {}
-"""What was handed over by hand in this process, by folder and kind."""
+"""Parts handed over outside of builds in this process, by folder and kind."""
 
 
 def _contribute(

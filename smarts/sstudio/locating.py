@@ -22,14 +22,14 @@ SUITE = Path(__file__).resolve().parents[2] / "scenarios"
 
 @dataclass(frozen=True)
 class Location:
-    """Where a scenario's sources are and where its artefacts go."""
+    """The folders of a scenario's sources and artefacts."""
 
     name: str
     """Its name, without the variation."""
     directory: Path
     """The folder of its sources, absolute."""
     variation: str | None = None
-    """Which of its held-out variations is meant."""
+    """One of its held-out variations."""
     map_file: str | None = None
     """The map in `directory`, if the scenario is a bare map file."""
     described_only: bool = False

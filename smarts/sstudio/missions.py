@@ -23,7 +23,7 @@ from smarts.sstudio import sstypes as t
 from smarts.sstudio.episodes import expand
 from smarts.sstudio.placement import blame, lane_of, route_edges, via_place
 from smarts.sstudio.random_routes import draw_route
-from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, MISSING, RANDOM_OFFSET
+from smarts.sstudio.sstypes.constants import MISSING, RANDOM_OFFSET, named_offset
 
 GAP = 2.5
 """Free distance between egos that start on one lane, bumper to bumper [m]."""
@@ -67,9 +67,9 @@ class PlacedMission:
     mission: t.AnyMission
     """The mission in the scenario."""
     start: LanePoint
-    """Of the front bumper."""
+    """Place of the front bumper."""
     pose: tuple[float, float, float]
-    """Of the vehicle's centre at the start, x, y [m] and heading [rad]."""
+    """Pose of the vehicle's centre at the start: x, y [m], heading [rad]."""
     speed: float
     """At the start [m/s]."""
     goal: LanePoint | None
@@ -89,7 +89,7 @@ class _Draft:
     route: t.Route | None
     lane: int
     s: float
-    """Of the front bumper, as the scenario says [m]."""
+    """Arc length of the front bumper in the scenario [m]."""
     where: str
 
 
@@ -169,12 +169,8 @@ def _draft(
 def _start_offset(roads: LaneGraph, lane: int, offset: Any, generator: Generator, length: float) -> float:
     whole = float(roads.length[lane])
     least = min(length, whole)
-    if offset == BASE_OFFSET:
-        return least
-    if offset == MAX_OFFSET:
-        return whole
     if isinstance(offset, str):
-        return float(generator.uniform(least, whole))
+        return named_offset(offset, least, whole, generator.uniform)
     return max(roads.arc_length(lane, float(offset)), least)
 
 
@@ -277,10 +273,8 @@ def _placed(
 
 def _goal(route: t.Route, roads: LaneGraph, generator: Generator, where: str) -> LanePoint:
     lane, offset = lane_of(roads, route.end, where), route.end[2]
-    whole = float(roads.length[lane])
     if isinstance(offset, str):
-        drawn = float(generator.uniform(0.0, whole)) if offset == RANDOM_OFFSET else 0.0
-        return LanePoint(lane, {BASE_OFFSET: 0.0, MAX_OFFSET: whole}.get(offset, drawn))
+        return LanePoint(lane, named_offset(offset, 0.0, float(roads.length[lane]), generator.uniform))
     return LanePoint(lane, roads.arc_length(lane, offset))
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Attributes = dict[str, Any]
 
 SAMPLES = 16
-"""How many vehicle types stand for a distribution that SUMO cannot draw from itself."""
+"""Vehicle types that sample a distribution which SUMO cannot draw from."""
 SPEED_FACTORS = (0.2, 2.0)
 """SUMO cuts off the wanted speeds of drivers below and above these multiples of the limit."""
 

@@ -10,7 +10,7 @@ import shapely
 from smarts.roads.lane_graph import OPPOSITE, LaneGraph
 
 FARTHEST_BESIDE = 50.0
-"""How far apart two roads may be to lie beside each other [m]."""
+"""Largest distance of roads that lie beside each other [m]."""
 
 
 def is_on_way(roads: LaneGraph, lane: int, edges: Collection[str]) -> bool:

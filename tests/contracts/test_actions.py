@@ -1,4 +1,4 @@
-"""Every way of acting, through `HiWayEnv`: what works, what is refused by name, what is made of it."""
+"""Every action type through `HiWayEnv`: valid actions, invalid actions, and clipping."""
 
 import math
 import shutil
@@ -33,11 +33,11 @@ SCENARIO = textwrap.dedent(
     gen_scenario(t.Scenario(ego_missions=missions), output_dir=Path(__file__).parent)
     """
 )
-"""The loop's map, with a mission for each type."""
+"""A scenario on the loop's map with a mission for each action type."""
 
 
 def path(kind, state):
-    """Return ten points a metre apart straight ahead, as columns."""
+    """Return the columns of a straight path of ten points, 1 m apart."""
     x, y, heading = *state.position[:2], float(state.heading)
     columns = [
         x + POINTS * np.cos(heading),
@@ -49,7 +49,7 @@ def path(kind, state):
 
 
 def good(kind, state):
-    """Return an action that drives on; of other types the first value at its bound, the others 0."""
+    """Return an action that drives forwards; for new types, the first value at its bound and 0 otherwise."""
     x, y, heading = *state.position[:2], float(state.heading)
     ahead = (x + 2.0 * np.cos(heading), y + 2.0 * np.sin(heading), heading, 0.4)
     actions = {
@@ -78,7 +78,7 @@ def is_path(kind):
 
 
 def bad(kind):
-    """Return actions that are none."""
+    """Return invalid actions."""
     if kind == ActionSpaceType.Empty:
         return []
     wrong = ["fast", None, {"speed": 1}, [[1.0, 2.0], [3.0]]]
@@ -94,10 +94,10 @@ def bad(kind):
             [1.0] * rows,
         ]
     size = shape(kind)[0]
-    refused = [*wrong, np.full(size, NAN), np.full(size, np.inf), np.zeros(size + 3), []]
+    invalid = [*wrong, np.full(size, NAN), np.full(size, np.inf), np.zeros(size + 3), []]
     if kind == ActionSpaceType.MultiTargetPose:
-        refused += [{"a": (0, 0, 0, 1), "b": (0, 0, 0, 1)}, {}]
-    return refused
+        invalid += [{"a": (0, 0, 0, 1), "b": (0, 0, 0, 1)}, {}]
+    return invalid
 
 
 def name(kind):
@@ -106,7 +106,7 @@ def name(kind):
 
 @pytest.fixture(scope="module")
 def env(tmp_path_factory):
-    """Return an environment with an agent of each type, which nothing that they do ends."""
+    """Return an environment with an agent of each type and without done criteria."""
     folder = tmp_path_factory.mktemp("scenario")
     for source in Path("scenarios/loop").glob("map.*.xml"):
         shutil.copy(source, folder)
@@ -130,7 +130,7 @@ def motions(seen):
 
 @pytest.fixture(scope="module")
 def untouched(env):
-    """Return what is seen after a step in which nobody acts."""
+    """Return the observations after a step without actions."""
     env.reset(seed=2)
     return env.step({})[0]
 
@@ -172,20 +172,20 @@ def test_a_speed_alone_may_be_any_number(env, seen, speed):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_no_action_is_refused_by_name_and_does_no_harm(env, seen, untouched, kind):
+def test_invalid_actions_name_the_agent_and_have_no_effect(env, seen, untouched, kind):
     for action in bad(kind):
         with pytest.raises(ActionError, match=name(kind)):
             env.step({name(ActionSpaceType.Continuous): (1.0, 0.0, 0.0), name(kind): action})
     now, *_ = env.step({})
     assert now[name(kind)].step_count == seen[name(kind)].step_count + 1
-    # Not even those whose action was good have heard of it.
+    # The valid action of the other agent had no effect either.
     assert motions(now) == motions(untouched)
 
 
 @pytest.mark.parametrize(
     "kind", [kind for kind in KINDS if kind != ActionSpaceType.Lane and not is_path(kind)]
 )
-def test_what_is_out_of_range_is_clipped(env, seen, kind):
+def test_out_of_range_values_are_clipped(env, seen, kind):
     space: Any = action_space(kind)
     if shape(kind) == (0,):
         env.step({name(kind): ()})
@@ -213,7 +213,7 @@ def test_paths_out_of_range_are_clipped(env, seen, kind, value):
     assert np.isfinite([position for position, _, _ in ends[0]]).all()
 
 
-def test_who_does_not_act_goes_on(env, seen):
+def test_agents_without_actions_keep_driving(env, seen):
     now = seen
     for _ in range(20):
         now, *_ = env.step({})
@@ -222,6 +222,6 @@ def test_who_does_not_act_goes_on(env, seen):
         assert np.hypot(*np.subtract(after.position[:2], before.position[:2])) > 1.0, kind
 
 
-def test_unknown_agents_are_refused(env, seen):
+def test_unknown_agents_raise(env, seen):
     with raises(ActionError, values=["the Lane"]):
         env.step({"the Lame": 0})

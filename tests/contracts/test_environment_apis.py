@@ -1,4 +1,4 @@
-"""Every environment API keeps the rules of its library, on three scenarios."""
+"""Every environment API passes the checks of its library, on three scenarios."""
 
 import gymnasium
 import pytest
@@ -30,7 +30,7 @@ PARTS = {
     "Spaces": {"blocks", "state", "has_graph"},
     "Block": {"agents", "observation", "action", "masked"},
 }
-"""What learners rely on: see `algorithms.joint.env`, which neither side imports from the other."""
+"""The fields that learners use, as in `algorithms.joint.env`; neither side imports the other."""
 
 
 @pytest.fixture(params=SCENARIOS)
@@ -78,7 +78,7 @@ def test_rllib(scenario, masks):
         env.close()
 
 
-def test_vector_has_what_learners_ask_for():
+def test_vector_environments_have_the_learners_fields():
     env = VectorHiWayEnv(1, ["two_way"])
     try:
         step = env.reset(3)

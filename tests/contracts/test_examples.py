@@ -1,4 +1,4 @@
-"""The examples run as a user would run them, print what the pages show, and are short."""
+"""The examples run as scripts, print the output that the pages show, and are short."""
 
 import ast
 import doctest
@@ -16,9 +16,9 @@ SHOWN = {
     for block in blocks_of(page)
     if block.expected and (match := SNIPPET.match(block.text))
 }
-"""What the pages say that examples print."""
+"""The output of examples that the pages show."""
 LONGEST = 60
-"""Lines of an example."""
+"""Maximum number of lines of an example."""
 
 
 @pytest.mark.slow
@@ -32,12 +32,12 @@ def test_example(example):
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_an_example_is_short_and_says_first_what_it_shows(example):
+def test_an_example_is_short_and_has_a_docstring(example):
     text = example.read_text()
     assert len(text.splitlines()) < LONGEST
     assert ast.get_docstring(ast.parse(text))
     assert text.startswith('"""')
 
 
-def test_there_are_ten():
+def test_there_are_ten_examples():
     assert len(EXAMPLES) == 10

@@ -1,4 +1,4 @@
-"""SUMO fails in mid-episode: one named error from every environment API, and the next reset works."""
+"""If SUMO fails during an episode, every environment API raises one error, and the next reset works."""
 
 import json
 
@@ -32,7 +32,10 @@ APIS = {
 
 @pytest.fixture(scope="module")
 def doomed(tmp_path_factory):
-    """Return a scenario one of whose two traffics sends a vehicle off a second later that has no way."""
+    """Return a scenario in which one of two traffic variations has a vehicle without a valid route.
+
+    The vehicle departs one second after the warm-up.
+    """
     folder = write_cross(tmp_path_factory.mktemp("scenarios") / "doomed")
     body = """
         traffic={"sound": t.Traffic(flows=[flow()], warm_up=5.0),
@@ -44,7 +47,7 @@ def doomed(tmp_path_factory):
     routes = built.traffic_files("unsound").routes[0]
     broken = '<vehicle id="broken" depart="6"><route edges="to_north from_south"/></vehicle></routes>'
     routes.write_text(routes.read_text().replace("</routes>", broken))
-    # So that the change is not taken for damage.
+    # Update the manifest, so that the change does not count as damage.
     manifest = json.loads((built.directory / MANIFEST).read_text())
     manifest["files"] = file_table(built.directory)
     (built.directory / MANIFEST).write_text(json.dumps(manifest))
@@ -52,7 +55,7 @@ def doomed(tmp_path_factory):
 
 
 def until_failure(env, action, seed):
-    """Play an episode, and a second one if need be; return how many steps went well."""
+    """Play up to two episodes until SUMO fails; return the number of steps before the failure."""
     for episode in range(2):
         env.reset(seed=seed if episode == 0 else None)
         steps = []
@@ -69,7 +72,7 @@ def until_failure(env, action, seed):
 
 
 @pytest.mark.parametrize("api", APIS)
-def test_environments_by_name_raise_one_named_error_and_can_be_reset(doomed, api):
+def test_dict_environments_raise_one_error_and_can_be_reset(doomed, api):
     env, fresh = APIS[api](doomed), APIS[api](doomed)
     try:
         assert until_failure(env, {"agent-0": 0}, seed=3) >= 1
@@ -81,7 +84,7 @@ def test_environments_by_name_raise_one_named_error_and_can_be_reset(doomed, api
         fresh.close()
 
 
-def test_the_single_face_raises_one_named_error_and_can_be_reset(doomed):
+def test_single_environments_raise_one_error_and_can_be_reset(doomed):
     env = SingleHiWayEnv([doomed])
     try:
         assert until_failure(env, 0, seed=3) >= 1
@@ -99,7 +102,7 @@ def test_an_environment_that_has_failed_can_be_closed(doomed):
     env.close()
 
 
-def test_many_at_once_count_the_failure_and_go_on(doomed, tmp_path):
+def test_vector_environments_report_the_failure_and_continue(doomed, tmp_path):
     env = VectorHiWayEnv(3, [doomed], 1, simulation=Options(record=tmp_path))
     keep = [np.zeros((3, 1), int)]
     try:
@@ -113,7 +116,7 @@ def test_many_at_once_count_the_failure_and_go_on(doomed, tmp_path):
                 failures.add((world, episode))
                 assert FAILURE in str(error)
                 assert traffic == "unsound"
-                # What is said of the step is void, and the next episode has begun.
+                # The step has no result, and the next episode has begun.
                 assert not now.rewards[row].any()
                 assert not now.terminated[row].any()
                 assert not now.truncated[row].any()
@@ -124,15 +127,15 @@ def test_many_at_once_count_the_failure_and_go_on(doomed, tmp_path):
         assert {world for world, _ in failures} == {0, 1, 2}
     finally:
         env.close()
-    said = {
+    recorded = {
         (int(facts["world"]), int(facts["episode"]))
         for facts in (RecordedEpisode(folder).facts for folder in episodes_in(tmp_path))
         if facts["is_invalid"] and FAILURE in facts["remark"]
     }
-    assert said == failures
+    assert recorded == failures
 
 
-def test_gymnasiums_vector_environment_cuts_the_episode_short(doomed):
+def test_gymnasium_vector_environments_truncate_the_episode(doomed):
     env = SingleHiWayVectorEnv(3, [doomed])
     try:
         last, _ = env.reset(seed=1)

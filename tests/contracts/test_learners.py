@@ -1,4 +1,4 @@
-"""`VectorHiWayEnv` keeps the learners' contract, and what policies sampled from gets into the records."""
+"""`VectorHiWayEnv` fulfils the learners' contract, and records hold the policies' action distributions."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from smarts.sim.episode_files import RecordedEpisode, episodes_in
 
 
 def different_scenarios(env):
-    """Return a seed of which the first episodes are in two scenarios, one of them at least with traffic."""
+    """Return a seed whose first episodes are in two scenarios, at least one with traffic."""
     for seed in range(20):
         env.reset(seed)
         scenarios = {start.scenario for start in env.episodes}
@@ -38,7 +38,7 @@ def different_scenarios(env):
     ids=["vector", "image", "raw"],
 )
 def test_vector_contract(options):
-    """Two scenarios side by side, with traffic."""
+    """The batch holds two scenarios with traffic."""
     env: Any = VectorHiWayEnv(2, ["intersection", "double_merge"], **options)
     try:
         check_vector_env(env, steps=60, seed=different_scenarios(env))
@@ -47,7 +47,7 @@ def test_vector_contract(options):
 
 
 @pytest.mark.slow
-def test_ppo_learns_from_pictures_and_its_evaluation_is_on_record(tmp_path):
+def test_ppo_learns_from_images_and_its_evaluation_is_recorded(tmp_path):
     def create(config):
         picture = {"base": "benchmark", "stacked": [{"image": {"size": 32}}]}
         record = Options(record=tmp_path)
@@ -74,26 +74,28 @@ def test_ppo_learns_from_pictures_and_its_evaluation_is_on_record(tmp_path):
     assert len(evaluated) == 2
     for episode in evaluated:
         extras, decisions = episode.table("extras"), episode.table("decisions")
-        told = {name: extras["name"] == name for name in ("probabilities", "reward")}
+        rows_of = {name: extras["name"] == name for name in ("probabilities", "reward")}
         decided = set(zip(decisions["step"].tolist(), decisions["agent_id"].tolist(), strict=True))
-        for rows in told.values():
+        for rows in rows_of.values():
             assert (
                 set(zip(extras["step"][rows].tolist(), extras["agent_id"][rows].tolist(), strict=True))
                 == decided
             )
-        probabilities = np.stack([np.array(values) for values in extras["values"][told["probabilities"]]])
+        probabilities = np.stack([np.array(values) for values in extras["values"][rows_of["probabilities"]]])
         np.testing.assert_allclose(probabilities.sum(axis=1), 1.0, rtol=1e-5)
         action_mask = decisions["action_mask"][:, None] >> np.arange(4) & 1
         order = np.lexsort((decisions["agent_id"], decisions["step"]))
-        said = np.lexsort((extras["agent_id"][told["probabilities"]], extras["step"][told["probabilities"]]))
-        assert not (probabilities[said] * (1 - action_mask[order])).any()
+        extras_order = np.lexsort(
+            (extras["agent_id"][rows_of["probabilities"]], extras["step"][rows_of["probabilities"]])
+        )
+        assert not (probabilities[extras_order] * (1 - action_mask[order])).any()
 
 
 DRIVERS = ["dqn", "ppo", "maac", "mf_ac", "mf_q", "networked_q", "commnet", "maddpg"]
 
 
 def trained(name, env, env_config=None):
-    """Return the result of the second iteration of training, and the weights before and after it."""
+    """Return the result of the second training iteration, and the weights before and after it."""
     config = algorithms.config(name).environment(env, env_config=env_config or {})
     config.env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=24)
     replay = {"learning_starts": 16, "batch_size": 16, "capacity": 200, "updates_per_step": 0.1}
@@ -124,6 +126,6 @@ def test_the_papers_baselines_train_on_the_intersection(name):
 
 @pytest.mark.slow
 def test_ppo_trains_on_rllibs_face():
-    """Runners add `num_envs` to the config, which only vector environments need."""
+    """Environment runners add `num_envs` to the config, which only vector environments use."""
     scenario = Path(__file__).parents[2] / "scenarios" / "intersection"
     assert_learnt(*trained("ppo", RLlibHiWayEnv, {"scenarios": [str(scenario)], "agent_specs": 4}))

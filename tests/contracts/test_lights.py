@@ -1,4 +1,4 @@
-"""What agents are told of traffic lights, against what SUMO shows on a map of the suite."""
+"""The observed traffic lights equal SUMO's signals on a map of the suite."""
 
 from collections import Counter
 
@@ -11,9 +11,9 @@ from smarts.observations.lists import feature_list
 from smarts.sstudio.build import build_scenario
 
 LIGHT = feature_list("benchmark").layout(4)["light"].start
-TOLD = {"r": -1.0, "y": -0.5, "u": -0.5, "o": -0.5, "O": -0.5, "s": -0.5, "g": 1.0, "G": 1.0}
+OBSERVED = {"r": -1.0, "y": -0.5, "u": -0.5, "o": -0.5, "O": -0.5, "s": -0.5, "g": 1.0, "G": 1.0}
 OPENNESS = {0.0: 0, -1.0: 1, -0.5: 2, 1.0: 3}
-"""Of several lights that of the way on which most may go counts."""
+"""Rank of each observed value; of several lights, the one with the highest rank is observed."""
 
 
 @pytest.fixture
@@ -24,18 +24,20 @@ def city():
 
 
 def light_at_the_end(connections, edge, state_of):
-    """Return the light for who goes on to an edge; where no connection leads there, of all."""
-    onward = [way for way in connections if way.getTo().getID() == edge] or connections
-    lights = {TOLD[state_of(way.getTLSID())[way.getTLLinkIndex()]] for way in onward if way.getTLSID() != ""}
+    """Return the light of the connections to an edge, or of all connections if none leads there."""
+    onward = [each for each in connections if each.getTo().getID() == edge] or connections
+    lights = {
+        OBSERVED[state_of(each.getTLSID())[each.getTLLinkIndex()]] for each in onward if each.getTLSID() != ""
+    }
     return max(lights | {0.0}, key=OPENNESS.__getitem__)
 
 
 @pytest.mark.slow
-def test_agents_are_told_what_sumo_shows_at_the_end_of_their_lane(city):
+def test_agents_observe_the_light_at_the_end_of_their_lane(city):
     net = sumolib.net.readNet(str(build_scenario("city").directory / "map.net.xml"))
-    now, batch, told = city.reset(), city._runner, Counter()
+    now, batch, observed = city.reset(), city._runner, Counter()
     world = batch.world
-    state_of = batch.simulation._stages.traffic._drivers[0]._library.trafficlight.getRedYellowGreenState
+    state_of = batch.simulation._stages.traffic._simulations[0]._library.trafficlight.getRedYellowGreenState
     for _ in range(60):
         agents, graph = world.agents, batch.scene.atlas.graphs[int(world.map[0])]
         for agent in np.flatnonzero(now.alive[0] & agents.on_route[0]).tolist():
@@ -50,6 +52,6 @@ def test_agents_are_told_what_sumo_shows_at_the_end_of_their_lane(city):
             light = light_at_the_end(sumos.getOutgoing(), route[place + 1], state_of)
             (leaves,) = now.observations
             assert leaves[""][0, agent, LIGHT] == light, (graph.lane_ids[lane], route[place + 1])
-            told[light] += 1
+            observed[light] += 1
         now = city.step([np.zeros((1, 4), np.int64)])
-    assert min(told[-1.0], told[1.0], told[0.0]) >= 5
+    assert min(observed[-1.0], observed[1.0], observed[0.0]) >= 5

@@ -1,6 +1,6 @@
 """Every environment API raises the same error for the same mistake.
 
-What is no action is, and nothing of that step is taken in; so is to copy an environment.
+An invalid action has no effect on the step, and environments cannot be copied.
 """
 
 import copy
@@ -28,7 +28,7 @@ FIRST, SECOND = "agent-0", "agent-1"
 
 
 def make(api, kind):
-    """Return an environment whose first agent acts in a way, beside another one unless it is alone."""
+    """Return an environment with two agents (one for "single") of an action type."""
     agents = {name: AgentInterface(action=kind) for name in (FIRST, SECOND)}
     makers = {
         "hiway": lambda: HiWayEnv(["loop"], agents),
@@ -53,7 +53,7 @@ def runner_of(env):
 
 
 def step(api, kind, env, action):
-    """Let the last agent do what is right, and the first one something else."""
+    """Step with a valid action of the last agent and `action` of the first one."""
     if api == "single":
         return env.step(action)
     if api == "vector":
@@ -64,13 +64,13 @@ def step(api, kind, env, action):
 
 
 @pytest.mark.filterwarnings("error")
-def test_one_error_for_what_is_no_action(made_env):
+def test_invalid_actions_raise_the_same_error(made_env):
     api, kind, env = made_env
     runner = runner_of(env)
     for bad in BAD[kind]:
         with pytest.raises(ActionError) as caught:
             step(api, kind, env, bad)
-        # Arrays of different lengths are refused as a whole, for they are no arrays.
+        # Arrays of different lengths do not form a batch, so the whole batch is rejected.
         is_whole = api == "vector" and caught.value.place == f"actions of {FIRST}, {SECOND}"
         assert is_whole or caught.value.place == f"action of {FIRST!r}", bad
         assert caught.value.remedy
@@ -85,10 +85,10 @@ def test_one_error_for_what_is_no_action(made_env):
 
 
 @pytest.mark.parametrize("nothing", [None, 0, "keep_lane", {1}])
-def test_one_error_for_what_are_no_actions(made_env, nothing):
+def test_invalid_action_containers_raise_the_same_error(made_env, nothing):
     api, _, env = made_env
     if api == "single":
-        return  # It takes one action.
+        return  # Its `step` takes one action.
     with pytest.raises(ActionError) as caught:
         env.step(nothing)
     assert caught.value.place.startswith("actions")
@@ -98,7 +98,7 @@ def test_one_error_for_what_are_no_actions(made_env, nothing):
 
 
 @pytest.mark.parametrize("api", APIS)
-def test_what_float32_does_not_hold_is_clipped_by_all(api):
+def test_values_beyond_float32_are_clipped(api):
     env = make(api, PEDALS)
     try:
         env.reset(seed=1)
@@ -109,7 +109,7 @@ def test_what_float32_does_not_hold_is_clipped_by_all(api):
 
 
 @pytest.mark.parametrize("copied", [pickle.dumps, copy.copy, copy.deepcopy])
-def test_environments_stay_where_they_are(made_env, copied):
+def test_environments_cannot_be_copied(made_env, copied):
     with raises(SmartsError) as caught:
         copied(made_env[2])
     assert caught.value.place == type(made_env[2]).__name__

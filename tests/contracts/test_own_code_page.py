@@ -1,4 +1,4 @@
-"""The folder of docs/own_code.md, outside of the repository, and the mistakes that such code can have."""
+"""The user code of docs/own_code.md works outside the repository, and its errors are named."""
 
 import pytest
 
@@ -16,7 +16,7 @@ ALGORITHM = "my_code.algorithm-MyConfig/loop/no_social_vehicles/seed_1"
 
 @pytest.fixture
 def folder(tmp_path):
-    """The files of the page."""
+    """Return a folder with the files of the page."""
     for _ in Page(PAGE, tmp_path).run():
         pass
     return tmp_path
@@ -26,7 +26,7 @@ def run(folder, *arguments):
     return finish(begin("run", str(folder / "mine.yaml"), "--out", str(folder / "results"), *arguments))
 
 
-def test_the_page_trains_tests_and_reports(folder):
+def test_the_page_trains_evaluates_and_reports(folder):
     code, _, err = run(folder)
     assert code == 0, err
     root = folder / "results" / "mine"
@@ -51,35 +51,35 @@ def test_the_page_trains_tests_and_reports(folder):
     assert "Waiting" in page.read_text()
 
 
-def test_runners_of_environments_import_it_too(folder):
+def test_environment_runners_import_user_code(folder):
     changes = ("algorithms=['my_code.algorithm:MyConfig']", "scripted=[]", "resources.env_runners=1")
     code, _, err = run(folder, *(part for change in changes for part in ("--set", change)))
     assert code == 0, err
 
 
-def test_what_raises_in_a_runner_of_environments_is_named_too(folder):
+def test_errors_in_environment_runners_are_named(folder):
     file = folder / "my_code" / "observation.py"
     late = "if world.step.max() > 40:\n                raise OSError('late')\n            "
     file.write_text(file.read_text().replace("rows, agents = np", f"{late}rows, agents = np"))
     changes = ("algorithms=[ppo]", "scripted=[]", "resources.env_runners=1")
     code, _, err = run(folder, *(part for change in changes for part in ("--set", change)))
     assert code == 1
-    (said,) = [line for line in err.splitlines() if line.startswith("error: ")]
-    assert f"{file}:{line_of(file, 'OSError')}" in said
+    (message,) = [line for line in err.splitlines() if line.startswith("error: ")]
+    assert f"{file}:{line_of(file, 'OSError')}" in message
 
 
 def line_of(file, text):
     return next(number for number, line in enumerate(file.read_text().splitlines(), 1) if text in line)
 
 
-def test_what_raises_in_mid_training_ends_that_run_only(folder):
+def test_errors_during_training_end_only_that_run(folder):
     file = folder / "my_code" / "algorithm.py"
     file.write_text(file.read_text().replace("return loss +", "return 1 / 0 * loss +"))
     code, _, err = run(folder, "--set", "scripted=[]")
     assert code == 1
-    (said,) = [line for line in err.splitlines() if line.startswith("error: ")]
-    assert f"{file}:{line_of(file, '1 / 0')}" in said
-    assert "ZeroDivisionError" in said
+    (message,) = [line for line in err.splitlines() if line.startswith("error: ")]
+    assert f"{file}:{line_of(file, '1 / 0')}" in message
+    assert "ZeroDivisionError" in message
     assert "1 of 2 runs failed" in err
     assert RunFolder(folder / "results" / "mine" / "ppo/loop/no_social_vehicles/seed_1").status == "finished"
 
@@ -93,11 +93,11 @@ def test_what_raises_in_mid_training_ends_that_run_only(folder):
         ("metric", "episode.dt *", "episode.agents['no such column'] *", "no such column"),
     ],
 )
-def test_what_raises_in_the_first_decision_is_said_before_ray_starts(folder, name, old, new, wrong):
+def test_errors_in_the_first_decision_are_raised_before_ray_starts(folder, name, old, new, wrong):
     file = folder / "my_code" / f"{name}.py"
     file.write_text(file.read_text().replace(old, new))
     code, _, err = run(folder)
     assert code == 2
-    (said,) = [line for line in err.splitlines() if line.startswith("error: ")]
-    assert f"{file}:{line_of(file, wrong)}" in said
+    (message,) = [line for line in err.splitlines() if line.startswith("error: ")]
+    assert f"{file}:{line_of(file, wrong)}" in message
     assert not (folder / "results" / "mine").exists()

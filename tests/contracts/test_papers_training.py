@@ -1,4 +1,4 @@
-"""The paper's listing of multi-agent training: stock RLlib PPO, a policy for each agent, by Ray Tune."""
+"""The paper's listing of multi-agent training: RLlib's PPO with a policy per agent, run by Ray Tune."""
 
 from types import SimpleNamespace
 
@@ -44,7 +44,7 @@ def test_the_papers_listing(tmp_path):
         "env_config": env_config,
         "multiagent": {
             "policies": policies,
-            # RLlib gives the episode too since the paper was written.
+            # Newer versions of RLlib also pass the episode.
             "policy_mapping_fn": lambda agent_id, episode, **_: agent_id,
         },
         "num_env_runners": 1,

@@ -1,4 +1,4 @@
-"""Every script in `perf/` runs to its end with the smallest settings that exercise it."""
+"""Every script in `perf/` runs with minimal settings."""
 
 import importlib
 import subprocess
@@ -28,12 +28,12 @@ WITH_RAY = {
     "joint": ["--seconds", "0.01"],
     "spread": ["--algorithms", "ppo", "--seeds", "1", "--steps", "1000"],
 }
-"""Those of scripts that start Ray and get a process of their own."""
+"""Arguments of scripts that start Ray; these run in their own processes."""
 ELSEWHERE = {"endurance", "real_maps", "scenario_files", "scenario_traffic"}
-"""Scripts that take minutes, or have tests of their own."""
+"""Scripts that take minutes, or have their own tests."""
 
 
-def test_every_script_is_tried():
+def test_every_script_is_tested():
     assert {*SMALLEST, *WITH_RAY, *ELSEWHERE} == SCRIPTS
 
 

@@ -1,4 +1,4 @@
-"""Whatever a registry lists can be imported and is complete."""
+"""Every registered name can be imported."""
 
 import pytest
 
@@ -12,11 +12,11 @@ REGISTRIES = (CONTROLLERS, SENSORS, FEATURES, TRAFFIC_ENGINES)
 
 
 @pytest.mark.parametrize("registry", REGISTRIES, ids=lambda registry: registry.kind)
-def test_every_name_leads_to_a_part(registry):
+def test_every_name_is_a_class(registry):
     for name in registry:
         assert isinstance(registry[name], type), name
 
 
-def test_every_action_type_has_a_controller_of_its_own():
+def test_every_action_type_has_its_own_controller():
     assert [*CONTROLLERS] == [*ActionSpaceType.__members__]
     assert len({CONTROLLERS[name] for name in CONTROLLERS}) == len(CONTROLLERS)

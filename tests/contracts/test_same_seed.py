@@ -1,4 +1,4 @@
-"""The same seed is the same run: hashes of all vehicle states over 1,000 steps, wherever they are made."""
+"""Equal seeds give equal runs: hashes of all vehicle states over 1,000 steps do not depend on the batch."""
 
 import hashlib
 import json
@@ -18,7 +18,7 @@ DECISIONS, PERIOD, EGOS, SEED = 200, 5, 4, 7
 
 
 def hashes(worlds):
-    """Return for each world the hash of what it was in 1,000 steps, episodes after each other."""
+    """Return for each world the hash of its states, rewards and observations over 1,000 steps."""
     env = VectorHiWayEnv(len(worlds), SCENARIOS, EGOS, decision_interval=PERIOD)
     made = [hashlib.blake2b(digest_size=16) for _ in worlds]
     try:
@@ -40,16 +40,16 @@ def hashes(worlds):
 
 
 def _actions(world, decision):
-    """Return what the egos do: a function of world, decision and agent alone."""
+    """Return the actions of the egos, a function of world, decision and agent."""
     draws = np.random.Generator(np.random.Philox(key=int(world) * 1000 + int(decision)))
     return draws.choice([LaneAction.keep_lane] * 2 + [*LaneAction], size=EGOS)
 
 
-def in_processes_of_their_own(*lists):
-    """Return the hashes of lists of worlds, each list played by another process at the same time."""
+def in_parallel_processes(*lists):
+    """Return the hashes of lists of worlds, each list played in its own process at the same time."""
     code = "import json, sys; from tests.contracts.test_same_seed import hashes; print(json.dumps(hashes("
     code += "json.loads(sys.argv[1]))))"
-    # Names are hashed with another seed in each process; nothing may depend on that.
+    # Each process has another seed of string hashes, which must have no effect.
     processes = [
         subprocess.Popen(
             [sys.executable, "-c", code, json.dumps(worlds)],
@@ -59,17 +59,17 @@ def in_processes_of_their_own(*lists):
         )
         for number, worlds in enumerate(lists, 1)
     ]
-    told = [process.communicate()[0] for process in processes]
+    outputs = [process.communicate()[0] for process in processes]
     assert [process.returncode for process in processes] == [0] * len(lists)
-    return [json.loads(output.splitlines()[-1]) for output in told]
+    return [json.loads(output.splitlines()[-1]) for output in outputs]
 
 
 @pytest.mark.slow
-def test_twice_alone_in_a_batch_and_dealt_to_two_processes():
+def test_hashes_do_not_depend_on_batch_and_process():
     together = hashes([0, 1, 2, 3])
     assert len(set(together)) == 4
     assert hashes([2]) == together[2:3]
     assert hashes([3, 0]) == [together[3], together[0]]
-    # As two environment runners share the worlds of one out.
-    first, second = in_processes_of_their_own([0, 1], [2, 3])
+    # Two environment runners share the worlds of one.
+    first, second = in_parallel_processes([0, 1], [2, 3])
     assert first + second == together

@@ -1,4 +1,4 @@
-"""What every scenario of the suite promises, checked for each one that `scenarios/suite.yaml` lists."""
+"""Properties of every scenario that `scenarios/suite.yaml` lists."""
 
 from pathlib import Path
 
@@ -32,9 +32,9 @@ BENCHMARK = ("two_way", "double_merge", "intersection")
 LEAST_AROUND_EGOS = {"intersection": 15.0}
 LEAST_ELSEWHERE = 8.0
 LONGEST_STAND = 180.0
-"""No car waits longer for a gap or a signal [s]; what waits longer, is stuck."""
+"""Maximum time that a vehicle stands [s]; beyond it, the vehicle is stuck."""
 CLEAR = 15.0
-"""Around the places where egos start, nobody enters while episodes run [m]."""
+"""Minimum distance between egos' starts and vehicles that depart during episodes [m]."""
 
 SLOW_ONES = [pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
 ALL_HELD_OUT = "@*"
@@ -83,7 +83,7 @@ def test_every_mission_can_be_driven(case):
             bumper = x + CAR_LENGTH / 2 * np.cos(heading), y + CAR_LENGTH / 2 * np.sin(heading)
             assert line[0] == pytest.approx(bumper, abs=0.5)
             assert line[-1] == pytest.approx(pose_on_map(roads, mission.route.end)[:2], abs=0.5)
-            # Whatever lanes lie between, the line follows them; only lane changes are single strokes.
+            # The line follows all lanes between; only lane changes are long segments.
             assert gaps.max() < 30.0
 
 
@@ -114,7 +114,7 @@ def test_starts_vary_and_stay_on_their_lane(case):
 
 
 @pytest.mark.parametrize("case", WITH_VARIATIONS)
-def test_nobody_enters_where_egos_start(case):
+def test_traffic_does_not_depart_where_egos_start(case):
     for built in builds(case):
         traffic = built.scenario.traffic[FULL]
         for ego in mission_routes(built):
@@ -127,7 +127,7 @@ def test_nobody_enters_where_egos_start(case):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names_at_least_three_held_out_variations(name):
+def test_has_at_least_three_held_out_variations(name):
     assert len(build_scenario(name).held_out) >= 3
 
 
@@ -149,7 +149,7 @@ def test_has_a_page(name):
     "name",
     [n if n == "loop" else pytest.param(n, marks=pytest.mark.slow) for n in NAMES if n != "city"],
 )
-def test_is_full_of_traffic_from_the_start(name):
+def test_has_dense_traffic_from_the_start(name):
     full = density(build_scenario(name), episodes=8)
     least = LEAST_AROUND_EGOS.get(name, LEAST_ELSEWHERE)
     assert full.around_egos >= least
@@ -169,5 +169,5 @@ def test_traffic_flows_and_does_not_collide(name):
     assert moving.speed > 4.0
     assert moving.last_speed > 3.0
     assert moving.longest_stand < LONGEST_STAND
-    # Crossings with signals have drivers who pass on red, as the paper's listing has it.
+    # At signals, some drivers run red lights, as in the paper's listing.
     assert moving.collisions <= (0.5 * moving.vehicle_hours if name == "city" else 0)

@@ -1,4 +1,4 @@
-"""With nobody else in the world, every scenario's traffic is exactly what SUMO makes of the same files."""
+"""Without agents, every scenario's traffic equals SUMO's own simulation of the same files."""
 
 import subprocess
 import xml.etree.ElementTree as ElementTree
@@ -19,12 +19,12 @@ OPTIONS = (
     f"--seed {SEED} --step-length {DT} --lanechange.duration 3 --time-to-teleport -1 --collision.action none"
     " --collision.check-junctions true --no-step-log --no-warnings"
 ).split()
-"""The design's, spelled out again: what the product tells SUMO is not taken for granted."""
+"""SUMO's options, stated independently of `sumo_options`."""
 
 SUMO = Path(sumo.__file__).parent / "bin" / "sumo"
 
 EXACTLY = 1e-12
-"""In the last digit of what SUMO prints with 17 digits, in metres and metres per second."""
+"""Rounding of SUMO's output with 17 digits [m, m/s]."""
 
 
 def moments(files, end, output):
@@ -44,7 +44,7 @@ def moments(files, end, output):
 @pytest.mark.slow
 @pytest.mark.parametrize("variation", ["no_social_vehicles", "random_social_vehicles"])
 @pytest.mark.parametrize("name", suite())
-def test_a_minute_of_traffic_is_sumos(name, variation, tmp_path):
+def test_a_minute_of_traffic_equals_sumo(name, variation, tmp_path):
     built = build_scenario(name)
     files, roads = built.traffic[variation], built.roads()
     world = World(worlds=1, capacity=1024, agents=0, lanes=len(roads.lane_ids), dt=DT)
@@ -66,20 +66,20 @@ def test_a_minute_of_traffic_is_sumos(name, variation, tmp_path):
 
 
 def compare(vehicles, world):
-    """Check every vehicle of one moment, and return how many there were."""
+    """Check every vehicle of one moment, and return their number."""
     states = world.vehicles.of(0)
-    said = {vehicle.get("id"): vehicle for vehicle in vehicles}
+    expected = {vehicle.get("id"): vehicle for vehicle in vehicles}
     rows = np.flatnonzero(states.alive)
-    assert sorted(world.registry.name(0, row) for row in rows) == sorted(said)
+    assert sorted(world.registry.name(0, row) for row in rows) == sorted(expected)
     heading = states.heading[rows]
     forward = np.stack([np.cos(heading), np.sin(heading)], -1)
     front = states.position[rows] + forward * states.length[rows, None] / 2
     for row, (x, y) in zip(rows, front.tolist(), strict=True):
-        vehicle = said[world.registry.name(0, row)]
+        vehicle = expected[world.registry.name(0, row)]
         assert x == pytest.approx(float(vehicle.get("x")), rel=0, abs=EXACTLY)
         assert y == pytest.approx(float(vehicle.get("y")), rel=0, abs=EXACTLY)
         assert states.speed[row] == pytest.approx(float(vehicle.get("speed")), rel=0, abs=EXACTLY)
         assert states.acceleration[row] == pytest.approx(
             float(vehicle.get("acceleration")), rel=0, abs=EXACTLY
         )
-    return len(said)
+    return len(expected)

@@ -1,4 +1,4 @@
-"""Egos and hand-overs of every kind, in every scenario: SUMO's traffic copes with all of it."""
+"""SUMO's traffic copes with erratic egos and hand-overs in every scenario."""
 
 import math
 
@@ -15,7 +15,7 @@ STEPS = 600
 
 
 class Wanderers:
-    """Agents that drive along at their speed, turn a little now and then, and jump to a lane when lost."""
+    """Agents that drive at constant speed, turn slightly at random, and sometimes jump to a random lane."""
 
     def __init__(self, states, roads, rng):
         self.states, self.roads, self.rng = states, roads, rng
@@ -43,7 +43,7 @@ class Wanderers:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", suite())
-def test_wild_agents_and_hand_overs(name):
+def test_erratic_agents_and_hand_overs(name):
     built = build_scenario(name)
     roads = built.roads()
     world = World(worlds=1, capacity=1024, agents=0, lanes=len(roads.lane_ids))

@@ -1,4 +1,4 @@
-"""The environment of one agent keeps the rules of Stable-Baselines3."""
+"""The single-agent environment passes the checks of Stable-Baselines3."""
 
 import pytest
 from stable_baselines3.common.env_checker import check_env

@@ -1,4 +1,4 @@
-"""Every registered traffic engine keeps the contract of `TrafficEngine`, alone and beside another."""
+"""Every registered traffic engine fulfils the contract of `TrafficEngine`, alone and beside another one."""
 
 import dataclasses
 
@@ -22,7 +22,7 @@ from tests.unit.sstudio.sources import scenario, write_cross
 SCENARIO, TRAFFIC = "intersection", "random_social_vehicles"
 LIMIT, CAPACITY = 40, 48
 OTHER = 3
-"""Number of a second engine in the same simulation."""
+"""Owner number of a second engine in the same simulation."""
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def kind(request):
 
 
 class Case:
-    """Simulations with nothing but traffic, and the vehicles that a test puts there."""
+    """Simulations with traffic only, and with vehicles that a test adds."""
 
     def __init__(self, built, kind, worlds=2, **options):
         self.built, self.roads = built, built.roads()
@@ -62,7 +62,7 @@ class Case:
         )
 
     def reset(self, **starts):
-        """Begin episode 0 of world b in row b, or what is given by row as `row_0=start`."""
+        """Begin episode 0 of world b in row b, or the given episodes: `row_0=start`."""
         chosen = {int(name[4:]): start for name, start in starts.items()} or {
             row: self.start(row) for row in range(self.world.worlds)
         }
@@ -78,7 +78,7 @@ class Case:
             assert not self.engine.failures
 
     def put(self, row, lane, s, owner=Owner.AGENT):
-        """Let a vehicle of others stand on a lane."""
+        """Add a standing vehicle of another owner on a lane."""
         slot = self.world.registry.admit(row, "other", owner, VehicleKind.PASSENGER, 5.0, 1.8)
         x, y, self.vehicles.heading[row, slot] = self.roads.pose_at(lane, s)
         self.vehicles.position[row, slot] = x, y
@@ -88,7 +88,7 @@ class Case:
         return np.flatnonzero(self.vehicles.alive[row] & (self.vehicles.owner[row] == owner))
 
     def content(self, row):
-        """Return all that a row says, names and routes included."""
+        """Return the content of a simulation: columns, names, routes, signals."""
         columns = [column[row].tobytes() for column in self.vehicles]
         names = [self.world.registry.name(row, slot) for slot in range(CAPACITY)]
         table = self.world.routes
@@ -111,7 +111,7 @@ def case(built, kind):
 
 
 def moving(case, row):
-    """Return the slot of traffic that drives at 3 m/s or more and has the longest way to the junction."""
+    """Return the slot of the traffic vehicle with 3 m/s or more that is farthest from the junction."""
     slots = case.owned(row)
     heading = case.vehicles.heading[row, slots]
     ahead = np.stack([np.cos(heading), np.sin(heading)], -1)
@@ -165,21 +165,21 @@ def test_names_are_unique(case):
             assert seen.setdefault(one.world.registry.name(0, slot), vehicle) == vehicle
 
 
-def test_a_row_of_a_batch_is_the_run_alone_and_rests_when_it_is_not_stepped(case):
+def test_a_row_of_a_batch_equals_a_separate_run_and_is_constant_when_masked(case):
     batch, alone = case(3), case(1)
     batch.reset()
     alone.reset(row_0=alone.start(world=1))
     for step in range(100):
-        rested = batch.content(1)
+        masked = batch.content(1)
         if step % 3 == 0:
             batch.step(rows=[True, False, True])
-            assert batch.content(1) == rested
+            assert batch.content(1) == masked
         batch.step()
         alone.step()
         assert batch.content(1) == alone.content(0)
 
 
-def test_an_episode_does_not_depend_on_those_before(case):
+def test_an_episode_does_not_depend_on_earlier_episodes(case):
     used, fresh = case(1), case(1)
     used.reset(row_0=used.start(episode=5))
     used.step(50)
@@ -193,8 +193,8 @@ def test_an_episode_does_not_depend_on_those_before(case):
 
 
 @pytest.fixture(scope="module")
-def of_two_traffics(tmp_path_factory):
-    """Return a scenario with two traffics that begin on the same lane."""
+def two_traffics(tmp_path_factory):
+    """Return a scenario with two traffic variations that begin on the same lane."""
     folder = write_cross(tmp_path_factory.mktemp("scenarios") / "two")
     onward = "t.Traffic(flows=[flow(rate=900)], warm_up=20)"
     turning = 't.Route(("from_west", 0, 0), ("to_south", 0, "max"))'
@@ -206,8 +206,8 @@ def of_two_traffics(tmp_path_factory):
     return build_scenario(folder)
 
 
-def test_an_episode_does_not_depend_on_the_traffic_before_and_beside_it(of_two_traffics, kind):
-    used, fresh = (Case(of_two_traffics, kind, worlds) for worlds in (2, 1))
+def test_an_episode_does_not_depend_on_earlier_and_parallel_traffic(two_traffics, kind):
+    used, fresh = (Case(two_traffics, kind, worlds) for worlds in (2, 1))
     try:
         used.reset(row_0=used.start(traffic="other"), row_1=used.start(1, traffic="other"))
         used.step(20)
@@ -226,7 +226,7 @@ def test_an_episode_does_not_depend_on_the_traffic_before_and_beside_it(of_two_t
         fresh.engine.close()
 
 
-def test_vehicles_of_others_are_not_touched(case):
+def test_vehicles_of_other_owners_are_not_written(case):
     one = case(1)
     one.reset()
     slot = one.put(0, one.roads.lane_number("north_in", 0), 20.0)
@@ -236,7 +236,7 @@ def test_vehicles_of_others_are_not_touched(case):
         assert (getattr(one.vehicles, name)[0, slot] == value).all(), name
 
 
-def test_arrivals_keep_clear_of_who_is_there_at_the_beginning(case):
+def test_arrivals_keep_clear_of_vehicles_present_at_the_reset(case):
     one = case(1)
     lanes = [
         lane
@@ -251,7 +251,7 @@ def test_arrivals_keep_clear_of_who_is_there_at_the_beginning(case):
     assert np.linalg.norm(own[:, None] - ego, axis=-1).min() > 3.0
 
 
-def test_the_limit_holds_arrivals_back(case):
+def test_the_limit_delays_arrivals(case):
     one = case(2)
     one.reset(row_0=one.start(limit=6), row_1=one.start(1))
     for _ in range(100):
@@ -262,7 +262,7 @@ def test_the_limit_holds_arrivals_back(case):
     assert not one.engine.is_full.any()
 
 
-def test_there_and_back_is_one_write_and_no_jump(case):
+def test_hand_overs_are_one_write_without_a_jump(case):
     one = case(2)
     one.reset()
     one.step(10)
@@ -300,7 +300,7 @@ def test_empty_roads_stay_empty(case, built):
     assert not one.engine.is_full.any()
 
 
-def test_a_place_off_the_roads_is_refused_with_its_reason(case):
+def test_a_vehicle_off_the_roads_is_refused(case):
     one = case(2)
     one.reset()
     one.step()
@@ -308,13 +308,13 @@ def test_a_place_off_the_roads_is_refused_with_its_reason(case):
     one.vehicles.owner[[0, 1], slots] = Owner.AGENT
     one.vehicles.position[0, slots[0]] += 5_000.0
     one.step(2)
-    answers = one.engine.can_accept(np.arange(2, dtype=np.int32), np.array(slots, np.int32))
-    assert answers.dtype == np.int8
-    assert answers.tolist() == [Refusal.OFF_LANES, Refusal.NONE]
+    refusals = one.engine.can_accept(np.arange(2, dtype=np.int32), np.array(slots, np.int32))
+    assert refusals.dtype == np.int8
+    assert refusals.tolist() == [Refusal.OFF_LANES, Refusal.NONE]
     assert one.engine.can_accept(np.zeros(0, np.int32), np.zeros(0, np.int32)).shape == (0,)
 
 
-def test_who_is_dismissed_is_gone(case):
+def test_dismissed_vehicles_do_not_return(case):
     one = case(1)
     one.reset()
     one.step(5)
@@ -351,8 +351,8 @@ def test_two_engines_share_a_simulation(case, second):
 
 
 @pytest.fixture(scope="module")
-def of_both(tmp_path_factory):
-    """Return a scenario with two traffics, each for an engine of its own."""
+def both_engines(tmp_path_factory):
+    """Return a scenario with a traffic variation for each engine."""
     folder = write_cross(tmp_path_factory.mktemp("scenarios") / "both")
     traffic = ", ".join(
         f'"{name}": t.Traffic(flows=[flow(rate=1800)], engine="{name}", warm_up=20)'
@@ -364,14 +364,16 @@ def of_both(tmp_path_factory):
     return build_scenario(folder)
 
 
-@pytest.mark.parametrize("wanted", [None, *TRAFFIC_ENGINES])
-def test_the_scenario_chooses_and_the_options_overrule(of_both, wanted):
-    options = Options(traffic_engine=wanted)
-    parts = assemble([of_both], [AgentInterface(action=ActionSpaceType.Lane)], worlds=4, options=options)
+@pytest.mark.parametrize("engine_option", [None, *TRAFFIC_ENGINES])
+def test_options_override_the_scenarios_engine(both_engines, engine_option):
+    options = Options(traffic_engine=engine_option)
+    parts = assemble([both_engines], [AgentInterface(action=ActionSpaceType.Lane)], worlds=4, options=options)
     try:
         starts = {row: parts.schedule.start(0, episode=row) for row in range(4)}
-        assert all(start.engine == (wanted or start.traffic_name) for start in starts.values())
-        assert {start.engine for start in starts.values()} == ({wanted} if wanted else {*TRAFFIC_ENGINES})
+        assert all(start.engine == (engine_option or start.traffic_name) for start in starts.values())
+        assert {start.engine for start in starts.values()} == (
+            {engine_option} if engine_option else {*TRAFFIC_ENGINES}
+        )
         parts.simulation.reset(starts)
         for _ in range(20):
             frame = parts.simulation.step(parts.actions, np.ones(4, bool), np.ones((4, 1), bool))
@@ -382,14 +384,14 @@ def test_the_scenario_chooses_and_the_options_overrule(of_both, wanted):
         parts.simulation.close()
 
 
-def test_an_unknown_engine_is_refused_with_the_names_that_are_near(of_both):
+def test_an_unknown_engine_raises_with_the_nearest_names(both_engines):
     with pytest.raises(UnknownNameError) as refused:
-        assemble([of_both], [AgentInterface()], options=Options(traffic_engine="SUM"))
+        assemble([both_engines], [AgentInterface()], options=Options(traffic_engine="SUM"))
     assert "'SUM'" in str(refused.value)
     assert "SUMO" in refused.value.remedy
 
 
-def test_each_episode_is_driven_by_the_engine_that_it_names(built):
+def test_each_episode_uses_the_engine_that_it_names(built):
     roads, names = built.roads(), list(TRAFFIC_ENGINES)
     mixed = Case(built, lambda world, maps: traffic_of(names, world, maps), len(names))
     alone = [Case(built, TRAFFIC_ENGINES[name], 1) for name in names]

@@ -1,4 +1,4 @@
-"""What a process leaves behind, however it ends: no child process, and no file but whole episodes."""
+"""A process leaves no child processes and no files except complete episodes, however it ends."""
 
 import os
 import signal
@@ -52,12 +52,12 @@ ENDS = {"close": 0, "nothing": 0, "exception": 1, "kill": -signal.SIGKILL}
 
 @pytest.fixture(scope="module")
 def built():
-    """Build what is played, so that nothing of that is counted."""
+    """Build the scenario beforehand, so that its files are not counted."""
     return build_scenario("two_way")
 
 
 def play(api, end, folder):
-    """Play in a process of its own with its own folders; return how it ended."""
+    """Play in a process with its own folders; return its exit code, id and error output."""
     for name in ("temporary", "working", "cache", "home"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     environment = {
@@ -75,12 +75,12 @@ def play(api, end, folder):
         stderr=subprocess.PIPE,
     )
     assert process.stderr is not None
-    said = process.stderr.read().decode()
-    return process.wait(), process.pid, said
+    errors = process.stderr.read().decode()
+    return process.wait(), process.pid, errors
 
 
 def processes_of(session):
-    """Return the processes of a session that are left."""
+    """Return the remaining processes of a session."""
     found = []
     for process in Path("/proc").iterdir():
         if process.name.isdigit():
@@ -102,9 +102,9 @@ def files_below(folder):
     ("api", "end"),
     [*(("vector", end) for end in ENDS), ("hiway", "exception"), ("parallel", "kill"), ("rllib", "kill")],
 )
-def test_nothing_is_left_but_whole_episodes(built, tmp_path, api, end):
-    code, session, said = play(api, end, tmp_path)
-    assert code == ENDS[end], said
+def test_only_complete_episodes_are_left(built, tmp_path, api, end):
+    code, session, errors = play(api, end, tmp_path)
+    assert code == ENDS[end], errors
     assert processes_of(session) == []
     for name in ("temporary", "working", "home", "cache"):
         assert files_below(tmp_path / name) == []
@@ -114,7 +114,7 @@ def test_nothing_is_left_but_whole_episodes(built, tmp_path, api, end):
     if end == "close":
         assert len(episodes_in(tmp_path / "record")) >= 2
         assert hidden == []
-    # Whatever is hidden is of the dead, and the next to record here takes it away.
+    # Hidden folders belong to ended processes; the next recorder removes them.
     assert all(name.startswith(PARTIAL) for name in hidden)
     EpisodeStore(tmp_path / "record")
     assert list((tmp_path / "record").glob(".*")) == []

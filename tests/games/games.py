@@ -1,4 +1,4 @@
-"""Tiny games with known scores, each of which a wrong implementation of something fails."""
+"""Tiny games with known scores; each one detects a kind of wrong implementation."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Target(Game):
         return {a: c[None] for a, c in zip(self.agents, self.cue, strict=True)}
 
     def step(self, action_dict):
-        # The Box of shape (1,) becomes a number before `Game.step` would make it an integer.
+        # Unlike `Game.step`, do not convert actions to integers.
         rewards = [
             -float((action_dict[a][0] / 2 - 1 - c) ** 2) for a, c in zip(self.agents, self.cue, strict=True)
         ]
@@ -127,7 +127,7 @@ class TwoStep(MultiAgentEnv):
         else:
             rewards = self.matrices[self.place - 1][int(action_dict["a"])][int(action_dict["b"])]
             over = True
-        # Half each, so that the team's sum is the game's reward.
+        # Half per agent, so that the team's sum is the game's reward.
         shared = dict.fromkeys(self.agents, rewards / 2)
         return self._see(), shared, {"__all__": over}, {"__all__": False}, self._infos()
 
@@ -139,10 +139,10 @@ class TwoStep(MultiAgentEnv):
 
 
 class Ragged(MultiAgentEnv):
-    """Late arrivals, deaths, truncations, unflagged leaves, time limits and crashes, at random.
+    """Random late arrivals, terminations, truncations, unflagged departures, time limits and crashes.
 
-    Observations are (number of the life in (0, 1], its step, time of the episode): nothing can be taken
-    for another.
+    Observations are (trajectory id in (0, 1], step of the trajectory, time of the episode), so that all
+    observations differ.
     """
 
     crash = 0.03
@@ -158,55 +158,55 @@ class Ragged(MultiAgentEnv):
     def reset(self, *, seed=None, options=None):
         self.rng = np.random.default_rng(seed)
         self.t = 0
-        self.lives: dict[str, list[float]] = {}
+        self.trajectories: dict[str, list[float]] = {}
         self.gone: set[str] = set()
         self._arrive(0.7)
-        if not self.lives:
-            self.lives["a"] = self._birth()
-        return self._see(self.lives), {}
+        if not self.trajectories:
+            self.trajectories["a"] = self._new_trajectory()
+        return self._see(self.trajectories), {}
 
     def step(self, action_dict):
         if self.rng.random() < self.crash:
             raise RuntimeError("crash")
-        if set(action_dict) != set(self.lives):
-            raise ValueError(f"actions for {set(action_dict)}, alive are {set(self.lives)}")
+        if set(action_dict) != set(self.trajectories):
+            raise ValueError(f"actions for {set(action_dict)}, alive are {set(self.trajectories)}")
         self.t += 1
         rewards, ends, cuts = {}, {}, {}
-        seen = dict(self.lives)
-        for agent in list(self.lives):
-            self.lives[agent][1] += 1
+        seen = dict(self.trajectories)
+        for agent in list(self.trajectories):
+            self.trajectories[agent][1] += 1
             rewards[agent] = float(self.rng.standard_normal())
             u = self.rng.random()
             if u < 0.2:
-                del self.lives[agent]
+                del self.trajectories[agent]
                 if u < 0.08:
                     ends[agent] = True
-                elif u < 0.16 or self.t >= 12:  # a time limit without a last observation is refused
+                elif u < 0.16 or self.t >= 12:  # a time limit requires a last observation
                     cuts[agent] = True
                 else:
                     del seen[agent]
                     self.gone.add(agent)
         ended = {a for a in (*ends, *cuts)}
         self._arrive(0.3, ended)
-        seen |= self.lives
+        seen |= self.trajectories
         ends["__all__"], cuts["__all__"] = False, self.t >= 12
         return self._see(seen), rewards, ends, cuts, {}
 
-    def _birth(self):
+    def _new_trajectory(self):
         return [float(1 - self.rng.random()), 0.0]
 
     def _arrive(self, chance, ended=()):
         for agent in self.agents:
-            free = agent not in self.lives and agent not in self.gone and agent not in ended
+            free = agent not in self.trajectories and agent not in self.gone and agent not in ended
             if free and self.rng.random() < chance:
-                self.lives[agent] = self._birth()
+                self.trajectories[agent] = self._new_trajectory()
 
-    def _see(self, lives):
-        return {a: np.array([*life, self.t], np.float32) for a, life in lives.items()}
+    def _see(self, trajectories):
+        return {a: np.array([*trajectory, self.t], np.float32) for a, trajectory in trajectories.items()}
 
 
 class Broken(Constant):
-    """Raises, or returns NaN, in the given step of every episode (`config`: raise_at, nan_at)."""
+    """Raises an error or returns NaN in a given step of every episode (`config`: raise_at, nan_at)."""
 
     def __init__(self, config=None):
         super().__init__()
@@ -225,7 +225,7 @@ class Broken(Constant):
 
 
 class Hanging(Constant):
-    """Hangs in the first runner, once the file exists."""
+    """Hangs in the first environment runner once `file` exists."""
 
     def __init__(self, config):
         super().__init__()

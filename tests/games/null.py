@@ -1,4 +1,4 @@
-"""An environment of noise, as arrays, that refuses what the benchmark's environment refuses."""
+"""A vector environment with random observations and the argument checks of the benchmark's environment."""
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
@@ -9,11 +9,11 @@ from smarts.env.vector import MOST_EPISODES
 from smarts.types.streams import check_seed
 
 LENGTH = 20
-"""Steps of an episode: longer than a fragment, so that trajectories are open at each interruption."""
+"""Steps of an episode; longer than a rollout fragment, so that trajectories are open at interruptions."""
 
 
 class NullVector:
-    """Two copies of nothing, which take what the benchmark's environment takes and have no state either."""
+    """Two environments that take the benchmark environment's arguments and provide no saved state either."""
 
     num_envs = 2
     spaces = JointSpaces((AgentBlock(("a", "b"), {"": Box(-1.0, 1.0, (3,), np.float32)}, Discrete(2)),))

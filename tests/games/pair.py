@@ -1,4 +1,4 @@
-"""Two agents that draw their actions together, with a latent for each episode, and a game for them."""
+"""An algorithm for two agents that sample joint actions with a latent per episode, and its environment."""
 
 import numpy as np
 import torch
@@ -15,11 +15,11 @@ from tests.games.null import NullVector
 
 WIDTH = 6
 TABLE = torch.tensor([[0.5, 0.1], [0.1, 0.3]])
-"""Probability of the two agents' actions: they are correlated."""
+"""Joint probabilities of the two agents' actions, which are correlated."""
 
 
 class PairModule(JointModule):
-    """The first agent's action from its marginal, the second's given the first's; a latent for both."""
+    """Samples the first agent's action, then the second's given the first's; both get the same latent."""
 
     acts_jointly = True
 
@@ -61,21 +61,21 @@ class PairModule(JointModule):
 
 
 def part(acting, column):
-    """Return one agent's part."""
+    """Return the sampled action of one agent."""
     return SampledActions(*(x[:, column : column + 1] for x in acting[:3]))
 
 
 class PairLearner(JointTorchLearner):
-    """A policy gradient on the joint action that pays the latent's first number for equal actions."""
+    """A policy gradient on the joint action; the reward for equal actions is the latent's first number."""
 
     def update_joint(self, rollout):
         (actions,), (leaves,) = rollout.actions, rollout.views[:-1].observations
         name = self.groups[0].id
         first, second = self.net(name).conditionals()
         leads, follows = torch.from_numpy(actions.copy()).flatten(0, 1).unbind(1)
-        paid = torch.from_numpy(leaves[LATENT][:, :, 0, 0].copy()).flatten() * (leads == follows)
-        self.step_optimizer(-(paid * (first[leads] + second[leads, follows])).mean(), name)
-        self.log(name, "latent", paid)
+        reward = torch.from_numpy(leaves[LATENT][:, :, 0, 0].copy()).flatten() * (leads == follows)
+        self.step_optimizer(-(reward * (first[leads] + second[leads, follows])).mean(), name)
+        self.log(name, "latent", reward)
 
 
 class PairConfig(JointConfig):
@@ -95,7 +95,7 @@ class Pair(JointAlgorithm):
 
 
 class Vector(NullVector):
-    """Noise that says where it stands, in environments whose episodes take 3, 4, 5, ... steps."""
+    """Random observations with saved state, in environments whose episodes take 3, 4, 5, ... steps."""
 
     def __init__(self, config):
         super().__init__()

@@ -1,4 +1,4 @@
-"""A game of memory."""
+"""A game that requires memory."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from tests.games.games import Game
 
 
 class Recall(Game):
-    """A cue (-1 or 1) is shown in the first of four steps only, and paid for in the last: 0.5 without memory.
+    """A cue (-1 or 1) is observed in the first of four steps and rewarded in the last: 0.5 without memory.
 
-    Two agents with cues of their own; observations are (cue or 0, time).
+    Each of the two agents has its own cue; observations are (cue or 0, time).
     """
 
     length = 4

@@ -8,7 +8,7 @@ from pettingzoo import ParallelEnv
 
 
 class ZooCues(ParallelEnv):
-    """Each agent is paid for its cue; agent 1 leaves after five steps, the others are cut at ten."""
+    """The reward is 1 if the action equals the cue; "one" terminates at step 5, "two" is truncated at 10."""
 
     metadata = {"name": "cues"}  # noqa: RUF012 - PettingZoo's interface
 

@@ -1,127 +1,67 @@
 """The vocabulary of scenarios; `smarts.sstudio.types` is the usual way in."""
 
-from smarts.sstudio.sstypes.actor import Actor
-from smarts.sstudio.sstypes.actor.social_agent_actor import BoidAgentActor, SocialAgentActor
-from smarts.sstudio.sstypes.actor.traffic_actor import TrafficActor
-from smarts.sstudio.sstypes.actor.traffic_engine_actor import TrafficEngineActor
-from smarts.sstudio.sstypes.bubble import Bubble
-from smarts.sstudio.sstypes.bubble_limits import BubbleLimits
-from smarts.sstudio.sstypes.condition import (
-    CompoundCondition,
-    Condition,
-    ConditionOperator,
-    ConditionRequires,
-    ConditionTrigger,
-    DependeeActorCondition,
-    ExpireTrigger,
-    LiteralCondition,
-    NegatedCondition,
-    OffRoadCondition,
-    SubjectCondition,
-    TimeWindowCondition,
-    VehicleSpeedCondition,
-    VehicleTypeCondition,
-)
-from smarts.sstudio.sstypes.constants import MAX, MISSING
-from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset
-from smarts.sstudio.sstypes.distribution import Distribution, TruncatedDistribution, UniformDistribution
-from smarts.sstudio.sstypes.entry_tactic import EntryTactic, IdEntryTactic, TrapEntryTactic
-from smarts.sstudio.sstypes.map_spec import MapBuilder, MapSpec
-from smarts.sstudio.sstypes.mission import (
-    AnyMission,
-    CutIn,
-    EndlessMission,
-    GroupedLapMission,
-    LapMission,
-    Mission,
-    UTurn,
-    Via,
-)
-from smarts.sstudio.sstypes.route import JunctionEdgeIDResolver, RandomRoute, Route
-from smarts.sstudio.sstypes.scenario import (
-    Scenario,
-    ScenarioMetadata,
-    ScenarioMetadataFields,
-    SocialMissions,
-    StartVariation,
-    Variation,
-)
-from smarts.sstudio.sstypes.standard_metadata import StandardMetadata
-from smarts.sstudio.sstypes.traffic import Flow, Stop, Traffic, Trip
-from smarts.sstudio.sstypes.traffic_model import (
-    JunctionModel,
-    LaneChangingModel,
-    SmartsJunctionModel,
-    SmartsLaneChangingModel,
-    TrafficModel,
-)
-from smarts.sstudio.sstypes.zone import ConfigurableZone, MapZone, PositionalZone, RoadSurfacePatch, Zone
-from smarts.types.condition_state import ConditionState
-
-__all__ = [
-    "MAX",
-    "MISSING",
-    "Actor",
-    "AnyMission",
-    "BoidAgentActor",
-    "Bubble",
-    "BubbleLimits",
-    "CompoundCondition",
-    "Condition",
-    "ConditionOperator",
-    "ConditionRequires",
-    "ConditionState",
-    "ConditionTrigger",
-    "ConfigurableZone",
-    "CutIn",
-    "DependeeActorCondition",
-    "Distribution",
-    "EndlessMission",
-    "EntryTactic",
-    "ExpireTrigger",
-    "Flow",
-    "GroupedLapMission",
-    "IdEntryTactic",
-    "JunctionEdgeIDResolver",
-    "JunctionModel",
-    "LaneChangingModel",
-    "LapMission",
-    "LiteralCondition",
-    "MapBuilder",
-    "MapSpec",
-    "MapZone",
-    "Mission",
-    "NegatedCondition",
-    "OffRoadCondition",
-    "PositionalZone",
-    "RandomRoute",
-    "RoadSurfacePatch",
-    "Route",
-    "Scenario",
-    "ScenarioMetadata",
-    "ScenarioMetadataFields",
-    "SmartsJunctionModel",
-    "SmartsLaneChangingModel",
-    "SocialAgentActor",
-    "SocialMissions",
-    "StandardMetadata",
-    "StartVariation",
-    "Stop",
-    "SubjectCondition",
-    "TimeWindowCondition",
-    "Traffic",
-    "TrafficActor",
-    "TrafficEngineActor",
-    "TrafficHistoryDataset",
-    "TrafficModel",
-    "TrapEntryTactic",
-    "Trip",
-    "TruncatedDistribution",
-    "UTurn",
-    "UniformDistribution",
-    "Variation",
-    "VehicleSpeedCondition",
-    "VehicleTypeCondition",
-    "Via",
-    "Zone",
-]
+from smarts.sstudio.sstypes.actor import Actor as Actor
+from smarts.sstudio.sstypes.actor.social_agent_actor import BoidAgentActor as BoidAgentActor
+from smarts.sstudio.sstypes.actor.social_agent_actor import SocialAgentActor as SocialAgentActor
+from smarts.sstudio.sstypes.actor.traffic_actor import TrafficActor as TrafficActor
+from smarts.sstudio.sstypes.actor.traffic_engine_actor import TrafficEngineActor as TrafficEngineActor
+from smarts.sstudio.sstypes.bubble import Bubble as Bubble
+from smarts.sstudio.sstypes.bubble_limits import BubbleLimits as BubbleLimits
+from smarts.sstudio.sstypes.condition import CompoundCondition as CompoundCondition
+from smarts.sstudio.sstypes.condition import Condition as Condition
+from smarts.sstudio.sstypes.condition import ConditionOperator as ConditionOperator
+from smarts.sstudio.sstypes.condition import ConditionRequires as ConditionRequires
+from smarts.sstudio.sstypes.condition import ConditionTrigger as ConditionTrigger
+from smarts.sstudio.sstypes.condition import DependeeActorCondition as DependeeActorCondition
+from smarts.sstudio.sstypes.condition import ExpireTrigger as ExpireTrigger
+from smarts.sstudio.sstypes.condition import LiteralCondition as LiteralCondition
+from smarts.sstudio.sstypes.condition import NegatedCondition as NegatedCondition
+from smarts.sstudio.sstypes.condition import OffRoadCondition as OffRoadCondition
+from smarts.sstudio.sstypes.condition import SubjectCondition as SubjectCondition
+from smarts.sstudio.sstypes.condition import TimeWindowCondition as TimeWindowCondition
+from smarts.sstudio.sstypes.condition import VehicleSpeedCondition as VehicleSpeedCondition
+from smarts.sstudio.sstypes.condition import VehicleTypeCondition as VehicleTypeCondition
+from smarts.sstudio.sstypes.constants import MAX as MAX
+from smarts.sstudio.sstypes.constants import MISSING as MISSING
+from smarts.sstudio.sstypes.dataset import TrafficHistoryDataset as TrafficHistoryDataset
+from smarts.sstudio.sstypes.distribution import Distribution as Distribution
+from smarts.sstudio.sstypes.distribution import TruncatedDistribution as TruncatedDistribution
+from smarts.sstudio.sstypes.distribution import UniformDistribution as UniformDistribution
+from smarts.sstudio.sstypes.entry_tactic import EntryTactic as EntryTactic
+from smarts.sstudio.sstypes.entry_tactic import IdEntryTactic as IdEntryTactic
+from smarts.sstudio.sstypes.entry_tactic import TrapEntryTactic as TrapEntryTactic
+from smarts.sstudio.sstypes.map_spec import MapBuilder as MapBuilder
+from smarts.sstudio.sstypes.map_spec import MapSpec as MapSpec
+from smarts.sstudio.sstypes.mission import AnyMission as AnyMission
+from smarts.sstudio.sstypes.mission import CutIn as CutIn
+from smarts.sstudio.sstypes.mission import EndlessMission as EndlessMission
+from smarts.sstudio.sstypes.mission import GroupedLapMission as GroupedLapMission
+from smarts.sstudio.sstypes.mission import LapMission as LapMission
+from smarts.sstudio.sstypes.mission import Mission as Mission
+from smarts.sstudio.sstypes.mission import UTurn as UTurn
+from smarts.sstudio.sstypes.mission import Via as Via
+from smarts.sstudio.sstypes.route import JunctionEdgeIDResolver as JunctionEdgeIDResolver
+from smarts.sstudio.sstypes.route import RandomRoute as RandomRoute
+from smarts.sstudio.sstypes.route import Route as Route
+from smarts.sstudio.sstypes.scenario import Scenario as Scenario
+from smarts.sstudio.sstypes.scenario import ScenarioMetadata as ScenarioMetadata
+from smarts.sstudio.sstypes.scenario import ScenarioMetadataFields as ScenarioMetadataFields
+from smarts.sstudio.sstypes.scenario import SocialMissions as SocialMissions
+from smarts.sstudio.sstypes.scenario import StartVariation as StartVariation
+from smarts.sstudio.sstypes.scenario import Variation as Variation
+from smarts.sstudio.sstypes.standard_metadata import StandardMetadata as StandardMetadata
+from smarts.sstudio.sstypes.traffic import Flow as Flow
+from smarts.sstudio.sstypes.traffic import Stop as Stop
+from smarts.sstudio.sstypes.traffic import Traffic as Traffic
+from smarts.sstudio.sstypes.traffic import Trip as Trip
+from smarts.sstudio.sstypes.traffic_model import JunctionModel as JunctionModel
+from smarts.sstudio.sstypes.traffic_model import LaneChangingModel as LaneChangingModel
+from smarts.sstudio.sstypes.traffic_model import SmartsJunctionModel as SmartsJunctionModel
+from smarts.sstudio.sstypes.traffic_model import SmartsLaneChangingModel as SmartsLaneChangingModel
+from smarts.sstudio.sstypes.traffic_model import TrafficModel as TrafficModel
+from smarts.sstudio.sstypes.zone import ConfigurableZone as ConfigurableZone
+from smarts.sstudio.sstypes.zone import MapZone as MapZone
+from smarts.sstudio.sstypes.zone import PositionalZone as PositionalZone
+from smarts.sstudio.sstypes.zone import RoadSurfacePatch as RoadSurfacePatch
+from smarts.sstudio.sstypes.zone import Zone as Zone
+from smarts.types.condition_state import ConditionState as ConditionState

@@ -30,7 +30,7 @@ class Bubble(Described):
     margin: float = 2
     """The width of the margin [m]."""
     limit: BubbleLimits | None = None
-    """How many vehicles it takes at most; a boid's own capacity counts, too."""
+    """Most vehicles that it takes; a boid's own capacity counts too."""
     exclusion_prefixes: Sequence[str] = ()
     """Vehicles whose names begin with one of these are left alone."""
     id: str = field(default_factory=lambda: drawing().serial("bubble"))
@@ -38,15 +38,15 @@ class Bubble(Described):
     follow_actor_id: str | None = None
     """The agent with whose vehicle the bubble travels."""
     follow_offset: tuple[float, float] | None = None
-    """Where a travelling bubble is, relative to a vehicle that faces north [m]."""
+    """Offset of a travelling bubble from a vehicle that faces north [m]."""
     keep_alive: bool = False
     """Whether one agent stays for the whole episode; for boids."""
     follow_vehicle_id: str | None = None
     """The vehicle with which the bubble travels."""
     active_condition: Condition = ALWAYS
-    """When the bubble takes part at all."""
+    """Condition under which the bubble is active."""
     airlock_condition: Condition = ALWAYS
-    """Which vehicles are let into the margin."""
+    """Condition on vehicles that enter the margin."""
 
     def __post_init__(self) -> None:
         if self.margin < 0:

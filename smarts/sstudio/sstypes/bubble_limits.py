@@ -1,4 +1,4 @@
-"""How many vehicles a bubble takes."""
+"""Limits of a bubble."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ class BubbleLimits(Described):
     """The most vehicles that a bubble may hold."""
 
     hijack_limit: int = MAX
-    """How many vehicles agents drive at a time."""
+    """Most vehicles that agents drive at a time."""
     shadow_limit: int = MAX
-    """How many vehicles agents watch before they take over; not below `hijack_limit`."""
+    """Most vehicles that agents watch before they take over; not below `hijack_limit`."""
 
     def __post_init__(self) -> None:
         if self.hijack_limit is None or self.shadow_limit is None:

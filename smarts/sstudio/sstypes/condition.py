@@ -19,11 +19,11 @@ from typing import Any
 from smarts.types.condition_state import ConditionState
 
 Memory = MutableMapping["Condition", float]
-"""When each trigger's clock started [s]. Equal triggers share a clock, since they see the same."""
+"""Start of each trigger's clock [s]. Equal triggers share a clock."""
 
 
 class ConditionOperator(enum.IntEnum):
-    """How two conditions are combined."""
+    """Operators on two conditions."""
 
     CONJUNCTION = enum.auto()
     """Both hold."""
@@ -131,7 +131,7 @@ class LiteralCondition(Condition):
     """Always the same."""
 
     literal: ConditionState
-    """What it evaluates to."""
+    """The result."""
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Return the literal."""
@@ -181,7 +181,7 @@ class DependeeActorCondition(Condition):
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look the road user up in `actor_ids`."""
-        return ConditionState.TRUE if self.actor_id in facts["actor_ids"] else ConditionState.FALSE
+        return _truth(self.actor_id in facts["actor_ids"])
 
     @property
     def requires(self) -> ConditionRequires:
@@ -202,7 +202,7 @@ class OffRoadCondition(SubjectCondition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """Where the subject is on the road."""
+        """The subject's place on the road."""
         return ConditionRequires.current_actor_road_status
 
 
@@ -215,8 +215,7 @@ class VehicleTypeCondition(SubjectCondition):
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look at `current_actor_state.vehicle_config_type`."""
-        kind = facts["current_actor_state"].vehicle_config_type
-        return ConditionState.TRUE if kind == self.vehicle_type else ConditionState.FALSE
+        return _truth(facts["current_actor_state"].vehicle_config_type == self.vehicle_type)
 
 
 @dataclass(frozen=True)
@@ -230,13 +229,16 @@ class VehicleSpeedCondition(SubjectCondition):
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Look at `current_actor_state.speed`."""
-        speed = facts["current_actor_state"].speed
-        return ConditionState.TRUE if self.low <= speed <= self.high else ConditionState.FALSE
+        return _truth(self.low <= facts["current_actor_state"].speed <= self.high)
 
     @classmethod
     def loitering(cls, abs_error: float = 0.01) -> VehicleSpeedCondition:
         """Return the condition that the subject stands, to within `abs_error` [m/s]."""
         return cls(low=-abs_error, high=abs_error)
+
+
+def _truth(holds: bool) -> ConditionState:
+    return ConditionState.TRUE if holds else ConditionState.FALSE
 
 
 def _check_evaluable(*conditions: Condition) -> None:
@@ -250,19 +252,18 @@ class NegatedCondition(Condition):
     """Holds when the inner condition does not."""
 
     inner_condition: Condition
-    """What must not hold."""
+    """The condition to negate."""
 
     def __post_init__(self) -> None:
         _check_evaluable(self.inner_condition)
 
     def evaluate(self, *, memory: Memory | None = None, **facts: Any) -> ConditionState:
         """Turn the inner result round."""
-        met = self.inner_condition.evaluate(memory=memory, **facts)
-        return ConditionState.FALSE if met else ConditionState.TRUE
+        return _truth(not self.inner_condition.evaluate(memory=memory, **facts))
 
     @property
     def requires(self) -> ConditionRequires:
-        """What the inner condition requires."""
+        """The inner condition's facts."""
         return self.inner_condition.requires
 
 
@@ -288,36 +289,27 @@ class CompoundCondition(Condition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """What either condition requires."""
+        """Both conditions' facts."""
         return self.first_condition.requires | self.second_condition.requires
 
 
 def _conjunction(first: ConditionState, second: ConditionState) -> ConditionState:
     if first and second:
         return ConditionState.TRUE
-    either = first | second
-    for state in (ConditionState.EXPIRED, ConditionState.BEFORE):
-        if state in either:
-            return state
-    return ConditionState.FALSE
+    worst = (state for state in (ConditionState.EXPIRED, ConditionState.BEFORE) if state in first | second)
+    return next(worst, ConditionState.FALSE)
 
 
 def _disjunction(first: ConditionState, second: ConditionState) -> ConditionState:
-    either = first | second
-    for state in (ConditionState.TRUE, ConditionState.BEFORE):
-        if state in either:
-            return state
-    return first & second & ConditionState.EXPIRED
-
-
-def _implication(first: ConditionState, second: ConditionState) -> ConditionState:
-    return ConditionState.TRUE if second or not first else ConditionState.FALSE
+    best = (state for state in (ConditionState.TRUE, ConditionState.BEFORE) if state in first | second)
+    return next(best, first & second & ConditionState.EXPIRED)
 
 
 _COMBINED = {
     ConditionOperator.CONJUNCTION: _conjunction,
     ConditionOperator.DISJUNCTION: _disjunction,
-    ConditionOperator.IMPLICATION: _implication,
+    # A first condition that does not hold has decided already.
+    ConditionOperator.IMPLICATION: lambda first, second: _truth(bool(second)),
 }
 _DECIDED_BY_FIRST = {
     ConditionOperator.CONJUNCTION: lambda first: first if ConditionState.EXPIRED in first else None,
@@ -331,11 +323,11 @@ class ExpireTrigger(Condition):
     """The inner condition until a time, then `expired_state`."""
 
     inner_condition: Condition
-    """What counts until then."""
+    """The result until then."""
     time: float
-    """When it expires [s]."""
+    """Time of expiry [s]."""
     expired_state: ConditionState = ConditionState.EXPIRED
-    """What counts afterwards."""
+    """The result afterwards."""
     relative: bool = False
     """Whether the clock starts with the first evaluation."""
     own_memory: dict[Condition, float] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -356,7 +348,7 @@ class ExpireTrigger(Condition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """The time, and what the inner condition requires."""
+        """The time and the inner condition's facts."""
         return self.inner_condition.requires | ConditionRequires.time
 
 
@@ -365,13 +357,13 @@ class ConditionTrigger(Condition):
     """Switches to `triggered_state` after the inner condition was met and a delay has passed."""
 
     inner_condition: Condition
-    """What sets it off."""
+    """The condition that starts the clock."""
     delay_seconds: float
-    """How long after the inner condition was first met [s]."""
+    """Delay after the inner condition was first met [s]."""
     untriggered_state: ConditionState = ConditionState.BEFORE
-    """What counts until then."""
+    """The result until then."""
     triggered_state: ConditionState = ConditionState.TRUE
-    """What counts afterwards."""
+    """The result afterwards."""
     persistent: bool = False
     """Whether the inner condition must hold afterwards, too."""
     own_memory: dict[Condition, float] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -404,5 +396,5 @@ class ConditionTrigger(Condition):
 
     @property
     def requires(self) -> ConditionRequires:
-        """The time, and what the inner condition requires."""
+        """The time and the inner condition's facts."""
         return self.inner_condition.requires | ConditionRequires.time

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
 MAX = sys.maxsize
 """No limit."""
@@ -11,4 +12,9 @@ MISSING = sys.maxsize
 
 BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET = "base", "max", "random"
 NAMED_OFFSETS = (BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET)
-"""What an offset along a lane may be instead of a number: its begin, its end, anywhere on it."""
+"""Named offsets along a lane: its begin, its end, a random one."""
+
+
+def named_offset(name: str, low: float, high: float, draw: Callable[[float, float], float]) -> float:
+    """Return the place of a named offset on a span [m]: its ends, or one drawn in between."""
+    return float(draw(low, high)) if name == RANDOM_OFFSET else {BASE_OFFSET: low, MAX_OFFSET: high}[name]

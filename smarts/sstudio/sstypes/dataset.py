@@ -19,7 +19,7 @@ class TrafficHistoryDataset(Described):
     input_path: str | None = None
     """The data's path; without it the data set is a placeholder that nothing is read from."""
     scenario_id: str | None = None
-    """Which of the scenarios in a Waymo file."""
+    """The scenario in a Waymo file."""
     x_margin_px: float = 0.0
     """The map's offset along x [pixels]."""
     y_margin_px: float = 0.0
@@ -37,7 +37,7 @@ class TrafficHistoryDataset(Described):
     speed_limit_mps: float | None = None
     """The speed at which added agents begin [m/s]."""
     heading_inference_window: int = 2
-    """How many positions a heading is averaged over."""
+    """Number of positions that a heading is averaged over."""
     heading_inference_min_speed: float = 2.2
     """Below this speed the heading is held, since positions are noisy [m/s]."""
     max_angular_velocity: float | None = None

@@ -1,4 +1,4 @@
-"""How an agent gets its vehicle."""
+"""Entry tactics: how an agent gets its vehicle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class TrapEntryTactic(EntryTactic):
     """Take over the first vehicle that enters an area."""
 
     wait_to_hijack_limit_s: float = 0
-    """How long to wait for one before a new vehicle is put in [s]."""
+    """Waiting time before a new vehicle is added instead [s]."""
     zone: MapZone | None = None
     """The area; unless given, around the mission's start."""
     exclusion_prefixes: Sequence[str] = ()
@@ -32,7 +32,7 @@ class TrapEntryTactic(EntryTactic):
     default_entry_speed: float | None = None
     """The speed of the new vehicle if none came [m/s]."""
     condition: Condition = ALWAYS
-    """What must hold, too."""
+    """A further condition."""
 
     def __post_init__(self) -> None:
         if self.condition.requires & ConditionRequires.any_current_actor_state:
@@ -48,7 +48,7 @@ class IdEntryTactic(EntryTactic):
     actor_id: str = ""
     """The vehicle's name; required."""
     condition: Condition = ALWAYS
-    """What must hold, too."""
+    """A further condition."""
 
     def __post_init__(self) -> None:
         if not (isinstance(self.actor_id, str) and self.actor_id):

@@ -1,4 +1,4 @@
-"""Which map a scenario plays on."""
+"""The map of a scenario."""
 
 from __future__ import annotations
 

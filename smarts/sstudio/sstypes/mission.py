@@ -23,11 +23,11 @@ class Via(Described):
     lane_index: int
     """Its lane, 0 is the rightmost."""
     lane_offset: float
-    """How far along the lane [m]."""
+    """Offset along the lane [m]."""
     required_speed: float
     """The speed to pass it with [m/s]."""
     hit_distance: float = -1
-    """Within which distance it counts as passed [m]; negative is half the lane's width."""
+    """Distance within which it counts as passed [m]; negative: half the lane's width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class UTurn(Described):
     """
 
     trigger_radius: float = 100
-    """Within which a vehicle on the last road triggers the turn [m]."""
+    """Distance of a vehicle on the last road that triggers the turn [m]."""
     initial_speed: float | None = None
     """The speed at the start, and all waypoints' limit until the turn is triggered [m/s]."""
     target_lane_index: int = 0
@@ -78,7 +78,7 @@ class CutIn(Described):
     """
 
     trigger_radius: float = 30
-    """Within which the other vehicle triggers the task [m]."""
+    """Distance of the other vehicle that triggers the task [m]."""
     complete_on_edge_id: str | JunctionEdgeIDResolver | None = None
     """The edge on which the task is over, whether it cut in or not."""
 
@@ -125,7 +125,7 @@ class LapMission(Described):
     route: Route
     """One lap."""
     num_laps: int
-    """How many times."""
+    """Number of laps."""
     via: Sequence[Via] = ()
     """Points to pass in every lap."""
     start_time: float = MISSING
@@ -145,9 +145,9 @@ class GroupedLapMission(Described):
     lanes: int
     """Number of lanes of the grid."""
     actor_count: int
-    """How many agents."""
+    """Number of agents."""
     num_laps: int
-    """How many laps."""
+    """Number of laps."""
     via: Sequence[Via] = ()
     """Points to pass in every lap."""
     entry_tactic: EntryTactic | None = None

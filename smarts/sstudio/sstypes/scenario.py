@@ -27,9 +27,9 @@ class ScenarioMetadataFields(enum.IntEnum):
     actor_of_interest_re_filter = enum.auto()
     """A regular expression that their names match."""
     scenario_difficulty = enum.auto()
-    """How hard it is, in (0, 1]."""
+    """Difficulty in (0, 1]."""
     scenario_duration = enum.auto()
-    """How long it should last [s]."""
+    """Intended duration [s]."""
 
 
 def _name(key: str | ScenarioMetadataFields) -> str:
@@ -66,7 +66,7 @@ NO_METADATA = ScenarioMetadata()
 
 @dataclass(frozen=True, eq=False)
 class StartVariation(Described):
-    """By how much the starts of the egos vary from episode to episode (an extension)."""
+    """Variation of the egos' starts from episode to episode (an extension)."""
 
     offset: float = 5.0
     """The start lies within this distance before or behind the mission's [m]."""
@@ -89,7 +89,7 @@ class Variation(Described):
     """
 
     description: str
-    """How it differs, in a line."""
+    """The difference, in one line."""
     map_spec: MapSpec | None = None
     traffic: Mapping[str, Traffic] | None = None
     ego_missions: Sequence[AnyMission] | None = None
@@ -129,7 +129,7 @@ class Scenario(Described):
     scenario_metadata: ScenarioMetadata | None = NO_METADATA
     """Facts without effect on the simulation."""
     start_variation: StartVariation | None = None
-    """How starts vary from episode to episode; None keeps them fixed (an extension)."""
+    """Variation of the starts; None keeps them fixed (an extension)."""
     held_out: Mapping[str, Variation] | None = None
     """Variations by name for measuring generalization (an extension)."""
 

@@ -16,7 +16,7 @@ class StandardMetadata(Described, Mapping[str, Any]):
 
     @property
     def constructor_arguments(self) -> dict[str, Any]:
-        """What would make an equal object."""
+        """Arguments that make an equal object."""
         return {"metadata": dict(self._facts)}
 
     def __getitem__(self, key: str) -> Any:

@@ -19,9 +19,9 @@ class Stop(Described):
     lane_index: int
     """Its lane, 0 is the rightmost."""
     offset: float
-    """How far along the lane the front bumper halts [m]."""
+    """Offset along the lane at which the front bumper halts [m]."""
     duration: float
-    """For how long [s]."""
+    """Duration of the stop [s]."""
     length: float = 20.0
     """The length of the stop's area, which ends at `offset` [m]."""
     bus_stop: bool = True
@@ -37,9 +37,9 @@ class Flow(Described):
     rate: float
     """Vehicles per hour, at most 36,000."""
     begin: float = 0
-    """When the first one departs [s]."""
+    """Departure of the first vehicle [s]."""
     end: float = 1 * 60 * 60
-    """When the last one departs at the latest [s]."""
+    """Latest departure of the last vehicle [s]."""
     actors: Mapping[TrafficActor, float] = field(default_factory=dict)
     """Required: the drivers with their weights; an actor's share is its weight over the sum of all."""
     randomly_spaced: bool = False
@@ -47,7 +47,7 @@ class Flow(Described):
     repeat_route: bool = False
     """Whether vehicles restart at the route's beginning."""
     stops: Sequence[Stop] = ()
-    """Where they halt on the way (an extension)."""
+    """Stops of the vehicles (an extension)."""
 
     @property
     def id(self) -> str:
@@ -66,11 +66,11 @@ class Trip(Described):
     vehicle_type: str = "passenger"
     """The vehicle's type; the actor's own one counts unless another is given here."""
     depart: float = 0
-    """When it departs [s]."""
+    """Time of departure [s]."""
     actor: TrafficActor | None = None
     """The driver: the given actor under the vehicle's name, or a default car."""
     stops: Sequence[Stop] = ()
-    """Where it halts on the way (an extension)."""
+    """Stops of the vehicle (an extension)."""
 
     def __post_init__(self) -> None:
         actor = self.actor or TrafficActor(self.vehicle_name)

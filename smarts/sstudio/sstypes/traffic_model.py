@@ -1,4 +1,4 @@
-"""How drivers change lanes and behave at junctions, in the words of the traffic engine.
+"""Lane-changing and junction models of drivers, with the attributes of the traffic engine.
 
 SUMO's attributes have a prefix and capitals (`lcSpeedGain`); here they are plain arguments
 (`LaneChangingModel(speed_gain=2)`). As a mapping, a model shows the engine's names.
@@ -16,7 +16,7 @@ class TrafficModel(Described, Mapping[str, Any]):
     """Parameters of a driver model, as a mapping from the engine's attribute names to values."""
 
     prefix: ClassVar[str] = ""
-    """What the engine puts before every attribute's name."""
+    """Prefix of the engine's attributes."""
     unprefixed: ClassVar[frozenset[str]] = frozenset()
     """Attributes that the engine names without the prefix."""
 
@@ -49,14 +49,14 @@ class TrafficModel(Described, Mapping[str, Any]):
 
 
 class LaneChangingModel(TrafficModel):
-    """How a driver changes lanes: SUMO's `lc` attributes, such as `speed_gain` or `cooperative`."""
+    """A lane-changing model: SUMO's `lc` attributes, such as `speed_gain` or `cooperative`."""
 
     prefix = "lc"
     unprefixed = frozenset({"minGapLat"})
 
 
 class JunctionModel(TrafficModel):
-    """How a driver behaves at junctions: SUMO's `jm` attributes, such as `drive_after_red_time`.
+    """A junction model: SUMO's `jm` attributes, such as `drive_after_red_time`.
 
     `impatience`, which SUMO does not prefix, is the readiness in [0, 1] to make others brake.
     """

@@ -34,9 +34,9 @@ class MapZone(Zone):
     start: tuple[str, int, Any]
     """Edge, index of the rightmost lane, and offset: metres, "base", "max" (ends with the lane), "random"."""
     length: float | str
-    """How long the stretch is along the lanes [m], or "max"; cut to the lanes' length."""
+    """Length along the lanes [m], or "max"; cut to the lanes' length."""
     n_lanes: int = 2
-    """How many lanes it covers, from right to left."""
+    """Number of lanes, from right to left."""
 
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the union of the lanes' strips, each 0.3 m wider than its lane, so that no gap is left.
@@ -61,7 +61,7 @@ class PositionalZone(Zone):
     size: tuple[float, float]
     """Its extent along x and y before it is turned [m]."""
     rotation: float | None = None
-    """By how much it is turned counter-clockwise about its centre [rad]."""
+    """Counter-clockwise rotation about its centre [rad]."""
 
     def to_geometry(self, road_map: LaneGraph | None = None) -> BaseGeometry:
         """Return the rectangle."""
@@ -77,7 +77,7 @@ class ConfigurableZone(Zone):
     ext_coordinates: Sequence[tuple[float, float]]
     """Its corners in order [m]; two of them make a rectangle along the axes."""
     rotation: float | None = None
-    """By how much it is turned counter-clockwise about the centre of its bounding box [rad]."""
+    """Counter-clockwise rotation about the centre of its bounding box [rad]."""
 
     def __post_init__(self) -> None:
         if len(self.ext_coordinates or ()) < 2:
@@ -98,10 +98,10 @@ class RoadSurfacePatch(Described):
     """An area of other friction."""
 
     zone: Zone
-    """Where."""
+    """The area."""
     begin_time: float
-    """From when on [s]."""
+    """Begin [s]."""
     end_time: float
-    """Until when [s]."""
+    """End [s]."""
     friction_coefficient: float
     """The friction there; dry asphalt has about 0.9."""

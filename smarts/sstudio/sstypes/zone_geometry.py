@@ -10,11 +10,11 @@ from shapely.geometry import LineString, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from smarts.roads.lane_graph import LaneGraph
-from smarts.sstudio.sstypes.constants import BASE_OFFSET, MAX_OFFSET, RANDOM_OFFSET
+from smarts.sstudio.sstypes.constants import MAX_OFFSET, named_offset
 from smarts.sstudio.sstypes.drawing import drawing
 
 SEAM = 0.3
-"""By how much a lane's strip is wider than the lane, so that neighbouring strips overlap [m]."""
+"""Excess width of a lane's strip, so that neighbouring strips overlap [m]."""
 
 
 def rectangle(centre: tuple[float, float], size: tuple[float, float], rotation: float) -> Polygon:
@@ -62,8 +62,5 @@ def _strip(roads: LaneGraph, lane: int, offset: float | str, wanted: float | str
 
 def _begin(offset: float | str, latest: float) -> float:
     if isinstance(offset, str):
-        named = {BASE_OFFSET: 0.0, MAX_OFFSET: latest}
-        if offset == RANDOM_OFFSET:
-            return float(drawing().generator.uniform(0.0, latest))
-        return named[offset]
+        return named_offset(offset, 0.0, latest, lambda *span: drawing().generator.uniform(*span))
     return float(offset)

@@ -16,6 +16,7 @@ from smarts.agents import (
 from smarts.agents.rules import agent_rules, alive_rules
 from smarts.types.events import Event
 from smarts.types.interface import ENDING, AgentRules
+from tests.raising import raises
 
 
 def test_defaults_are_those_of_agents():
@@ -73,5 +74,5 @@ def test_how_many_must_be_left():
 
 
 def test_agents_that_there_are_not():
-    with pytest.raises(InterfaceError, match="'bb'"):
+    with raises(InterfaceError, "AgentsListAlive.agents_list", values=["'bb'"]):
         alive_rules([alive(agent_lists_alive=[AgentsListAlive(["bb"], 1)])], ["b"], egos=1)

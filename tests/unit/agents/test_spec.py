@@ -5,6 +5,7 @@ import pickle
 import pytest
 
 from smarts.agents import Agent, AgentInterface, AgentPolicy, AgentSpec, AgentType, InterfaceError
+from tests.raising import raises
 
 
 class Recorder(Agent):
@@ -70,11 +71,11 @@ def test_specs_travel():
 
 def test_what_cannot_be_built():
     for builder in (None, "Recorder"):
-        with pytest.raises(InterfaceError, match="agent_builder"):
+        with raises(InterfaceError, "AgentSpec.agent_builder"):
             AgentSpec(agent_builder=builder).build_agent()
-    with pytest.raises(InterfaceError, match="differ"):
+    with raises(InterfaceError, "AgentSpec", values=["agent_builder", "policy_builder"]):
         AgentSpec(agent_builder=Recorder, policy_builder=Agent)
-    with pytest.raises(TypeError, match="function"):
+    with raises(TypeError, values=["from_function", 3]):
         Agent.from_function(3)
-    with pytest.raises(NotImplementedError, match="Silent"):
+    with raises(NotImplementedError, values=["Silent"]):
         type("Silent", (Agent,), {})().act(None)

@@ -1,4 +1,4 @@
-"""Agents' vehicles on hand-made maps, driven through controllers, tracking and dynamics."""
+"""A rig that drives agents' vehicles on hand-made maps with controllers, tracking and dynamics."""
 
 import math
 
@@ -23,7 +23,7 @@ def agent(x, y, heading=0.0, speed=0.0, *, route=("road",), kind=VehicleKind.PAS
 
 
 def winding(radius, *, before=80.0, turn=math.pi / 2, after=150.0, lanes=1, speed=40.0):
-    """Return edge "road" from the origin along +x, then left by `turn` around `radius`, then straight on."""
+    """Return a map with edge "road": along +x from the origin, left by `turn` [rad], then straight."""
     angles = np.linspace(0.0, turn, 2 + math.ceil(radius * turn / 0.5))
     bend = [(before + radius * math.sin(a), radius * (1.0 - math.cos(a))) for a in angles]
     x, y = bend[-1]
@@ -32,7 +32,7 @@ def winding(radius, *, before=80.0, turn=math.pi / 2, after=150.0, lanes=1, spee
 
 
 class Rig:
-    """Vehicles of agents who all act by one type; the last two stages of the step are the tests' own."""
+    """Vehicles of agents of one action type; after each step, vehicles are matched and masks are written."""
 
     def __init__(self, *rows, graph, kind=ActionSpaceType.LaneWithContinuousSpeed, model="bullet", **options):
         self.made = world_of(*rows, maps=[graph])
@@ -44,14 +44,14 @@ class Rig:
         self.actions.kind[:] = kind
         self.controllers = ControllerSet(scene, [kind], **options)
         self.vehicles = FleetVehicles(self.world, model)
-        self.legality = ActionMasker(scene)
+        self.action_masker = ActionMasker(scene)
         self.rows = np.ones(shape[0], np.bool_)
         self.vehicles.reset(self.rows)
-        self.legality.write(self.rows)
+        self.action_masker.write(self.rows)
         self.commands = self.tracks = None
 
     def act(self, *values, path=None, agent_id=0):
-        """Give an agent of all simulations a new action."""
+        """Give the agent `agent_id` of every simulation a new action."""
         self.actions.given[:, agent_id] = self.actions.fresh[:, agent_id] = True
         self.actions.values[:, agent_id, : len(values)] = values
         if path is not None:
@@ -67,13 +67,13 @@ class Rig:
             self.tracks = self.vehicles.step(self.commands, rows)
             for error in self.vehicles.failures.values():
                 raise error
-            self.made.locate()
-            self.legality.write(rows)
+            self.made.match()
+            self.action_masker.write(rows)
             self.actions.fresh[:] = False
         return self
 
     def log(self, steps, *columns, slot=0):
-        """Make steps and return some of the first simulation's columns after each."""
+        """Step, and return columns of the first simulation's vehicle after each step."""
         found = []
         for _ in range(steps):
             self.step()
@@ -81,7 +81,7 @@ class Rig:
         return np.array(found)
 
     def track(self, steps, slot=0):
-        """Make steps and return the first simulation's position after each, shape (steps, 2)."""
+        """Step, and return the first simulation's position after each step, shape (steps, 2)."""
         return np.array([self.step().world.vehicles.position[0, slot].copy() for _ in range(steps)])
 
     @property

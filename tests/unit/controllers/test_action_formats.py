@@ -1,4 +1,4 @@
-"""Formats of actions: one action and many are read alike, and what is rejected is named."""
+"""Action formats: single actions and batches are parsed alike, and errors name the invalid action."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def samples():
 
 
 @pytest.mark.parametrize("kind", ActionSpaceType)
-def test_one_action_is_written_as_many_are(samples, kind):
+def test_single_actions_and_batches_are_written_alike(samples, kind):
     found, given = action_format(kind), samples(kind)
     one, many = Actions.allocate(1, COUNT, POINTS), Actions.allocate(1, COUNT, POINTS)
     for agent_id, action in enumerate(given):
@@ -40,7 +40,7 @@ def test_one_action_is_written_as_many_are(samples, kind):
 
 
 @pytest.mark.parametrize("kind", [kind for kind in ActionSpaceType if kind != ActionSpaceType.Empty])
-def test_the_first_bad_one_of_many_is_named(samples, kind):
+def test_the_first_invalid_action_of_a_batch_is_named(samples, kind):
     given = samples(kind).astype(np.float64)
     given[[2, 4]] = np.nan
     rejected = action_format(kind).parse_batch(given)
@@ -49,7 +49,7 @@ def test_the_first_bad_one_of_many_is_named(samples, kind):
 
 
 def test_spaces_are_new_each_time():
-    """Each environment seeds its own."""
+    """Each environment seeds its own space."""
     assert action_space(ActionSpaceType.Lane) is not action_space(ActionSpaceType.Lane)
     assert action_space(ActionSpaceType.Lane) == Discrete(len(LaneAction))
 
@@ -60,7 +60,7 @@ def test_numbers_are_clipped_and_whole_columns_rounded():
     assert found.parse(np.array([-1, -7]), PLACE, 0).tolist() == [0, -1]
 
 
-def test_a_speed_alone_is_told_from_acceleration_and_yaw_rate():
+def test_a_speed_alone_differs_from_acceleration_and_yaw_rate():
     found = action_format(ActionSpaceType.Direct)
     assert found.parse(7, PLACE, 0).tolist() == [7, 0, 1]
     assert found.parse(1e9, PLACE, 0).tolist() == [60, 0, 1]
@@ -78,7 +78,7 @@ def test_paths_have_columns_of_equal_length(columns):
 
 
 @pytest.mark.parametrize("value", [None, "1", True, b"1", 1j, [1, 2], float("nan"), 10**400, np.ma.masked])
-def test_what_is_no_number_is_rejected_with_its_place_and_remedy(value):
+def test_values_that_are_not_numbers_are_rejected_with_place_and_remedy(value):
     with pytest.raises(ActionError) as caught:
         numbers_of(value, (), PLACE, lambda: "give a number")
     assert (caught.value.place, caught.value.remedy) == (PLACE, "give a number")

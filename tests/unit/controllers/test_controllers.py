@@ -1,4 +1,4 @@
-"""The controllers other than lane following, each against what can be worked out by hand."""
+"""The controllers other than lane following, compared with cases worked out by hand."""
 
 import math
 
@@ -39,7 +39,7 @@ def test_lane_actions_by_name_or_number(given, number):
 
 
 @pytest.mark.parametrize("given", ["change_left", "", 4, -1, 1.5, None, True, float("nan")])
-def test_unknown_lane_actions_are_refused(given):
+def test_unknown_lane_actions_raise(given):
     with pytest.raises(ActionError) as caught:
         LaneFormat().parse(given, "action of 'ego'", 0)
     assert caught.value.place == "action of 'ego'"
@@ -47,7 +47,7 @@ def test_unknown_lane_actions_are_refused(given):
 
 
 class TestContinuous:
-    def test_actuators_arrive(self, straight):
+    def test_actuators_are_applied(self, straight):
         driven = straight(T.Continuous)
         driven.act(0.5, 0.0, 0.1)
         driven.step(3)
@@ -72,7 +72,7 @@ class TestContinuous:
         assert np.isfinite(driven.position).all()
 
 
-def test_the_steering_turns_at_the_rate_asked_for(straight):
+def test_the_steering_turns_at_the_commanded_rate(straight):
     driven = straight(T.ActuatorDynamic, speed=2.0)
     driven.act(0.0, 0.0, 0.5)
     angles = [float(driven.step().agents.steering[0, 0]) for _ in range(8)]
@@ -80,7 +80,7 @@ def test_the_steering_turns_at_the_rate_asked_for(straight):
     assert np.diff(angles) == pytest.approx(0.5 * 0.1 * lock)
 
 
-def test_nothing_rolls_on(straight):
+def test_empty_lets_the_vehicle_roll(straight):
     driven = straight(T.Empty)
     driven.act()
     driven.step(10)
@@ -120,7 +120,7 @@ def test_tracks_a_path(rig, kind, vehicle):
 
 
 def bend(begin, end, radius=28.0):
-    """Return a path at 6 m/s, points a metre apart: straight on for 15 m from (20, 0), then to the left."""
+    """Return a path at 6 m/s with points 1 m apart: straight for 15 m from (20, 0), then to the left."""
     along = np.arange(begin, end)
     turn = np.maximum(along - 15.0, 0.0) / radius
     x = 20.0 + np.minimum(along, 15.0) + radius * np.sin(turn)
@@ -130,8 +130,8 @@ def bend(begin, end, radius=28.0):
 @pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
 @pytest.mark.parametrize("vehicle", [VehicleKind.PASSENGER, VehicleKind.BUS])
 @pytest.mark.parametrize("is_renewed", [False, True])
-def test_stays_on_a_path_that_goes_on_bending(rig, kind, vehicle, is_renewed):
-    """Whether the path is given once, or in each step anew from where the vehicle is, as waypoints are."""
+def test_stays_on_a_long_bend(rig, kind, vehicle, is_renewed):
+    """The path is given once, or in each step again from the vehicle's position, as waypoints are."""
     driven = rig([agent(20.0, 0.0, speed=6.0, kind=vehicle)], graph=maps.straight(length=600.0), kind=kind)
     driven.act(path=bend(0.0, 64.0))
     whole, far = bend(0.0, 100.0), []
@@ -145,7 +145,7 @@ def test_stays_on_a_path_that_goes_on_bending(rig, kind, vehicle, is_renewed):
 
 
 @pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
-def test_stops_behind_the_end_of_a_path(rig, kind):
+def test_stops_beyond_the_end_of_a_path(rig, kind):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(length=600.0), kind=kind)
     path = sinus(length=40.0, amplitude=0.0)
     driven.act(path=path)
@@ -155,7 +155,7 @@ def test_stops_behind_the_end_of_a_path(rig, kind):
 
 
 @pytest.mark.parametrize("kind", [T.Trajectory, T.MPC])
-def test_comes_to_a_path_from_beside(rig, kind):
+def test_returns_to_a_path_from_an_offset(rig, kind):
     driven = rig([agent(20.0, 2.0, speed=10.0)], graph=maps.straight(length=600.0), kind=kind)
     driven.act(path=sinus(length=200.0, amplitude=0.0))
     y = driven.track(120)[:, 1]
@@ -164,7 +164,7 @@ def test_comes_to_a_path_from_beside(rig, kind):
 
 
 def test_model_predictive_control_cuts_a_corner_that_is_too_sharp(rig):
-    """A corner of 90 degrees at 6 m/s: who plans ahead misses it by less than who is surprised."""
+    """At a corner of 90 degrees at 6 m/s, the controller that plans ahead has the smaller offset."""
     far = {}
     x = np.linspace(0.0, 40.0, 32)
     points = np.concatenate([np.stack([20.0 + x, 0.0 * x], 1), np.stack([60.0 + 0.0 * x, x], 1)[1:]])
@@ -200,7 +200,7 @@ class TestTargetPose:
         assert log[:, 1] == pytest.approx(0.0, abs=1e-9)
         assert driven.tracks.poses[0, 0, :, 0] == pytest.approx(34.0 + 0.1 * np.arange(1, 11))
 
-    def test_a_held_target_is_not_begun_anew(self, straight):
+    def test_a_held_target_is_not_restarted(self, straight):
         driven = straight(T.TargetPose)
         driven.act(40.0, 0.0, 0.0, 2.0)
         driven.step(25)
@@ -255,8 +255,8 @@ class TestTargetPose:
         ]
 
     @pytest.mark.parametrize("x", [170.0, 1e160])
-    def test_nobody_is_put_far_away(self, straight, x):
-        """150 m in one step, at 100 m/s."""
+    def test_a_far_target_is_approached_at_100_m_s(self, straight, x):
+        """The target is 150 m away or more, and the time one step."""
         driven = straight(T.TargetPose, speed=0.0)
         driven.act(x, 0.0, 0.0, 0.1)
         for way in (10.0, 20.0):

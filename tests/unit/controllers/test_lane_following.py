@@ -1,4 +1,4 @@
-"""Lane keeping and lane changes of cars and buses, in Bullet and on a single track."""
+"""Lane keeping and lane changes of cars and buses, in Bullet and in single-track models."""
 
 import math
 
@@ -34,7 +34,7 @@ def test_keeps_its_lane_through_a_bend(rig, kind, speed, radius, model):
     way = 20.0 + 2.0 * speed + radius * math.pi / 2 + 50.0
     log = driven.log(int(10 * way / speed), "lane_offset", "speed", "lateral_acceleration")
     assert np.abs(log[:, 0]).max() < 0.3
-    # As fast as asked for: lateral comfort takes a little of it at exactly 3 m/s^2.
+    # The bends need just 3 m/s^2, the limit of lateral acceleration, which costs little speed.
     assert log[:, 1].min() > 0.9 * speed
     assert np.abs(log[:, 2]).max() > 2.0 if radius > 10.0 and kind == CAR else True
 
@@ -60,7 +60,7 @@ def test_a_lane_change_latches(rig):
     phases = []
     for step in range(60):
         if step == 5:
-            # Held: the same values, not fresh. To keep the lane is not to give the change up.
+            # A command to keep the lane does not abort the change.
             driven.act(10.0, 0.0)
         driven.step()
         phases.append(ChangePhase(int(driven.agents.change_phase[0, 0])))
@@ -81,7 +81,7 @@ def test_a_held_command_changes_lanes_once(rig):
     assert driven.agents.effective[0, 0]
 
 
-def test_a_second_command_meanwhile_is_not_carried_out(rig):
+def test_a_second_command_during_a_change_has_no_effect(rig):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=3, length=600.0))
     driven.act(10.0, 1.0)
     driven.step(5)
@@ -92,7 +92,7 @@ def test_a_second_command_meanwhile_is_not_carried_out(rig):
     assert driven.world.vehicles.lane[0, 0] == 1
 
 
-def test_the_opposite_command_takes_a_change_back_before_half_way(rig):
+def test_the_opposite_command_aborts_a_change_in_its_first_half(rig):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=2, length=600.0))
     driven.act(10.0, 1.0)
     driven.step(8)
@@ -107,7 +107,7 @@ def test_the_opposite_command_takes_a_change_back_before_half_way(rig):
     assert y[-1] == pytest.approx(0.0, abs=0.2)
 
 
-def test_behind_half_way_there_is_no_way_back(rig):
+def test_a_change_cannot_be_aborted_in_its_second_half(rig):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=2, length=600.0))
     driven.act(10.0, 1.0)
     while driven.position[1] < 1.8:
@@ -119,7 +119,7 @@ def test_behind_half_way_there_is_no_way_back(rig):
     assert driven.world.vehicles.lane[0, 0] == 1
 
 
-def test_what_the_agent_was_told_to_be_illegal_is_not_carried_out(rig):
+def test_masked_commands_have_no_effect(rig):
     driven = rig([agent(20.0, 0.0, speed=10.0)], graph=maps.straight(lanes=2, length=600.0))
     driven.act(10.0, -1.0)
     driven.step(10)
@@ -129,7 +129,7 @@ def test_what_the_agent_was_told_to_be_illegal_is_not_carried_out(rig):
 
 @pytest.mark.parametrize("kind", [CAR, BUS])
 def test_slows_down_where_the_steering_cannot_follow(rig, kind):
-    """Two bends against each other: the bus has to turn its wheel from lock to lock, at 0.4 rad/s."""
+    """A left and a right bend in succession: the bus has to steer from lock to lock at 0.4 rad/s."""
     radius, angles = 25.0, np.linspace(0.0, math.pi / 3, 60)
     x, y = radius * np.sin(angles), radius * (1.0 - np.cos(angles))
     first = np.stack([60.0 + x, y], 1)
@@ -161,7 +161,7 @@ def test_a_batch_equals_separate_runs(rig):
                 assert np.array_equal(column[row], other[0]), name
 
 
-class TestLegality:
+class TestActionMask:
     def test_at_the_edges_of_the_road(self, rig):
         cars = [agent(20.0, 3.2 * lane) for lane in range(3)]
         action_mask = rig(cars, graph=maps.straight(lanes=3)).agents.action_mask[0]
@@ -174,7 +174,7 @@ class TestLegality:
         driven = rig([car], graph=maps.crossing())
         assert driven.agents.action_mask[0, 0].tolist() == [True, True, False, False]
 
-    def test_not_into_a_lane_that_soon_leaves_the_route(self, rig):
+    def test_not_to_a_lane_that_soon_leaves_the_route(self, rig):
         roads = {
             "in": maps.Road([(0.0, 0.0), (200.0, 0.0)], 2),
             "on": maps.Road([(220.0, 0.0), (400.0, 0.0)]),
@@ -219,7 +219,7 @@ class TestLaneActions:
         driven.step(80)
         assert driven.speed == pytest.approx(9.0, abs=0.1)
 
-    def test_slow_down_brakes_steadily_to_a_stand(self, drive):
+    def test_slow_down_brakes_steadily_to_a_standstill(self, drive):
         driven = drive(agent(10.0, 0.0, speed=10.0))
         driven.act(SLOW)
         speeds = driven.log(60, "speed")[:, 0]
@@ -237,7 +237,7 @@ class TestLaneActions:
         assert driven.world.vehicles.lane[0, 0] == 0
 
     @pytest.mark.parametrize("after", [LEFT, KEEP])
-    def test_lane_changes_are_slow_for_as_long_as_they_last(self, drive, after):
+    def test_speed_is_limited_during_a_lane_change(self, drive, after):
         driven = drive(agent(10.0, 0.0, speed=13.5))
         driven.act(LEFT)
         driven.step(10)
@@ -251,7 +251,7 @@ class TestLaneActions:
         driven.step(30)
         assert driven.speed > 13.0
 
-    def test_a_lane_change_that_is_not_made_does_not_brake(self, drive):
+    def test_a_masked_lane_change_does_not_brake(self, drive):
         driven = drive(agent(10.0, 0.0, speed=13.5))
         driven.act(RIGHT)
         speeds = driven.log(20, "speed")[:, 0]
@@ -289,7 +289,7 @@ class TestBeforeTheFirstAction:
         assert 1.5 < gap < 4.0
         assert abs(driven.position[1]) < 0.1
 
-    def test_drives_on_behind_a_leader(self, rig):
+    def test_follows_a_moving_leader(self, rig):
         cars = [agent(10.0, 0.0, speed=14.0), Car(50.0, 0.0, speed=8.0)]
         driven = rig(cars, graph=maps.straight(lanes=1, length=600.0), model="kinematic")
         for _ in range(200):
@@ -300,7 +300,7 @@ class TestBeforeTheFirstAction:
         assert 5.0 < gap < 15.0
 
 
-def test_a_vehicle_off_its_lane_comes_back(rig):
+def test_a_vehicle_returns_to_its_lane(rig):
     driven = rig([agent(20.0, 1.4, speed=10.0)], graph=maps.straight(lanes=1, length=400.0))
     driven.act(10.0, 0.0)
     y = driven.track(80)[:, 1]

@@ -1,4 +1,4 @@
-"""Lane keeping on towns as netconvert makes them of OpenStreetMap's data."""
+"""Lane keeping on maps of towns that netconvert makes from OpenStreetMap data."""
 
 import itertools
 from pathlib import Path
@@ -49,7 +49,7 @@ def test_the_command_counts_all_routes(capsys):
     assert all(end in heads for end in ENDS)
 
 
-def test_a_map_that_is_not_there_is_named(tmp_path, capsys):
+def test_a_missing_map_is_named(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         main([str(tmp_path / "none.osm")])
     assert ended.value.code == 2

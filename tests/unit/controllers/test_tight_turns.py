@@ -1,4 +1,4 @@
-"""Turns that are tighter than the vehicle's turning circle, and the exits behind them."""
+"""Turns tighter than the vehicle's turning circle, and the lanes after them."""
 
 import math
 
@@ -19,7 +19,7 @@ ABILITIES = Abilities.of_all()
 
 
 def circle(kind):
-    """Return the radius that the centre of a vehicle drives at its lock [m]."""
+    """Return the radius of a vehicle's centre at full lock [m]."""
     return math.hypot(1.0 / (ABILITIES.sharpest[kind] / 0.95), ABILITIES.centre_to_rear[kind])
 
 
@@ -34,7 +34,7 @@ def test_leaves_a_tight_bend_no_faster_than_the_steering_unwinds(rig, kind, radi
     assert np.abs(log[behind, 0]).max() < 1.0
     assert log[-1, 1] == pytest.approx(12.0, abs=0.3)
     assert log[:, 1].min() > 1.0
-    # Once it is straight, nothing is left of it.
+    # On the straight lane, no offset remains.
     assert abs(log[-1, 0]) < 0.1
 
 
@@ -77,33 +77,33 @@ def offsets_from_corner(points, turn):
 
 
 @pytest.fixture(scope="module")
-def plain():
-    """Return the roads of a map that is one road 150 m wide along +x, so that no edge is near."""
+def wide_road():
+    """Return a map with one road along +x, 150 m wide, so that no edge is near."""
     return RoadAtlas([maps.graph_of({"road": maps.Road([(-100.0, 0.0), (100.0, 0.0)], width=150.0)})]).roads
 
 
 @pytest.mark.parametrize("kind", [CAR, TRUCK])
 @pytest.mark.parametrize("degrees", [40.0, 60.0, 90.0])
-def test_a_plan_is_as_near_to_a_corner_as_its_circle_lets_it(plain, kind, degrees):
-    """No path is nearer than R tan(turn / 4)^2, as far outside as inside: two tangents and their arc."""
+def test_a_plan_is_nearly_as_close_to_a_corner_as_possible(wide_road, kind, degrees):
+    """The smallest possible offset is R tan(turn / 4)^2, outside and inside: two tangents and an arc."""
     turn = math.radians(degrees)
     points = corner(turn, before=14.0)
     pose = points[0, 0], 0.0, 0.0
-    plan_drivable_path(plain, 0, points, pose, 0.0, 2.0, int(kind), ABILITIES)
+    plan_drivable_path(wide_road, 0, points, pose, 0.0, 2.0, int(kind), ABILITIES)
     planned = points[: min(int(6.0 * circle(kind)), 46) - 4]
     offsets = offsets_from_corner(planned[:, :2], turn)
     bound = circle(kind) * math.tan(turn / 4.0) ** 2
-    # The points are a metre apart, the plan keeps a reserve of its lock, and its steering takes time.
+    # Points are 1 m apart, the plan keeps a reserve of the steering lock, and steering takes time.
     assert 0.9 * bound < np.abs(offsets).max() < 1.3 * bound + 0.35
-    # Outside first, which is to the right of a turn to the left.
+    # First to the outside: to the right before a left turn.
     first = offsets[: int(np.abs(planned[:, :2]).sum(axis=1).argmin())]
     assert first.min() < -0.3 * bound
 
 
 @pytest.mark.parametrize("kind", [CAR, TRUCK, BUS])
-def test_a_plan_can_be_driven(plain, kind):
+def test_a_plan_can_be_driven(wide_road, kind):
     points = corner(math.pi / 3, before=14.0)
-    plan_drivable_path(plain, 0, points, (points[0, 0], 0.3, 0.05), 0.02, 4.0, int(kind), ABILITIES)
+    plan_drivable_path(wide_road, 0, points, (points[0, 0], 0.3, 0.05), 0.02, 4.0, int(kind), ABILITIES)
     count = min(int(6.0 / (0.92 * ABILITIES.sharpest[kind])), 46)
     # The rear axle's headings: the path's less the side slip of the centre.
     steps = np.diff(points[: count + 1, :2], axis=0)
@@ -112,13 +112,13 @@ def test_a_plan_can_be_driven(plain, kind):
     ahead, sharpest = ABILITIES.centre_to_rear[kind], ABILITIES.sharpest[kind]
     assert np.abs(bends).max() < 1.1 * sharpest + 0.5 * ahead * sharpest / STEP
     assert points[0, :2] == pytest.approx([points[0, 0], 0.3])
-    # Where the steering turns fastest it is slowest, and never stands.
+    # The speed is lowest where the steering turns fastest, but never 0.
     assert points[:count, 3].min() >= drivable_path.CRAWL
     assert points[:count, 3].max() <= 3.0
 
 
 def test_one_iteration_solves_the_linearised_problem():
-    """Against the same sum of squares, written out as one dense system."""
+    """The reference is the same sum of squares, solved as one dense system."""
     generator = np.random.default_rng(4)
     count, ahead, sharpest, curvature = 12, 1.2, 0.2, 0.05
     bends = generator.uniform(-0.25, 0.25, count)
@@ -129,11 +129,11 @@ def test_one_iteration_solves_the_linearised_problem():
     lower = np.tril(np.ones((count, count)))
     turned = STEP * lower
     moved = STEP * (np.tril(np.ones((count, count)), -1) @ turned) + ahead * turned
-    rows, wanted = [], []
+    rows, targets = [], []
 
     def add(weight, row, residual):
         rows.append(math.sqrt(weight) * row)
-        wanted.append(-math.sqrt(weight) * residual)
+        targets.append(-math.sqrt(weight) * residual)
 
     part = drivable_path
     for k in range(count):
@@ -150,12 +150,12 @@ def test_one_iteration_solves_the_linearised_problem():
         before = np.eye(count)[k - 1] if k else np.zeros(count)
         add(smoothness[k] / STEP, unit - before, bends[k] - (bends[k - 1] if k else curvature))
     add(part.END_COST, turned[-1], found[count, 1])
-    expected = bends + np.linalg.lstsq(np.array(rows), np.array(wanted), rcond=None)[0]
+    expected = bends + np.linalg.lstsq(np.array(rows), np.array(targets), rcond=None)[0]
     part._improve(bends, curvature, sharpest, ahead, smoothness, found)
     assert bends == pytest.approx(expected, abs=1e-9)
 
 
-def test_across_the_opposite_lane_a_vehicle_keeps_steering_for_its_own(rig):
+def test_a_vehicle_on_the_opposite_lane_keeps_its_target_lane(rig):
     roads = {"east": [(0.0, 0.0), (400.0, 0.0)], "west": [(400.0, 3.2), (0.0, 3.2)]}
     graph = maps.graph_of({name: maps.Road(points) for name, points in roads.items()})
     own = graph.lane_number("east", 0)

@@ -11,6 +11,7 @@ from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
 from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.options import InterfaceError
 from smarts.env import RLlibHiWayEnv, SingleHiWayEnv, VectorHiWayEnv, hiway_parallel_env
+from tests.raising import raises
 
 RIGHT = 3
 SEED = 3
@@ -76,7 +77,7 @@ def test_spaces(closing):
     env = closing(SingleHiWayEnv(["loop"], steered, observation="raw", action_mask=True))
     assert "action_mask" not in env.observation_space.spaces
     assert env.reset()[1] == {}
-    with pytest.raises(InterfaceError, match="action_mask"):
+    with raises(InterfaceError, "action_mask", values=["yes"]):
         SingleHiWayEnv(["loop"], action_mask="yes")  # type: ignore[arg-type]
 
 

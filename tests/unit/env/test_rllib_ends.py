@@ -1,4 +1,4 @@
-"""What RLlib makes of the ends of agents: only who is cut short has the last observation valued."""
+"""RLlib bootstraps the last observation of truncated agents only."""
 
 import pytest
 from ray.rllib.env.multi_agent_episode import MultiAgentEpisode

@@ -13,6 +13,7 @@ from smarts.agents import ActionSpaceType, AgentInterface, AgentSpec
 from smarts.agents.options import InterfaceError
 from smarts.env import SingleHiWayVectorEnv
 from smarts.errors import ActionError, SmartsError
+from tests.raising import raises
 
 ID = "smarts.env:hiway-single-v0"
 SHORT = AgentInterface(action=ActionSpaceType.Lane, max_episode_steps=40)
@@ -129,25 +130,25 @@ def test_arrays_stay_as_they_were_returned():
 
 
 def test_what_is_refused():
-    with pytest.raises(InterfaceError, match="action_mask"):
+    with raises(InterfaceError, "action_mask", values=["1"]):
         SingleHiWayVectorEnv(1, ["loop"], action_mask=1)  # type: ignore[arg-type]
     adapted = AgentSpec(interface=SHORT, reward_adapter=lambda seen, reward: reward)
-    with pytest.raises(InterfaceError, match="reward"):
+    with raises(InterfaceError, "VectorHiWayEnv", values=["reward"]):
         SingleHiWayVectorEnv(1, ["loop"], adapted)
     env = SingleHiWayVectorEnv(2, ["loop"])
-    with pytest.raises(SmartsError, match="no episode"):
+    with raises(SmartsError, "step", values=["reset()"]):
         env.step(np.zeros(2, int))
-    with pytest.raises(SmartsError, match=r"\[1, 2\]"):
+    with raises(SmartsError, values=[[1, 2]]):
         env.reset(seed=[1, 2])  # type: ignore[arg-type]
-    with pytest.raises(SmartsError, match="reset_mask"):
+    with raises(SmartsError, values=["reset_mask"]):
         env.reset(options={"reset_mask": np.array([True, False])})
     env.reset()
     for wrong in (0, [0, 0, 0], [[0], [0]], {}, [0, [1, 2]]):
-        with pytest.raises(ActionError, match=r"\(2,\)"):
+        with raises(ActionError, values=[(2,)]):
             env.step(wrong)  # type: ignore[arg-type]
-    with pytest.raises(ActionError, match="simulation 1"):
+    with raises(ActionError, "simulation 1", values=[4]):
         env.step([0, 4])
     env.close()
     env.close()
-    with pytest.raises(SmartsError, match="closed"):
+    with raises(SmartsError, "SimulationRunner"):
         env.step([0, 0])

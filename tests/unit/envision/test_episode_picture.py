@@ -1,4 +1,4 @@
-"""Pictures of recorded episodes: every mark is where the record says, in files of every format."""
+"""Pictures of recorded episodes: marks are at the recorded positions, in every file format."""
 
 import os
 import shutil
@@ -55,24 +55,24 @@ def picture(episode):
 
 
 def colour_at(picture, image, x, y):
-    """Return the colour of a place on the map [m]."""
+    """Return the colour at a position on the map [m]."""
     column, row = picture._axes.transData.transform((x, y))
     return image[image.shape[0] - 1 - int(row), int(column)]
 
 
 def is_colour(found, name):
-    wanted = np.array(matplotlib.colors.to_rgb(name)) * 255
-    return np.abs(found - wanted).max() < 3
+    expected = np.array(matplotlib.colors.to_rgb(name)) * 255
+    return np.abs(found - expected).max() < 3
 
 
-def test_vehicles_are_where_they_were(picture):
+def test_vehicles_are_drawn_at_their_positions(picture):
     for step in (0, 7, 14):
         image = picture.image(step)
         assert image.dtype == np.uint8
         assert is_colour(colour_at(picture, image, 100.0 + step, 0.3), EGOS[0])
         assert is_colour(colour_at(picture, image, 129.0, 6.0), CAR)
         assert is_colour(colour_at(picture, image, 140.0, 0.5), ASPHALT)
-    # Before it came, and after it has gone, there is road.
+    # The road is visible before the vehicle arrives and after it has left.
     assert is_colour(colour_at(picture, picture.image(0), 115.0, 0.7), ASPHALT)
     assert is_colour(colour_at(picture, picture.image(16), 113.5, 0.7), ASPHALT)
 
@@ -84,14 +84,14 @@ def test_goal_and_lights(picture):
     assert not is_colour(colour_at(picture, image, 160.0, 3.2), EGOS[0])
 
 
-def test_pictures_do_not_depend_on_those_before(picture):
+def test_pictures_do_not_depend_on_earlier_pictures(picture):
     first = picture.image(5)
     picture.image(12)
     assert (picture.image(5) == first).all()
     assert all(size % 2 == 0 for size in first.shape[:2])
 
 
-def test_all_that_the_agents_drove_through_is_shown(picture):
+def test_the_window_contains_starts_paths_and_goals(picture):
     low, high = picture._window()
     assert low.tolist() == [80.0, pytest.approx(1.6 - 30.0)]
     assert high.tolist() == [180.0, pytest.approx(1.6 + 30.0)]
@@ -188,7 +188,7 @@ def test_a_gif_has_ten_pictures_a_second(episode, tmp_path, speed):
         for frame in range(film.n_frames):
             film.seek(frame)
             shown.append(film.info["duration"])
-    # 2 s of real time, and the last picture for two seconds more.
+    # 2 s of real time; the last picture is shown for two more seconds.
     assert shown == [100] * (STEPS // speed) + [2100]
 
 
@@ -201,14 +201,17 @@ def test_a_gif_of_few_pictures_in_capitals(episode, tmp_path, options):
         assert (film.format, film.n_frames, film.info["duration"]) == ("GIF", 2, 600_000)
 
 
-def test_what_is_damaged_is_told_from_what_is_not_there(episode, tmp_path):
+def test_damaged_and_missing_files_have_different_errors(episode, tmp_path):
     folder = tmp_path / "episode"
     shutil.copytree(episode.folder, folder)
-    for content, said in ((None, "there is no table 'agents'"), (b"PAR1", "table 'agents' of the recorded")):
+    for content, message in (
+        (None, "there is no table 'agents'"),
+        (b"PAR1", "table 'agents' of the recorded"),
+    ):
         (folder / "agents.parquet").unlink()
         if content is not None:
             (folder / "agents.parquet").write_bytes(content)
-        assert said in str(run(folder, "--out", tmp_path / "a.png").exception)
+        assert message in str(run(folder, "--out", tmp_path / "a.png").exception)
         (folder / "agents.parquet").touch()
     shutil.copy(episode.folder / "agents.parquet", folder)
     missing = run(folder, "--out", tmp_path / "a.png").exception
@@ -237,25 +240,27 @@ def test_a_png(episode, tmp_path):
 
 
 def with_ffmpeg(monkeypatch, folder, script):
-    """Put a program of that name, and the shell's own, alone in the path."""
+    """Set the search path to a program named ffmpeg and the system's programs."""
     program = folder / "ffmpeg"
     program.write_text(f"#!/bin/sh\n{script}\n")
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{folder}{os.pathsep}/usr/bin{os.pathsep}/bin")
 
 
-def test_an_mp4_is_fed_picture_by_picture(episode, tmp_path, monkeypatch):
-    with_ffmpeg(monkeypatch, tmp_path, 'for out; do :; done; echo "$@" > "${out%/*}/told.txt"; cat > "$out"')
+def test_an_mp4_gets_all_frames(episode, tmp_path, monkeypatch):
+    with_ffmpeg(
+        monkeypatch, tmp_path, 'for out; do :; done; echo "$@" > "${out%/*}/arguments.txt"; cat > "$out"'
+    )
     out = tmp_path / "film.mp4"
     assert run(episode.folder, "--out", out, "--every", 10).exit_code == 0
     size = EpisodePicture(episode).image(0).shape
-    # Steps 0 and 10 and the last, and that for two seconds more.
+    # Steps 0 and 10 and the last, which is repeated for two more seconds.
     assert out.stat().st_size == 5 * np.prod(size)
-    told = (tmp_path / "told.txt").read_text()
-    assert f"-s {size[1]}x{size[0]} -r 1 " in told
+    arguments = (tmp_path / "arguments.txt").read_text()
+    assert f"-s {size[1]}x{size[0]} -r 1 " in arguments
 
 
-def test_what_ffmpeg_says_is_passed_on(episode, tmp_path, monkeypatch):
+def test_the_error_holds_ffmpegs_message(episode, tmp_path, monkeypatch):
     with_ffmpeg(monkeypatch, tmp_path, "echo no such encoder >&2; exit 1")
     error = run(episode.folder, "--out", tmp_path / "film.mp4").exception
     assert isinstance(error, SmartsError)
@@ -276,7 +281,7 @@ def test_what_ffmpeg_says_is_passed_on(episode, tmp_path, monkeypatch):
         (("--out", "a.png", "--begin", "0", "--every", "3"), "--every"),
     ],
 )
-def test_what_cannot_be_drawn(episode, tmp_path, monkeypatch, arguments, value):
+def test_invalid_arguments_raise(episode, tmp_path, monkeypatch, arguments, value):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     error = run(episode.folder, *arguments).exception
@@ -285,7 +290,7 @@ def test_what_cannot_be_drawn(episode, tmp_path, monkeypatch, arguments, value):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_no_episode(episode, tmp_path):
+def test_folders_without_an_episode_raise(episode, tmp_path):
     for folder in (tmp_path, tmp_path / "nowhere"):
         assert "no table 'episode'" in str(run(folder, "--out", tmp_path / "a.gif").exception)
     several = str(run(episode.folder.parent, "--out", tmp_path / "a.gif").exception)

@@ -1,4 +1,4 @@
-"""Lines of missions and flows against what can be read off a small map."""
+"""Lines and poses of missions on a small map, compared with its coordinates."""
 
 import numpy as np
 import pytest

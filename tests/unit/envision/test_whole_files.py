@@ -5,7 +5,7 @@ from smarts.errors import SmartsError
 from tests.raising import raises
 
 
-def test_what_fails_leaves_what_was_there(tmp_path):
+def test_failure_keeps_the_existing_file(tmp_path):
     out = tmp_path / "a.gif"
     out.write_text("old")
 
@@ -19,7 +19,7 @@ def test_what_fails_leaves_what_was_there(tmp_path):
     assert [*tmp_path.iterdir()] == [out]
 
 
-def test_a_place_that_cannot_be_written_to_is_named(tmp_path):
+def test_an_unwritable_path_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with raises(SmartsError, tmp_path / "file" / "a.png"), written_whole(tmp_path / "file" / "a.png"):
         pass

@@ -34,7 +34,7 @@ def columns():
     return Columns(number, np.array([[True, False, True, True]] * 3))
 
 
-def test_bound_kernels_read_and_write_the_arrays_that_they_were_given():
+def test_bound_kernels_read_and_write_their_arrays():
     given = columns()
     table = np.array([1, 2, 3, 4], np.int32)
     bound = bind(weighted, given, 2.0, table)
@@ -69,7 +69,7 @@ def later(state):
 
 
 @pytest.mark.parametrize("is_replaceable", [False, True])
-def test_named_tuples_may_hold_others(is_replaceable):
+def test_nested_named_tuples(is_replaceable):
     first, second = columns(), columns()
     second.number[:] += 10.0
     state = Nested(0.5, first, (np.array([5, 6, 7], np.int32), 100), second)
@@ -82,12 +82,12 @@ def test_named_tuples_may_hold_others(is_replaceable):
 
 def test_arguments_live_as_long_as_the_bound_kernel():
     bound = bind(weighted, columns(), 2.0, np.array([1, 2, 3, 4], np.int32))
-    rubbish = [np.full((3, 4), np.nan) for _ in range(1000)]
+    later_arrays = [np.full((3, 4), np.nan) for _ in range(1000)]
     assert bound(1) == 42.0
-    assert len(rubbish) == 1000
+    assert len(later_arrays) == 1000
 
 
-def test_what_is_replaceable_is_replaced_in_all_kernels_at_once():
+def test_a_replaceable_is_replaced_in_all_kernels_at_once():
     table = Replaceable(np.array([1, 2, 3, 4], np.int32))
     one, other = bind(weighted, columns(), 2.0, table), bind(weighted, columns(), 0.0, table)
     assert (one(1), other(1)) == (42.0, 8.0)
@@ -96,7 +96,7 @@ def test_what_is_replaceable_is_replaced_in_all_kernels_at_once():
     assert (one(2), other(2)) == (2.0 * (8 + 10 + 11) + 80.0, 80.0)
 
 
-def test_other_types_are_refused():
+def test_other_types_raise():
     with pytest.raises(TypeError, match="cannot be bound to 'text'"):
         bind(weighted, columns(), "text")
     table: Replaceable[np.ndarray] = Replaceable(np.zeros(4, np.int32))
@@ -125,7 +125,7 @@ print(len(bound.func.stats.cache_hits))
 
 
 def output(folder, code, *arguments):
-    """Return what a program prints; machine code, which is kept beside `binding.py` too, is in the folder."""
+    """Return the output of a program that caches machine code in `folder`."""
     command = [sys.executable, "-c", code, *arguments]
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "code")}
     run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True)
@@ -133,7 +133,7 @@ def output(folder, code, *arguments):
 
 
 @pytest.mark.slow
-def test_machine_code_is_kept_on_disk_by_type(tmp_path):
+def test_machine_code_is_cached_by_type(tmp_path):
     (tmp_path / "program.py").write_text(PROGRAM)
     hits = [int(output(tmp_path, "import program", dtype)) for dtype in ("int64", "float64", "int64")]
     assert hits == [0, 0, 1]
@@ -145,7 +145,7 @@ def width_of(box):
 
 
 @pytest.mark.parametrize("wrap", [lambda box: box, Replaceable])
-def test_named_tuples_of_one_name_may_have_other_fields(wrap):
+def test_named_tuples_of_the_same_name_may_have_different_fields(wrap):
     widths = []
     for fields in (("width", "length"), ("length", "width")):
         box_type = namedtuple("Box", fields)
@@ -168,13 +168,13 @@ from {binding} import bind
 from thirds import third_of
 
 Box = NamedTuple("Box", [(name, np.ndarray) for name in sys.argv[1:]])
-# Not contiguous, so that strides count.
+# Not contiguous, so that strides matter.
 print(bind(third_of, Box(array=np.arange(10, 18)[::2], other=np.arange(8)[::2]))())
 """
 
 
 @pytest.mark.slow
-def test_machine_code_on_disk_follows_changes_of_fields(tmp_path):
+def test_cached_machine_code_is_not_reused_after_a_change_of_fields(tmp_path):
     (tmp_path / "thirds.py").write_text(THIRD)
     program = BOUND_THIRD.format(binding="smarts.geometry.binding")
     assert int(output(tmp_path, program, "array", "other")) == 14
@@ -182,13 +182,13 @@ def test_machine_code_on_disk_follows_changes_of_fields(tmp_path):
 
 
 @pytest.mark.slow
-def test_machine_code_on_disk_follows_changes_of_the_layout(tmp_path):
+def test_cached_machine_code_is_not_reused_after_a_change_of_the_layout(tmp_path):
     (tmp_path / "thirds.py").write_text(THIRD)
     program = BOUND_THIRD.format(binding="altered")
     source = Path(binding.__file__).read_text()
     (tmp_path / "altered.py").write_text(source)
     assert int(output(tmp_path, program, "array", "other")) == 14
-    # Strides before shapes: code of before would take the length for the stride.
+    # Strides before shapes: stale code would read the length as the stride.
     swapped = {
         "*argument.shape, *argument.strides": "*argument.strides, *argument.shape",
         "address, 1 + axis)": "address, 1 + kind.ndim + axis)",

@@ -1,4 +1,4 @@
-"""Overlap of oriented boxes, against shapely and by hand."""
+"""Overlap of oriented boxes, compared with shapely and with cases worked out by hand."""
 
 import math
 
@@ -60,9 +60,9 @@ def test_all_pairs_by_broadcasting():
 
 
 class TestMayMeet:
-    """`may_meet` against boxes that are moved on and looked at."""
+    """`may_meet`, compared with boxes that are moved in small steps."""
 
-    def test_never_misses_a_touch(self):
+    def test_never_misses_a_contact(self):
         rng = np.random.Generator(np.random.Philox(2))
         count, seconds = 4000, 0.5
         moments = np.linspace(0.0, seconds, 26)
@@ -85,7 +85,7 @@ class TestMayMeet:
         )
         assert (may | ~met).all()
         assert 0.2 < met.mean() < may.mean() < 0.8
-        # It is of use: of those who do not meet, most are told so.
+        # For most pairs that do not meet, the answer is False.
         assert may[~met].mean() < 0.5
 
     @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ class TestMayMeet:
         assert may_meet(one, other, 0.1, 0.0) == expected
         assert may_meet(other, one, 0.1, 0.0) == expected
 
-    def test_minds_slack_and_corners_that_swing(self):
+    def test_slack_and_rotating_corners(self):
         one, other = ((0.0, 0.0, 0.0), 2.5, 1.0, 0.0, 0.0, 0.0), ((0.0, 2.3, 0.0), 2.5, 1.0, 0.0, 0.0)
         assert not may_meet(one, (*other, 0.0), 0.1, 0.29)
         assert may_meet(one, (*other, 0.0), 0.1, 0.31)
@@ -113,7 +113,7 @@ class TestMayMeet:
         diagonal = (5.0 * away, 2.0 * away, 0.0), 2.5, 1.0, 0.0, 0.0, 0.0
         assert not may_meet(one, diagonal, 0.1, 0.03)
         assert may_meet(one, diagonal, 0.1, 0.11)
-        # The corner, 2.7 m from the centre, goes 0.27 m in 0.1 s at 1 rad/s.
+        # The corner, 2.7 m from the centre, moves 0.27 m in 0.1 s at 1 rad/s.
         assert not may_meet(one, (*other, -1.0), 0.1, 0.02)
         assert may_meet(one, (*other, 1.2), 0.1, 0.0)
 

@@ -59,14 +59,14 @@ def package(tmp_path):
 
 
 def evaluate(package, code, *arguments):
-    # Without files of byte code: a source of the same size written within the same second would not be seen.
+    # -B: with byte code, Python would miss a change that keeps a source's size and second.
     command = [sys.executable, "-B", "-c", code, *arguments]
     run = subprocess.run(command, cwd=package.parent, capture_output=True, text=True, check=True)
     return run.stdout.strip()
 
 
 @pytest.mark.slow
-def test_a_kernel_follows_changes_of_the_kernels_and_constants_that_it_uses(package):
+def test_kernel_is_recompiled_after_a_change_of_a_kernel_or_constant_that_it_uses(package):
     (package / "totals.py").write_text(TOTALS)
     results = []
     for metres, factor in ((1, 2), (1, 3), (5, 3), (1, 2)):
@@ -87,7 +87,7 @@ WAYS_TO_IMPORT_A_CONSTANT = [
 
 
 @pytest.mark.slow
-def test_a_kernel_follows_changes_of_a_constant_imported_alone(package):
+def test_kernel_is_recompiled_after_a_change_of_an_imported_constant(package):
     (package / "derived.py").write_text(DERIVED)
     code = "import importlib\nfor i in range(7):\n"
     code += "    scaled = importlib.import_module(f'fresh.way{i}').scaled\n"
@@ -95,7 +95,7 @@ def test_a_kernel_follows_changes_of_a_constant_imported_alone(package):
     for number, (statement, constant, _) in enumerate(WAYS_TO_IMPORT_A_CONSTANT):
         source = LENGTH_OF_ONE.format(statement=statement, constant=constant)
         (package / f"way{number}.py").write_text(source)
-    # The third time, the first time's machine code is still there.
+    # The third run reuses the machine code of the first.
     for metres, hits in ((1, 0), (2, 0), (1, 1)):
         (package / "constants.py").write_text(CONSTANTS.format(metres=metres))
         expected = [f"{10 * unit * metres} {hits}" for _, _, unit in WAYS_TO_IMPORT_A_CONSTANT]
@@ -103,7 +103,7 @@ def test_a_kernel_follows_changes_of_a_constant_imported_alone(package):
 
 
 @pytest.mark.slow
-def test_a_change_that_a_kernel_does_not_import_leaves_it_alone(package):
+def test_kernel_is_not_recompiled_after_a_change_of_a_module_that_it_does_not_import(package):
     (package / "constants.py").write_text(CONSTANTS.format(metres=1))
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     code = "import fresh.constants; from fresh.lengths import double; double(1); "
@@ -124,7 +124,7 @@ def test_modules_that_import_each_other(package):
 
 
 @pytest.mark.slow
-def test_a_kernel_follows_changes_of_named_tuples(package):
+def test_kernel_is_recompiled_after_a_change_of_a_named_tuple(package):
     (package / "boxes.py").write_text(BOXES)
     code = "from fresh.boxes import *; print(width_of(Box(width=2.0, length=5.0)))"
     for first, second in (("width", "length"), ("length", "width")):
@@ -147,8 +147,8 @@ for metres in (1, 2, 1):
 """
 
 
-def test_digests_follow_all_that_a_module_imports(package):
-    """What the slow tests above show by compiling."""
+def test_digests_change_with_every_imported_module(package):
+    """The fast counterpart of the slow tests above, which compile."""
     modules = {f"way{number}": statement for number, (statement, *_) in enumerate(WAYS_TO_IMPORT_A_CONSTANT)}
     modules |= {
         "derived": DERIVED,
@@ -165,15 +165,15 @@ def test_digests_follow_all_that_a_module_imports(package):
 
 
 @pytest.mark.slow
-def test_a_notice_is_given_when_the_first_kernel_is_compiled_and_none_when_it_is_in_the_cache(package):
+def test_a_notice_is_logged_when_the_first_kernel_is_compiled_but_not_when_it_is_cached(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     code = "import logging, sys; from numba import njit; from fresh.lengths import double\n"
     code += "logging.basicConfig(stream=sys.stdout, format='%(message)s')\n"
-    code += "njit(lambda x: x + 1)(1); print('a function of somebody else')\n"
+    code += "njit(lambda x: x + 1)(1); print('a user function')\n"
     code += "double(1), double(1.0); print(sum(double.stats.cache_hits.values()))"
     own, notice, hits = evaluate(package, code).splitlines()
-    assert (own, notice.partition(",")[0], hits) == ("a function of somebody else", "compiling kernels", "0")
-    assert evaluate(package, code).splitlines() == ["a function of somebody else", "2"]
+    assert (own, notice.partition(",")[0], hits) == ("a user function", "compiling kernels", "0")
+    assert evaluate(package, code).splitlines() == ["a user function", "2"]
 
 
 CALLERS = """
@@ -188,16 +188,16 @@ def all_widths(narrow, wide):
 
 
 @pytest.mark.slow
-def test_a_kernel_is_compiled_once_for_whole_numbers_from_kernels_and_apart_from_that_for_python(package):
+def test_kernel_is_compiled_once_for_all_integers_from_kernels_and_separately_for_python(package):
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     (package / "callers.py").write_text(CALLERS)
     code = "import numpy as np; from fresh.callers import all_widths, double\n"
     code += "print(all_widths(np.int8(-128), 2**40), len(double.callee.signatures), len(double.signatures))\n"
     code += "print(double(np.int8(-128)), len(double.signatures))"
-    # Of the callee, one for whole numbers and one for the truth value.
+    # The callee has two signatures: one for integers, one for booleans.
     expected = [f"{2 * (-128 + 2**40 - 3 + 1)} 2 0", "-256 1"]
     assert evaluate(package, code).splitlines() == expected
-    # What was left in the cache for the caller alone is enough for it.
+    # The caller's own cache entry suffices.
     assert evaluate(package, code).splitlines() == [expected[0].replace(" 2 0", " 0 0"), expected[1]]
 
 
@@ -216,7 +216,7 @@ print(double(float(3)) if sys.argv[1] == "float" else double(complex(3, 1)))
 
 
 @pytest.mark.slow
-def test_processes_that_compile_at_once_leave_a_whole_cache(package):
+def test_processes_that_compile_at_once_leave_a_valid_cache(package):
     """Both processes read the index before either has written it; each needs a file for its own types."""
     (package / "lengths.py").write_text(LENGTHS.format(metres=1, factor=2))
     program = package.parent / "two.py"

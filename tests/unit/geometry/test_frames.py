@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from smarts.geometry.frames import compass_from_heading, heading_from_compass, rotate, wrap_angle
+from smarts.geometry.frames import compass_from_heading, heading_from_compass, wrap_angle
 
 
 @pytest.mark.parametrize(
@@ -14,7 +14,7 @@ def test_wrap_angle(angle, expected):
     assert wrap_angle(angle) == pytest.approx(expected)
 
 
-def test_wrap_angle_keeps_to_the_half_open_interval():
+def test_wrap_angle_returns_the_half_open_interval():
     wrapped = wrap_angle(np.linspace(-50, 50, 10_001))
     assert (wrapped > -math.pi).all()
     assert (wrapped <= math.pi).all()
@@ -29,12 +29,6 @@ def test_compass_points(compass, heading):
     assert compass_from_heading(heading) == pytest.approx(compass)
 
 
-def test_compass_there_and_back():
+def test_compass_round_trip():
     degrees = np.linspace(0, 359.9, 500)
     np.testing.assert_allclose(compass_from_heading(heading_from_compass(degrees)), degrees)
-
-
-def test_rotate_is_counter_clockwise():
-    np.testing.assert_allclose(
-        rotate(np.array([[1.0, 0.0], [0.0, 2.0]]), math.pi / 2), [[0, 1], [-2, 0]], atol=1e-15
-    )

@@ -20,18 +20,18 @@ def runs(grid, cell):
     return grid.run[grid.run_start[cell] : grid.run_start[cell + 1]].tolist()
 
 
-def test_a_line_is_listed_in_the_cells_that_it_crosses():
+def test_cells_list_the_lines_that_cross_them():
     grid = grid_of([(0, 0), (1, 0), (3, 0), (5, 0)], reach=0.0)
     assert (grid.columns, grid.rows) == (3, 1)
     assert [runs(grid, cell) for cell in range(3)] == [[[0, 0, 2]], [[0, 1, 3]], [[0, 2, 3]]]
 
 
-def test_a_line_that_comes_back_has_two_runs():
+def test_a_line_that_reenters_a_cell_has_two_runs():
     grid = grid_of([(0, 0), (9, 0), (9, 9), (0.5, 0.5)], reach=0.0)
     assert runs(grid, 0) == [[0, 0, 1], [0, 2, 3]]
 
 
-def test_every_line_within_reach_of_a_point_is_in_its_cell():
+def test_cells_list_every_line_within_reach_of_their_points():
     generator = np.random.default_rng(0)
     points = np.cumsum(generator.normal(size=(200, 2)), axis=0)
     grid = grid_of(points, reach=1.5)

@@ -23,7 +23,7 @@ def test_subdivide_keeps_vertices_and_length():
     np.testing.assert_allclose(steps[10:], 2.5 / 3)
 
 
-def test_subdivide_does_not_split_a_segment_of_just_the_spacing():
+def test_subdivide_keeps_a_segment_as_long_as_the_spacing():
     assert len(polylines.subdivide(np.array([[0.0, 0.0], [0.1 + 0.2, 0.0]]), 0.3)) == 2
 
 
@@ -36,7 +36,7 @@ def test_headings_across_west_do_not_pass_through_east():
     assert abs(polylines.headings(line)[1]) == pytest.approx(math.pi)
 
 
-def test_headings_where_the_line_turns_back():
+def test_headings_where_the_line_reverses():
     np.testing.assert_allclose(polylines.headings(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]]))[1], math.pi)
 
 

@@ -1,11 +1,11 @@
-"""Painting into pictures, cell by cell."""
+"""Painting into rasters, checked cell by cell."""
 
 import math
 
 import numpy as np
 import pytest
 
-from smarts.geometry.raster import cut_view, paint_band, paint_box, paint_outline, place_in_view
+from smarts.geometry.raster import cut_view, near_blocks, paint_band, paint_box, paint_outline, place_in_view
 
 
 def points(*places):
@@ -20,7 +20,7 @@ def test_a_band_lies_beside_its_line_and_ends_with_it():
     assert (cells == expected).all()
 
 
-def test_a_band_to_the_left_and_bits_of_before():
+def test_a_band_to_the_left_keeps_other_bits():
     cells = np.ones((10, 20), np.uint8)
     paint_band(cells, 0.0, 0.0, 1.0, points((2, 5), (18, 5)), 0, 2, 1.0, 2.0, 0.0, 2)
     assert (cells[6, 2:18] == 3).all()
@@ -33,7 +33,7 @@ def test_dashes():
     assert cells[1].tolist() == [*[1] * 4, *[0] * 4, *[1] * 4, *[0] * 4, *[1] * 4]
 
 
-def test_a_band_goes_round_the_bend_and_keeps_its_width():
+def test_a_band_keeps_its_width_round_a_corner():
     cells = np.zeros((40, 40), np.uint8)
     corner = points((5, 10), (25, 10), (25, 35))
     paint_band(cells, 0.0, 0.0, 1.0, corner, 0, 3, -3.0, 3.0, 0.0, 1)
@@ -44,7 +44,7 @@ def test_a_band_goes_round_the_bend_and_keeps_its_width():
     assert (cells == (along | up | outside)).all()
 
 
-def test_bands_beyond_the_picture_are_left_out():
+def test_bands_outside_the_raster_are_skipped():
     cells = np.zeros((4, 4), np.uint8)
     paint_band(cells, 0.0, 0.0, 1.0, points((-9, -9), (-5, -5)), 0, 2, -1.0, 1.0, 0.0, 1)
     assert not cells.any()
@@ -54,7 +54,7 @@ def test_an_outline_is_filled():
     cells = np.zeros((6, 6), np.uint8)
     triangle = points((9, 9), (1, 1), (5, 1), (1, 5))
     paint_outline(cells, 0.0, 0.0, 1.0, triangle, 1, 4, 1)
-    # Centres on the slope itself, x + y = 6, belong to neither side for certain.
+    # Centres on the slope itself, x + y = 6, may be inside or outside.
     y, x = np.mgrid[0.5:6, 0.5:6]
     assert (cells[x + y < 5.9] == ((x > 1) & (y > 1))[x + y < 5.9]).all()
     assert not cells[x + y > 6.1].any()
@@ -62,14 +62,14 @@ def test_an_outline_is_filled():
     assert cells.max() == 1
 
 
-def test_places_as_a_viewer_sees_them():
+def test_positions_in_a_viewers_frame():
     ahead, left = place_in_view(10.0, 23.0, 10.0, 20.0, math.pi / 2)
     assert (ahead, left) == pytest.approx((3.0, 0.0))
     ahead, left = place_in_view(9.0, 20.0, 10.0, 20.0, math.pi / 2)
     assert (ahead, left) == pytest.approx((0.0, 1.0))
 
 
-def test_boxes_that_cannot_be_painted():
+def test_boxes_out_of_view_or_not_finite_are_skipped():
     view = np.zeros((8, 8, 1), np.uint8)
     colour = np.ones(1, np.uint8)
     for place in (math.nan, math.inf, 1e300, 40.0):
@@ -80,13 +80,16 @@ def test_boxes_that_cannot_be_painted():
     assert view.sum() == 8
 
 
-def test_a_view_is_cut_out_as_the_viewer_is_turned():
+def test_a_view_turns_with_the_viewer():
     cells = np.arange(100, dtype=np.uint8)
     view = np.zeros((4, 2, 1), np.uint8)
-    picture, raster = cells.reshape(10, 10, 1), (cells, 10, 10, 100.0, 50.0, 1.0)
+    picture, raster = (
+        cells.reshape(10, 10, 1),
+        (cells, 10, 10, 100.0, 50.0, 1.0, near_blocks(cells.reshape(10, 10))),
+    )
     same = cells[:, None]
     cut_view(*raster, 105.0, 55.0, math.pi / 2, 1.0, same, view)
-    # North is up: rows from the south are turned about.
+    # North is up: the raster's rows, from south to north, are reversed.
     assert (view == picture[3:7, 4:6][::-1]).all()
     cut_view(*raster, 105.0, 55.0, 0.0, 1.0, same, view)
     assert (view == picture[4:6, 3:7].transpose(1, 0, 2)[::-1, ::-1]).all()
@@ -99,10 +102,10 @@ def test_a_view_shows_the_cell_at_the_centre_of_each_pixel(channels):
     generator = np.random.Generator(np.random.Philox(1))
     cells = generator.integers(0, 16, (30, 40)).astype(np.uint8)
     colours = generator.integers(0, 256, (16, channels)).astype(np.uint8)
-    view = np.zeros((24, 20, channels), np.uint8)
+    near, view = near_blocks(cells), np.zeros((24, 20, channels), np.uint8)
     for _ in range(20):
         x, y, heading = *generator.uniform(-2.0, 22.0, 2), generator.uniform(-math.pi, math.pi)
-        cut_view(cells.ravel(), 30, 40, 0.0, 0.0, 0.5, x, y, heading, 0.7, colours, view)
+        cut_view(cells.ravel(), 30, 40, 0.0, 0.0, 0.5, near, x, y, heading, 0.7, colours, view)
         ahead = (12 - np.arange(24) - 0.5)[:, None] * 0.7
         left = (10 - np.arange(20) - 0.5)[None, :] * 0.7
         column = np.floor((x + ahead * math.cos(heading) - left * math.sin(heading)) / 0.5).astype(int)
@@ -110,6 +113,35 @@ def test_a_view_shows_the_cell_at_the_centre_of_each_pixel(channels):
         inside = (row >= 0) & (row < 30) & (column >= 0) & (column < 40)
         shown = np.where(inside, cells[np.clip(row, 0, 29), np.clip(column, 0, 39)], 0)
         assert (view == colours[shown]).mean() > 0.99  # centres on the edges of cells may go either way
+
+
+def test_blocks_near_something():
+    cells = np.zeros((17, 30), np.uint8)
+    cells[16, 25] = 2  # in the block (2, 3) of 3 x 4
+    expected = np.zeros((5, 6), np.uint8)
+    expected[2:5, 3:6] = 1
+    np.testing.assert_array_equal(near_blocks(cells), expected)
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.2, 0.41, 1.3])
+def test_tiles_without_anything_near_change_nothing(resolution):
+    generator = np.random.Generator(np.random.Philox(3))
+    cells, full = np.zeros((90, 70), np.uint8), np.ones((14, 11), np.uint8)
+    rows, columns = generator.integers(0, 90, 12), generator.integers(0, 70, 12)
+    cells[rows, columns] = generator.integers(1, 16, 12)
+    colours = generator.integers(0, 256, (16, 1)).astype(np.uint8)
+    raster, shown = (cells.ravel(), 90, 70, -4.0, 3.0, 0.2), 0
+    for _ in range(40):
+        near_to = generator.integers(12)
+        x, y = -4.0 + 0.2 * columns[near_to], 3.0 + 0.2 * rows[near_to]
+        aside, heading = generator.uniform(-1.0, 1.0, 2), generator.uniform(-math.pi, math.pi)
+        place = x + aside[0], y + aside[1], heading, resolution
+        quick, plain = np.zeros((33, 50, 1), np.uint8), np.zeros((33, 50, 1), np.uint8)
+        cut_view(*raster, near_blocks(cells), *place, colours, quick)
+        cut_view(*raster, full, *place, colours, plain)
+        np.testing.assert_array_equal(quick, plain)
+        shown += (quick != colours[0]).any()
+    assert shown > 5
 
 
 def test_a_box_covers_the_pixels_whose_centres_lie_in_it():

@@ -35,12 +35,12 @@ def test_interpolate_angle_takes_the_shorter_turn():
     assert segments.interpolate_angle(0.2, -0.2, 0.25) == pytest.approx(0.1)
 
 
-def test_angles_in_kernels_are_wrapped_as_elsewhere():
+def test_wrapped_half_open_equals_wrap_angle():
     angles = [*np.linspace(-20.0, 20.0, 1001).tolist(), math.pi, -math.pi, 3 * math.pi]
     assert [segments.wrapped_half_open(angle) for angle in angles] == [wrap_angle(angle) for angle in angles]
 
 
-def test_wrapped_turns_are_equal_turns_and_small_ones_the_same():
+def test_wrapped_is_equivalent_and_keeps_small_angles():
     inside = [*np.linspace(-3.14, 3.14, 101).tolist(), 1e-17, -math.pi]
     assert [segments.wrapped(turn) for turn in inside] == inside
     assert segments.wrapped(math.pi) == -math.pi

@@ -1,5 +1,6 @@
 """Lists of features: as they are given, what is refused, and features of users."""
 
+import inspect
 import sys
 from types import ModuleType
 
@@ -7,12 +8,14 @@ import numpy as np
 import pytest
 
 from smarts.errors import OwnCodeError, SmartsError
+from smarts.geometry.compiling import kernel
 from smarts.observations import FEATURES
 from smarts.observations.arrays import VECTOR
 from smarts.observations.feature import Feature
 from smarts.observations.lists import FeatureChoice, feature_list, observation_names
 from smarts.types.actions import ActionSpaceType
 from tests.maps import straight
+from tests.raising import raises
 from tests.unit.observations.test_features import ArrayObservation, context_of, mission, observe
 from tests.worlds import Car, world_of
 
@@ -151,3 +154,39 @@ def test_what_is_no_feature(own_module):
     with pytest.raises(OwnCodeError) as raised:
         feature_list({"features": ["own_features:NONE"]})
     assert "own_features:NONE" in str(raised.value)
+
+
+class NoKernel(Feature):
+    """A function that is not compiled."""
+
+    @staticmethod
+    def write(state, roads, routes, agent_ids, b, g, out):
+        out[0] = 0.0
+
+
+class Nothing(Feature):
+    """Neither a kernel nor `bind`."""
+
+
+class Misspelt(Feature):
+    """A column that vehicles do not have."""
+
+    @staticmethod
+    @kernel
+    def write(state, roads, routes, agent_ids, b, g, out):
+        out[0] = state.vehicles.sped[b, 0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "line", "value"),
+    [(NoKernel, 1, "NoKernel.write"), (Nothing, None, "Feature.write"), (Misspelt, 4, "'sped'")],
+)
+def test_mistakes_in_kernels_are_named_by_file_and_line(monkeypatch, kind, line, value):
+    name = f"own_{kind.__name__.lower()}"  # one each: the registry keeps what it has imported
+    module = ModuleType(name)
+    module.Bad = kind
+    monkeypatch.setitem(sys.modules, name, module)
+    written = inspect.unwrap(getattr(kind.write, "py_func", kind.write)).__code__
+    place = f"{written.co_filename}:{written.co_firstlineno + (line - 1 if line else 0)}"
+    with raises(OwnCodeError, place, values=[value]):
+        observe(ArrayObservation(context_of(made_world(6.0)), {"features": [f"{name}:Bad"]}))

@@ -1,4 +1,4 @@
-"""Small nets, compiled once a session, a driver that runs traffic over them, and the vehicle stage."""
+"""Small nets, compiled once per session, a world with SUMO traffic on them, and the vehicle stage."""
 
 import hashlib
 import subprocess
@@ -29,7 +29,11 @@ ROAD = (
 
 
 def cross(kind: str) -> tuple[str, str]:
-    """Return a crossing of four arms of 200 m around the origin, one lane a direction, 1.6 m off the axis."""
+    """Return a crossing of four arms of 200 m at the origin, with one lane per direction, 1.6 m off the axis.
+
+    Args:
+        kind: SUMO's type of the junction.
+    """
     arms = {"n": (0, 200), "s": (0, -200), "e": (200, 0), "w": (-200, 0)}
     nodes = "".join(f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in arms.items())
     edges = "".join(
@@ -41,10 +45,10 @@ def cross(kind: str) -> tuple[str, str]:
 
 
 def bend(turn: int) -> tuple[str, str]:
-    """Return a road of two lanes and one back, from 80 m west of the origin, that turns around there.
+    """Return a road of two lanes, and one back, that begins 80 m west of the origin and turns around there.
 
-    Its left edge is a half circle of 12 m to the left, or of 18.4 m to the right (`turn` 1 and -1): lane 1 is
-    1.6 m to the right of it.
+    Its left edge is a half circle with a radius of 12 m to the left (`turn` 1) or of 18.4 m to the right
+    (`turn` -1). Lane 1 is 1.6 m to the right of the left edge.
     """
     radius = 12.0 if turn > 0 else 18.4
     angles = np.linspace(0, np.pi, 91)
@@ -123,11 +127,11 @@ class Country:
 
 
 LANES = 100
-"""At most, of any of the nets."""
+"""Maximum number of lanes of a net."""
 
 
 class World:
-    """One simulation that consists of traffic and of vehicles that a test moves by hand."""
+    """One simulation with SUMO traffic and vehicles that a test moves itself."""
 
     def __init__(self, country: Country, capacity: int = 64) -> None:
         self.country = country
@@ -159,7 +163,7 @@ class World:
         self.state.clear(0)
 
     def set_route(self, slot: int, edges: Sequence[str]) -> None:
-        """Say where a vehicle is bound for."""
+        """Set the planned route of a vehicle."""
         self.states.route[slot] = self.state.routes.number(0, map(self.roads.edge_number, edges))
 
     def slot(self, name: str) -> int:
@@ -182,7 +186,7 @@ def country(tmp_path_factory):
 
 @pytest.fixture
 def new_world(country):
-    """Make worlds, each with a library of its own, and close them in the end."""
+    """Return a factory of worlds, each with its own copy of libsumo; all are closed after the test."""
     worlds = []
 
     def make(capacity: int = 64) -> World:
@@ -200,7 +204,7 @@ def world(new_world):
 
 
 def front_of(states: VehicleStates, rows) -> np.ndarray:
-    """Return the middle of the front bumpers, SUMO's reference point."""
+    """Return the middle of the front bumpers, SUMO's reference point [m], shape (N, 2)."""
     heading = states.heading[rows]
     return states.position[rows] + np.stack([np.cos(heading), np.sin(heading)], -1) * (
         states.length[rows, None] / 2

@@ -1,4 +1,4 @@
-"""Commands that nobody would give, but that are numbers: every vehicle stays a vehicle."""
+"""Extreme but finite commands: the state of every vehicle stays finite."""
 
 import numpy as np
 import pytest
@@ -14,24 +14,24 @@ from tests.worlds import Car, world_of
 pytestmark = pytest.mark.slow
 STEPS = 500
 FASTEST = 500.0
-"""More than any engine gives in so many steps [m/s]."""
+"""Upper bound of the speed after `STEPS` steps with any engine [m/s]."""
 KINDS = [kind for kind in VehicleKind if kind != VehicleKind.TRAILER]
 
 
 def _extremes(commands, step, draws):
-    """Write the least and the largest that controllers let through, another mixture in each step."""
+    """Write a random mixture of the smallest and largest values that controllers allow, in each step."""
     commands.actuators[..., :2] = draws.choice([0.0, 1.0], commands.actuators[..., :2].shape)
     most = 10.0 if (commands.mode == CommandMode.ACTUATORS_RATE).any() else 1.0
     commands.actuators[..., 2] = draws.choice([-most, 0.0, most], commands.mode.shape)
 
 
 def _bang_bang(commands, step, draws):
-    """Write full throttle and full brake with the wheel from stop to stop."""
+    """Write full throttle and intermittent full brake, with steering from lock to lock."""
     commands.actuators[...] = 1.0, float(step % 3 == 0), 1.0 if step % 2 else -1.0
 
 
 def _anywhere(commands, step, draws):
-    """Write a way that jumps about."""
+    """Write random references."""
     commands.reference_length[...] = draws.integers(1, 64, commands.reference_length.shape)
     commands.reference[...] = draws.uniform(-1e6, 1e6, commands.reference.shape)
 
@@ -49,7 +49,7 @@ CASES = {
 def test_every_state_stays_finite(model, case):
     mode, write = CASES[case]
     mission = AgentMission(route=("road",))
-    # Side by side and one behind the other, so that they run into each other as well.
+    # Vehicles begin side by side and behind each other, so that they also collide.
     cars = [
         Car(100.0 + 15.0 * (number // 2), 3.2 * (number % 2), 0.0, 30.0, mission, kind=kind)
         for number, kind in enumerate(KINDS)

@@ -1,4 +1,4 @@
-"""Vehicles change hands between SUMO and an agent: one SUMO id for life, no jump in pose or speed."""
+"""Hand-overs between SUMO and agents: a vehicle keeps its SUMO id, and its pose and speed do not jump."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from .test_sumo_shadows import LEFT, RIGHT, begin, drive, drivers, from_arm, spe
 
 
 def coast(world, slot, steps, turn=0.0):
-    """Drive a vehicle on as an agent, at its present speed and heading."""
+    """Move a vehicle at its current speed, turned by `turn` [rad] per step."""
     states = world.states
     for _ in range(steps):
         heading = states.heading[slot] + turn
@@ -21,8 +21,8 @@ def coast(world, slot, steps, turn=0.0):
         world.step()
 
 
-class Watch:
-    """Checks, step by step, that a vehicle moves by what its speed allows."""
+class MotionCheck:
+    """Records the worst deviations of a vehicle's motion from its speed and heading."""
 
     def __init__(self, world, slot):
         self.world, self.slot = world, slot
@@ -56,13 +56,13 @@ def test_there_and_back_on_the_road(world, country):
     world.states.owner[slot] = Owner.AGENT
     coast(world, slot, 50)
     assert world.traffic.route(slot) == ("ab", "bc")
-    watch = Watch(world, slot)
+    motion = MotionCheck(world, slot)
     world.states.owner[slot] = Owner.TRAFFIC
-    watch.step(50)
+    motion.step(50)
     # At most 2.6 m/s^2 up and 4.5 m/s^2 down for a calm driver.
-    assert watch.worst_speed < 0.46
-    assert watch.worst_step < 1e-6
-    assert watch.worst_aside < 1e-6
+    assert motion.worst_speed < 0.46
+    assert motion.worst_step < 1e-6
+    assert motion.worst_aside < 1e-6
     assert world.slot("s0") == slot
     assert world.states.generation[slot] == generation
     assert world.traffic._ids[slot] == "s0"
@@ -70,8 +70,8 @@ def test_there_and_back_on_the_road(world, country):
     assert "s0" not in world.names()
 
 
-def test_only_sumo_changes_the_lanes_of_its_own(world, country):
-    """An agent's vehicle keeps its lane behind a slow one; handed back, SUMO overtakes with it again."""
+def test_sumo_changes_lanes_only_of_the_vehicles_that_it_drives(world, country):
+    """An agent's vehicle keeps its lane behind a slow vehicle; after the hand-over, SUMO overtakes."""
     slow = '<vType id="slow" vClass="truck" maxSpeed="3"/><vehicle id="slow" type="slow" depart="0" '
     slow += 'departLane="0" departPos="180" departSpeed="max"><route edges="ab bc"/></vehicle>'
     keen = drivers((0, 100, 10)).replace('lcSpeedGain="0" lcKeepRight="0"', 'lcSpeedGain="5"')
@@ -86,7 +86,7 @@ def test_only_sumo_changes_the_lanes_of_its_own(world, country):
     assert world.sumo_lane(slot) == "ab_1"
 
 
-def test_a_shadow_is_of_its_vehicles_class(world, country):
+def test_a_shadow_has_its_vehicles_class(world, country):
     begin(world, country.road(drivers((0, 100, 10))))
     slot = world.registry.admit(0, "bus", Owner.AGENT, VehicleKind.BUS, 12.0, 2.5)
     world.put(slot, 300.0, RIGHT, 0.0, 0.0)
@@ -106,17 +106,17 @@ def test_return_beside_the_middle_of_the_lane(world, country, offset):
         position = world.states.position[slot]
         world.put(slot, position[0] + 1.2, RIGHT + offset * step / 30, 0.0, 12.0)
         world.step()
-    watch = Watch(world, slot)
+    motion = MotionCheck(world, slot)
     world.states.owner[slot] = Owner.TRAFFIC
-    watch.step(100)
-    assert watch.worst_step < 1e-6
-    assert watch.worst_aside < 0.1 + 1e-6
-    assert watch.worst_speed < 0.46
+    motion.step(100)
+    assert motion.worst_step < 1e-6
+    assert motion.worst_aside < 0.1 + 1e-6
+    assert motion.worst_speed < 0.46
     assert world.states.position[slot, 1] == pytest.approx(RIGHT)
 
 
 def test_return_with_the_tail_in_the_next_lane(world, country):
-    """SUMO has been shown the vehicle farther to the side than it was; it drives on from where it was."""
+    """The shadow was shifted sideways in SUMO; after the hand-over, it continues from its own pose."""
     begin(world, country.road(drivers((0, 100, 10))), 3.0)
     slot = world.slot("s0")
     world.states.owner[slot] = Owner.AGENT
@@ -147,7 +147,7 @@ def test_return_across_the_line_leaves_no_ghost(world, country):
 
 
 def begin_lane_change(world, country):
-    """Return the slot of a driver in the middle of a change to the left lane, behind a slow one."""
+    """Return the slot of a vehicle in the middle of a change to the left lane, behind a slow vehicle."""
     routes = drivers((0, 150, 3), (0, 60, 15)).replace('lcSpeedGain="0"', 'lcSpeedGain="5"')
     slow = '<vType id="slow" maxSpeed="3"/><vehicle id="s0" type="slow"'
     begin(world, country.road(routes.replace('<vehicle id="s0" type="calm"', slow)))
@@ -158,8 +158,8 @@ def begin_lane_change(world, country):
 
 
 @pytest.mark.parametrize("to", [None, RIGHT, LEFT])
-def test_taken_over_in_mid_lane_change(world, country, to):
-    """SUMO ends its change of lane at once, wherever the agent goes; it used to crash for the left lane."""
+def test_take_over_during_a_lane_change(world, country, to):
+    """SUMO completes its lane change at once, wherever the agent drives; otherwise SUMO would crash."""
     slot = begin_lane_change(world, country)
     vehicle = world.traffic._library.vehicle
     before = vehicle.getTypeID("s1"), vehicle.getSpeedFactor("s1"), vehicle.getMaxSpeedLat("s1")
@@ -170,28 +170,27 @@ def test_taken_over_in_mid_lane_change(world, country, to):
     assert (vehicle.getTypeID("s1"), vehicle.getSpeedFactor("s1"), vehicle.getMaxSpeedLat("s1")) == before
     # Without the slow vehicle ahead there is no reason to begin another change.
     world.registry.dismiss(0, world.slot("s0"))
-    watch = Watch(world, slot)
+    motion = MotionCheck(world, slot)
     world.states.owner[slot] = Owner.TRAFFIC
-    watch.step(100)
-    # SUMO remembers the direction of its change, and turns the vehicle by 6 degrees about its front bumper.
-    assert watch.worst_step < 0.02
-    assert watch.worst_turn < 0.12
-    assert watch.worst_aside < 0.4
+    motion.step(100)
+    # SUMO keeps the direction of its change, and turns the vehicle by 6 degrees about its front bumper.
+    assert motion.worst_step < 0.02
+    assert motion.worst_turn < 0.12
+    assert motion.worst_aside < 0.4
     assert world.states.position[slot, 1] == pytest.approx(to or RIGHT, abs=0.01)
 
 
 def test_return_off_its_route_takes_another_way(world, country):
-    """Bound straight on, taken to the left: SUMO finds no way back to the east, so it drives to the road's
-    end."""
+    """The route goes straight on, but the agent turns left. SUMO finds the fastest route back."""
     begin(world, country.cross(from_arm("w", "e", 150)))
     slot = world.slot("s0")
     world.states.owner[slot] = Owner.AGENT
     world.put(slot, 1.6, 30.0, np.pi / 2, 8.0)
     world.step()
-    watch = Watch(world, slot)
+    motion = MotionCheck(world, slot)
     world.states.owner[slot] = Owner.TRAFFIC
-    watch.step(50)
-    assert watch.worst_step < 1e-6
+    motion.step(50)
+    assert motion.worst_step < 1e-6
     assert world.traffic.route(slot) == ("cn", "nc", "ce")
     while world.traffic.route(slot) != ("ce",):
         world.step()
@@ -219,10 +218,10 @@ def test_return_inside_a_junction(world, country):
         world.step()
     world.states.owner[slot] = Owner.AGENT
     coast(world, slot, 3)
-    watch = Watch(world, slot)
+    motion = MotionCheck(world, slot)
     world.states.owner[slot] = Owner.TRAFFIC
-    watch.step(50)
-    assert watch.worst_step < 0.01
+    motion.step(50)
+    assert motion.worst_step < 0.01
     assert world.sumo_lane(slot) == "ce_0"
 
 
@@ -239,7 +238,7 @@ def test_return_off_the_road_leaves_the_world(world, country):
 
 
 def test_an_ego_becomes_traffic(world, country):
-    """A vehicle that SUMO has never seen takes the route that it was given."""
+    """SUMO drives a vehicle that it did not create along the planned route."""
     begin(world, country.cross())
     ego = world.admit(-100.0, -1.6, 0.0, 10.0)
     world.set_route(ego, ("wc", "cn"))
@@ -247,29 +246,29 @@ def test_an_ego_becomes_traffic(world, country):
         world.put(ego, -100.0 + step, -1.6, 0.0, 10.0)
         world.step()
     world.states.owner[ego] = Owner.TRAFFIC
-    watch = Watch(world, ego)
-    watch.step(20)
-    assert watch.worst_speed < 0.5
+    motion = MotionCheck(world, ego)
+    motion.step(20)
+    assert motion.worst_speed < 0.5
     assert world.traffic.route(ego) == ("wc", "cn")
     assert world.states.desired_speed[ego] == pytest.approx(15.0)
 
 
-def test_traffic_admitted_by_others_is_driven_by_sumo(world, country):
+def test_sumo_drives_traffic_that_another_provider_admitted(world, country):
     begin(world, country.cross(from_arm("e", "w")))
     slot = world.admit(-100.0, -1.6, 0.0, 10.0, Owner.TRAFFIC)
     world.set_route(slot, ("wc", "ce"))
     world.step()
     assert world.states.position[slot] == pytest.approx([-100.0, -1.6])
-    watch = Watch(world, slot)
-    watch.step(30)
-    assert watch.worst_step < 1e-6
+    motion = MotionCheck(world, slot)
+    motion.step(30)
+    assert motion.worst_step < 1e-6
     assert world.states.position[slot, 0] > -72
     assert world.states.owner[slot] == Owner.TRAFFIC
 
 
 @pytest.mark.parametrize("steps", [0, 1, 2])
-def test_handed_back_right_after_it_has_come(world, country, steps):
-    """SUMO forgets a route that it is told in the first step of a vehicle on the first road of its net."""
+def test_hand_over_right_after_entry(world, country, steps):
+    """SUMO drops a route that is set in the first step of a vehicle on the first road of its net."""
     begin(world, country.road(drivers((0, 100, 10))))
     ego = world.admit(900.0, RIGHT, 0.0, 10.0)
     world.set_route(ego, ("ab", "bc"))

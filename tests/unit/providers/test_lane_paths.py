@@ -1,4 +1,4 @@
-"""Paths along the lanes of routes, by hand."""
+"""Paths along the lanes of routes, compared with cases worked out by hand."""
 
 import math
 
@@ -21,7 +21,7 @@ def numbers(roads, route):
     return tuple(map(roads.edge_number, route))
 
 
-def test_a_pose_is_found_on_the_path_and_led_on_from_there(roads):
+def test_the_pose_of_a_nearest_point_is_the_original_pose(roads):
     paths = LanePaths([roads])
     path = paths.add(0, numbers(roads, ONWARD))
     x, y, heading = roads.pose_at(roads.lane_number("west_in", 0), 20.0)
@@ -34,7 +34,7 @@ def test_a_pose_is_found_on_the_path_and_led_on_from_there(roads):
     assert paths.nearest([], x, y, heading)[0] == -1
 
 
-def test_of_paths_that_share_a_lane_the_first_that_is_given_is_taken(roads):
+def test_nearest_returns_the_first_of_paths_that_share_a_lane(roads):
     paths = LanePaths([roads])
     onward, left = (paths.add(0, numbers(roads, route)) for route in (ONWARD, LEFT))
     pose = roads.pose_at(roads.lane_number("west_in", 0), 20.0)
@@ -42,7 +42,7 @@ def test_of_paths_that_share_a_lane_the_first_that_is_given_is_taken(roads):
     assert paths.nearest([left, onward], *pose)[0] == left
 
 
-def test_poses_are_the_same_bits_whichever_paths_were_added_before(roads):
+def test_poses_are_bit_equal_whichever_paths_were_added_before(roads):
     alone, after = LanePaths([roads]), LanePaths([roads])
     after.add(0, numbers(roads, LEFT))
     s = np.random.default_rng(0).uniform(0.0, 100.0, 1000)
@@ -53,7 +53,7 @@ def test_poses_are_the_same_bits_whichever_paths_were_added_before(roads):
     assert one.tobytes() == other.tobytes()
 
 
-def test_a_route_that_is_refused_is_refused_again(roads):
+def test_an_invalid_route_raises_each_time(roads):
     paths = LanePaths([roads])
     for _ in range(2):
         with pytest.raises(TrafficError):

@@ -1,4 +1,4 @@
-"""Copies of libsumo: independent, in processes of all kinds, and none stays on disk."""
+"""Copies of libsumo are independent, work in all kinds of processes, and leave nothing on disk."""
 
 import contextlib
 import errno
@@ -22,7 +22,7 @@ OPTIONS = ["--step-length", "0.1", "--no-step-log", "--no-warnings", "--xml-vali
 
 
 def run(net, routes, seed=1):
-    """Return where every vehicle is after 20 s."""
+    """Return the name and position of every vehicle after 20 s."""
     library = SumoLibrary()
     library.start(["-n", str(net), "-r", str(routes), "--seed", str(seed), *OPTIONS])
     library.simulation.step(20.0)
@@ -31,7 +31,7 @@ def run(net, routes, seed=1):
     return poses
 
 
-def test_the_lowest_free_copy_is_used_again():
+def test_the_lowest_free_copy_is_reused():
     first, second = SumoLibrary(), SumoLibrary()
     assert second.index == first.index + 1
     first.close()
@@ -42,7 +42,7 @@ def test_the_lowest_free_copy_is_used_again():
     third.close()
 
 
-def test_copies_run_the_same_pages_of_code():
+def test_copies_share_code_pages():
     libraries = [SumoLibrary() for _ in range(2)]
     code = [
         (line.split()[4], line.split()[2])
@@ -55,14 +55,14 @@ def test_copies_run_the_same_pages_of_code():
         library.close()
 
 
-def test_a_copy_in_use_is_refused():
+def test_a_copy_in_use_raises():
     library = SumoLibrary()
     with raises(TrafficError):
         SumoLibrary(library.index)
     library.close()
 
 
-def test_a_forgotten_copy_is_free_again():
+def test_a_copy_that_is_not_closed_is_freed():
     index = SumoLibrary().index
     library = SumoLibrary()
     assert library.index == index
@@ -88,10 +88,10 @@ def test_errors_carry_sumos_reason_and_place(country):
         library.start(["-n", "/no.net.xml", *OPTIONS], place="here")
     library.start(["-n", str(files.net), *OPTIONS])
     with (
-        raises(TrafficError, values=["nobody"]),
+        raises(TrafficError, values=["unknown"]),
         library.errors("failed to ask"),
     ):
-        library.vehicle.getSpeed("nobody")
+        library.vehicle.getSpeed("unknown")
     library.close()
 
 
@@ -104,7 +104,7 @@ def test_no_file_descriptors_are_left(country):
     assert len(os.listdir("/proc/self/fd")) == before
 
 
-def test_forgotten_simulations_give_their_files_back(country):
+def test_simulations_that_are_not_closed_free_their_files(country):
     files = country.road()
     run(files.net, files.routes[0])
     before = len(os.listdir("/proc/self/fd"))
@@ -112,14 +112,14 @@ def test_forgotten_simulations_give_their_files_back(country):
         library = SumoLibrary()
         library.start(["-n", str(files.net), "--route-files", str(files.routes[0]), *OPTIONS])
         del library
-    # The copy itself still holds what SUMO opened, until it loads anew.
+    # The copy keeps SUMO's own open files until its next load.
     run(files.net, files.routes[0])
     assert len(os.listdir("/proc/self/fd")) == before
 
 
 @contextlib.contextmanager
 def no_more_files():
-    """Let this process open no more files; yield descriptors, each of which makes room if closed."""
+    """Reach the process' limit of open files; yield descriptors that the caller can close to make room."""
     limits, filled = resource.getrlimit(resource.RLIMIT_NOFILE), []
     resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 20, limits[1]))
     try:
@@ -133,7 +133,7 @@ def no_more_files():
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
-def test_who_may_open_no_more_files_is_told(country):
+def test_the_limit_of_open_files_is_named_at_start(country):
     files, library = country.road(), SumoLibrary()
     with no_more_files() as filled:
         for _ in range(2):
@@ -148,21 +148,21 @@ def test_who_may_open_no_more_files_is_told(country):
     library.close()
 
 
-def test_who_may_open_no_more_files_is_told_wherever_a_copy_fails():
-    made, told = [], []
+def test_the_limit_of_open_files_is_named_wherever_loading_fails():
+    made, errors = [], []
     with no_more_files() as filled:
         while not made:
             try:
                 made.append(SumoLibrary(98))
             except TrafficError as error:
-                told.append(error)
+                errors.append(error)
                 os.close(filled.pop())
     made[0].close()
-    assert len(told) > 1
-    assert all("SUMO cannot start: Too many open files" in str(error) for error in told)
+    assert len(errors) > 1
+    assert all("SUMO cannot start: Too many open files" in str(error) for error in errors)
 
 
-def test_a_file_of_another_system_with_the_number_of_a_copy_is_left_alone(monkeypatch):
+def test_files_of_other_file_systems_with_the_same_inode_are_ignored(monkeypatch):
     copy = os.memfd_create("copy")
     line = f"1000-2000 r-xp 00000000 fe:01 {os.fstat(copy).st_ino} /usr/lib/libother.so\n"
     monkeypatch.setattr(Path, "read_text", lambda _: line)
@@ -172,7 +172,7 @@ def test_a_file_of_another_system_with_the_number_of_a_copy_is_left_alone(monkey
 
 @pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
 def test_child_processes_compute_the_same(country, method):
-    """Also while the parent has a simulation of its own, which goes on undisturbed."""
+    """The parent's simulation is not affected by the child process."""
     files = country.road()
     expected = run(files.net, files.routes[0])
     parent = SumoLibrary()
@@ -196,7 +196,7 @@ print(sum("libsumo" in name for name in names))
 
 
 def ask(script: str, **environment: str) -> tuple[str, str]:
-    """Return what a process says, and its errors."""
+    """Return the output and the error output of a process."""
     command = [sys.executable, "-c", script]
     ran = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True)
     return ran.stdout, ran.stderr
@@ -208,7 +208,7 @@ def test_copies_leave_nothing_behind(tmp_path):
 
 
 def test_a_copy_keeps_only_its_data(monkeypatch):
-    """Of 29 MB: what was written to."""
+    """Of 29 MB, a copy keeps only the pages that were written to."""
     kept = []
 
     def share_code(copy, original):
@@ -222,8 +222,8 @@ def test_a_copy_keeps_only_its_data(monkeypatch):
     assert max(kept[0]) < 2e6
 
 
-def test_room_between_segments_is_not_read(tmp_path):
-    """Linkers for large pages leave it, and the loader lets nobody read it."""
+def test_gaps_between_segments_are_not_read(tmp_path):
+    """Linkers for large pages leave gaps, which the loader maps without read access."""
     (tmp_path / "original").write_bytes(b"content" * 1000)
     script = (
         "import mmap, os; from pathlib import Path; from smarts.providers.shared_code import *\n"
@@ -235,7 +235,7 @@ def test_room_between_segments_is_not_read(tmp_path):
     assert ask(script) == ("['---p']\nshared\n", "")
 
 
-def test_without_anonymous_memory_files_unnamed_ones_serve(country, tmp_path):
+def test_temporary_files_replace_anonymous_ones_where_these_are_missing(country, tmp_path):
     files = country.road()
     expected = run(files.net, files.routes[0])
     script = (
@@ -251,7 +251,7 @@ def test_without_anonymous_memory_files_unnamed_ones_serve(country, tmp_path):
     assert list(tmp_path.rglob("*")) == []
 
 
-def test_what_does_not_load_names_the_packages_to_install(tmp_path):
+def test_load_errors_name_the_packages_to_install(tmp_path):
     (tmp_path / "libsumo").mkdir()
     (tmp_path / "libsumo" / "__init__.py").touch()
     (tmp_path / "libsumo" / "_libsumo.so").write_bytes(b"\0" * 1000)
@@ -276,7 +276,7 @@ def test_no_room_for_a_copy(monkeypatch):
         library.close()
 
 
-def test_maps_with_a_projection_load_in_silence(country):
+def test_maps_with_a_projection_load_without_warnings(country):
     net = country.folder / "projected.net.xml"
     projection = 'projParameter="+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"'
     plain = country.road().net.read_text()
@@ -292,7 +292,7 @@ def test_maps_with_a_projection_load_in_silence(country):
     assert (ran.stdout, ran.stderr) == ("", "")
 
 
-def test_a_closed_library_refuses_to_work(country):
+def test_a_closed_library_raises(country):
     files = country.road()
     library = SumoLibrary()
     options = ["-n", str(files.net), "-r", str(files.routes[0]), *OPTIONS]

@@ -1,4 +1,4 @@
-"""SUMO's drivers and the vehicles of others: every trap of `moveToXY` that we know has a case here."""
+"""Reactions of SUMO's drivers to shadows, with a case for every known pitfall of `moveToXY`."""
 
 import math
 
@@ -15,7 +15,7 @@ CALM = '<vType id="calm" sigma="0" speedFactor="1" speedDev="0" lcSpeedGain="0" 
 
 
 def drivers(*starts):
-    """Return routes with calm drivers "s0", "s1", ... on the road, from (lane, position, speed)."""
+    """Return routes of calm drivers "s0", "s1", ... on the road, from their (lane, position, speed)."""
     return CALM + "".join(
         f'<vehicle id="s{number}" type="calm" depart="0" departLane="{lane}" departPos="{position}" '
         f'departSpeed="{speed}"><route edges="ab bc"/></vehicle>'
@@ -31,7 +31,7 @@ def from_arm(arm, to, position=60, speed=10):
 
 
 def drive(world, ego, motion, steps, start=0.0):
-    """Move the ego by `motion(time) -> x, y, heading, speed`; no vehicle may touch another."""
+    """Move the ego by `motion(time) -> x, y, heading, speed`, and check that no vehicles touch."""
     for step in range(1, steps + 1):
         world.put(ego, *motion(start + step * 0.1))
         world.step()
@@ -46,8 +46,8 @@ def touching(world):
     return bool(overlap[~np.eye(len(rows), dtype=bool)].any())
 
 
-def sumo_says(world, slot):
-    """Return SUMO's own (lane, speed, angle) of a shadow."""
+def sumo_motion(world, slot):
+    """Return lane, speed and angle of a shadow in SUMO."""
     vehicle = world.traffic._library.vehicle
     name = world.traffic._ids[slot]
     return vehicle.getLaneID(name), vehicle.getSpeed(name), vehicle.getAngle(name)
@@ -74,7 +74,7 @@ def test_a_driver_stops_behind_a_standing_ego(world, country):
     assert x(world, "s0") == pytest.approx(250 - 2.5 - 2.5 - 2.5, abs=0.5)
 
 
-def test_the_egos_row_is_left_alone(world, country):
+def test_the_egos_row_is_not_written(world, country):
     begin(world, country.road(drivers((0, 100, 10))))
     ego = world.admit(250.0, RIGHT + 0.3, 0.1, 3.0)
     world.states.lane[ego], world.states.acceleration[ego] = 3, -0.5
@@ -86,16 +86,16 @@ def test_the_egos_row_is_left_alone(world, country):
     assert world.states.owner[ego] == Owner.AGENT
 
 
-def test_a_shadow_is_where_and_as_fast_as_its_owner_says(world, country):
-    """Also faster than the limit allows, and at an angle to the lane."""
+def test_a_shadow_has_the_pose_and_speed_of_its_vehicle(world, country):
+    """The vehicle is faster than the limit and at an angle to the lane."""
     begin(world, country.road(drivers((0, 10, 10))))
     ego = world.admit(200.0, LEFT, 0.1, 33.0)
     vehicle = world.traffic._library.vehicle
     for step in range(1, 120):
         world.put(ego, 200 + 3.3 * step, LEFT, 0.1, 33.0)
         world.step()
-        lane, said, angle = sumo_says(world, ego)
-        assert said == pytest.approx(33.0)
+        lane, shown_speed, angle = sumo_motion(world, ego)
+        assert shown_speed == pytest.approx(33.0)
         assert angle == pytest.approx(90 - math.degrees(0.1))
         assert lane == "ab_1"
         front = 200 + 3.3 * step + 2.5 * math.cos(0.1), LEFT + 2.5 * math.sin(0.1)
@@ -103,11 +103,11 @@ def test_a_shadow_is_where_and_as_fast_as_its_owner_says(world, country):
 
 
 def test_overtaking_inside_a_lane_and_braking(world, country):
-    """SUMO ignores, for good, an ego that has passed a vehicle within one lane, unless it is entered anew."""
+    """SUMO ignores an ego that has overtaken within a lane, unless it is re-inserted."""
     routes = drivers((0, 100, 10)).replace('id="calm"', 'id="calm" maxSpeed="10"')
     begin(world, country.road(routes))
     ego = world.admit(60.0, RIGHT, 0.0, 25.0)
-    # Passing through the other is contact; what counts is what happens afterwards.
+    # The ego passes through the other vehicle; only the time afterwards is checked.
     for step in range(1, 51):
         world.put(ego, 60 + 2.5 * step, RIGHT, 0.0, 25.0)
         world.step()
@@ -126,7 +126,7 @@ def test_appearing_ahead_inside_a_lane(world, country):
     assert speed(world, "s0") < 0.1
 
 
-def test_appearing_ahead_where_there_is_no_lane_beside(world, country):
+def test_appearing_ahead_on_a_single_lane(world, country):
     """The shadow leaves the net for one step instead."""
     routes = from_arm("w", "e", 60).replace('id="calm"', 'id="calm" maxSpeed="10"')
     begin(world, country.cross(routes))
@@ -146,7 +146,7 @@ def test_insertion_ahead_of_traffic(world, country):
 
 
 def test_a_lane_change_leaves_no_ghost(world, country):
-    """With keepRoute 1 the driver would stay behind where the ego was. (Nobody overtakes on the right.)"""
+    """With keepRoute 1, the driver would stop behind a ghost. (Drivers do not overtake on the right.)"""
     begin(world, country.road(drivers((1, 100, 15))))
     ego = world.admit(160.0, LEFT, 0.0, 5.0)
 
@@ -168,8 +168,8 @@ def test_straddling_two_lanes_stops_both(world, country):
 
 
 @pytest.mark.parametrize(("lane", "lean"), [(LEFT, 0.4), (RIGHT, -0.4)])
-def test_a_tail_that_is_left_in_the_next_lane_stops_that_lane_too(world, country, lane, lean):
-    """Who changes lanes and comes to stand: SUMO takes all of a vehicle to be in line with its front."""
+def test_a_tail_in_the_next_lane_stops_that_lane_too(world, country, lane, lean):
+    """The ego stops during a lane change; SUMO assumes that the whole vehicle has the offset of its front."""
     begin(world, country.road(drivers((0, 20, 10), (1, 20, 10))))
     middle = 300 - 2.5 * math.cos(lean), lane - 2.5 * math.sin(lean)
     ego = world.admit(*middle, lean, 0.0)
@@ -180,7 +180,7 @@ def test_a_tail_that_is_left_in_the_next_lane_stops_that_lane_too(world, country
 
 
 def test_drifting_over_the_line_stops_the_next_lane_too(world, country):
-    """SUMO looks whether a vehicle straddles when it enters a lane, and not again."""
+    """SUMO detects only on entry to a lane whether a vehicle straddles the next one."""
     begin(world, country.road(drivers((0, 20, 10), (1, 20, 10))))
     ego = world.admit(300.0, RIGHT, 0.0, 0.0)
     drive(world, ego, lambda t: (300.0, RIGHT + 1.4 * min(t / 3, 1), 0.0, 0.0), 250)
@@ -192,7 +192,7 @@ def test_drifting_over_the_line_stops_the_next_lane_too(world, country):
 @pytest.mark.parametrize("begin_at", [RIGHT, LEFT])
 @pytest.mark.parametrize("over", [1.4, 3.2])
 def test_drifting_back_inside_a_lane_frees_the_other(world, country, begin_at, over):
-    """From inside a lane over the line and back, or all the way across: traffic flows where nobody is."""
+    """The ego drifts over the line and back, or all the way across; the lane without the ego stays free."""
     begin(world, country.road(drivers((0, 20, 10), (1, 20, 10))))
     ego = world.admit(300.0, begin_at, 0.0, 0.0)
     over = over if begin_at == RIGHT else -over
@@ -218,7 +218,7 @@ def test_beside_the_next_lane_stops_only_one(world, country):
 
 @pytest.mark.parametrize(("speed_against", "begin_at"), [(0.0, -60.0), (4.0, -60.0), (12.0, -20.0)])
 def test_head_on_in_the_oncoming_lane(world, country, speed_against, begin_at):
-    """A driver stops for an ego that comes the wrong way and stops itself, without an emergency."""
+    """A driver stops without emergency braking for an ego that comes the wrong way and stops."""
     begin(world, country.cross(from_arm("w", "e", 20)))
     ego = world.admit(begin_at, -1.6, math.pi, speed_against)
     hardest = 0.0
@@ -235,12 +235,12 @@ def test_head_on_in_the_oncoming_lane(world, country, speed_against, begin_at):
 @pytest.mark.parametrize("offset", [1.2, 1.6, 2.0, 2.4, 3.2])
 @pytest.mark.parametrize("arm", ["w", "e"])
 def test_straddling_the_centre_line_stops_both_directions(world, country, arm, offset):
-    """An eastbound ego stands on the west arm, off its lane to the left; drivers come from either side."""
+    """An eastbound ego stands on the west arm, left of its lane; drivers come from either side."""
     routes = from_arm(arm, "e" if arm == "w" else "w", 20, 10)
     begin(world, country.cross(routes))
     ego = world.admit(-60.0, -1.6 + offset, 0.0, 0.0)
     drive(world, ego, lambda t: (-60.0, -1.6 + offset, 0.0, 0.0), 400)
-    # Wholly on the other side it is no obstacle to those behind it in the lane that it has left.
+    # An ego that is entirely on the other side does not block the drivers behind it.
     has_left_the_lane = arm == "w" and offset > 3.0
     assert ("s0" not in world.names()) if has_left_the_lane else speed(world, "s0") < 0.1
 
@@ -258,9 +258,11 @@ def test_drifting_back_over_the_centre_line_frees_the_oncoming_lane(world, count
     ("heading", "speed_in"), [(0.0, {"wc": 6.0, "cw": 0.0}), (math.pi, {"wc": 0.0, "cw": 6.0})]
 )
 @pytest.mark.parametrize("over", [-0.4, 0.4])
-def test_who_comes_towards_drivers_is_said_to_stand(world, country, heading, speed_in, over):
-    """Over the centre line there is a vehicle in SUMO on either side of it: one of the two comes towards
-    those who drive there, and SUMO would have it drive away from them."""
+def test_oncoming_vehicles_have_speed_zero_in_sumo(world, country, heading, speed_in, over):
+    """An ego on the centre line is a shadow on one side and a proxy on the other.
+
+    One of the two moves against its lane; SUMO would treat it as driving away from the oncoming drivers.
+    """
     begin(world, country.cross(from_arm("n", "s", 20, 10)))
     ego = world.admit(-100.0, over, heading, 6.0)
     vehicle = world.traffic._library.vehicle
@@ -268,17 +270,17 @@ def test_who_comes_towards_drivers_is_said_to_stand(world, country, heading, spe
         world.put(ego, -100.0 + 0.6 * step * math.cos(heading), over, heading, 6.0)
         world.step()
         if step > 1:
-            said = {vehicle.getRoadID(name): vehicle.getSpeed(name) for name in vehicle.getIDList()}
-            assert {edge: said[edge] for edge in speed_in} == pytest.approx(speed_in)
+            speeds = {vehicle.getRoadID(name): vehicle.getSpeed(name) for name in vehicle.getIDList()}
+            assert {edge: speeds[edge] for edge in speed_in} == pytest.approx(speed_in)
 
 
-def test_drivers_behind_one_that_got_past_still_see_who_is_over_the_line(world, country):
-    """The first cannot stop and passes at a hand's breadth; SUMO would keep the second right behind it."""
+def test_drivers_behind_one_that_passed_still_see_the_ego_over_the_line(world, country):
+    """The first driver cannot stop and passes closely; in SUMO, the second would just follow it."""
     follower = '<vehicle id="s1" type="calm" depart="0" departPos="40" departSpeed="15">'
     routes = from_arm("e", "w", 100, 15) + follower + '<route edges="ec cw"/></vehicle>'
     begin(world, country.cross(routes))
     first = x(world, "s0") - 12
-    # 10 cm between its side and s0's.
+    # The ego's side is 10 cm from that of s0.
     ego = world.admit(first, -0.3, 0.0, 0.0)
     drive(world, ego, lambda t: (first, -0.3, 0.0, 0.0), 300)
     assert "s0" not in world.names() or x(world, "s0") < first - 5
@@ -288,7 +290,7 @@ def test_drivers_behind_one_that_got_past_still_see_who_is_over_the_line(world, 
 
 @pytest.mark.parametrize("lean", [-0.3, 0.3])
 def test_a_corner_over_the_centre_line_stops_oncoming_traffic(world, country, lean):
-    """Whose front is in its lane but whose tail is not, or the other way round."""
+    """Only the ego's front, or only its tail, is in its lane."""
     begin(world, country.cross(from_arm("e", "w", 20, 10)))
     ego = world.admit(-60.0, -0.8, lean, 0.0)
     drive(world, ego, lambda t: (-60.0, -0.8, lean, 0.0), 300)
@@ -299,11 +301,11 @@ def test_over_the_centre_line_inside_a_junction(world, country):
     begin(world, country.cross(from_arm("e", "w", 20, 10)))
     ego = world.admit(0.0, -0.4, 0.0, 0.0)
     drive(world, ego, lambda t: (0.0, -0.4, 0.0, 0.0), 300)
-    assert sumo_says(world, ego)[0].startswith(":c")
+    assert sumo_motion(world, ego)[0].startswith(":c")
     assert speed(world, "s0") < 0.1
 
 
-def test_oncoming_drivers_see_a_drift_over_the_line_in_the_step_that_it_happens(world, country):
+def test_a_proxy_appears_in_the_step_in_which_the_ego_crosses_the_line(world, country):
     begin(world, country.cross(from_arm("n", "s", 20, 10)))
     ego = world.admit(-100.0, -1.6, 0.0, 6.0)
     known = world.traffic._library.vehicle.getIDList
@@ -311,15 +313,15 @@ def test_oncoming_drivers_see_a_drift_over_the_line_in_the_step_that_it_happens(
         y = -1.6 + 0.05 * step
         world.put(ego, -100.0 + 0.6 * step, y, 0.0, 6.0)
         world.step()
-        # Half a step's drift is left to rounding.
+        # A tolerance of half a step's drift.
         if abs(y + 0.9) > 0.026:
             assert len(known()) == (3 if y + 0.9 > 0.0 else 2)
 
 
 @pytest.mark.parametrize("turn", [1, -1])
 @pytest.mark.parametrize("index", [0, 1])
-def test_who_keeps_a_lane_in_a_bend_is_in_no_other(world, country, turn, index):
-    """Its tail is where the lane was; neither does it reach into the next lane, nor over the centre line."""
+def test_an_ego_that_keeps_its_lane_in_a_bend_is_in_no_other_lane(world, country, turn, index):
+    """Its tail follows the lane, so it straddles neither the next lane nor the centre line."""
     begin(world, country.bend("", turn))
     lane = world.roads.lane_of_id(f"ab_{index}")
     ego = world.admit(*world.roads.pose_at(lane, 60.0), 5.0)
@@ -333,7 +335,7 @@ def test_who_keeps_a_lane_in_a_bend_is_in_no_other(world, country, turn, index):
         assert vehicle.getPosition(world.traffic._ids[ego]) == pytest.approx(front)
 
 
-def test_a_stand_in_is_no_vehicle_of_the_world_and_goes_with_its_ego(world, country):
+def test_a_proxy_is_not_in_the_world_and_is_removed_with_its_ego(world, country):
     begin(world, country.cross(from_arm("n", "s", 20, 10)))
     ego = world.admit(-60.0, 0.0, 0.0, 0.0)
     drive(world, ego, lambda t: (-60.0, 0.0, 0.0, 0.0), 5)
@@ -345,8 +347,8 @@ def test_a_stand_in_is_no_vehicle_of_the_world_and_goes_with_its_ego(world, coun
     assert len(known()) == 1
 
 
-def test_nobody_makes_room_for_a_lane_change_that_is_only_planned(world, country):
-    """SUMO knows that this ego must change lanes for its route; its drivers must not."""
+def test_drivers_do_not_cooperate_with_a_planned_lane_change(world, country):
+    """The ego's route requires a lane change; SUMO's drivers must not react to it in advance."""
     nodes = "".join(
         f'<node id="{name}" x="{x}" y="{y}"/>'
         for name, x, y in (("a", 0, 0), ("b", 500, 0), ("c", 900, -50), ("d", 900, 50))
@@ -367,7 +369,7 @@ def test_nobody_makes_room_for_a_lane_change_that_is_only_planned(world, country
 
 
 def test_reversing_in_the_lane(world, country):
-    """An ego that backs towards a driver is not taken for a leader that drives away."""
+    """SUMO does not treat an ego that reverses towards a driver as a leader that drives away."""
     begin(world, country.road(drivers((0, 100, 8))))
     ego = world.admit(300.0, RIGHT, 0.0, -3.0)
     drive(world, ego, lambda t: (300 - 3 * min(t, 10), RIGHT, 0.0, -3.0 if t < 10 else 0.0), 250)
@@ -378,22 +380,22 @@ def test_off_the_road_and_back(world, country):
     begin(world, country.road(drivers((0, 100, 10))))
     ego = world.admit(200.0, RIGHT - 20, 0.5, 0.0)
     drive(world, ego, lambda t: (200.0, RIGHT - 20, 0.5, 0.0), 30)
-    assert sumo_says(world, ego)[0] == ""
+    assert sumo_motion(world, ego)[0] == ""
     assert speed(world, "s0") > 15
     back = x(world, "s0") + 90
     drive(world, ego, lambda t: (back, RIGHT, 0.0, 0.0), 200)
-    assert sumo_says(world, ego)[0] == "ab_0"
+    assert sumo_motion(world, ego)[0] == "ab_0"
     assert speed(world, "s0") < 0.1
 
 
 @pytest.mark.parametrize("arm", ["s", "e"])
-@pytest.mark.parametrize("says_route", [True, False])
-def test_who_must_give_way_gives_way_to_an_ego(world, country, arm, says_route):
-    """From the minor road, and turning left; an ego that names no route is expected to go straight on."""
+@pytest.mark.parametrize("has_route", [True, False])
+def test_drivers_yield_to_an_ego_with_right_of_way(world, country, arm, has_route):
+    """Drivers come from the minor road, or turn left; an ego without a route is expected to go straight."""
     to = {"s": "n", "e": "s"}[arm]
     begin(world, country.cross(from_arm(arm, to)))
     ego = world.admit(-130.0, -1.6, 0.0, 12.0)
-    if says_route:
+    if has_route:
         world.set_route(ego, ("wc", "ce"))
     slowest = 100.0
     for step in range(1, 160):
@@ -407,7 +409,7 @@ def test_who_must_give_way_gives_way_to_an_ego(world, country, arm, says_route):
 
 
 def test_a_driver_with_right_of_way_stops_for_an_ego_in_the_junction(world, country):
-    """The ego stands in its left turn, across the lane of oncoming traffic."""
+    """The ego stands across the oncoming lane during its left turn."""
     begin(world, country.cross(from_arm("e", "w")))
     ego = world.admit(2.0, 1.0, 2.2, 0.0)
     drive(world, ego, lambda t: (2.0, 1.0, 2.2, 0.0), 250)
@@ -424,19 +426,19 @@ def test_an_ego_that_leaves_frees_the_lane(world, country):
     assert not world.states.alive[ego]
 
 
-def test_a_slot_taken_by_the_next_ego_in_the_same_step(world, country):
+def test_a_slot_reused_by_another_ego_in_the_same_step(world, country):
     begin(world, country.road(drivers((0, 100, 10))))
     ego = world.admit(250.0, RIGHT, 0.0, 0.0)
     world.step(5)
     world.registry.dismiss(0, ego)
     assert world.admit(400.0, LEFT, 0.0, 0.0) == ego
     world.step(5)
-    assert sumo_says(world, ego)[0] == "ab_1"
+    assert sumo_motion(world, ego)[0] == "ab_1"
     assert world.traffic._library.vehicle.getIDCount() == 2
 
 
 def test_traffic_keeps_clear_of_starts(world, country):
-    """Neither those who were there before nor those who depart in the first step are in an ego's place."""
+    """Neither traffic of the warm-up nor vehicles that depart in the first step overlap an ego's start."""
     routes = CALM + (
         '<flow id="f" type="calm" from="ab" to="bc" begin="0" end="100" period="0.1" departPos="200"'
         ' departLane="0" departSpeed="0"/>'
@@ -459,7 +461,7 @@ def test_clearing_a_place_in_mid_episode(world, country):
     assert sorted(world.names()) == ["ego", "s1", "s2"]
 
 
-def test_nobody_departs_onto_a_vehicle_that_enters_in_the_same_step(world, country):
+def test_traffic_does_not_depart_onto_a_vehicle_that_enters_in_the_same_step(world, country):
     late = '<vehicle id="{}" depart="5" departPos="{}" departSpeed="0"><route edges="ab"/></vehicle>'
     world.reset(country.road(late.format("near", 200) + late.format("far", 400)))
     world.step(50)
@@ -469,8 +471,8 @@ def test_nobody_departs_onto_a_vehicle_that_enters_in_the_same_step(world, count
     assert sorted(world.names()) == ["ego", "far"]
 
 
-def test_many_egos_among_busy_traffic_never_upset_sumo(world, country):
-    """Egos that drive through everything, at any angle, on and off the road."""
+def test_sumo_survives_many_egos_in_busy_traffic(world, country):
+    """The egos drive through other vehicles, at any angle, on and off the road."""
     world.reset(country.cross())
     rng = np.random.Generator(np.random.Philox(5))
     egos = [world.admit(*rng.uniform(-60, 60, 2), rng.uniform(-3, 3), 5.0) for _ in range(6)]

@@ -1,4 +1,4 @@
-"""Traffic alone: it is exactly SUMO's, whoever else runs in the process and whatever ran before."""
+"""Traffic without agents equals SUMO's own, independent of other simulations in the process."""
 
 import hashlib
 import math
@@ -25,7 +25,7 @@ ONE_CAR = '<vehicle id="a" depart="0" departPos="100" departSpeed="10"><route ed
 
 
 def digest(world, files, seed, steps):
-    """Return the hash of all states over an episode."""
+    """Return the hash of all states of an episode."""
     world.clear()
     world.reset(files, seed)
     hashed = hashlib.blake2b(world.fingerprint())
@@ -76,17 +76,17 @@ def test_equals_the_sumo_binary(world, country, tmp_path, place):
     world.reset(files, seed=5)
     for moment in ElementTree.parse(output).getroot()[:600]:
         world.step()
-        said = {vehicle.attrib["id"]: vehicle.attrib for vehicle in moment}
-        assert sorted(said) == sorted(world.names())
+        expected = {vehicle.attrib["id"]: vehicle.attrib for vehicle in moment}
+        assert sorted(expected) == sorted(world.names())
         for slot in np.flatnonzero(world.states.alive):
-            attributes = said[world.registry.name(0, slot)]
+            attributes = expected[world.registry.name(0, slot)]
             front = front_of(world.states, [slot])[0]
             assert front == pytest.approx([float(attributes["x"]), float(attributes["y"])], rel=0, abs=1e-12)
             assert world.states.speed[slot] == pytest.approx(float(attributes["speed"]), rel=0, abs=1e-12)
 
 
 @pytest.mark.parametrize("steps", [200, pytest.param(1000, marks=pytest.mark.slow)])
-def test_four_in_turn_equal_four_alone(new_world, country, steps):
+def test_interleaved_simulations_equal_separate_ones(new_world, country, steps):
     files = country.road(warm_up=10.0)
     alone = [digest(new_world(), files, seed, steps) for seed in range(4)]
     worlds = [new_world() for _ in range(4)]
@@ -101,7 +101,7 @@ def test_four_in_turn_equal_four_alone(new_world, country, steps):
     assert len(set(alone)) == 4
 
 
-def test_an_episode_does_not_depend_on_those_before(new_world, country):
+def test_an_episode_does_not_depend_on_earlier_episodes(new_world, country):
     files = country.cross(warm_up=5.0)
     used = new_world()
     for seed in (1, 2):
@@ -148,7 +148,7 @@ def test_a_row_in_detail(world, country):
     assert (states.length[row], states.width[row]) == (12.0, 2.5)
     assert states.position[row] == pytest.approx([-200 + 50 - 6, -1.6])
     assert states.heading[row] == pytest.approx(0.0)
-    assert states.lane[row] == -1  # the simulation says it, of all vehicles alike
+    assert states.lane[row] == -1  # the simulation matches all vehicles to lanes
     assert states.desired_speed[row] == pytest.approx(1.1 * 15)
     world.step()
     assert states.acceleration[row] == pytest.approx((states.speed[row] - 10.0) / 0.1)
@@ -165,14 +165,14 @@ def test_headings_around_the_compass(world, country):
     assert heading == pytest.approx({"w": 0.0, "e": math.pi, "n": -math.pi / 2, "s": math.pi / 2})
 
 
-def test_turning_and_moving_sideways_follow_from_the_poses(world, country):
-    """A left turn from the west to the north: a quarter circle, driven without slip; 0 before and after."""
+def test_yaw_rate_and_lateral_speed_follow_from_the_poses(world, country):
+    """A left turn from west to north is a quarter circle without slip; values are 0 before and after."""
     world.reset(country.cross('<vehicle id="x" depart="0" departPos="150"><route edges="wc cn"/></vehicle>'))
     world.step()
     states, slot = world.states, world.slot("x")
     columns = ("yaw_rate", "lateral_speed", "lateral_acceleration", "yaw_acceleration")
     for column in columns:
-        getattr(states, column)[slot] = 9.0  # what whoever had it before has left
+        getattr(states, column)[slot] = 9.0  # left by an earlier vehicle of the slot
     turned, greatest = 0.0, 0.0
     while abs(states.heading[slot] - math.pi / 2) > 1e-6 or turned == 0.0:
         world.step()
@@ -186,15 +186,15 @@ def test_turning_and_moving_sideways_follow_from_the_poses(world, country):
     assert [getattr(states, column)[slot] for column in columns] == pytest.approx([0.0] * 4, abs=1e-9)
 
 
-def test_who_comes_in_does_not_turn(world, country):
-    """Its slot may hold the pose of an earlier vehicle."""
+def test_arrivals_have_no_yaw_rate(world, country):
+    """The slot of an arrival may hold the pose of an earlier vehicle."""
     world.states.yaw_rate[:] = world.states.lateral_speed[:] = 9.0
     world.reset(country.road('<vehicle id="x" depart="0.1"><route edges="ba"/></vehicle>'))
     world.step(2)
     assert (world.states.yaw_rate[world.slot("x")], world.states.lateral_speed[world.slot("x")]) == (0.0, 0.0)
 
 
-def test_slots_follow_the_order_of_departure_and_are_used_again(world, country):
+def test_slots_follow_the_order_of_departure_and_are_reused(world, country):
     cars = "".join(
         f'<vehicle id="{name}" depart="{when}" departSpeed="max"><route edges="{edges}"/></vehicle>'
         for name, when, edges in (("z", 0, "wc"), ("y", 3, "wc ce"), ("b", 9, "ec cw"), ("a", 30, "wc"))
@@ -209,7 +209,7 @@ def test_slots_follow_the_order_of_departure_and_are_used_again(world, country):
     assert world.states.generation[0] == 2
 
 
-def test_a_full_world_holds_departures_back(new_world, country):
+def test_a_full_world_delays_departures(new_world, country):
     world = new_world(capacity=10)
     world.reset(country.road(), limit=8)
     for _ in range(600):
@@ -219,7 +219,7 @@ def test_a_full_world_holds_departures_back(new_world, country):
 
 
 def test_the_last_free_slot_may_go_to_an_ego(new_world, country):
-    """Also when SUMO lets another vehicle depart in the same step."""
+    """This holds even if another vehicle departs in SUMO in the same step."""
     world = new_world(capacity=8)
     world.reset(country.road(BUSY_ROAD.replace('vehsPerHour="700"', 'vehsPerHour="3000"')))
     entered = 0
@@ -265,7 +265,7 @@ def test_signals_are_those_of_the_lanes(world, country, kind, shown):
     assert world.traffic.signals[road] == Signal.NONE
 
 
-def test_routes_are_told(world, country):
+def test_routes(world, country):
     world.reset(country.road(ONE_CAR))
     world.step()
     assert world.traffic.route(world.slot("a")) == ("ab", "bc")
@@ -286,7 +286,7 @@ def test_routes_are_told(world, country):
         (lambda files: files.net.unlink(), "not accessible"),
     ],
 )
-def test_what_cannot_start_is_one_named_error(new_world, country, tmp_path, damage, message):
+def test_a_failed_start_is_one_named_error(new_world, country, tmp_path, damage, message):
     sound = country.road()
     broken = TrafficFiles(tmp_path / "map.net.xml", (tmp_path / "x.rou.xml",))
     broken.net.write_bytes(sound.net.read_bytes())
@@ -297,9 +297,9 @@ def test_what_cannot_start_is_one_named_error(new_world, country, tmp_path, dama
     neighbour.reset(sound, 4)
     hashed = hashlib.blake2b(neighbour.fingerprint())
     country_roads = country.roads(sound)
-    with pytest.raises(TrafficError, match=message) as refused:
+    with pytest.raises(TrafficError, match=message) as caught:
         world.traffic.reset(broken, 4, country_roads)
-    assert "/proc/" not in str(refused.value), "SUMO is told of files by number, users by name"
+    assert "/proc/" not in str(caught.value), "errors must name files, not descriptors"
     for _ in range(100):
         neighbour.step()
         hashed.update(neighbour.fingerprint())
@@ -323,8 +323,8 @@ def test_a_failure_in_mid_run_is_one_named_error(new_world, country):
     assert digest(world, country.road(), 4, 100) == digest(neighbour, country.road(), 4, 100)
 
 
-def test_sumo_is_told_what_the_design_says():
-    """Spelled out, since the tests of equality with SUMO give both sides the same options."""
+def test_sumo_options():
+    """The tests of equality with SUMO cannot check options, since both sides get the same."""
     files = TrafficFiles(Path("a.net.xml"), (Path("b.rou.xml"), Path("c.rou.xml")), (Path("d.add.xml"),))
     options = sumo_options(files, 7, 0.1)
     pairs = dict(zip(options[::2], options[1::2], strict=False))
@@ -369,7 +369,7 @@ def test_a_closed_simulation_does_not_drive_the_next_one(new_world, country):
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.1, math.nan, math.inf])
-def test_impossible_steps_are_refused(dt):
+def test_invalid_step_lengths_raise(dt):
     state = State(worlds=1, capacity=1, agents=0, lanes=1, dt=dt)
     with raises(TrafficError, "dt"):
         SumoTraffic(state, 0)

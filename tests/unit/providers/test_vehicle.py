@@ -1,4 +1,4 @@
-"""The vehicle provider: who is in the fleet, hand-overs, boxes, poses, friction, rows that rest."""
+"""The vehicle provider: the fleet's vehicles, hand-overs, boxes, poses, friction, masked simulations."""
 
 import math
 
@@ -35,15 +35,15 @@ def test_writes_rows_and_tracks(stage, model):
     assert vehicles.acceleration[0, 0] == pytest.approx(gained / 0.1, rel=1e-3)
     assert agents.throttle[0, 0] == 0.3
     assert agents.distance_travelled[0, 0] == pytest.approx(vehicles.position[0, 0, 0] - 20.0)
-    # Traffic is another's to move.
+    # Another provider moves traffic.
     assert vehicles.position[0, 1].tolist() == [300.0, 3.2]
 
 
 def test_sensors_of_a_kinematic_vehicle_in_a_bend(stage):
-    """By hand: the rear axle at v along the heading, the yaw rate r = v tan(steering) / L, and the
-    centre of gravity l_r before it.
+    """The reference is worked out by hand.
 
-    Steered from straight on to full lock, then held there.
+    The rear axle moves at v along the heading, the yaw rate is r = v tan(steering) / L, and the centre of
+    gravity is l_r in front of the rear axle. The vehicle steers from straight to full lock and holds it.
     """
     driven, record = stage([ego(speed=6.0)], model="kinematic"), vehicle("passenger")
     driven.actuate(throttle=0.1, steering=1.0)
@@ -93,7 +93,7 @@ class TestHandOver:
         assert abs(vehicles.acceleration[0, 0]) < 0.5
         assert vehicles.yaw_rate[0, 0] == pytest.approx(yaw_rate, abs=0.04)
 
-    def test_back_to_traffic_it_is_let_go(self, stage):
+    def test_a_vehicle_handed_to_traffic_leaves_the_fleet(self, stage):
         driven = stage([ego()])
         driven.step()
         generation = int(driven.world.vehicles.generation[0, 0])
@@ -105,7 +105,7 @@ class TestHandOver:
         driven.step()
         assert driven.world.vehicles.position[0, 0].tolist() == before.tolist()
 
-    def test_another_vehicle_in_the_same_slot_is_another(self, stage):
+    def test_another_vehicle_in_the_same_slot_is_spawned(self, stage):
         driven = stage([ego(speed=20.0)])
         driven.step()
         world = driven.world
@@ -115,13 +115,13 @@ class TestHandOver:
         driven.step()
         assert world.vehicles.position[0, 0] == pytest.approx([100.2, 3.2], abs=0.01)
 
-    def test_a_trailer_is_refused(self, stage):
+    def test_a_trailer_cannot_be_accepted(self, stage):
         driven = stage([Car(50.0, 0.0, kind=VehicleKind.TRAILER), Car(80.0, 0.0, kind=VehicleKind.BUS)])
-        answers = driven.vehicles.can_accept(np.zeros(2, np.int32), np.arange(2, dtype=np.int32))
-        assert answers.tolist() == [Refusal.KIND, Refusal.NONE]
+        refusals = driven.vehicles.can_accept(np.zeros(2, np.int32), np.arange(2, dtype=np.int32))
+        assert refusals.tolist() == [Refusal.KIND, Refusal.NONE]
 
 
-def test_rows_that_rest_stay_as_they_are(stage):
+def test_masked_simulations_do_not_change(stage):
     driven = stage([ego()], [ego()])
     driven.actuate(throttle=0.5, steering=0.1)
     driven.step(3)
@@ -159,10 +159,10 @@ def test_traffic_is_in_bullet_only_while_an_ego_may_touch_it(stage):
         gap = vehicles.position[0, 1, 0] - vehicles.position[0, 0, 0] - vehicles.length[0, 0]
         driven.step()
         present.append((gap, [key % vehicles.capacity for key in driven.boxes]))
-    # 1 m may be driven in the step, and 0.4 m are for what is not foreseen; nobody touches the one beside.
+    # The ego moves 1 m in a step, and 0.4 m are slack; the vehicle in the next lane cannot be touched.
     assert all(slots == [] for gap, slots in present if gap > 1.5)
     assert all(slots == [1] for gap, slots in present if gap < 1.3)
-    # It ran into the standing one, which gives way to nobody.
+    # The ego ran into the standing vehicle, which is a box and does not move.
     assert min(gap for gap, _ in present) < 0.1
     assert vehicles.position[0, 0, 0] < 60.0 - 4.0
     assert vehicles.speed[0, 0] < 2.0
@@ -171,7 +171,7 @@ def test_traffic_is_in_bullet_only_while_an_ego_may_touch_it(stage):
 
 
 class TestPlaced:
-    def test_takes_the_poses_as_they_are(self, stage):
+    def test_takes_the_commanded_poses(self, stage):
         driven = stage([ego()])
         commands = driven.commands
         commands.mode[0, 0] = CommandMode.PLACE
@@ -185,7 +185,7 @@ class TestPlaced:
         assert vehicles.yaw_rate[0, 0] == pytest.approx(1.0)
         assert not driven.vehicles.fleet.motion.active.any()
 
-    def test_goes_on_by_its_dynamics_from_there(self, stage):
+    def test_continues_with_its_dynamics_afterwards(self, stage):
         driven = stage([ego()])
         driven.commands.mode[0, 0] = CommandMode.PLACE
         driven.commands.poses[0, 0] = np.linspace((20.1, 0.0, 0.0, 10.0), (21.0, 0.0, 0.0, 10.0), 10)
@@ -195,7 +195,7 @@ class TestPlaced:
         assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(22.0, abs=0.01)
         assert driven.vehicles.fleet.motion.active.sum() == 1
 
-    def test_others_run_into_it(self, stage):
+    def test_other_vehicles_collide_with_it(self, stage):
         driven = stage([ego(20.0, speed=10.0), ego(40.0, speed=0.0)])
         driven.actuate(agent_id=0)
         driven.commands.mode[0, 1] = CommandMode.PLACE
@@ -219,7 +219,7 @@ class TestFriction:
         slippery = t.RoadSurfacePatch(whole, 0.0, 100.0, 0.3)
         assert self.braked(stage, slippery) == pytest.approx(20.0 - 1.5 * 0.3 * 9.81, abs=0.8)
 
-    def test_only_where_and_when_it_lies(self, stage):
+    def test_patches_have_an_area_and_a_period(self, stage):
         far = t.RoadSurfacePatch(t.PositionalZone(pos=(500.0, 0.0), size=(20.0, 20.0)), 0.0, 100.0, 0.3)
         later = t.RoadSurfacePatch(t.PositionalZone(pos=(100.0, 0.0), size=(400.0, 20.0)), 50.0, 100.0, 0.3)
         assert self.braked(stage, far, later) == pytest.approx(self.braked(stage))
@@ -232,7 +232,7 @@ class TestFriction:
         assert driven.vehicles.fleet.road.friction[0].tolist() == [0.3, 0.9, 0.3, 0.9]
 
 
-def test_a_motion_that_cannot_be_fails_its_simulation_alone(stage):
+def test_a_non_finite_motion_fails_only_its_simulation(stage):
     driven = stage([ego()], [ego()])
     driven.step()
     driven.vehicles.fleet.road.friction[0] = math.nan
@@ -250,7 +250,7 @@ def test_a_motion_that_cannot_be_fails_its_simulation_alone(stage):
 
 @pytest.mark.parametrize("mode", [CommandMode.ACTUATORS, CommandMode.TRACK, CommandMode.PLACE])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_what_is_not_finite_is_refused_before_anything_moves(stage, mode, bad):
+def test_a_non_finite_command_fails_only_its_simulation(stage, mode, bad):
     driven = stage([ego(), ego(60.0)], [ego()])
     driven.step()
     before = driven.world.vehicles.position.copy()
@@ -266,14 +266,14 @@ def test_what_is_not_finite_is_refused_before_anything_moves(stage, mode, bad):
         raise driven.vehicles.failures[0]
     moved = driven.world.vehicles.position - before
     assert not moved[0].any()
-    assert moved[1, 0, 0] > 0.1, "the other simulation goes on"
+    assert moved[1, 0, 0] > 0.1, "the other simulation must continue"
     commands.mode[0, 1] = CommandMode.NONE
     driven.step()
     assert not driven.vehicles.failures
     assert np.isfinite(driven.world.vehicles.position[0, :2]).all()
 
 
-def test_close_may_be_called_again(stage):
+def test_close_may_be_called_repeatedly(stage):
     driven = stage([ego()])
     driven.vehicles.close()
     driven.vehicles.close()

@@ -16,6 +16,7 @@ from smarts.types.events import TRUNCATING, Contacts, Event, Events, Outcome
 from smarts.types.frame import Frame, Readings
 from smarts.types.mission import AgentMission, GoalKind
 from tests.maps import straight
+from tests.raising import raises
 from tests.worlds import Car, world_of
 
 DISCOUNT = 0.99
@@ -73,8 +74,8 @@ class Drive:
         self.world.vehicles.position[0, 0] = ROUTE - remaining, 0.0
         worlds, agents = shape = self.world.agents.state.shape
         contacts = Contacts.allocate(worlds, agents, self.world.vehicles.capacity)
-        rows, everybody = np.ones(1, np.bool_), np.ones(shape, np.bool_)
-        frame = Frame(self.world, rows, None, None, contacts, self.events, everybody, Readings({}, {}))
+        rows, observe_mask = np.ones(1, np.bool_), np.ones(shape, np.bool_)
+        frame = Frame(self.world, rows, None, None, contacts, self.events, observe_mask, Readings({}, {}))
         self.rewards.collect(frame, is_last)
         return float(self.rewards.values[0, 0])
 
@@ -225,7 +226,7 @@ def test_neighbours_and_steering_are_weighed():
     assert one.decide(ROUTE, in_step=0) == 0.0
     slot = one.world.vehicles
     slot.alive[0, 5], slot.position[0, 5] = True, (30.0, 0.0)
-    # From nobody to one that stands 30 m ahead of a vehicle that stands.
+    # A standing vehicle appears 30 m ahead of a standing vehicle.
     assert one.decide(ROUTE, in_step=0) == pytest.approx(-0.03 * 20 / 8)
     slot.speed[0, 0] = 20.0
     one.world.agents.steering[0, 0] = 0.3
@@ -234,9 +235,9 @@ def test_neighbours_and_steering_are_weighed():
 
 
 def test_unknown_names_are_refused():
-    with pytest.raises(ScenarioError, match="benchmark"):
+    with raises(ScenarioError, "rewards.yaml", values=["benchmrk", "'benchmark'"]):
         reward_weights("benchmrk")
-    with pytest.raises(ScenarioError, match="collision"):
+    with raises(ScenarioError, "benchmark", values=["colision", "'collision'"]):
         reward_weights(colision=1.0)
 
 
@@ -246,7 +247,7 @@ def test_the_discount_may_be_the_learners():
     one._settle(ROUTE)
     assert one.decide(100.0) == pytest.approx(0.9 * -0.5 + 1.0)
     Rewards(one.served, "benchmark", discount=np.float32(0.9))
-    with pytest.raises(ScenarioError, match=r"1\.5"):
+    with raises(ScenarioError, "reward", values=[1.5]):
         Rewards(one.served, "benchmark", discount=1.5)
 
 

@@ -99,6 +99,12 @@ def test_signals(cross, graphs):
     assert (graphs["roundabout"].signal == -1).all()
 
 
+def test_roundabout(graphs):
+    graph = graphs["roundabout"]
+    ring = {graph.edge_ids[edge] for edge in np.flatnonzero(graph.edge_is_roundabout)}
+    assert ring == {"ring_east", "ring_north", "ring_west", "ring_south"}
+
+
 def test_junction_outlines(cross):
     centre = cross.junction_outline(cross.junction_ids.index("centre"))
     assert np.abs(centre).max() == pytest.approx(10.4)

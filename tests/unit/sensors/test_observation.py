@@ -185,11 +185,11 @@ def test_collisions_are_those_of_all_steps_of_a_decision():
     )
     onlooker = ObservationCollector(served)
     touching = stage.contacts.touching
-    told = []
+    collisions = []
     for step, slots in enumerate([(2,), (1, 2), (), (), (), ()]):
         touching[0, 0] = False
         touching[0, 0, list(slots)] = True
         onlooker.collect(stage.frame(), step % 3 == 2)
         if step % 3 == 2:
-            told.append([collision.collidee_id for collision in onlooker.seen[0].events.collisions])
-    assert told == [["oncoming", "second"], []]
+            collisions.append([each.collidee_id for each in onlooker.seen[0].events.collisions])
+    assert collisions == [["oncoming", "second"], []]

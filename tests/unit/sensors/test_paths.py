@@ -143,7 +143,7 @@ def test_beyond_the_road_the_way_that_turns_least_is_taken():
 
 
 def led(phase, *, x=50.0, speed=0.0, **curve):
-    """Return the paths of one who is led on a road of two lanes each way, three metres between waypoints."""
+    """Return the paths of a led agent on a road of two lanes each way, with waypoints every 3 m."""
     roads = {"there": Road([(0, 0), (200, 0)], 2), "back": Road([(200, 12.8), (0, 12.8)], 2)}
     made = world_of([Car(x, 0.0, mission=AgentMission(route=("there",)))], maps=[graph_of(roads)])
     guidance = made.world.guidance

@@ -1,4 +1,4 @@
-"""Which agents share which sensor, and who is served."""
+"""Which agents share a sensor, and which are observed."""
 
 import numpy as np
 

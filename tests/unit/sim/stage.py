@@ -39,7 +39,7 @@ class Stage:
         for slot, (x, y, *heading) in enumerate(places):
             vehicles.position[row, slot] = x, y
             vehicles.heading[row, slot] = heading[0] if heading else 0.0
-        self.made.locate()
+        self.made.match()
         self.contacts.partner[:] = -1
         for agent_id, partner in hits:
             self.contacts.partner[row, agent_id] = partner

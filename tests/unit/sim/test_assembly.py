@@ -18,6 +18,7 @@ from smarts.types.agent_states import AgentStatus
 from smarts.types.episode import TakeOver
 from smarts.types.events import Outcome
 from smarts.types.vehicles import Owner
+from tests.raising import raises
 
 EGOS = 2
 
@@ -169,7 +170,7 @@ def stepped(parts, rows):
 
 @pytest.mark.parametrize("dt", [0.0, 0.25, 1.0, math.nan])
 def test_steps_that_are_too_long_are_refused(dt):
-    with pytest.raises(SmartsError, match=rf"step of {dt}"):
+    with raises(SmartsError, "Options.dt", values=[dt]):
         Options(dt=dt)
 
 
@@ -194,7 +195,7 @@ def test_a_vehicle_that_fails_ends_its_own_episode_only(three):
 
 def test_traffic_that_fails_ends_its_own_episode_only(three):
     traffic, world = three.simulation._stages.traffic, three.simulation.world
-    broken = traffic._drivers[1] = Failing(traffic._drivers[1], at=3)
+    broken = traffic._simulations[1] = Failing(traffic._simulations[1], at=3)
     for _ in range(2):
         assert not stepped(three, [0, 1, 2]).failures
     frame = stepped(three, [0, 1, 2])
@@ -210,7 +211,7 @@ def test_traffic_that_fails_ends_its_own_episode_only(three):
     assert not frame.failures
     three.simulation.reset({1: three.schedule.start(1, 1)})
     assert broken.closed
-    assert traffic._drivers[1] is not broken
+    assert traffic._simulations[1] is not broken
     for _ in range(5):
         assert not stepped(three, [0, 1, 2]).failures
     assert world.step.tolist() == [9, 5, 9]
@@ -221,7 +222,7 @@ def test_traffic_is_told_of_egos_before_the_first_step(three):
     world = three.simulation.world
     for row in range(3):
         start = three.schedule.start(row, 0)
-        engine = three.simulation._stages.traffic._drivers[row]
+        engine = three.simulation._stages.traffic._simulations[row]
         for slot in np.flatnonzero(world.vehicles.owner[row] == Owner.AGENT).tolist():
             if start.traffic.warm_up:
                 assert engine.can_accept(slot)
@@ -231,11 +232,11 @@ def test_traffic_is_told_of_egos_before_the_first_step(three):
 
 
 def test_names_must_fit(scenarios):
-    with pytest.raises(InterfaceError, match="2 interfaces, and the names 'a'"):
+    with raises(InterfaceError, "assemble", values=[2, "'a'"]):
         assemble(scenarios, [interface()] * 2, agents=["a"])
-    with pytest.raises(InterfaceError, match="'a', 'a'"):
+    with raises(InterfaceError, "assemble", values=["'a', 'a'"]):
         assemble(scenarios, [interface()] * 2, agents=["a", "a"])
-    with pytest.raises(ScenarioError, match="5 egos"):
+    with raises(ScenarioError, "ego_missions", values=[5]):
         assemble(scenarios, [interface()] * 5)
 
 
@@ -328,5 +329,5 @@ def test_who_enters_later_is_made_known_to_traffic_and_gets_a_gap(three):
     slot = int(world.agents.slot[1, 1])
     assert world.agents.entry_step[1].tolist() == [0, 11]
     assert three.scene.world.registry.name(1, slot) == "agent-1"
-    assert traffic._drivers[1]._shadows._shadows[slot].route == late.mission.route
+    assert traffic._simulations[1]._shadows._shadows[slot].route == late.mission.route
     assert np.hypot(*(world.vehicles.position[1, slot] - late.pose[:2])) < 3.0

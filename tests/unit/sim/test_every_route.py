@@ -90,7 +90,7 @@ def test_traffic_is_on_the_lane_that_sumo_says(name):
             located = made.atlas.locate(
                 np.zeros(len(alive), np.int32), states.position[alive], states.heading[alive]
             )
-            driver = run.engine._drivers[0]
+            driver = run.engine._simulations[0]
             vehicle = driver._library.vehicle
             for slot, lane in zip(alive.tolist(), located.lane.tolist(), strict=True):
                 name_there = driver._ids[slot]

@@ -42,7 +42,7 @@ def test_a_way_across_a_crossing():
     assert agents.corners_on_road[0, 0] == 4
     made.world.vehicles.position[0, 0] = -5.0, -1.3
     made.advance()
-    made.locate()
+    made.match()
     lane = graph.lane_ids[made.world.vehicles.lane[0, 0]]
     assert lane == ":junction_2_0"
     assert np.isfinite(agents.remaining[0, 0])

@@ -20,6 +20,7 @@ from smarts.types.guidance import GuidePhase
 from smarts.types.mission import AgentMission, Task, TaskKind
 from tests import maps
 from tests.maps import Road, graph_of
+from tests.raising import raises
 from tests.worlds import Car, world_of
 
 FREE, APPROACH, MANOEUVRE, OVER = GuidePhase
@@ -43,7 +44,7 @@ class Plan:
         """Put vehicles somewhere and plan."""
         for slot, place in enumerate(places):
             self.made.world.vehicles.position[0, slot] = place
-        self.made.locate()
+        self.made.match()
         self.planner.plan(np.ones(1, np.bool_))
         return self
 
@@ -386,7 +387,7 @@ def test_a_turn_over_a_median_is_refused(tmp_path):
     edges = EDGES.replace('"there"', '"there" shape="0,-6 600,-6"')
     (tmp_path / "map.edg.xml").write_text(edges.replace('"back"', '"back" shape="600,6 0,6"'))
     mission = t.Mission(t.Route(("there", 2, 150), ("back", 0, 550)), task=t.UTurn())
-    with pytest.raises(ScenarioError, match="there is not road all the way from 'there' over to 'back_0'"):
+    with raises(ScenarioError, "ego_missions[0].task", values=["'there'", "'back_0'"]):
         build_described(tmp_path, t.Scenario(ego_missions=[mission]))
 
 

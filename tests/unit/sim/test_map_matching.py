@@ -89,7 +89,7 @@ def test_remaining_is_to_the_goal():
     assert agents.route_progress[0, 0] == pytest.approx(40.0)
     assert agents.remaining[0, 0] == pytest.approx(110.0)
     made.world.vehicles.position[0, 0] = 170.0, 3.2
-    made.locate()
+    made.match()
     assert agents.remaining[0, 0] == 0.0
 
 
@@ -98,7 +98,7 @@ def test_who_is_put_back_has_more_to_drive():
     made = world_of([Car(139.0, 0.0, mission=mission)], maps=[straight(lanes=1, length=200.0)])
     made.advance()
     made.world.vehicles.position[0, 0, 0] = 40.0
-    made.locate()
+    made.match()
     assert made.world.agents.remaining[0, 0] == pytest.approx(110.0)
 
 
@@ -110,7 +110,7 @@ def test_off_the_route_progress_stays_as_it_was():
     assert before[0] == pytest.approx(40.0)
     made.world.vehicles.position[0, 0] = 1.6, 50.0
     made.world.vehicles.heading[0, 0] = math.pi / 2
-    made.locate()
+    made.match()
     assert not agents.on_route[0, 0]
     assert (agents.route_progress[0, 0], agents.remaining[0, 0]) == before
 
@@ -152,7 +152,7 @@ def test_laps_are_counted_at_the_goal_line():
         made.advance()
         x, y, heading = graph.pose_at(lane, s)
         vehicles.position[0, 0], vehicles.heading[0, 0] = (x, y), heading
-        made.locate()
+        made.match()
         progress.append(agents.route_progress[0, 0])
         if agents.lap[0, 0] != last:
             last = int(agents.lap[0, 0])

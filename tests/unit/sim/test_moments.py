@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
-from smarts.envision.scenario_picture import _box
+from smarts.envision.scenario_picture import footprints
 from smarts.sim.moments import reset_moment
 from smarts.sim.traffic_run import traffic_run
 from smarts.sstudio.build import build_scenario
@@ -15,20 +15,19 @@ from smarts.types.vehicles import Owner
 TRAFFIC = "random_social_vehicles"
 
 
-def footprints(states):
+def outlines(states):
     """Return the outline of each vehicle, by slot."""
-    columns = (states.position, states.heading, states.length, states.width)
-    slots = np.flatnonzero(states.alive).tolist()
-    return {
-        slot: Polygon(_box(*states.position[slot], *(float(c[slot]) for c in columns[1:]))) for slot in slots
-    }
+    slots = np.flatnonzero(states.alive)
+    columns = (states.heading, states.length, states.width)
+    boxes = footprints(*states.position[slots].T, *(column[slots] for column in columns))
+    return dict(zip(slots.tolist(), map(Polygon, boxes), strict=True))
 
 
 @pytest.mark.parametrize("seconds", [0.0, 20.0])
 def test_egos_are_placed_and_traffic_in_their_way_is_gone(seconds):
     built = build_scenario("roundabout")
     moment = reset_moment(built, TRAFFIC, seconds=seconds)
-    boxes = footprints(moment.states)
+    boxes = outlines(moment.states)
     assert len(moment.egos) == 4
     assert all(moment.states.owner[slot] == Owner.AGENT for slot in moment.egos)
     for ego in moment.egos:
@@ -36,7 +35,7 @@ def test_egos_are_placed_and_traffic_in_their_way_is_gone(seconds):
     with traffic_run(built, TRAFFIC) as run:
         for _ in run.steps(seconds):
             pass
-        before = footprints(run.states)
+        before = outlines(run.states)
     # Most of the traffic is as it was without egos, none is new, and some was in their way.
     places = [box.centroid.coords[0] for box in before.values()]
     rest = [box.centroid.coords[0] for slot, box in boxes.items() if slot not in moment.egos]

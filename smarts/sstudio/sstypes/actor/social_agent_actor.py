@@ -29,4 +29,4 @@ class BoidAgentActor(SocialAgentActor):
 
     id: str = field(default_factory=lambda: drawing().serial("boid"))
     capacity: BubbleLimits | None = None
-    """How many vehicles it drives at most."""
+    """Limit to the number of its vehicles."""

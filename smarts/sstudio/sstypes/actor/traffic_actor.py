@@ -42,9 +42,9 @@ class TrafficActor(Actor):
     vehicle_type: str = "passenger"
     """"passenger", "bus", "coach", "truck", "trailer" or "motorcycle"."""
     lane_changing_model: LaneChangingModel = field(default_factory=LaneChangingModel)
-    """How the driver changes lanes."""
+    """The driver's lane-changing model."""
     junction_model: JunctionModel = field(default_factory=JunctionModel)
-    """How the driver behaves at junctions."""
+    """The driver's junction model."""
 
     @property
     def id(self) -> str:

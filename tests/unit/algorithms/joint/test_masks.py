@@ -58,9 +58,9 @@ class Logged(Ragged):
             self.open[agent].append((self.now[agent], reward, following, end))
             if ends.get(agent) or cuts.get(agent) or agent not in observations or cuts["__all__"]:
                 self.log.append(self.open.pop(agent))
-        for agent in self.lives:
+        for agent in self.trajectories:
             self.open.setdefault(agent, [])
-        self.now = {a: o for a, o in observations.items() if a in self.lives}
+        self.now = {a: o for a, o in observations.items() if a in self.trajectories}
         return observations, rewards, ends, cuts, infos
 
 

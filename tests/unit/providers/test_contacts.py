@@ -1,4 +1,4 @@
-"""What the vehicle provider gives to Bullet as boxes, and whom it tells of touches there."""
+"""The boxes that the vehicle provider places in Bullet, and the contacts that it records."""
 
 import math
 
@@ -13,8 +13,8 @@ from tests.vehicle_stage import MISSION, ego
 from tests.worlds import Car
 
 
-def leave_nobody_out(driven):
-    """Let a stage give Bullet everybody but the vehicle in slot 0, which is its own, in every step."""
+def box_all_vehicles(driven):
+    """Make a stage place all vehicles except slot 0, the fleet's own vehicle, as boxes in every step."""
     boxed, alive = driven.vehicles._boxed, driven.world.vehicles.alive
 
     def find(env_mask):
@@ -25,34 +25,35 @@ def leave_nobody_out(driven):
 
 
 def replace(driven, slot):
-    """Put another vehicle of the same size into a slot."""
+    """Replace the vehicle of a slot by another one of the same size."""
     registry, vehicles = driven.world.registry, driven.world.vehicles
     length, width = vehicles.length[0, slot], vehicles.width[0, slot]
     registry.dismiss(0, slot)
     assert registry.admit(0, "another", Owner.TRAFFIC, VehicleKind.PASSENGER, length, width) == slot
 
 
-class TestNobodyIsLeftOut:
-    """The same step with and without boxes for those who are far away."""
+class TestBoxesSuffice:
+    """A step with boxes for near vehicles only equals the step with boxes for all vehicles."""
 
-    def last_step(self, stage, body, place, kind, brake, everybody):
-        """Return the poses of a step that begins beside another vehicle, and whether Bullet kept them apart.
+    def last_step(self, stage, body, place, kind, brake, all_boxed):
+        """Return the poses of a step that begins beside another vehicle, and whether the two touched.
 
         Args:
-            stage: Makes the stage.
-            body: What the vehicle's body is to be a step before, by index as `layout.BODY_SIZE` says.
-            place: Centre of the other, which is as fast, when the step begins, seen from the vehicle's [m].
-            kind: Of the vehicle.
-            brake: Its command in that step.
-            everybody: Whether nobody is left out of Bullet.
+            stage: Factory of stages.
+            body: Values of the vehicle's body one step before, by index (`layout.BODY_SIZE`).
+            place: Centre of the other vehicle, relative to the vehicle's, when the step begins [m]. Both have
+                the same speed.
+            kind: Kind of the vehicle.
+            brake: Brake of the vehicle in that step.
+            all_boxed: Whether all vehicles are boxes in Bullet.
         """
         of_type, speed = vehicle(kind.name.lower()), 20.0 if brake else 0.0
         own = Car(
             50.0, 0.0, speed=speed, mission=MISSION, kind=kind, length=of_type.length, width=of_type.width
         )
         driven = stage([own, Car(500.0, 0.0, length=5.0, width=2.0)])
-        if everybody:
-            leave_nobody_out(driven)
+        if all_boxed:
+            box_all_vehicles(driven)
         driven.step()
         moved = driven.vehicles.fleet.body(0)
         for index, value in body.items():
@@ -67,32 +68,32 @@ class TestNobodyIsLeftOut:
         return tracks.poses[0, 0].copy(), tracks.touched[0, 0, 1] > 0
 
     def check(self, stage, body, place, kind=VehicleKind.PASSENGER, brake=0.0):
-        poses, _ = self.last_step(stage, body, place, kind, brake, everybody=False)
-        others, touched = self.last_step(stage, body, place, kind, brake, everybody=True)
+        poses, _ = self.last_step(stage, body, place, kind, brake, all_boxed=False)
+        others, touched = self.last_step(stage, body, place, kind, brake, all_boxed=True)
         assert touched
         assert poses == pytest.approx(others, abs=1e-9)
 
-    def test_who_brakes(self, stage):
-        # By 3 cm or so, when its nose has not dived yet.
+    def test_a_braking_vehicle(self, stage):
+        # They overlap by about 3 cm, before the nose has dived.
         self.check(stage, {}, (-(4.508 + 5.0) / 2 - 0.01, 0.0), brake=1.0)
 
-    def test_who_slides(self, stage):
-        # At some 15 m/s to the left.
+    def test_a_sliding_vehicle(self, stage):
+        # At about 15 m/s to the left.
         self.check(stage, {8: 16.0}, (0.0, (1.61 + 2.0) / 2 + 1.1))
 
-    def test_who_spins(self, stage):
-        # About along the road again when the last step begins, whose corner then swings out by 0.8 m.
+    def test_a_spinning_vehicle(self, stage):
+        # The vehicle points along the road when the last step begins; its corner then swings out by 0.8 m.
         body = {5: math.sin(-0.23), 6: math.cos(-0.23), 12: 5.0}
         self.check(stage, body, (0.0, (1.61 + 2.0) / 2 + 0.55))
 
-    def test_who_lies_on_the_side(self, stage):
-        # To the left; the roof, 3 m from the footprint's centre, slides towards the other.
+    def test_a_vehicle_on_its_side(self, stage):
+        # It lies on its left; the roof, 3 m from the footprint's centre, slides towards the other vehicle.
         half = math.sqrt(0.5)
         body = {1: -0.82, 2: 1.28, 3: -half, 4: 0.0, 5: 0.0, 6: half, 8: 3.0}
         self.check(stage, body, (0.0, 3.0 + 1.0 + 0.1), kind=VehicleKind.BUS)
 
 
-class TestBoxesGo:
+class TestBoxesAreRemoved:
     def test_with_the_vehicle(self, stage):
         driven = stage([ego(20.0, speed=10.0), Car(27.0, 0.0, speed=10.0)])
         driven.step(3)
@@ -103,7 +104,7 @@ class TestBoxesGo:
         assert driven.world.vehicles.position[0, 0, 0] == pytest.approx(43.0, abs=0.5)
 
     def test_at_the_episodes_end(self, stage):
-        """A vehicle 1 m away may not be touched, unless it was about to be before."""
+        """At a distance of 1 m, a vehicle is a box only if it was one in the step before."""
         driven = stage([ego(20.0, speed=0.0), Car(26.0, 0.0)])
         driven.step()
         assert driven.boxes == []
@@ -116,7 +117,7 @@ class TestBoxesGo:
         assert driven.boxes == []
 
     def pushed(self, stage, slot):
-        """Return the motion of a vehicle that was pushed by one in slot 1, then by another one in a slot."""
+        """Return the motion of a vehicle that is pushed by the vehicle in slot 1, then by one in `slot`."""
         driven = stage([ego(20.0, speed=8.0), Car(26.0, 0.0), Car(400.0, 0.0)])
         vehicles = driven.world.vehicles
         driven.actuate(throttle=0.5)
@@ -131,17 +132,17 @@ class TestBoxesGo:
         return driven.vehicles.fleet.body(0)
 
     def test_when_another_takes_the_slot(self, stage):
-        """Bullet remembers where two bodies touched; one that is new has touched nobody."""
+        """Bullet stores the contact points of two bodies; a new vehicle must not inherit them."""
         same_slot, other_slot = self.pushed(stage, 1), self.pushed(stage, 2)
         assert same_slot[7] < 0.0
         assert same_slot.tolist() == other_slot.tolist()
 
 
-class TestTouches:
-    """Bodies that dive touch before their footprints do; whoever was pushed has been touched."""
+class TestContacts:
+    """Contacts are recorded for both vehicles, also if bodies touch before their footprints overlap."""
 
     def drive_up(self, stage, speed, gap, kind=VehicleKind.PASSENGER, mission=None):
-        """Brake fully towards a standing car; return the first touch, and how fast that was pushed."""
+        """Brake fully towards a standing car; return the first contact, and the car's maximum speed."""
         length, other = vehicle(kind.name.lower()).length, vehicle("passenger").length
         back = Car(50.0, 0.0, speed=speed, kind=kind, length=length, mission=MISSION)
         driven = stage([back, Car(50.0 + (length + other) / 2 + gap, 0.0, length=other, mission=mission)])
@@ -155,28 +156,28 @@ class TestTouches:
         return first, pushed
 
     @pytest.mark.parametrize("kind", [VehicleKind.PASSENGER, VehicleKind.BUS])
-    def test_whoever_is_pushed_has_touched(self, stage, kind):
+    def test_a_pushed_vehicle_has_a_contact(self, stage, kind):
         touched = 0
         for gap in np.arange(1.0, 11.0, 0.5):
             first, pushed = self.drive_up(stage, 11.0, gap, kind, MISSION)
             assert (first is not None) == (pushed > 0.02), gap
             touched += first is not None
             if first is not None:
-                told, speeds = first
-                # Each of the two was touched by the other, in the same sub-step.
-                assert 1 <= told[0, 0, 1] == told[0, 1, 0] <= 10
-                assert not told[0, 0, [0, *range(2, told.shape[2])]].any()
+                substeps, speeds = first
+                # The contact is recorded for both vehicles, in the same sub-step.
+                assert 1 <= substeps[0, 0, 1] == substeps[0, 1, 0] <= 10
+                assert not substeps[0, 0, [0, *range(2, substeps.shape[2])]].any()
                 assert 0.0 <= speeds[0, 0, 1] == speeds[0, 1, 0] <= 11.1
         assert 5 < touched < 20
 
     def test_traffic_is_touched_too(self, stage):
         first, _ = self.drive_up(stage, 12.0, 3.0)
-        told, speeds = first
-        assert told[0, 0, 1] > 0
-        # Braking at some 8 m/s^2 over 3 m.
+        substeps, speeds = first
+        assert substeps[0, 0, 1] > 0
+        # The vehicle brakes at about 8 m/s^2 over 3 m.
         assert speeds[0, 0, 1] == pytest.approx(math.sqrt(12.0**2 - 2 * 8.0 * 3.0), abs=1.0)
 
-    def test_the_next_step_has_forgotten(self, stage):
+    def test_contacts_are_cleared_in_the_next_step(self, stage):
         driven = stage([Car(50.0, 0.0, speed=10.0, mission=MISSION), Car(56.0, 0.0, mission=MISSION)])
         steps = []
         for _ in range(20):
@@ -188,8 +189,8 @@ class TestTouches:
         assert not steps[-1]
 
     @pytest.mark.parametrize(("kind", "length"), [(VehicleKind.TRUCK, 7.1), (VehicleKind.COACH, 14.0)])
-    def test_bodies_are_as_long_as_others_see_them(self, stage, kind, length):
-        """SUMO's trucks and coaches are not as long as those that agents' are driven like."""
+    def test_bodies_have_the_length_of_the_vehicles_row(self, stage, kind, length):
+        """SUMO's trucks and coaches are not as long as the vehicle types of the dynamics."""
         driven = stage([Car(50.0, 0.0, speed=2.0, kind=kind, length=length, mission=MISSION), Car(62.0, 0.0)])
         place = driven.world.vehicles.position[0]
         for _ in range(40):
@@ -198,8 +199,8 @@ class TestTouches:
                 break
         assert place[1, 0] - place[0, 0] == pytest.approx((length + 5.0) / 2, abs=0.1)
 
-    def test_who_is_told_where_to_be_is_touched_too(self, stage):
-        """One goes by poses, and is a box to the other, who runs into it."""
+    def test_vehicles_moved_by_poses_are_touched_too(self, stage):
+        """The vehicle that is moved by poses is a box, which the other vehicle runs into."""
         driven = stage([ego(20.0, speed=10.0), ego(26.0, speed=0.0)])
         driven.actuate(agent_id=0)
         driven.commands.mode[0, 1] = CommandMode.PLACE
@@ -213,8 +214,8 @@ class TestTouches:
         ]
 
     @pytest.mark.parametrize("lag", [0.0, 0.35, 0.7])
-    def test_who_turns_past_a_standing_vehicle_does_not_touch_it(self, stage, lag):
-        """A bus on a circle of 14 m at 6 m/s, and a car beside the way of its outer corners, 10 cm off."""
+    def test_a_bus_turns_past_a_standing_vehicle_without_contact(self, stage, lag):
+        """A bus drives on a circle of 14 m at 6 m/s; a car is 10 cm off the path of its outer corners."""
         radius, rate = 14.0, 6.0 / 14.0
 
         def pose(time):

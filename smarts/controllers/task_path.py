@@ -1,4 +1,4 @@
-"""Kernels: the reference of a vehicle that its mission's task leads along a curve into another lane."""
+"""Kernel for the reference along the curve of a mission's task, such as a U-turn."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from smarts.types.world import State
 
 
 @kernel
-def write_led_reference(
+def write_task_reference(
     state: State,
     roads: Roads,
     routes: RouteTable,
@@ -20,25 +20,25 @@ def write_led_reference(
     a: int,
     abilities: Abilities,
     cap: float,
-    obeys: bool,
+    obey_limit: bool,
     reference: Floats,
 ) -> None:
-    """Write the points that lead a vehicle along the curve of its manoeuvre and on along the lane behind it.
+    """Write the reference along the curve of an agent's manoeuvre and the lane after it.
 
     Args:
-        state: Of the world.
+        state: The state of the world.
         roads: The maps' lanes.
         routes: The agents' routes.
-        b: Simulation.
-        a: Agent.
-        abilities: Of the kinds of vehicles.
-        cap: The largest speed [m/s].
-        obeys: Whether the limit of the lane behind the curve holds too.
-        reference: Written, shape (R, 4), see `Commands`.
+        b: The simulation.
+        a: The agent.
+        abilities: Limits of each kind of vehicle.
+        cap: Maximum speed [m/s].
+        obey_limit: Whether the speed limit of the lane after the curve applies too.
+        reference: The reference, written, shape (R, 4), see `Commands`.
     """
     vehicles, agents, guidance = state.vehicles, state.agents, state.guidance
-    world, slot = state.map[b], agents.slot[b, a]
-    first_lane = roads.lane_base[world]
+    map_id, slot = state.map[b], agents.slot[b, a]
+    first_lane = roads.lane_base[map_id]
     lane = first_lane + guidance.lane[b, a]
     agility = abilities.agility[vehicles.kind[b, slot]]
     control = curve_into(roads, guidance.begin[b, a], lane, guidance.s[b, a])
@@ -49,14 +49,14 @@ def write_led_reference(
     while on_curve < len(reference) and station < stations[-1]:
         point = reference[on_curve]
         point[0], point[1], point[2] = pose_along(control, stations, station)
-        point[3] = min(cap, roads.lane_speed[lane]) if obeys else cap
+        point[3] = min(cap, roads.lane_speed[lane]) if obey_limit else cap
         station += NEAR_SPACING
         on_curve += 1
-    behind = reference[on_curve:]
-    if len(behind) > 0:
-        row = row_of(routes, world, routes.number[b, a], lane, first_lane, agents.route_progress[b, a])
+    after_curve = reference[on_curve:]
+    if len(after_curve) > 0:
+        row = row_of(routes, map_id, routes.number[b, a], lane, first_lane, agents.route_progress[b, a])
         s = guidance.s[b, a] + station - stations[-1]
         write_reference(
-            roads, routes, world, row, s, 0.0, vehicles.speed[b, slot], cap, obeys, agility, behind
+            roads, routes, map_id, row, s, 0.0, vehicles.speed[b, slot], cap, obey_limit, agility, after_curve
         )
     limit_speeds(reference, len(reference), agility)

@@ -1,0 +1,155 @@
+"""Agents of an experiment that act and drive differently: `environment.agents` as a mapping."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from gymnasium.spaces import Box, Discrete
+
+from algorithms.errors import SpaceError
+from benchmark.experiment.config import read_experiment
+from benchmark.experiment.runs import completed, run_from, runs_of
+from benchmark.running.environments import environment
+from benchmark.running.experiment import check_task_settings
+from smarts.config import ConfigError
+from smarts.sim.episode_files import RecordedEpisode, episodes_in
+from tests.commands import begin, finish
+
+MIXED = """
+algorithms: [ppo]
+tasks: [intersection]
+traffic: [no_social_vehicles]
+seeds: [1]
+training: {sharing: all, rollout_fragment_length: 16}
+environment:
+  decision_interval: 5
+  vehicle_model: kinematic
+  agents:
+    car: {}
+    truck: {vehicle: truck, action: Continuous}
+    bus: {vehicle: bus, vehicle_model: bullet}
+budget: {agent_steps: 3000}
+evaluation: {episodes: 2, modes: [greedy], validations: 1, validation_episodes: 1, keep_episodes: true}
+resources: {num_envs_per_env_runner: 2}
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    file = tmp_path / "mixed.yaml"
+    file.write_text(MIXED)
+    return file
+
+
+def test_what_an_agent_does_not_say_is_the_environments(file):
+    given = read_experiment(file).environment
+    assert given.agent_count == 3
+    assert {
+        name: (each.vehicle, each.action, each.vehicle_model) for name, each in given.driving().items()
+    } == {
+        "car": ("generic_sedan", "Lane", "kinematic"),
+        "truck": ("truck", "Continuous", "kinematic"),
+        "bus": ("bus", "Lane", "bullet"),
+    }
+
+
+def test_a_run_with_them_is_recognised_by_its_content(file):
+    content = next(runs_of(read_experiment(file))).content()
+    assert content["environment"]["agents"]["truck"] == {"vehicle": "truck", "action": "Continuous"}
+    assert content["environment"]["agents"]["car"] == {}
+    again = run_from(content)
+    assert completed(again.content()) == completed(content)
+    assert again.task_setting.environment == read_experiment(file).environment
+
+
+def test_the_environment_has_them_by_name(file):
+    env = environment(next(runs_of(read_experiment(file))).task_setting, num_envs=1)
+    try:
+        blocks = {block.agents: block.action for block in env.spaces.blocks}
+        assert [*blocks] == [("car", "bus"), ("truck",)]
+        assert isinstance(blocks["car", "bus"], Discrete)
+        assert isinstance(blocks["truck",], Box)
+        env.reset(1)
+        world = env._runner.world
+        lengths = world.vehicles.length[0, world.agents.slot[0]]
+        car, bus, truck = lengths.tolist()
+        assert car < truck < bus
+        env.step([np.zeros((1, 2), np.int64), np.zeros((1, 1, 3), np.float32)])
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "place", "value"),
+    [
+        ("car: 5", "environment.agents.car", "5"),
+        ("a__b: {}", "environment.agents", "a__b"),
+        ("'a b': {}", "environment.agents", "a b"),
+        ("car: {vehicel: bus}", "environment.agents.car.vehicel", "'vehicle'"),
+        ("car: {observation: raw}", "environment.agents.car.observation", "'action'"),
+        ("car: {vehicle: tank}", "environment.agents.car.vehicle", "tank"),
+        ("car: {flat_tyres: [4]}", "environment.agents.car.flat_tyres[0]", "4"),
+        ("car: {tyre_model: linear}", "environment.agents.car.tyre_model", "linear"),
+        ("d: {}, e: {}", "tasks[0]", "5 egos"),
+    ],
+)
+def test_mistakes_are_named(file, change, place, value):
+    with pytest.raises(ConfigError) as caught:
+        read_experiment(file, [f"environment.agents={{{change}}}"])
+    (problem,) = caught.value.problems
+    assert place in problem.text
+    assert value in f"{problem.text} {problem.remedy}"
+
+
+def test_there_is_an_agent(file):
+    file.write_text("algorithms: [ppo]\ntasks: [loop]\nenvironment: {agents: {}}\n")
+    with pytest.raises(ConfigError) as caught:
+        read_experiment(file)
+    assert "environment.agents" in caught.value.problems[0].text
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        ("algorithms=[dqn]", "algorithms[0]"),
+        ("algorithms=[mf_ac]", "algorithms[0]"),
+        ("scripted=[keep_lane]", "scripted[0]"),
+        ("training.sharing={x: [car, bus]}", "training.sharing"),
+    ],
+)
+def test_what_cannot_act_as_all_of_them_is_refused(file, change, place):
+    with pytest.raises(ConfigError) as caught:
+        read_experiment(file, [change])
+    (problem,) = caught.value.problems
+    assert place in problem.text
+    assert "truck" in problem.text
+
+
+def test_groups_of_agents_with_different_spaces_are_refused_before_ray_starts(file):
+    experiment = read_experiment(file, ["training.sharing={x: [car, truck], y: [bus]}"])
+    with pytest.raises(SpaceError) as caught:
+        check_task_settings(experiment)
+    assert "'x'" in str(caught.value)
+    assert "truck" in str(caught.value)
+
+
+@pytest.mark.slow
+def test_they_are_trained_tested_recorded_and_reported(file):
+    out = file.parent / "results"
+    code, _, err = finish(begin("run", str(file), "--out", str(out)))
+    assert code == 0, err
+    run = out / "mixed/ppo/intersection/no_social_vehicles/seed_1"
+    table = pd.read_parquet(run / "episodes.parquet")
+    assert set(table["agent"]) == {"car", "truck", "bus"}
+    recorded = [RecordedEpisode(path) for path in episodes_in(run / "episodes/greedy-intersection")]
+    assert len(recorded) == 2
+    for episode in recorded:
+        assert {*episode.table("agents")["name"]} >= {"car", "truck", "bus"}
+    assert (out / "mixed/report/report.md").exists()
+    code, _, err = finish(
+        begin("evaluate", str(run), "--episodes", "1", "--modes", "greedy", "--out", str(out / "again"))
+    )
+    assert code == 0, err
+    tested = [*Path(out / "again").rglob("*.parquet")]
+    assert tested
