@@ -11,12 +11,16 @@ from typing import Any
 from smarts.registry import import_own, is_own_name
 from smarts.sstudio.encoding import digest
 
+PROGRAM = frozenset(("algorithms", "benchmark", "smarts"))
+"""The packages of this program."""
+
 
 def own_digests(imports: Iterable[str], *parts: Any) -> dict[str, str]:
     """Return a digest of the code behind each `module:Class` in parts of a config.
 
     A digest covers the module, and what it imports from its own package and from `imports`, directly or
-    indirectly. Comments and layout do not change it. Imports inside strings (`importlib`) are not followed.
+    indirectly. Comments, docstrings and layout do not change it. Imports inside strings (`importlib`) are not
+    followed. Modules of this program have no digest: the commit of a run stands for them.
 
     Args:
         imports: Files and folders of own code.
@@ -31,7 +35,8 @@ def own_digests(imports: Iterable[str], *parts: Any) -> dict[str, str]:
     names = own_names(parts)
     import_own(imports if names else ())
     roots = {Path(path).stem for path in imports}
-    sources = {name: _sources(name.partition(":")[0], roots) for name in names}
+    own = [name for name in names if name.partition(":")[0].partition(".")[0] not in PROGRAM - roots]
+    sources = {name: _sources(name.partition(":")[0], roots) for name in own}
     return {name: digest(sorted(found.items()), size=8) for name, found in sources.items() if found}
 
 
@@ -60,10 +65,19 @@ def _sources(module: str, roots: set[str]) -> dict[str, str]:
         except SyntaxError:  # of a module that is imported late, or never
             found[name] = text
             continue
-        found[name] = ast.dump(tree)
+        found[name] = ast.dump(_without_docstrings(tree))
         package = name if file.name == "__init__.py" else name.rpartition(".")[0]
         waiting += [*_imported(tree, package), name.rpartition(".")[0]]
     return found
+
+
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    """Remove the docstrings of a syntax tree, and return the tree."""
+    for node in ast.walk(tree):
+        has_body = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+        if has_body and ast.get_docstring(node, clean=False) is not None:
+            del node.body[0]
+    return tree
 
 
 def _imported(tree: ast.AST, package: str) -> Iterator[str]:

@@ -22,7 +22,7 @@ TOLERANCE = 1e-6
 """By which a footprint may be over the line [m]; against rounding."""
 
 
-class LaneChanges(NamedTuple):
+class FoundLaneChanges(NamedTuple):
     """Of all agents."""
 
     completed: NDArray[np.int32]
@@ -33,10 +33,10 @@ class LaneChanges(NamedTuple):
     """When an agent was between the two lanes of a completed change, shape (T, A)."""
 
 
-def find_lane_changes(episode: EpisodeData) -> LaneChanges:
+def find_lane_changes(episode: EpisodeData) -> FoundLaneChanges:
     """Return the lane changes of all agents, whatever action led to them."""
     count = episode.count
-    found = LaneChanges(
+    found = FoundLaneChanges(
         np.zeros(count, np.int32), np.zeros(count, np.int32), np.zeros((episode.steps + 1, count), np.bool_)
     )
     for agent in np.flatnonzero(episode.own >= 0).tolist():

@@ -113,7 +113,7 @@ def _check_spaces(experiment: Experiment) -> None:
     if not is_mixed and not own_names([task_setting.environment.model_dump(), task_setting.metrics]):
         return
     # Imported here, so that the driver's process loads the simulation only where it is played.
-    from benchmark.running.environments import try_own_code
+    from benchmark.running.trying import try_own_code
 
     spaces = try_own_code(task_setting)
     for algorithm in experiment.algorithms:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
@@ -17,6 +18,7 @@ from algorithms.errors import AlgorithmError
 from algorithms.joint.episode_indices import FIRST_VALIDATION_EPISODE
 from algorithms.joint.evaluation import evaluate
 from benchmark.experiment.algorithm_settings import CONFIGS
+from benchmark.experiment.own_code import PROGRAM
 from benchmark.experiment.runs import Run
 from benchmark.results.files import ResultsError
 from benchmark.results.progress import add_progress, begin_progress
@@ -156,17 +158,32 @@ def unpickled(file: Path) -> Any:
 
 def checkpoint_error(error: Exception, place: Path) -> ResultsError:
     """Return the error for a checkpoint that cannot be read."""
-    if isinstance(error, ImportError | AttributeError):  # its classes have other names or places now
+    if is_of_other_version(error):
         return ResultsError(
             f"the checkpoint is of another version of this program: {error}",
             place=str(place),
             remedy="use the version that `commit` and `versions` in run.json name, or train again",
+        )
+    if isinstance(error, ModuleNotFoundError):
+        return ResultsError(
+            f"the checkpoint needs the module {error.name!r}, which cannot be imported",
+            place=str(place),
+            remedy="name its file or folder in `imports`; if the checkpoint is damaged, use the other one, "
+            "last or best",
         )
     return ResultsError(
         f"the checkpoint is damaged: {type(error).__name__}: {error}",
         place=str(place),
         remedy="use the other checkpoint, last or best, or remove this one to train from the start",
     )
+
+
+def is_of_other_version(error: Exception) -> bool:
+    """Return whether unpickling failed for want of a class or module of this program."""
+    if isinstance(error, ImportError):
+        return (error.name or "").partition(".")[0] in PROGRAM
+    named = re.search(r"<module '(\w+)", str(error)) if isinstance(error, AttributeError) else None
+    return named is not None and named[1] in PROGRAM
 
 
 class Training:

@@ -41,7 +41,7 @@ def _made(name: str, option: Any) -> Sensor:
     return option if hasattr(option, "bind") else SENSORS[name](option)
 
 
-class Block(Mapping[str, NDArray]):
+class ReadingsBlock(Mapping[str, NDArray]):
     """The arrays of a sensor's fields, in one piece of memory, so that they are copied at once.
 
     Args:
@@ -60,9 +60,9 @@ class Block(Mapping[str, NDArray]):
         }
         self._arrays: dict[str, NDArray] = {}
 
-    def copy(self) -> Block:
+    def copy(self) -> ReadingsBlock:
         """Return a copy."""
-        made = Block.__new__(Block)
+        made = ReadingsBlock.__new__(ReadingsBlock)
         made._memory, made._layout, made._arrays = self._memory.copy(), self._layout, {}
         return made
 
@@ -89,7 +89,7 @@ class _Group:
     agent_ids: Ints
     observe_mask: Bools
     """Buffer that groups of the same agents share, shape (B, G)."""
-    block: Block
+    block: ReadingsBlock
     observe: Callable[[Bools], object]
 
 
@@ -144,7 +144,7 @@ def _groups(
         for number, ((_, sensor), members) in enumerate(by_sensor.items(), start=1):
             mask = masks.setdefault(tuple(members), np.zeros((worlds, len(members)), np.bool_))
             agent_ids = np.array(members, np.int32)
-            block = Block(sensor.fields(), (worlds, len(members)))
+            block = ReadingsBlock(sensor.fields(), (worlds, len(members)))
             groups.append(
                 _Group(
                     name if number == 1 else f"{name}:{number}",

@@ -79,7 +79,9 @@ def test_what_is_wrong_with_what_was_asked_for_last(tmp_path):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"cno_such_module\nName\n.", "another version"),
+        (b"cno_such_module\nName\n.", "no_such_module"),
+        (b"cnumpy\nNoSuchName\n.", "damaged"),
+        (b"csmarts.no_such_module\nName\n.", "another version"),
         (b"calgorithms.joint.env\nNoSuchName\n.", "another version"),
         (b"calgorithms.joint", "damaged"),
         (b"", "damaged"),

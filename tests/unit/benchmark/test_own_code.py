@@ -295,7 +295,9 @@ def package(tmp_path):
     (home / "__init__.py").write_text("")
     (home / "inner" / "__init__.py").write_text("def late():\n    from own_package.inner import deep\n")
     (home / "inner" / "deep.py").write_text("x = 1\n")
-    (home / "main.py").write_text("from . import near\nfrom .inner import late\nclass Mine: ...\n")
+    (home / "main.py").write_text(
+        '"""Old."""\nfrom . import near\nfrom .inner import late\nclass Mine: ...\n'
+    )
     (home / "near.py").write_text("import numpy\nimport own_far\n")
     (home / "other.py").write_text("x = 1\n")
     (tmp_path / "own_far.py").write_text("x = 1\n")
@@ -321,10 +323,14 @@ def test_a_digest_covers_what_own_code_imports(package, monkeypatch, file, count
     before = own_digests(imports, part)
     assert [*before] == ["own_package.main:Mine"]
     path = package / file
-    path.write_text(path.read_text() + "# a comment\n")
+    path.write_text(path.read_text().replace("Old.", "New.") + "# a comment\n")
     assert own_digests(imports, part) == before
     path.write_text(path.read_text() + "y = 2\n")
     assert (own_digests(imports, part) != before) == counts
+
+
+def test_this_program_has_no_digest():
+    assert own_digests([], "algorithms.ppo:PPOConfig", "smarts.env.adapters:ObservationAndReward") == {}
 
 
 def finish(experiment, root):

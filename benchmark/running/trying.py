@@ -1,0 +1,61 @@
+"""A short episode that tries users' own code before anything trains."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from benchmark.experiment.own_code import own_names
+from benchmark.experiment.runs import TaskSetting
+from benchmark.metrics import compute, measure_episodes
+from benchmark.metrics.table import COUNTS
+from benchmark.running.environments import environment
+from benchmark.running.importing import named_own_code
+from smarts.env.vector import VectorHiWayEnv
+
+TRIED_STEPS = 30
+"""Least steps of the episode."""
+TRIED_EPISODES = 10
+"""Most invalid episodes that are played."""
+
+
+def try_own_code(task_setting: TaskSetting) -> Any:
+    """Play and measure a short episode of a task setting with its own code; return the spaces.
+
+    Raises:
+        SmartsError: The environment cannot be made or played, or a metric raises; of own code, with its file
+            and line.
+    """
+    metrics = own_names(task_setting.metrics)
+    steps = max(TRIED_STEPS, 2 * task_setting.environment.decision_interval)
+    with tempfile.TemporaryDirectory(prefix="smarts-bench-") as folder:
+        record = Path(folder)
+        env = environment(task_setting, num_envs=1, record=record, max_episode_steps=steps)
+        with named_own_code("the environment's own code"), closing(env):
+            _play_one(env)
+        table = measure_episodes(record, metrics=metrics)
+    if metrics and table.attrs[COUNTS]["measured"]:
+        compute(table, metrics=metrics)
+    return env.spaces
+
+
+def _play_one(env: VectorHiWayEnv) -> None:
+    """Play until an episode is valid, at most `TRIED_EPISODES`."""
+    env.reset()
+    played = 0
+    while played < TRIED_EPISODES:
+        for shares in env.step([_some_actions(block) for block in env.spaces.blocks]).metrics.values():
+            played = TRIED_EPISODES if not shares["invalid"] else played + 1
+
+
+def _some_actions(block: Any) -> NDArray:
+    """Return an action for each agent of a block, shape (1, n, ...)."""
+    space = block.action
+    actions = np.zeros((1, len(block.agents), *(space.shape or ())), space.dtype)
+    return np.clip(actions, space.low, space.high) if isinstance(space, Box) else actions + space.start
