@@ -113,6 +113,9 @@ class NoEvents:
 
 
 class NoTransfers:
+    def clear(self, row):
+        pass
+
     def propose(self, events, rows):
         return NO_TRANSFERS
 

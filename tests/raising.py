@@ -16,7 +16,12 @@ def raises(kind: type[Exception], place: str | Path = "", *, values: Sequence[An
         kind: Type of the error.
         place: End of the error's place.
         values: Values that the error names in problem, place or remedy.
+
+    Raises:
+        ValueError: Neither a place nor a value is asked for.
     """
+    if not (str(place) or any(map(str, values))):
+        raise ValueError("ask for the error's place, or for values that it names")
     with pytest.raises(kind) as caught:
         yield caught
     error = caught.value

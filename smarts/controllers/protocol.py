@@ -13,7 +13,8 @@ class Controller(Protocol):
     """Writes the commands of agents of one action type at 10 Hz; vehicles execute commands at 100 Hz.
 
     A controller keeps its memory (the state of lane changes) in `world.agents`, so a reset of the agents
-    resets it. It is constructed with a `Scene`.
+    resets it. Arrays of its own, shape (B, A, ...), it lists in an attribute `columns`: they are cleared when
+    another agent takes a column. It is constructed with a `Scene`.
     """
 
     action_format: ClassVar[ActionFormat]

@@ -180,6 +180,7 @@ class SimulationRunner:
         self._find_alive()
         waiting = rows & ~self.alive.any(axis=1)
         if waiting.any():
+            self.dispatch()
             self.step(waiting)
 
     def step(self, env_mask: Bools | None = None) -> Transition:
@@ -205,6 +206,8 @@ class SimulationRunner:
                     break
             pending = self._without_agents(env_mask, waited)
             waited += self.period
+            if pending.any():
+                self.dispatch()
         self._find_alive()
         self._ended[env_mask] = (self._terminated | self._truncated)[env_mask]
         return Transition(
@@ -260,7 +263,10 @@ class SimulationRunner:
         self._recorder.finish(~self.running)
 
     def dispatch(self) -> None:
-        """Ask the social agents whose decision is due; the last call before the user's turn."""
+        """Ask the social agents whose decision is due; the last call before the user's turn.
+
+        `reset` and `step` ask them before each further step that they make themselves.
+        """
         if self._requests is not None and self._frame is not None:
             self._requests.dispatch(self._frame, self._seen & self.running[:, None])
 

@@ -51,9 +51,9 @@ PIXELS = 900
 class EpisodePicture:
     """Draws any step of one episode; roads are drawn once.
 
-    Each agent has a colour, a trail, a ring at its goal, and a line of text above the map. A cross marks its
-    last position, or a star if it collided, with its outcome beside it for `OUTCOME_SHOWN`. Traffic lights
-    are bars at the ends of their lanes.
+    Each agent has a number, that of its row in the table `agents`, a colour, a trail, a ring at its goal, and
+    a line of text above the map. A cross marks its last position, or a star if it collided, with its outcome
+    beside it for `OUTCOME_SHOWN`. Traffic lights are bars at the ends of their lanes.
 
     Args:
         episode: The recorded episode.
@@ -64,7 +64,8 @@ class EpisodePicture:
         self.episode = episode
         self.dt = float(episode.facts["dt"])
         self.steps = int(episode.facts["steps"])
-        self._agents = _rows(episode.table("agents"))
+        agents = _rows(episode.table("agents"))
+        self._agents = [{**agent, "number": number} for number, agent in enumerate(agents)]
         self._vehicles = episode.table("vehicles")
         self._agent_states = episode.table("agent_states")
         self._first = np.searchsorted(self._vehicles["step"], np.arange(self.steps + 2))
@@ -191,7 +192,7 @@ class EpisodePicture:
             self._add(shapes)
 
     def _draw_agents(self, step: int) -> None:
-        """Mark the agents' last positions, and label each agent with its `agent_id` and outcome."""
+        """Mark the agents' last positions, and label each agent with its number and outcome."""
         labelled = []
         for agent in self._agents:
             since = step - int(agent["end_step"])
@@ -203,7 +204,7 @@ class EpisodePicture:
                 self._mark_end(agent, x, y, is_gone=since > 0)
             if since * self.dt <= OUTCOME_SHOWN or step == self.steps:
                 text = _outcome_name(agent) if has_ended else ""
-                labelled.append((agent, f"{agent['agent_id']} {text}".strip(), (x, y)))
+                labelled.append((agent, f"{agent['number']} {text}".strip(), (x, y)))
         self._write_labels(step, labelled)
 
     def _mark_end(self, agent: dict[str, Any], x: float, y: float, *, is_gone: bool) -> None:
@@ -274,7 +275,7 @@ class EpisodePicture:
         self._artists.append(self._figure.text(0.01, 1 - 13 / height, title, fontsize=10, va="center"))
         for place, agent in enumerate(self._agents):
             row, column = divmod(place, self._columns)
-            line = f"{agent['agent_id']} {agent['name']}: {self._status(agent, step)}"
+            line = f"{agent['number']} {agent['name']}: {self._status(agent, step)}"
             text = self._figure.text(
                 0.01 + 0.98 * column / self._columns,
                 1 - (TITLE + LINE * row + 9) / height,
@@ -287,13 +288,15 @@ class EpisodePicture:
             self._artists.append(text)
 
     def _status(self, agent: dict[str, Any], step: int) -> str:
-        """Return an agent's status: its outcome, or its speed."""
+        """Return an agent's status: its outcome, or its speed while it has its vehicle."""
         if agent["entry_step"] < 0 or step < agent["entry_step"]:
             return "waits"
         if step >= agent["end_step"] and agent["outcome"] != Outcome.NONE:
             return f"{_outcome_name(agent)} at {agent['end_step'] * self.dt:.1f} s"
-        slots, speeds = self._present(step, "slot", "speed")
-        speed = speeds[slots == agent["slot"]]
+        if step > agent["end_step"]:
+            return "gone"
+        slots, generations, speeds = self._present(step, "slot", "generation", "speed")
+        speed = speeds[(slots == agent["slot"]) & (generations == agent["generation"])]
         state = self._agent_states["state"][
             (self._agent_states["step"] == step) & (self._agent_states["agent_id"] == agent["agent_id"])
         ]
@@ -312,11 +315,11 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 def _longest_line(agent: dict[str, Any], seconds: float) -> str:
     """Return the longest line that may be written about an agent above the map."""
     ending = f"{_outcome_name(agent)} at {seconds:.1f} s"
-    return f"{agent['agent_id']} {agent['name']}: {max(ending, 'watches, 88.8 m/s', key=len)}"
+    return f"{agent['number']} {agent['name']}: {max(ending, 'watches, 88.8 m/s', key=len)}"
 
 
 def _colour(agent: dict[str, Any]) -> str:
-    return EGOS[int(agent["agent_id"]) % len(EGOS)]
+    return EGOS[agent["number"] % len(EGOS)]
 
 
 def _outcome_name(agent: dict[str, Any]) -> str:

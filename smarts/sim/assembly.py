@@ -235,7 +235,8 @@ def _assemble(
         alive_rules(interfaces, names, world.egos),
         interest_of(world, interfaces, schedule, entries),
     )
-    contacts, events = FootprintContacts(world), AgentEvents(scene, rules, alive, interest)
+    contacts = FootprintContacts(world)
+    events = AgentEvents(scene, rules, alive, interest, entries.coming)
     sensors = SensorSuite(scene, interfaces, looked_at)
     stages = Stages(
         ownership=ownership,

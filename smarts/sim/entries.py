@@ -39,6 +39,8 @@ class Entries:
         """The present episode of each simulation."""
         self.waiting: list[list[int]] = [[] for _ in range(worlds)]
         """Numbers of the agents that have yet to enter, by simulation."""
+        self.coming = np.zeros(worlds, np.int32)
+        """How many of them get their column when they enter, shape (B,)."""
         self._world, self._ownership = world, ownership
         self._routes, self._pool = routes, pool
 
@@ -50,11 +52,12 @@ class Entries:
         """
         self.episodes[row] = start
         self._pool.begin(row, start)
-        self.waiting[row] = [
+        waiting = [
             number
             for number, agent in enumerate(start.agents)
             if agent.entry_time > 0 or agent.take_over or self._admit(row, number, agent) is None
         ]
+        self._wait(row, waiting)
 
     def clear_way(self, row: int) -> None:
         """Clear traffic that blocks agents' spawns; requires map matching."""
@@ -65,12 +68,17 @@ class Entries:
         """Let in the agents whose time has come; give routes to those that have just taken over a vehicle."""
         for row, waiting in enumerate(self.waiting):
             if waiting and env_mask[row]:
-                self.waiting[row] = [number for number in waiting if not self._enters(row, number)]
+                self._wait(row, [number for number in waiting if not self._enters(row, number)])
 
     def is_waiting(self, row: int, number: int) -> bool:
         """Return whether an agent that has not entered still can: it has no column, or waits in it."""
         agent_id = self._pool.column(row, number)
         return agent_id == UNSET or self._world.agents.state[row, agent_id] == AgentStatus.WAITING
+
+    def _wait(self, row: int, numbers: list[int]) -> None:
+        """Write which agents of a simulation have yet to enter."""
+        self.waiting[row] = numbers
+        self.coming[row] = sum(self._pool.column(row, number) == UNSET for number in numbers)
 
     def _enters(self, row: int, number: int) -> bool:
         """Let an agent in if it can enter now; return whether it has no longer to wait."""

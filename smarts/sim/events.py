@@ -38,11 +38,15 @@ class Interest(Protocol):
 
 
 class AliveColumns(NamedTuple):
-    """R `AliveRule`s: the agent (R,), the agents that are counted (R, A), how many must be left (R,)."""
+    """R `AliveRule`s: the agent (R,), the agents that are counted (R, A), how many must be left (R,).
+
+    `coming` is how many agents have no column yet, shape (B,).
+    """
 
     agent_id: Ints
     counted: Bools
     minimum: Ints
+    coming: Ints
 
 
 class AgentEvents:
@@ -56,6 +60,8 @@ class AgentEvents:
         rules: Of all agents.
         alive: Endings by the number of agents that are left.
         interest: Finds vehicles of interest; needed if an agent ends by them.
+        coming: How many agents get their column when they enter, shape (B,); they are left, too. None: all
+            agents have one.
     """
 
     def __init__(
@@ -64,6 +70,7 @@ class AgentEvents:
         rules: AgentRules,
         alive: Sequence[AliveRule] = (),
         interest: Interest | None = None,
+        coming: Ints | None = None,
     ) -> None:
         world = scene.world
         worlds, agents = world.agents.slot.shape
@@ -78,6 +85,7 @@ class AgentEvents:
             np.array([rule.agent_id for rule in alive], np.int32),
             counted,
             np.array([rule.minimum for rule in alive], np.int32),
+            np.zeros(worlds, np.int32) if coming is None else coming,
         )
         given = world.state, scene.atlas.roads, scene.routes.current, world.egos, self.events
         patience = round(OFF_ROUTE_TIME / world.dt)
@@ -186,7 +194,8 @@ def _miss_others(state: State, rules: AgentRules, alive: AliveColumns, row: int,
     for rule in range(len(alive.agent_id)):
         if agents.state[row, alive.agent_id[rule]] != _ACTIVE:
             continue
-        left = 0
+        # Only a rule that counts all agents counts the pool's, whose columns are the last.
+        left = alive.coming[row] if alive.counted[rule, -1] else 0
         for agent_id in range(agents.slot.shape[1]):
             is_in = agents.state[row, agent_id] in (_WAITING, _SHADOWING, _ACTIVE)
             is_ending = bits[row, agent_id] & rules.ending[agent_id] & ~_AGENTS_ALIVE

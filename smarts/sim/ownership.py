@@ -173,5 +173,3 @@ class Ownership:
         agents = self._world.agents
         agents.slot[row, agent_id] = UNSET
         agents.state[row, agent_id] = AgentStatus.VACANT
-        # The next agent of the column is observed at once.
-        agents.next_due[row, agent_id] = 0

@@ -167,6 +167,7 @@ class Simulation:
         world.clear(row)
         world.map[row], world.episode[row] = start.map, start.episode
         stages.ownership.clear(row)
+        stages.transfer_rules.clear(row)
         stages.entries.reset(row, start)
 
 

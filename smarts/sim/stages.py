@@ -100,6 +100,10 @@ class EventDetector(Protocol):
 class TransferRules(Protocol):
     """Proposes which vehicles change hands; writes nothing."""
 
+    def clear(self, row: int) -> None:
+        """Forget the episode of one simulation."""
+        ...
+
     def propose(self, events: Events, env_mask: Bools) -> Transfers:
         """Return the transfers that are to happen at the beginning of the next step."""
         ...

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, MutableMapping
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -39,8 +40,12 @@ class HandoverRules:
         self._can_take = can_take
         # Simulations in which a vehicle may be left that no provider accepted.
         self._unsettled: set[int] = set()
-        # What the triggers of conditions remember: (simulation, number) -> episode, memory.
-        self._memory: dict[tuple[int, int], tuple[int, MutableMapping[Any, float]]] = {}
+        # What the triggers of conditions remember, by simulation and number of the agent.
+        self._memory = [defaultdict[int, dict[Any, float]](dict) for _ in range(world.worlds)]
+
+    def clear(self, row: int) -> None:
+        """Forget what the conditions of one simulation's agents remember."""
+        self._memory[row].clear()
 
     def propose(self, events: Events, env_mask: Bools) -> Transfers:
         """Return the transfers for the beginning of the next step."""
@@ -100,14 +105,10 @@ class HandoverRules:
         if rule.condition is None:
             return True
         world = self._world
-        episode, memory = self._memory.get((row, number), (-1, {}))
-        if world.step[row] == 0 or episode != world.episode[row]:
-            memory = {}
-            self._memory[row, number] = int(world.episode[row]), memory
         names = {
             world.registry.name(row, slot) for slot in np.flatnonzero(world.vehicles.alive[row]).tolist()
         }
-        return bool(rule.condition.evaluate(memory=memory, time=now, actor_ids=names))
+        return bool(rule.condition.evaluate(memory=self._memory[row][number], time=now, actor_ids=names))
 
 
 def _letting_go(world: World, row: int, agent_id: int, is_first: bool) -> Transfer:

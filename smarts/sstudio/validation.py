@@ -75,7 +75,7 @@ class _Validation(TrafficChecks):
             self.type(variation, t.Variation, where)
         for name in variations or {}:
             plain = bool(name) and not set(name) & set("@/\\")
-            self.require(plain, f"held_out[{name!r}]", "not a name", "leave out @ and /")
+            self.require(plain, f"held_out[{name!r}]", f"{shown(name)} is not a name", "leave out @ and /")
             self.name(name, "held_out")
 
     def _start_variation(self, variation: Any, where: str) -> None:

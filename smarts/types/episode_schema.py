@@ -126,7 +126,7 @@ AGENTS = Table(
         Column("partner_generation", "int32", "of that vehicle"),
         Column("partner", TEXT, "public name of that vehicle"),
         Column("partner_owner", "int8", "Owner of that vehicle"),
-        Column("partner_agent_id", "int16", "agent_id of the agent that drove it, -1 for none"),
+        Column("partner_agent_id", "int16", "agent_id of the agent that drove it at end_step, -1 for none"),
         Column("side", "int8", "where it was hit: 0 front, 1 left, 2 rear, 3 right"),
         Column("closing_speed", "float32", "at the collision", "m/s"),
         Column("substep", "int8", "of the collision"),

@@ -51,10 +51,15 @@ def test_a_run_whose_scenario_does_not_exist_any_more(run, folder):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("budget", 5), ("environment", {"agents": 0}), ("num_envs_per_env_runner", "x")]
+    ("key", "value", "named"),
+    [
+        ("budget", 5, "'int'"),
+        ("environment", {"agents": 0}, "agents is 0"),
+        ("num_envs_per_env_runner", "x", "num_envs_per_env_runner is 'x'"),
+    ],
 )
-def test_a_config_of_a_run_that_is_none(run, key, value):
-    with raises(ValueError):
+def test_a_config_of_a_run_that_is_none(run, key, value, named):
+    with raises(ValueError, values=[named]):
         run_from({**run.content(), key: value})
 
 

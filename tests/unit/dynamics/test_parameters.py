@@ -6,6 +6,7 @@ from smarts.config import ConfigError, read_config
 from smarts.dynamics import layout, parameters, vehicle, vehicle_names
 from smarts.dynamics.parameters import SteeringParameters, VehicleParameters, tyre
 from smarts.errors import UnknownNameError
+from tests.raising import raises
 
 
 @pytest.mark.parametrize("name", vehicle_names())
@@ -49,7 +50,7 @@ def test_unknown_vehicle(name):
 
 
 def test_unknown_tyre():
-    with pytest.raises(UnknownNameError):
+    with raises(UnknownNameError, values=["'slick'"]):
         tyre("slick")
 
 

@@ -348,6 +348,43 @@ def test_where_all_wait_time_goes_on_until_somebody_is_there(play):
     assert played.world.vehicles.home[0, played.world.agents.slot[0, EGO]] == Owner.TRAFFIC
 
 
+@pytest.mark.parametrize("period", [1, 5])
+def test_social_agents_decide_while_all_egos_wait(play, period):
+    answers = Answers()
+
+    def waiting(agents):
+        ego, social = beside(agents)
+        return dataclasses.replace(ego, entry_time=3.0), social
+
+    played = play(answers, waiting, period=period)
+    played.reset()
+    entered = int(played.world.step[0])
+    assert entered >= 30
+    assert [request.step for request in answers.asked] == [*range(entered + 1)]
+
+
+def test_what_a_condition_remembers_is_forgotten_when_the_same_episode_begins_again(play):
+    remembered = []
+
+    class Remembers:
+        def evaluate(self, *, memory, time, **facts):
+            remembered.append(len(memory))
+            memory[self] = time
+            return False
+
+    def waiting(agents):
+        rule = TakeOver(condition=Remembers())
+        late = dataclasses.replace(agents[0], name="social", interface=0, entry_time=1.0, take_over=rule)
+        return (*agents, late)
+
+    played = play(Answers(), waiting)
+    for _ in range(2):
+        played.reset(0)
+        played.step(15)
+    assert remembered.count(0) == 2
+    assert remembered.count(1) == len(remembered) - 2 > 2
+
+
 def test_where_nobody_ever_comes_the_error_says_so(play, monkeypatch):
     monkeypatch.setattr("smarts.env.runner.MAX_ENTRY_WAIT", 100)
 

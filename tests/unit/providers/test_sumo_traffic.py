@@ -346,9 +346,9 @@ def test_misuse_is_named(world, country):
     with raises(TrafficError, values=[63]):
         world.traffic.route(63)
     world.traffic.close()
-    with raises(TrafficError):
+    with raises(TrafficError, values=["closed"]):
         world.traffic.step()
-    with raises(TrafficError):
+    with raises(TrafficError, values=["closed"]):
         world.reset(country.road())
 
 
@@ -361,7 +361,7 @@ def test_a_closed_simulation_does_not_drive_the_next_one(new_world, country):
     world.reset(country.road(), 4)
     hashed = hashlib.blake2b(world.fingerprint())
     for _ in range(50):
-        with raises(TrafficError):
+        with raises(TrafficError, values=["closed"]):
             closed.traffic.step()
         world.step()
         hashed.update(world.fingerprint())

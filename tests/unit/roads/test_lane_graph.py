@@ -76,16 +76,15 @@ def test_a_damaged_file(tmp_path, content):
     path = tmp_path / "lanes.npz"
     if content is not None:
         path.write_bytes(content)
-    with raises(MapError) as caught:
+    with raises(MapError, path):
         LaneGraph.load(path)
-    assert caught.value.place == str(path)
 
 
 def test_a_truncated_file(tmp_path, cross):
     path = tmp_path / "lanes.npz"
     cross.save(path)
     path.write_bytes(path.read_bytes()[:-500])
-    with raises(MapError):
+    with raises(MapError, path):
         LaneGraph.load(path)
 
 
@@ -93,7 +92,7 @@ def test_a_file_of_another_version(tmp_path, cross, monkeypatch):
     path = tmp_path / "lanes.npz"
     cross.save(path)
     monkeypatch.setattr("smarts.roads.lane_graph.FORMAT", 999)
-    with raises(MapError):
+    with raises(MapError, path):
         LaneGraph.load(path)
 
 

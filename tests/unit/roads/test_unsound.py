@@ -62,7 +62,7 @@ def test_opendrive(tmp_path, pattern, replacement, value):
 
 def test_names_with_commas(tmp_path):
     shutil.copy(DATA / "village.osm", tmp_path / "vil,lage.osm")
-    with raises(MapError) as caught:
+    with raises(MapError, tmp_path / "vil,lage.osm") as caught:
         compile_map(find_map_source(tmp_path, "vil,lage.osm"), tmp_path / "out.net.xml")
     assert caught.value.remedy == "rename the file"
 
@@ -75,7 +75,7 @@ def test_folders_with_commas(tmp_path):
 
 def test_files_that_are_gone(tmp_path):
     gone = MapSource("osm", (tmp_path / "map.osm",))
-    with raises(MapError):
+    with raises(MapError, tmp_path / "map.osm"):
         compile_map(gone, tmp_path / "out.net.xml")
 
 
@@ -94,7 +94,7 @@ def test_half_a_network_is_noticed(tmp_path, monkeypatch):
     os.chmod(tool, 0o755)
     monkeypatch.setattr("smarts.roads.compile._sumo_folder", lambda: tmp_path / "sumo")
     folder = maps.write(tmp_path / "maps", **maps.cross())
-    with raises(MapError) as caught:
+    with raises(MapError, folder / "map.nod.xml", values=[tmp_path / "out"]) as caught:
         compile_map(find_map_source(folder), tmp_path / "out" / "net.xml")
     assert caught.value.remedy == "make room on that disk"
     assert list((tmp_path / "out").iterdir()) == []

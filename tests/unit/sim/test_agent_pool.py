@@ -6,9 +6,19 @@ from functools import partial
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
-from smarts.agents import AgentInterface, DoneCriteria, InterfaceError, PooledAgents, Waypoints
+from smarts.agents import (
+    AgentInterface,
+    AgentsAliveDoneCriteria,
+    DoneCriteria,
+    InterfaceError,
+    PooledAgents,
+    Waypoints,
+)
 from smarts.agents.pooled import merge_pools
+from smarts.envision.episode_picture import EpisodePicture
+from smarts.envision.episode_picture import _colour as agent_colour
 from smarts.errors import ScenarioError, SmartsError
 from smarts.sim.assembly import Options, assemble
 from smarts.sim.episode_files import RecordedEpisode, episodes_in
@@ -268,6 +278,24 @@ def test_agents_that_start_later_get_their_column_when_they_enter(make):
     assert [hold[:2] for hold in parts.pool.holds[0]] == [(0, 0), (1, 1), (2, 1), (3, 1)]
 
 
+def test_agents_that_are_still_to_come_count_as_left(make):
+    """The ego ends when the only other agent is done, not while that has yet to enter."""
+    criteria = DoneCriteria(agents_alive=AgentsAliveDoneCriteria(minimum_total_agents_alive=2))
+    short = LANER.replace(max_episode_steps=10, done_criteria=DoneCriteria(off_route=False))
+    parts = make([LANER.replace(done_criteria=criteria)], [PooledAgents(short, 2)], worlds=2)
+    start = first_start(parts, traffic=False)
+    late = dataclasses.replace(start.agents[0], name="late", interface=0, pose=second_pose(), entry_time=1.0)
+    parts.simulation.reset({0: dataclasses.replace(start, agents=(*start.agents, late)), 1: start})
+    agents = parts.simulation.world.agents
+    step(parts)
+    assert agents.outcome[:, 0].tolist() == [Outcome.NONE, Outcome.OTHER]
+    while agents.outcome[0, 1] == Outcome.NONE:
+        assert agents.outcome[0, 0] == Outcome.NONE
+        step(parts, [0])
+    assert agents.entry_step[0, 1] == 11
+    assert agents.outcome[0, :2].tolist() == [Outcome.OTHER, Outcome.TIME_OUT]
+
+
 def second_pose(number=1):
     """Return where the second ego of the scenario begins, or another, far from the first."""
     parts = assembled([LANER] * 3)
@@ -443,6 +471,16 @@ def test_an_agent_drives_as_if_nobody_had_held_its_column_before(make, kind, mod
     assert compared > 200
 
 
+@pytest.mark.parametrize("kind", [*ActionSpaceType])
+def test_a_controller_lists_what_it_keeps_of_agents(make, kind):
+    """Seven simulations, so that arrays of agents are known by their shape."""
+    parts = make([LANER.replace(action=kind)], worlds=7)
+    controllers, known, kept = parts.simulation._stages.controllers, set(), {}
+    every_array([parts.scene, parts.actions, controllers._commands, controllers.columns], "", {}, known, (7,))
+    every_array(controllers._controllers, "", kept, known, (7, 1))
+    assert [*kept] == []
+
+
 SCRATCH = ("pool.serial",)
 """May differ: a count of the holds."""
 
@@ -605,3 +643,42 @@ def test_agents_that_come_in_the_middle_are_recorded_under_their_names(make, tmp
     assert agents["action"].tolist()[1:] == [-1, *[ActionSpaceType.Lane] * 2]
     assert agents["distance_travelled"][2] > 0
     assert (agents["slot"][2:] >= 0).all()
+
+
+def test_agents_in_turn_in_one_column_have_rows_and_pictures_of_their_own(make, tmp_path):
+    """The first gives its vehicle back, without an outcome, in the step in which the second enters."""
+    parts = make(pool=[PooledAgents(LANER, 1)], options=Options(record=tmp_path))
+    parts.simulation.reset({0: first_start(parts, traffic=True)})
+    first, second = driven_by_traffic(parts, 0)[:2]
+    for number in range(30):
+        if number == 5:
+            parts.ownership.submit(transfers([announced(parts, 0, first, "first")]))
+        if number == 15:
+            taking = announced(parts, 0, second, "second")._replace(
+                to_owner=Owner.TRAFFIC, reason=Reason.SHADOW
+            )
+            parts.ownership.submit(transfers([released(parts, 0, 1), taking]))
+        step(parts)
+    parts.simulation.close()
+    (folder,) = episodes_in(tmp_path)
+    episode = RecordedEpisode(folder)
+    agents = episode.table("agents")
+    rows = [agents[name].tolist()[1:] for name in ("name", "agent_id", "slot", "entry_step", "end_step")]
+    assert rows == [["first", "second"], [1, 1], [first, second], [6, 16], [15, 30]]
+    assert agents["outcome"].tolist()[1:] == [Outcome.NONE] * 2
+    picture = EpisodePicture(episode)
+    assert [picture._status(picture._agents[1], number) for number in (5, 16, 30)] == [
+        "waits",
+        "gone",
+        "gone",
+    ]
+    assert picture._status(picture._agents[2], 15) == "waits"
+    for number in (16, 30):
+        assert picture._status(picture._agents[2], number).startswith("watches, ")
+    for number in (6, 15):
+        assert "m/s" in picture._status(picture._agents[1], number)
+        assert "watches" not in picture._status(picture._agents[1], number)
+    picture.image(16)
+    texts = {text.get_text() for text in picture._artists if isinstance(text, Text)}
+    assert {"1", "2", "1 first: gone"} <= texts
+    assert len({agent_colour(agent) for agent in picture._agents}) == 3

@@ -56,6 +56,7 @@ class Stage:
     def reset(self, *cars, episode=0):
         self.world.clear(0)
         self.ownership.clear(0)
+        self.rules.clear(0)
         files = TrafficFiles(Path("map.net.xml"))
         self.world.episode[0] = episode
         self.entries.reset(0, EpisodeStart(1, 0, episode, "test", 0, files, None, 1, 16, self.starts))

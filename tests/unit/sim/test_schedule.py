@@ -98,5 +98,5 @@ def test_more_egos_than_missions_are_refused(scenarios):
 
 
 def test_no_scenario_is_refused():
-    with raises(ScenarioError):
+    with raises(ScenarioError, values=["no scenario"]):
         Schedule([], ["ego"])

@@ -214,9 +214,8 @@ class TestCommas:
 
     def test_nowhere_without_a_comma(self, scenario_folder, tmp_path, monkeypatch):
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "a,b"))
-        with raises(ScenarioError) as caught:
+        with raises(ScenarioError, values=["XDG_CACHE_HOME"]):
             build_scenario(scenario_folder(name="com,ma"))
-        assert "XDG_CACHE_HOME" in caught.value.remedy
 
 
 def build_in_shell(limits, folder):

@@ -158,7 +158,7 @@ class TestStarts:
             assert np.diff(starts).min() >= 5 + GAP
 
     def test_too_many_random_starts_are_refused(self, roads):
-        with raises(ScenarioError):
+        with raises(ScenarioError, values=["mission 9"]):
             place(roads, *[mission(("from_west", 0, "random")) for _ in range(30)])
 
     def test_overlapping_starts_are_refused(self, roads):
