@@ -44,6 +44,9 @@ def scripted(
     episodes: Annotated[
         int, typer.Option(help="Number of episodes for each policy, scenario and traffic.", min=1)
     ] = 50,
+    agents: Annotated[
+        int, typer.Option(help="Number of agents, at most the scenario's missions.", min=1, max=64)
+    ] = 4,
     seed: Annotated[int, typer.Option(help="Random seed.", min=0, max=2**63 - 1)] = 42,
     out: Annotated[Path | None, typer.Option(help="CSV file to write.", show_default=False)] = None,
     record: Annotated[
@@ -67,12 +70,15 @@ def scripted(
     for name in scenarios:
         locate(name)
     _check_table(out)
-    typer.echo(_line(COLUMNS[:3], COLUMNS[3], "s", SHOWN))
+    header: str | None = _line(COLUMNS[:3], COLUMNS[3], "s", SHOWN)
     table = None if out is None else CsvTable(out)
     for policy, name in itertools.product(chosen, scenarios):
         folder = None if record is None else record / file_name(policy) / Path(name).name
         with named_own_code(f"the policy {policy!r}"):
-            for tally in play(policy, name, episodes=episodes, seed=seed, record=folder):
+            for tally in play(policy, name, episodes=episodes, agents=agents, seed=seed, record=folder):
+                if header is not None:  # below it is a line, not an error
+                    typer.echo(header)
+                    header = None
                 typer.echo(_shown(tally))
                 if table is not None:
                     table.add(_row(tally))

@@ -15,6 +15,7 @@ from smarts.config import Fault, shown
 from smarts.errors import OwnCodeError, SmartsError, UnknownNameError, nearest_names
 from smarts.registry import Registry, import_own, is_own_name
 from smarts.types.agent_states import agent_names
+from smarts.types.traffic import TRAFFIC_ENGINES
 
 Values = Mapping[str, Any]
 MOST_AGENTS = 64
@@ -270,6 +271,8 @@ def _observed(environment: Values) -> Iterator[Fault]:
         from smarts.observations.lists import feature_list
 
         yield from _refused("observation", feature_list, environment)
+    if is_own_name(str(environment.get("traffic_engine"))):
+        yield from _refused("traffic_engine", TRAFFIC_ENGINES.__getitem__, environment)
     if environment.get("reward") is not None:
         from smarts.rewards.own import check_reward
 

@@ -61,12 +61,6 @@ def _named(kind: str, known: Iterable[str]) -> Callable[[str], str]:
     return check
 
 
-def _engine(name: str) -> str:
-    if name not in TRAFFIC_ENGINES:
-        raise UnfitError(f"there is no traffic engine {name!r}", nearest_names(name, TRAFFIC_ENGINES))
-    return name
-
-
 def _action(name: str) -> str:
     if name not in ACTION_NAMES:
         raise UnfitError(f"there is no action {name!r}", nearest_names(name, ACTION_NAMES))
@@ -123,7 +117,7 @@ Algorithm = Annotated[str, AfterValidator(_named("algorithm", ALGORITHMS))]
 Policy = Annotated[str, AfterValidator(_named("scripted policy", SCRIPTED_POLICIES))]
 Metric = Annotated[str, AfterValidator(_metric)]
 Scenario = Annotated[str, AfterValidator(_scenario)]
-Engine = Annotated[str, AfterValidator(_engine)]
+Engine = Annotated[str, AfterValidator(_named("traffic engine", TRAFFIC_ENGINES))]
 
 
 class TrainingTask(Section):
@@ -236,7 +230,8 @@ class Environment(Driving):
     """Of the road under agents' vehicles, where the scenario sets no friction patch: ice has about 0.1, a
     wet road 0.5; null: dry asphalt, 0.9."""
     traffic_engine: Engine | None = None
-    """What drives the traffic: SUMO or ConstantSpeed; null: what the scenario names."""
+    """What drives the traffic: SUMO, ConstantSpeed, or module:Class of one's own; null: what the scenario
+    names."""
 
     @property
     def agent_count(self) -> int:

@@ -32,10 +32,9 @@ def schema() -> dict[str, Any]:
     properties["algorithms"]["items"] = _names(ALGORITHMS)
     properties["scripted"]["items"] = _names(SCRIPTED_POLICIES)
     properties["metrics"]["anyOf"][0]["items"] = _names(METRICS)
-    found["$defs"]["Environment"]["properties"]["traffic_engine"]["anyOf"][0]["enum"] = sorted(
-        TRAFFIC_ENGINES
-    )
-    found["$defs"]["Environment"]["properties"]["action"]["enum"] = [*ACTION_NAMES]
+    environment = found["$defs"]["Environment"]["properties"]
+    environment["traffic_engine"]["anyOf"][0] = _names(TRAFFIC_ENGINES)
+    environment["action"]["enum"] = [*ACTION_NAMES]
     _add_settings(found)
     found.pop("required", None)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import csv
-import io
+import math
 from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from benchmark.metrics.results import Frame
@@ -32,26 +31,49 @@ COUNTS = COLUMNS[:3]
 REMEDY = "remove it: the run resumes from its checkpoint, and its curve begins there"
 
 
-def read_progress(file: Path) -> Frame:
-    """Return the lines, without a truncated last one; none if there is no file.
+def read_progress(file: Path) -> tuple[Frame, str]:
+    """Return the valid lines, none if there is no file, and what is wrong with the others, "" if nothing is.
+
+    A truncated last line is left out and not reported.
 
     Raises:
         ResultsError: It cannot be read, or is no table of progress.
     """
     if not file.exists():
-        return pd.DataFrame(columns=[*COLUMNS])
+        return pd.DataFrame(columns=[*COLUMNS]), ""
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-        if lines and lines[-1].count(",") < lines[0].count(","):
-            del lines[-1]
-        table: Frame = pd.read_csv(io.StringIO("\n".join(lines)), index_col=False)[[*COLUMNS]]
-        for name in COLUMNS:
-            values = table[name].to_numpy(float)
-            if name in COUNTS and not np.isfinite(values).all():
-                raise ValueError(f"{name} is not finite in each line")
-    except (OSError, ValueError, KeyError) as error:
+        with file.open(newline="", encoding="utf-8") as opened:
+            titles, *lines = csv.reader(opened)
+        places = [titles.index(name) for name in COLUMNS]
+    except (OSError, ValueError, csv.Error) as error:
         raise ResultsError(f"damaged: {first_line(error)}", place=str(file), remedy=REMEDY) from error
-    return table
+    if lines and len(lines[-1]) < len(titles):
+        del lines[-1]
+    valid, problems = [], []
+    for number, line in enumerate(lines, start=2):
+        try:
+            if len(line) != len(titles):
+                raise ValueError(f"{len(line)} values instead of {len(titles)}")
+            valid.append([_number(name, line[place]) for name, place in zip(COLUMNS, places, strict=True)])
+        except ValueError as error:
+            problems.append(f"line {number}, {error}")
+    table: Frame = pd.DataFrame(valid, columns=[*COLUMNS]).astype({"iteration": int, "agent_steps": int})
+    return table, "; ".join(problems)
+
+
+def _number(name: str, text: str) -> float:
+    """Return a value of a column, NaN for an empty one.
+
+    Raises:
+        ValueError: It is no number, or not finite in a column of `COUNTS`.
+    """
+    try:
+        number = float(text or "nan")
+    except ValueError:
+        number = None
+    if number is None or (name in COUNTS and not math.isfinite(number)):
+        raise ValueError(f"{name} is {text!r}")
+    return number
 
 
 def begin_progress(file: Path, iteration: int) -> list[dict[Hashable, Any]]:
@@ -60,7 +82,9 @@ def begin_progress(file: Path, iteration: int) -> list[dict[Hashable, Any]]:
     Raises:
         ResultsError: It is damaged, or cannot be written.
     """
-    lines = read_progress(file)
+    lines, problem = read_progress(file)
+    if problem:
+        raise ResultsError(f"damaged: {problem}", place=str(file), remedy=REMEDY)
     kept = lines[lines["iteration"] <= iteration]
     write_whole(file, lambda partial: kept.to_csv(partial, index=False))
     return kept.to_dict("records")

@@ -252,12 +252,13 @@ def _read_run(path: Path, place: str, names: Names, problems: dict[str, str]) ->
 def _read_progress(folder: RunFolder, run: RunResult) -> tuple[Frame | None, str]:
     """Return a run's progress, None without a line, and what is wrong with it."""
     try:
-        progress = read_progress(folder.progress)
+        progress, wrong = read_progress(folder.progress)
     except ResultsError as error:
         return None, error.problem
     known = progress if len(progress) else None
     is_over = run.status == FINISHED and not run.is_scripted
-    return known, _missing_end(known, {**run.facts, **run.config}) if is_over else ""
+    missing = _missing_end(known, {**run.facts, **run.config}) if is_over else ""
+    return known, f"left out: {wrong}" if wrong else missing
 
 
 def _missing_end(progress: Frame | None, ending: Mapping[str, Any]) -> str:

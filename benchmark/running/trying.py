@@ -36,8 +36,10 @@ def try_own_code(task_setting: TaskSetting) -> Any:
     steps = max(TRIED_STEPS, 2 * task_setting.environment.decision_interval)
     with tempfile.TemporaryDirectory(prefix="smarts-bench-") as folder:
         record = Path(folder)
-        env = environment(task_setting, num_envs=1, record=record, max_episode_steps=steps)
-        with named_own_code("the environment's own code"), closing(env):
+        with (
+            named_own_code("the environment's own code"),
+            closing(environment(task_setting, num_envs=1, record=record, max_episode_steps=steps)) as env,
+        ):
             _play_one(env)
         table = measure_episodes(record, metrics=metrics)
     if metrics and table.attrs[COUNTS]["measured"]:

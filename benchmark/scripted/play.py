@@ -88,6 +88,7 @@ def play(
     scenario: str,
     *,
     episodes: int,
+    agents: int = AGENTS,
     seed: int = 42,
     first_episode: int = FIRST_TEST_EPISODE,
     record: Path | None = None,
@@ -100,22 +101,25 @@ def play(
         policy: A name of `SCRIPTED_POLICIES`, or `SUMO_DRIVER`.
         scenario: Folder, or name of the suite.
         episodes: How many are counted for each traffic: the first valid ones.
+        agents: How many drive in each episode.
         seed: Of the run.
         first_episode: See above.
         record: Folder for recorded episodes; the last episode of each traffic is cut short.
 
     Raises:
-        SmartsError: `record` is given for SUMO's driver.
+        SmartsError: `record` is given for SUMO's driver; or there are fewer missions than agents.
         TrafficError: Traffic failed.
     """
     for traffic in build_scenario(scenario).traffic:
-        tally = Tally(policy, scenario, traffic, AGENTS)
+        tally = Tally(policy, scenario, traffic, agents)
         if policy == SUMO_DRIVER:
             if record is not None:
                 raise SmartsError("only agents are recorded", place="record", remedy="leave out sumo_driver")
-            played = sumo_episodes(scenario, traffic, AGENTS, seed, first_episode)
+            played = sumo_episodes(scenario, traffic, agents, seed, first_episode)
         else:
-            played = _episodes(policy, scenario, traffic, seed, first_episode, record)
+            options = Options(record=record)
+            env = VectorHiWayEnv(1, [scenario], agents, seed=seed, simulation=options, traffic=[traffic])
+            played = _episodes(env, policy, seed, first_episode)
         for outcomes, steps in played:
             if not outcomes["invalid"]:
                 tally.add(outcomes, steps)
@@ -125,12 +129,8 @@ def play(
         yield tally
 
 
-def _episodes(
-    policy: str, scenario: str, traffic: str, seed: int, first_episode: int, record: Path | None
-) -> Generator[Ended]:
-    """Yield one episode of each world in turn."""
-    options = Options(record=record)
-    env = VectorHiWayEnv(1, [scenario], AGENTS, seed=seed, simulation=options, traffic=[traffic])
+def _episodes(env: VectorHiWayEnv, policy: str, seed: int, first_episode: int) -> Generator[Ended]:
+    """Yield one episode of each world in turn, and close the environment at the end."""
     with closing(env):
         yield from episodes_of(env, policy, seed, first_episode)
 

@@ -121,7 +121,8 @@ def _should(error: Mapping[str, Any]) -> str:
     if kind in ("model_type", "dict_type"):
         return f"{SHOULD}keys with values: {{key: value}}"
     if kind == "too_short":
-        return f"{SHOULD}at least {error['ctx']['min_length']}"
+        least = error["ctx"]["min_length"]
+        return f"{SHOULD}at least {least} {'entry' if least == 1 else 'entries'}"
     message = str(error["msg"])
     return message[:1].lower() + message[1:]
 

@@ -5,11 +5,22 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from smarts.registry import Registry
 
 DEFAULT_ENGINE = "SUMO"
 """The engine of scenarios that name none."""
+
+
+def _adopt(name: str, found: Any) -> Any:
+    """Return a user's traffic engine: a class with the methods of `traffic_engine.TrafficEngine`."""
+    methods = ("reset", "step", "can_accept", "close")
+    missing = [each for each in methods if not callable(getattr(found, each, None))]
+    if not isinstance(found, type) or missing:
+        raise ValueError(f"is not a class with the methods {', '.join(methods)}: {missing} missing")
+    return found
+
 
 TRAFFIC_ENGINES = Registry(
     "traffic engine",
@@ -17,8 +28,10 @@ TRAFFIC_ENGINES = Registry(
         "SUMO": "smarts.providers.sumo_engine:SumoEngine",
         "ConstantSpeed": "smarts.providers.constant_speed:ConstantSpeed",
     },
+    _adopt,
 )
-"""`Traffic.engine` of the scenario language -> "module:Class" of a `traffic_engine.TrafficEngine`."""
+"""`Traffic.engine` of the scenario language -> "module:Class" of a `traffic_engine.TrafficEngine`;
+`Options.traffic_engine` takes a user's own as "module:Class"."""
 
 
 @dataclass(frozen=True)

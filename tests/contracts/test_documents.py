@@ -40,6 +40,7 @@ def folder(tmp_path, monkeypatch):
     """A working directory of the page's own, whose modules are forgotten at its end."""
     for registry in (SENSORS, TRAFFIC_ENGINES):  # to which pages add
         monkeypatch.setattr(registry, "_places", {**registry._places})
+        monkeypatch.setattr(registry, "_own", {})
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     yield tmp_path

@@ -11,6 +11,12 @@ pytestmark = pytest.mark.slow
 
 PAGE = ROOT / "docs" / "own_code.md"
 RAISES = "    def __init__(self, *given, **named):\n        assert False\n\n"
+ENGINE = """from smarts.providers.constant_speed import ConstantSpeed
+
+
+class Steady(ConstantSpeed):
+    pass
+"""
 ALGORITHM = "my_code.algorithm-MyConfig/loop/no_social_vehicles/seed_1"
 
 
@@ -52,9 +58,17 @@ def test_the_page_trains_evaluates_and_reports(folder):
 
 
 def test_environment_runners_import_user_code(folder):
-    changes = ("algorithms=['my_code.algorithm:MyConfig']", "scripted=[]", "resources.env_runners=1")
+    (folder / "my_code" / "engine.py").write_text(ENGINE)
+    changes = (
+        "algorithms=['my_code.algorithm:MyConfig']",
+        "scripted=[]",
+        "resources.env_runners=1",
+        "environment.traffic_engine=my_code.engine:Steady",
+    )
     code, _, err = run(folder, *(part for change in changes for part in ("--set", change)))
     assert code == 0, err
+    content = RunFolder(folder / "results" / "mine" / ALGORITHM).read_config()
+    assert "my_code.engine:Steady" in content["own_code"]
 
 
 def test_errors_in_environment_runners_are_named(folder):

@@ -14,6 +14,7 @@ from algorithms.joint.runner import SPEC
 from algorithms.joint.sampler import Sampler
 from algorithms.joint.spec import JointSpec
 from algorithms.parts.distributions import Exploration
+from algorithms.settings import OffPolicySettings
 
 
 def cases(names):
@@ -23,6 +24,15 @@ def cases(names):
 
 
 EVERY = cases(algorithms.names())
+OFF_POLICY = [
+    name for name in algorithms.names() if issubclass(algorithms.entry(name).settings, OffPolicySettings)
+]
+
+
+def known(name, settings):
+    """Return those of some settings that an algorithm has."""
+    fields = algorithms.entry(name).settings.model_fields
+    return {setting: value for setting, value in settings.items() if setting in fields}
 
 
 class Rig:

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from rigs import EVERY, Rig, cases, moved, replayed
+from rigs import EVERY, OFF_POLICY, Rig, cases, known, moved, replayed
 
 import algorithms
 from algorithms.joint.module import critic_of
 from algorithms.joint.stacking import StackedGroups
 from algorithms.maac import CRITIC
+from algorithms.settings import faults
 from tests.games.games import Constant, Cues, Game, Ragged, Target, TwoStep
 
-ON_POLICY = ["pg", "a2c", "ppo", "commnet", "centralised_v"]
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32, "updates_per_step": 0.05}
 
 
 def settings_of(name):
-    return {} if name in ON_POLICY else REPLAY
+    return known(name, REPLAY)
 
 
 def update(rig, rollout):
@@ -278,7 +278,11 @@ def test_every_kind_of_sharing_learns_on_ragged_games(name, sharing):
 @pytest.mark.parametrize(
     ("name", "gru"),
     [
-        *((name, 0) for name in algorithms.names() if name not in ("maac", "commnet")),
+        *(
+            (name, 0)
+            for name in algorithms.names()
+            if not faults(algorithms.entry(name).settings, {"hidden": ()})
+        ),
         *((name, 4) for name in algorithms.names() if algorithms.entry(name).recurrent),
     ],
 )
@@ -344,7 +348,7 @@ def test_networks_of_groups_of_which_nobody_is_there_do_not_move(name):
     rig = Rig(name, Ragged, **settings)
     rig.learner.update_joint(rig.rollout(32, epsilon=1.0))
     rollout = rig.rollout(32, epsilon=1.0)
-    batch = rig.learner.prepare(rollout) if name in ON_POLICY else replayed(rig, 32, 200, epsilon=1.0)
+    batch = replayed(rig, 32, 200, epsilon=1.0) if name in OFF_POLICY else rig.learner.prepare(rollout)
     before = trained_weights(rig)
     rig.learner.update_minibatch(batch[~batch.alive[:, 1]])
     after = trained_weights(rig)

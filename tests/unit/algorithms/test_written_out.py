@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from rigs import EVERY, Rig, cases, replayed
+from rigs import EVERY, OFF_POLICY, Rig, cases, known, replayed
 
 from algorithms.joint.features import MEAN_ACTION
 from algorithms.maac import of_actions
@@ -15,7 +15,6 @@ from algorithms.settings import PPOSettings, faults
 from tests.games.games import Constant, Ragged, Target
 
 REPLAY = {"learning_starts": 1, "capacity": 1000, "batch_size": 32, "gamma": 0.9}
-OFF_POLICY = ["dqn", "vdn", "qmix", "maddpg", "maac", "mf_q", "mf_ac", "networked_q"]
 
 
 def unlike_targets(rig):
@@ -188,9 +187,7 @@ def test_nothing_follows_an_end(name):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_scaled_rewards_are_paid_rewards(name):
-    settings = REPLAY if name in OFF_POLICY else {"gamma": 0.9}
-    if name in ("ppo", "a2c", "centralised_v"):
-        settings = settings | {"normalize_advantages": False}
+    settings = known(name, {**REPLAY, "normalize_advantages": False})
     weights = []
     for game, scale in ((Constant, 2.0), (type("Paid", (Double,), {"length": 10, "ends": False}), 1.0)):
         rig = Rig(name, game, reward_scale=scale, grad_clip=None, **settings)

@@ -181,12 +181,35 @@ def test_a_line_of_progress_that_cannot_be_is_named(tmp_path, value):
     folder = RunFolder(write_run(tmp_path, "ppo", [table_of()], progress=lines))
     results = read_results(tmp_path)
     assert [*results.problems] == [f"{PLACE}/progress.csv"]
+    assert f"line 3, seconds is {value!r}" in results.problems[f"{PLACE}/progress.csv"]
     assert len(results.finished) == 1
-    assert results.finished[0].progress is None
+    assert results.finished[0].progress["agent_steps"].tolist() == [500]
     # Not those of half the training.
     assert (run_lines(results)[0].agent_steps, run_lines(results)[0].training) == ("", "")
     with raises(ResultsError, folder.progress):
         begin_progress(folder.progress, 2)
+
+
+@pytest.mark.parametrize(
+    ("damaged", "said"),
+    [
+        ("1,500,2.5,200,,,,,,\n2,100", ""),
+        ("1,500,2.5,200,,,,,,\n\0\0\0\0", ""),
+        ("x,1,1,1,,,,,,\n1,500,2.5,200,,,,,,\n", "line 2, iteration is 'x'"),
+        ("0,1,1\n1,500,2.5,200,,,,,,\n", "line 2, "),
+        ("0,1,1,1,,,,,,,,,9\n1,500,2.5,200,,,,,,\n", "line 2, "),
+    ],
+)
+def test_a_truncated_or_damaged_line_leaves_the_others(tmp_path, damaged, said):
+    write_experiment(tmp_path)
+    folder = RunFolder(write_run(tmp_path, "ppo", None))
+    folder.progress.write_text(",".join(PROGRESS_COLUMNS) + "\n" + damaged)
+    results = read_results(tmp_path)
+    (run,) = [run for run in results.runs if run.place == PLACE]
+    assert run.progress is not None
+    assert run.progress[["agent_steps", "seconds"]].to_numpy().tolist() == [[500, 2.5]]
+    problem = results.problems.get(f"{PLACE}/progress.csv", "")
+    assert (said in problem) if said else problem == ""
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ def test_greedy_acting_comes_first_whatever_the_order_in_the_file(write):
         ("algorithms=[pppo]", "there is no algorithm 'pppo'; did you mean 'ppo'?"),
         ("tasks=[intersecton]", "there is no scenario 'intersecton'"),
         ("tasks=[loop, loop]", "there twice"),
-        ("seeds=[]", "seeds is []; input should be at least 1"),
+        ("seeds=[]", "seeds is []; input should be at least 1 entry"),
         ("algorithms=ppo", "algorithms is 'ppo'; input should be a list: [ppo]"),
         ("budget=5", "budget is 5; input should be keys with values"),
         ("budget.minutes=12:30", "budget.minutes is '12:30'; input should be a valid number"),

@@ -191,6 +191,9 @@ class Anonymous(PPOConfig):
         ("environment.reward='own_n:NONE'", "own_n.py: ", "neither a function"),
         ("environment.reward='own_q:Waits'", "own_q.py: ", "neither a function"),
         ("environment.reward='not_there:A'", "", "there is no module 'not_there'"),
+        ("environment.traffic_engine='own_q:Waits'", "own_q.py: ", "can_accept"),
+        ("environment.traffic_engine='own_q:Wait'", "own_q.py: ", "did you mean 'Waits'"),
+        ("environment.traffic_engine='not_there:A'", "", "there is no module 'not_there'"),
     ],
 )
 def test_what_is_none_is_one_message_with_file_and_line(write, folder, change, place, said):
@@ -245,7 +248,6 @@ def test_a_file_of_the_command_line_is_non_inferior(tmp_path):
         ("environment.friction=0", "environment.friction is 0"),
         ("environment.flat_tyres=[4]", "environment.flat_tyres[0] is 4"),
         ("environment.traffic_engine=Sumo", "environment.traffic_engine: there is no traffic engine 'Sumo'"),
-        ("environment.traffic_engine='a:B'", "there is no traffic engine 'a:B'"),
         ("environment.action=Empty", "environment.action: there is no action 'Empty'"),
     ],
 )

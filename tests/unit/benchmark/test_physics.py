@@ -8,6 +8,7 @@ from benchmark.experiment.runs import TaskSetting
 from benchmark.running.environments import environment
 from benchmark.running.played import held_out_of
 from smarts.env.vector import VectorHiWayEnv
+from smarts.types.traffic import TRAFFIC_ENGINES
 from smarts.types.vehicles import Owner
 
 TASK = TrainingTask(name="loop", scenarios=["loop"])
@@ -54,11 +55,32 @@ def test_a_bus_is_longer_and_the_default_is_the_benchmarks():
     np.testing.assert_array_equal(default, plain)
 
 
-@pytest.mark.parametrize("engine", [None, "ConstantSpeed"])
-def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine):
+ENGINE = """
+from smarts.providers.constant_speed import ConstantSpeed
+
+class Steady(ConstantSpeed):
+    pass
+"""
+
+
+@pytest.mark.parametrize("engine", [None, "ConstantSpeed", "own_steady:Steady"])
+def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine, tmp_path, monkeypatch):
+    monkeypatch.setattr(TRAFFIC_ENGINES, "_own", {})
+    own = tmp_path / "own_steady.py"
+    own.write_text(ENGINE)
+    is_own = engine == "own_steady:Steady"
     task = TrainingTask(name="intersection", scenarios=["intersection"])
     given = Environment(agents=1, traffic_engine=engine)
-    played = TaskSetting(task, "random_social_vehicles", given, Evaluation(held_out_episodes=1), num_envs=1)
+    played = TaskSetting(
+        task,
+        "random_social_vehicles",
+        given,
+        Evaluation(held_out_episodes=1),
+        num_envs=1,
+        imports=(str(own),) if is_own else (),
+    )
+    named = played.content().get("own_code", {})
+    assert [*named] == ([engine] if is_own else [])
     for scenario in (None, next(held_out_of(played))):
         env = environment(played, scenarios=scenario and [scenario])
         try:
@@ -70,6 +92,6 @@ def test_the_traffic_engine_drives_training_tests_and_held_out_variations(engine
             assert len(social) > 0
             env.step([np.zeros((1, 1), np.int64)])
             is_constant = np.array_equal(world.vehicles.speed[0, social], before)
-            assert is_constant == (engine == "ConstantSpeed")
+            assert is_constant == (engine is not None)
         finally:
             env.close()

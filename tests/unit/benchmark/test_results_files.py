@@ -354,7 +354,7 @@ def test_lines_after_the_checkpoint_are_made_again(tmp_path):
     with folder.progress.open("a") as file:
         file.write("6,12")  # cut short by a kill
     begin_progress(folder.progress, 3)
-    assert read_progress(folder.progress)["iteration"].tolist() == [1, 2, 3]
+    assert read_progress(folder.progress)[0]["iteration"].tolist() == [1, 2, 3]
 
 
 def test_an_unwritable_folder_is_named(tmp_path):

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from itertools import zip_longest
 
 from algorithms.registry import ALGORITHMS
 
@@ -20,7 +21,8 @@ def test_lists_every_algorithm_with_its_tags_and_loads_no_framework():
     table, legend = result.stdout.split("\n\n")
     header, *lines = table.splitlines()
     columns = re.split(r"  +", header)
-    rows = {row[0]: dict(zip(columns, row, strict=True)) for row in (re.split(r"  +", li) for li in lines)}
+    cells = (re.split(r"  +", line) for line in lines)  # the description may be empty
+    rows = {row[0]: dict(zip_longest(columns, row, fillvalue="")) for row in cells}
     assert list(rows) == list(ALGORITHMS)
     assert rows["maddpg"] == {
         "name": "maddpg",

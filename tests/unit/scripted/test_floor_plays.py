@@ -57,6 +57,18 @@ def test_bad_input_is_refused_before_anything_is_played(tmp_path):
         next(play(SUMO_DRIVER, "two_way", episodes=1, record=tmp_path))
 
 
+@pytest.mark.parametrize("policy", ["parked", SUMO_DRIVER])
+def test_the_number_of_agents_is_given_and_the_header_follows_the_first_result(policy, tmp_path, capsys):
+    table = tmp_path / "scripted.csv"
+    with raises(SmartsError, "loop: ego_missions", values=[60, 4]):
+        scripted([policy], ["loop"], episodes=1, agents=60)
+    assert capsys.readouterr().out == ""
+    scripted([policy], ["loop"], episodes=1, agents=1, out=table)
+    with table.open() as file:
+        assert {row["agent_episodes"] for row in csv.DictReader(file)} == {"1"}
+    assert capsys.readouterr().out.splitlines()[0].split()[:2] == ["policy", "scenario"]
+
+
 @contextmanager
 def full_disk():
     """Let no file grow beyond 100 bytes, which fails as a full disk does."""
