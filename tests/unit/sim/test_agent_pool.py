@@ -437,7 +437,7 @@ ROUGH = {
 def test_an_agent_drives_as_if_nobody_had_held_its_column_before(make, kind, model):
     """Two equal simulations without traffic; in one of them another agent has had the column before.
 
-    Afterwards every array of the program is equal, but for scratch and the counter of holds.
+    Afterwards every array of the program is equal, but for scratch and counters.
     """
     interface = LANER.replace(
         action=kind,
@@ -504,7 +504,7 @@ def test_a_controller_lists_what_it_keeps_of_agents(make, kind):
 
 
 SCRATCH = ("pool.serial", "entries.coming")
-"""May differ: counts of the holds, and of the agents that are still to come; the other's first never comes."""
+"""May differ: counts of the holds, and of agents that are still to come; one of the other never comes."""
 
 
 # A pool in which nobody is.
