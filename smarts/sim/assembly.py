@@ -191,7 +191,8 @@ def _scene(schedule: Schedule, worlds: int, egos: int, agents: int, options: Opt
     atlas = RoadAtlas(schedule.maps)
     world = World(
         worlds=worlds,
-        capacity=schedule.limit + agents,
+        # The pool twice: traffic may have filled the places of agents that have gone.
+        capacity=schedule.limit + agents + (agents - egos),
         agents=agents,
         egos=egos,
         lanes=max(len(graph.lane_ids) for graph in schedule.maps),

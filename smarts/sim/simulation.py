@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from smarts.sim.stages import (
     Vehicles,
 )
 from smarts.types.actions import Actions
-from smarts.types.agent_states import AgentStatus
+from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Events, Outcome
 from smarts.types.frame import Frame
@@ -136,8 +136,7 @@ class Simulation:
         world, stages = self.world, self._stages
         rows = np.zeros(world.worlds, np.bool_)
         rows[list(starts)] = True
-        for row, start in starts.items():
-            self._begin(row, start)
+        starts = {row: self._begin(row, start) for row, start in starts.items()}
         # After agents, since traffic makes room for them.
         stages.traffic.reset(starts)
         stages.vehicles.reset(rows)
@@ -161,14 +160,16 @@ class Simulation:
         # The last, since it may raise that the disk is full.
         self._stages.recorder.close()
 
-    def _begin(self, row: int, start: EpisodeStart) -> None:
-        """Empty one simulation and let its agents in."""
+    def _begin(self, row: int, start: EpisodeStart) -> EpisodeStart:
+        """Empty one simulation and let its agents in; return the episode with room for all their vehicles."""
         world, stages = self.world, self._stages
         world.clear(row)
         world.map[row], world.episode[row] = start.map, start.episode
         stages.ownership.clear(row)
         stages.transfer_rules.clear(row)
         stages.entries.reset(row, start)
+        others = np.count_nonzero(world.agents.slot[row, world.egos :] != UNSET)
+        return replace(start, limit=start.limit + others) if others else start
 
 
 @kernel

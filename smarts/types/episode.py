@@ -79,8 +79,9 @@ class EpisodeStart:
     traffic_seed: int
     """For the traffic engine, in [0, 2^31)."""
     limit: int
-    """The most vehicles at a time that the traffic engine knows, the egos' among them; raise it by the agents
-    that are added with vehicles of their own."""
+    """The most vehicles at a time that the traffic engine knows, the egos' among them. `Simulation.reset`
+    adds the further agents that enter then with vehicles of their own; agents that enter later take the place
+    of traffic."""
     agents: tuple[AgentStart, ...]
     """The egos, in the order of their columns, then the further agents."""
     engine: str = DEFAULT_ENGINE

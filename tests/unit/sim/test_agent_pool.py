@@ -296,6 +296,28 @@ def test_agents_that_are_still_to_come_count_as_left(make):
     assert agents.outcome[0, :2].tolist() == [Outcome.OTHER, Outcome.TIME_OUT]
 
 
+def test_agents_with_vehicles_of_their_own_leave_the_limit_of_traffic_as_it_is(make, tmp_path):
+    """A limit of two vehicles beside the ego, which traffic reaches; a social agent comes on top of it."""
+    counts, records = [], []
+    for others in (0, 1):
+        options = Options(record=tmp_path / str(others))
+        parts = make(pool=[PooledAgents(LANER, 1)], options=options)
+        start = dataclasses.replace(first_start(parts, traffic=True), limit=3)
+        social = dataclasses.replace(start.agents[0], name="social", interface=0, pose=second_pose())
+        agents = (*start.agents, social)[: 1 + others]
+        parts.simulation.reset({0: dataclasses.replace(start, agents=agents)})
+        assert np.count_nonzero(parts.simulation.world.agents.slot[0] != UNSET) == 1 + others
+        counts.append([len(driven_by_traffic(parts, 0))])
+        for _ in range(20):
+            step(parts)
+            counts[-1].append(len(driven_by_traffic(parts, 0)))
+        parts.simulation.close()
+        (folder,) = episodes_in(tmp_path / str(others))
+        records.append(int(RecordedEpisode(folder).facts["limit"]))
+    assert [max(each) for each in counts] == [2, 2]
+    assert records == [3, 4]
+
+
 def second_pose(number=1):
     """Return where the second ego of the scenario begins, or another, far from the first."""
     parts = assembled([LANER] * 3)
@@ -415,7 +437,7 @@ ROUGH = {
 def test_an_agent_drives_as_if_nobody_had_held_its_column_before(make, kind, model):
     """Two equal simulations without traffic; in one of them another agent has had the column before.
 
-    Afterwards every array of the program is equal, but for scratch and the counter of holds.
+    Afterwards every array of the program is equal, but for scratch and counters.
     """
     interface = LANER.replace(
         action=kind,
@@ -481,8 +503,8 @@ def test_a_controller_lists_what_it_keeps_of_agents(make, kind):
     assert [*kept] == []
 
 
-SCRATCH = ("pool.serial",)
-"""May differ: a count of the holds."""
+SCRATCH = ("pool.serial", "entries.coming")
+"""May differ: counts of the holds, and of agents that are still to come; one of the other never comes."""
 
 
 # A pool in which nobody is.
