@@ -17,7 +17,7 @@ import torch
 from gymnasium.spaces import Discrete
 from torch import Tensor
 
-from algorithms.joint.env import map_arrays
+from algorithms.joint.env import columns_of, map_arrays
 from algorithms.joint.rollout import View
 from algorithms.joint.spec import Group, JointSpec
 
@@ -154,7 +154,7 @@ class JointView:
     def joint_observations(self) -> Tensor:
         """Return all agents' flattened observations side by side, (..., sum n*d); zeros for absent agents."""
         parts = []
-        for block, leaves in zip(self.spec.spaces.columns, self.observations, strict=True):
+        for block, leaves in zip(columns_of(self.spec.spaces.blocks), self.observations, strict=True):
             there = self.alive[..., block]
             for leaf in leaves.values():
                 flat = (

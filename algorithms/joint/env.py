@@ -9,7 +9,7 @@ The interface is duck-typed: an environment need not import this module. `JointV
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -61,11 +61,11 @@ class JointSpaces(NamedTuple):
     state: int = 0
     has_graph: bool = False
 
-    @property
-    def columns(self) -> list[slice]:
-        """Columns of each block's agents."""
-        ends = np.cumsum([len(block.agents) for block in self.blocks]).tolist()
-        return [slice(end - len(block.agents), end) for end, block in zip(ends, self.blocks, strict=True)]
+
+def columns_of(blocks: Sequence[AgentBlock]) -> list[slice]:
+    """Return the columns of each block's agents."""
+    ends = np.cumsum([len(block.agents) for block in blocks]).tolist()
+    return [slice(end - len(block.agents), end) for end, block in zip(ends, blocks, strict=True)]
 
 
 class FinalStep(NamedTuple):

@@ -9,7 +9,16 @@ import numpy as np
 import torch
 from gymnasium.spaces import Box, Discrete
 
-from algorithms.joint.env import Bools, FinalStep, Floats, Ints, JointSpaces, JointStep, VectorJointEnv
+from algorithms.joint.env import (
+    Bools,
+    FinalStep,
+    Floats,
+    Ints,
+    JointSpaces,
+    JointStep,
+    VectorJointEnv,
+    columns_of,
+)
 from algorithms.joint.neighbours import Graph, Neighbourhood
 from algorithms.parts.communication import mean_over
 
@@ -45,7 +54,7 @@ class WithMeanActions:
                 b._replace(observation={**b.observation, MEAN_ACTION: seen}) for b in env.spaces.blocks
             )
         )
-        self._columns = env.spaces.columns
+        self._columns = columns_of(env.spaces.blocks)
         self._means: Floats = np.zeros((self.num_envs, self._columns[-1].stop, self._actions), np.float32)
         self._alive: Bools = np.zeros(self._means.shape[:2], bool)
         self._neighbours = torch.zeros(*self._alive.shape, self._alive.shape[1], dtype=torch.bool)

@@ -86,7 +86,10 @@ def begin_progress(file: Path, iteration: int) -> list[dict[Hashable, Any]]:
     if problem:
         raise ResultsError(f"damaged: {problem}", place=str(file), remedy=REMEDY)
     kept = lines[lines["iteration"] <= iteration]
-    write_whole(file, lambda partial: kept.to_csv(partial, index=False))
+    text = file.read_text(encoding="utf-8").splitlines() if file.exists() else [",".join(COLUMNS)]
+    # As they were written: numbers that pandas writes look different.
+    whole = [text[0], *(text[number + 1] for number in kept.index)]
+    write_whole(file, lambda partial: partial.write_text("\n".join(whole) + "\n", encoding="utf-8"))
     return kept.to_dict("records")
 
 

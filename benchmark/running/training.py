@@ -168,13 +168,13 @@ def checkpoint_error(error: Exception, place: Path) -> ResultsError:
         return ResultsError(
             f"the checkpoint needs the module {error.name!r}, which cannot be imported",
             place=str(place),
-            remedy="name its file or folder in `imports`; if the checkpoint is damaged, use the other one, "
-            "last or best",
+            remedy="name its file or folder in `imports`; if the checkpoint is damaged, test the other one: "
+            "--checkpoint last or best",
         )
     return ResultsError(
         f"the checkpoint is damaged: {type(error).__name__}: {error}",
         place=str(place),
-        remedy="use the other checkpoint, last or best, or remove this one to train from the start",
+        remedy="test the other one, --checkpoint last or best, or remove this one to train from the start",
     )
 
 

@@ -9,7 +9,7 @@ from gymnasium.spaces import Box, Discrete
 
 from algorithms.errors import SpaceError
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.runs import completed, run_from, runs_of
+from benchmark.experiment.runs import run_from, runs_of, with_defaults
 from benchmark.running.environments import environment
 from benchmark.running.experiment import check_task_settings
 from smarts.config import ConfigError
@@ -59,7 +59,7 @@ def test_a_run_with_them_is_recognised_by_its_content(file):
     assert content["environment"]["agents"]["truck"] == {"vehicle": "truck", "action": "Continuous"}
     assert content["environment"]["agents"]["car"] == {}
     again = run_from(content)
-    assert completed(again.content()) == completed(content)
+    assert with_defaults(again.content()) == with_defaults(content)
     assert again.task_setting.environment == read_experiment(file).environment
 
 
@@ -148,7 +148,7 @@ def test_they_are_trained_tested_recorded_and_reported(file):
         assert {*episode.table("agents")["name"]} >= {"car", "truck", "bus"}
     assert (out / "mixed/report/report.md").exists()
     code, _, err = finish(
-        begin("evaluate", str(run), "--episodes", "1", "--modes", "greedy", "--out", str(out / "again"))
+        begin("evaluate", str(run), "--episodes", "1", "--mode", "greedy", "--out", str(out / "again"))
     )
     assert code == 0, err
     tested = [*Path(out / "again").rglob("*.parquet")]

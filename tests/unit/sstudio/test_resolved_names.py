@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from benchmark.experiment.config import read_experiment
-from benchmark.experiment.runs import completed, runs_of
+from benchmark.experiment.runs import runs_of, with_defaults
 from smarts.sstudio.locating import SUITE, locate, resolved
 
 
@@ -55,7 +55,7 @@ def test_a_run_is_the_same_from_every_folder(mine, monkeypatch):
     here = contents()
     assert [content["scenarios"] for content in here[:2]] == [[str(mine / "mine")], ["loop"]]
     # As an earlier version wrote it.
-    assert completed({**here[0], "scenarios": ["./mine"]}) == completed(here[0])
+    assert with_defaults({**here[0], "scenarios": ["./mine"]}) == with_defaults(here[0])
     monkeypatch.chdir("elsewhere")
     file.write_text("algorithms: [ppo]\ntasks: [../mine, loop]\n")
     assert contents() == here
