@@ -182,7 +182,7 @@ class Driving(Section):
     """Which are flat: 0 front left, 1 front right, 2 rear left, 3 rear right."""
 
 
-class Agent(Driving):
+class AgentChanges(Driving):
     """What differs for an agent from the environment's own keys."""
 
     @model_serializer(mode="wrap")
@@ -209,7 +209,7 @@ class Environment(Driving):
 
     agents: Annotated[
         Annotated[Annotated[int, Field(ge=1, le=MOST_AGENTS)], Tag("number")]
-        | Annotated[dict[str, Agent], Tag("by name")],
+        | Annotated[dict[str, AgentChanges], Tag("by name")],
         Discriminator(lambda given: "by name" if isinstance(given, dict) else "number"),
         AfterValidator(_agents),
     ] = 4
