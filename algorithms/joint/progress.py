@@ -19,7 +19,7 @@ class Episode(NamedTuple):
         length: Steps.
         returns: Undiscounted sum of rewards of each agent, (N,).
         metrics: Numbers that the environment reported.
-        episode_index: Which episode it is of those that the root seed makes.
+        episode_index: Index among the episodes that the root seed makes.
     """
 
     env_id: int

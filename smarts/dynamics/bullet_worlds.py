@@ -60,7 +60,7 @@ class BulletWorlds:
         self._with_boxes[simulation] = bool(boxes)
 
     def part(self, rows: Rows) -> tuple[Rows, Rows]:
-        """Split vehicles into those that touch nothing in the coming step, and those that may.
+        """Split vehicles by whether they may touch anything in the coming step.
 
         The worlds of the latter are synchronised and in `moving`.
 

@@ -130,7 +130,7 @@ def random_route(
 
 
 def _exits_without_turnarounds(graph: LaneGraph, edges: EdgeGraph, edge: int) -> list[int]:
-    """Return the edges that follow an edge, but for those that lead back the way it came."""
+    """Return the edges that follow an edge, without turnarounds onto its opposite direction."""
     end = graph.point_heading[graph.point_start[graph.edge_first_lane[edge] + 1] - 1]
     exits = np.array(sorted(edges.onward[edge]), np.int64)
     begins = graph.point_heading[graph.point_start[graph.edge_first_lane[exits]]]

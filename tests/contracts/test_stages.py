@@ -77,7 +77,7 @@ def driving(world, table, changed):
 
 
 def engine(world, table, changed):
-    """Allow all columns of traffic vehicles, also of those that have just left, and signals."""
+    """Allow all columns of traffic vehicles, including vehicles that have just left, and signals."""
     if table.startswith("vehicles."):
         return spread((world.vehicles.owner == Owner.TRAFFIC) | ~world.vehicles.alive, changed)
     return np.full_like(changed, table == "signals")

@@ -132,7 +132,7 @@ def test_nan_controls_are_refused_before_anything_moves(column):
         assert fleet.motion.position[0, 0] == pytest.approx(0.5, abs=0.01)
 
 
-def test_nan_for_an_empty_row_is_nobodys_business():
+def test_nan_for_an_empty_row_is_ignored():
     with Fleet(1, 2) as fleet:
         fleet.spawn(0, "passenger", (0.0, 0.0), 0.0, 5.0)
         fleet.step(np.array([[0.0, 0.0, 0.0], [np.nan] * 3]))

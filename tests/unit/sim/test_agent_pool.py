@@ -385,7 +385,7 @@ def test_a_column_that_is_handed_out_is_like_new(make, kind):
     assert [parts.pool.take(1, number) for number in numbers] == [used, fresh]
     for name, array in arrays.items():
         assert np.array_equal(array[1, used], array[1, fresh]), name
-        # In the other simulation nobody has held the column.
+        # In the other simulation the column has had no agent before.
         is_given = name.startswith("missions") or name == "agents.state"
         assert is_given or np.array_equal(array[1, used], array[0, used]), name
     assert len(arrays) > 90
@@ -467,7 +467,7 @@ def test_an_agent_drives_as_if_nobody_had_held_its_column_before(make, kind, mod
     for number in range(110):
         active = world.agents.state[:, 1] == AgentStatus.ACTIVE
         actions.given[:, 1] = actions.fresh[:, 1] = active
-        # The ego stands, so that it meets nobody.
+        # The ego stands, so that it meets no vehicle.
         actions.given[:, 0] = True
         values = ROUGH[kind](number)
         actions.values[active, 1, : len(values)] = values
@@ -507,7 +507,7 @@ SCRATCH = ("pool.serial", "entries.coming")
 """May differ: counts of the holds, and of agents that are still to come; one of the other never comes."""
 
 
-# A pool in which nobody is.
+# A pool without agents.
 
 
 class Hashed:
