@@ -60,7 +60,7 @@ class BulletWorlds:
         self._with_boxes[simulation] = bool(boxes)
 
     def part(self, rows: Rows) -> tuple[Rows, Rows]:
-        """Split vehicles by whether they may touch anything in the coming step.
+        """Return the vehicles that touch nothing in the coming step, and the vehicles that may.
 
         The worlds of the latter are synchronised and in `moving`.
 
