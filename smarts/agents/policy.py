@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smarts.arrays import Bools, Ints
 
 
 class Agent:
@@ -39,5 +44,45 @@ class _FunctionAgent(Agent):
         return self._function(obs)
 
 
+class ActionBatch(NamedTuple):
+    """A request for the actions of N agents of one policy, in any simulations; arrays of shape (N, ...)."""
+
+    observations: Mapping[str, NDArray]
+    """By field, shape (N, *shape); the policy may keep and change them."""
+    action_mask: Bools
+    """Which of the four lane actions may be chosen, shape (N, 4)."""
+    env_id: Ints
+    """The simulation."""
+    agent_id: Ints
+    """The agent's column in it."""
+    hold: Ints
+    """Number of the agent among all that have held a column of its simulation, in all episodes."""
+    episode: Ints
+    """Number of the simulation's episode."""
+    step: Ints
+    """Step of the episode."""
+    is_first: Bools
+    """Whether this is the first request for this agent."""
+    seed: NDArray[np.uint64]
+    """Of the agent's own random draws: a function of the run's seed, world, episode and agent alone."""
+
+
 class AgentPolicy(Agent):
     """The paper's name of `Agent`."""
+
+
+class BatchAgent(Agent):
+    """Acts for all its vehicles of all simulations by one call on arrays; it is made once in a run.
+
+    What it remembers of a vehicle is keyed by (env_id, agent_id) and starts over where `batch.is_first`; what
+    it draws at random comes from `batch.seed`: a run repeats bit for bit, whatever its number of simulations.
+    """
+
+    observation: ClassVar[Any] = "benchmark"
+    """What it observes: a name of `observations.yaml`, or a list or dict of features."""
+    period: ClassVar[int] = 1
+    """Steps from one decision to the next."""
+
+    def act(self, obs: ActionBatch) -> NDArray:
+        """Return the actions, shape (N,) for numbers of discrete actions, else (N, K)."""
+        raise NotImplementedError(f"{type(self).__name__} does not define act(batch)")

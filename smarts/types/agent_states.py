@@ -24,6 +24,10 @@ class AgentStatus(enum.IntEnum):
     """The agent drives its vehicle."""
     DONE = 4
     """The agent's episode ended in this step; it gives up its vehicle at the beginning of the next."""
+    LEAVING = 5
+    """The agent's episode is over; the fallback controller drives its vehicle until traffic can take it back.
+    The agent is neither observed nor asked, and has no events. After a collision the vehicle brakes, stands
+    as an obstacle and is removed."""
 
 
 class ChangePhase(enum.IntEnum):

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from smarts.arrays import Floats
 from smarts.types.agent_states import UNSET
+from smarts.types.bubbles import PlacedBubble
 from smarts.types.mission import AgentMission
 from smarts.types.traffic import DEFAULT_ENGINE, TrafficFiles
 from smarts.types.vehicles import VehicleKind
@@ -60,6 +61,10 @@ class AgentStart:
     """What it waits for from then on; None puts a new vehicle in."""
     interface: int = UNSET
     """Number of the agent's interface in the pool (`AgentPool.interface_number`); -1: an ego."""
+    policy: int = UNSET
+    """Number of the social policy that acts for the agent, -1: none, for egos."""
+    period: int = 1
+    """Steps from one decision of a further agent to the next."""
 
 
 @dataclass(frozen=True)
@@ -86,3 +91,5 @@ class EpisodeStart:
     """The egos, in the order of their columns, then the further agents."""
     engine: str = DEFAULT_ENGINE
     """Which of `TRAFFIC_ENGINES` drives the traffic."""
+    bubbles: tuple[PlacedBubble, ...] = ()
+    """The scenario's bubbles on its map, in the order of its file."""

@@ -26,14 +26,32 @@ class Reason(enum.IntEnum):
 
 
 class Refusal(enum.IntEnum):
-    """Why a provider cannot take a vehicle; the answer of its `can_accept`."""
+    """Why a vehicle does not change hands now; the transfer can be proposed again in the next step."""
 
     NONE = 0
-    """The provider takes it."""
+    """It does."""
     OFF_LANES = 1
     """The vehicle stands on no lane."""
     KIND = 2
     """The provider cannot drive vehicles of this kind."""
+    STALE = 3
+    """The vehicle is gone, or has another owner or agent than the proposer saw."""
+    FULL = 4
+    """All columns of the agent's interface are held."""
+    NO_ACTION = 5
+    """The agent that is to drive has not acted yet."""
+    TOO_CLOSE = 6
+    """Another vehicle is too near."""
+    IN_JUNCTION = 7
+    """A part of the vehicle is inside a junction."""
+    HEADING = 8
+    """The vehicle is not aligned with its lane."""
+    OFFSET = 9
+    """The vehicle is beside its lane's centreline."""
+    OTHER_LANE = 10
+    """The traffic engine has the vehicle on another lane."""
+    NO_WAY = 11
+    """No route goes on from the vehicle's lane."""
 
 
 class Transfer(NamedTuple):

@@ -1,0 +1,70 @@
+"""Bubbles on their map: areas in which social agents take over traffic vehicles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from smarts.arrays import Floats
+from smarts.types.agent_states import UNSET
+
+UNLIMITED = 2**31 - 1
+"""Of a limit: none."""
+
+
+class BubbleCondition(Protocol):
+    """A condition of the scenario language."""
+
+    def evaluate(self, *, memory: Any = None, **facts: Any) -> Any:
+        """Return whether it holds; the facts are those of `smarts.sstudio.sstypes.condition`."""
+        ...
+
+    @property
+    def requires(self) -> Any:
+        """The facts that it looks at."""
+        ...
+
+
+@dataclass(frozen=True)
+class PlacedBubble:
+    """One bubble of a scenario, placed on its map.
+
+    An outline is a tuple of closed rings, each of shape (., 2) [m]: a point is inside if it is inside an odd
+    number of them. That of a moving bubble is as in the scenario's file, before it follows.
+    """
+
+    id: str
+    actor: str
+    """Name of its actor."""
+    policy: int
+    """Number of the social policy that drives; -1: the learning agents."""
+    interface: int
+    """Number of that policy's interface in the pool."""
+    zone: tuple[Floats, ...]
+    """Outline of the zone, in which agents drive."""
+    margin: tuple[Floats, ...]
+    """Outline of the zone with its margin, in which agents observe."""
+    active_condition: BubbleCondition | None = None
+    """Holds while the bubble takes vehicles; None: always."""
+    airlock_condition: BubbleCondition | None = None
+    """On vehicles that come into the margin; None: all may."""
+    hijack_limit: int = UNLIMITED
+    """Most vehicles at a time that agents drive, those that leave included."""
+    shadow_limit: int = UNLIMITED
+    """Most vehicles at a time that agents drive or observe."""
+    spared: tuple[str, ...] = ()
+    """Prefixes of the names of vehicles that are left alone."""
+    followed: str = ""
+    """Name of the agent or vehicle with which the bubble travels; "" for a bubble that stays."""
+    follow_offset: tuple[float, float] = (0.0, 0.0)
+    """From the followed vehicle, if that faced north [m]."""
+    is_boid: bool = False
+    """Whether one agent drives all of its vehicles."""
+    keep_alive: bool = False
+    """Whether that agent lives as long as the episode."""
+    collision_time: float = 5.0
+    """How long a vehicle that has collided in the bubble stays as an obstacle [s]."""
+    period: int = 1
+    """Steps from one decision of its agents to the next."""
+    number: int = UNSET
+    """Of the bubble in its scenario."""
