@@ -48,7 +48,16 @@ UNSET = -1
 """Of a slot, lane, junction, arrival number or step: none."""
 
 _UNSET_WHEN_EMPTY = frozenset(
-    {"slot", "agent", "target_lane", "off_route_since", "arrival_number", "arrival_junction", "entry_step"}
+    {
+        "slot",
+        "agent",
+        "target_lane",
+        "off_route_since",
+        "arrival_number",
+        "arrival_junction",
+        "entry_step",
+        "release_step",
+    }
 )
 
 
@@ -75,6 +84,9 @@ class AgentStates(NamedTuple):
     """Step of the episode on which the agent decides next."""
     outcome: Bytes
     """An `Outcome`."""
+    release_step: Ints
+    """Step since which the agent's vehicle is to go back to traffic as soon as it can, or since which it
+    stands as an obstacle after a collision; -1 if it is not."""
 
     throttle: Floats
     """In [0, 1]."""
@@ -141,6 +153,7 @@ class AgentStates(NamedTuple):
             period=zeros(np.int16),
             next_due=zeros(np.int32),
             outcome=zeros(np.int8),
+            release_step=zeros(np.int32),
             throttle=zeros(np.float64),
             brake=zeros(np.float64),
             steering=zeros(np.float64),

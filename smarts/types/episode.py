@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from smarts.arrays import Floats
@@ -65,6 +65,8 @@ class AgentStart:
     """Number of the social policy that acts for the agent, -1: none, for egos."""
     period: int = 1
     """Steps from one decision of a further agent to the next."""
+    collision_time: float = 0.0
+    """How long a vehicle that came from traffic stays as an obstacle after a collision [s]."""
 
 
 @dataclass(frozen=True)
@@ -91,5 +93,5 @@ class EpisodeStart:
     """The egos, in the order of their columns, then the further agents."""
     engine: str = DEFAULT_ENGINE
     """Which of `TRAFFIC_ENGINES` drives the traffic."""
-    bubbles: tuple[PlacedBubble, ...] = ()
+    bubbles: tuple[PlacedBubble, ...] = field(default=(), compare=False)
     """The scenario's bubbles on its map, in the order of its file."""

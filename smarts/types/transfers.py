@@ -52,6 +52,8 @@ class Refusal(enum.IntEnum):
     """The traffic engine has the vehicle on another lane."""
     NO_WAY = 11
     """No route goes on from the vehicle's lane."""
+    SPEED = 12
+    """Traffic would have to brake the vehicle hard."""
 
 
 class Transfer(NamedTuple):
