@@ -69,7 +69,8 @@ class HandoverNotes:
 
     def take_poses(self, step: int, row: int, count: int, states: BubbleStates) -> None:
         """Note the poses of a simulation's bubbles that have changed, all of them at the reset."""
-        now = np.column_stack((states.pose[row, :count], states.is_active[row, :count]))
+        now = np.empty((count, 4))
+        now[:, :3], now[:, 3] = states.pose[row, :count], states.is_active[row, :count]
         before, self._poses_before = self._poses_before, now
         changed = (now != before).any(axis=1) if len(before) else np.ones(count, np.bool_)
         self.poses += [(step, number, *now[number].tolist()) for number in np.flatnonzero(changed).tolist()]

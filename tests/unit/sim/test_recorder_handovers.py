@@ -71,7 +71,7 @@ def episode(tmp_path_factory) -> RecordedEpisode:
     recording.step(transfers=[shadow])  # 3
     recording.step(2)  # 4, 5
     agents.state[0, COLUMN] = AgentStatus.ACTIVE
-    refused = dict(refusals=2, last_refusal=Refusal.TOO_CLOSE)
+    refused = {"refusals": 2, "last_refusal": Refusal.TOO_CLOSE}
     recording.step(
         transfers=[recording.transfer(1, (TRAFFIC, AGENT), (COLUMN, COLUMN), Reason.TAKE, **refused)]
     )
@@ -127,10 +127,10 @@ def test_failures_name_the_agent(episode):
 
 def test_bubbles_are_recorded_where_they_are_when_that_changes(tmp_path):
     recording = Recording(tmp_path, [Car(100.0, 0.0, mission=EGO)])
-    outline = dict(zone=(SQUARE,), margin=(1.2 * SQUARE - 1.0, SQUARE / 2))
+    zone, margin = (SQUARE,), (1.2 * SQUARE - 1.0, SQUARE / 2)
     bubbles = (
-        PlacedBubble("stays", "keeper", 0, 0, **outline),
-        PlacedBubble("travels", "boids", 0, 0, followed="bus", **outline),
+        PlacedBubble("stays", "keeper", 0, 0, zone, margin),
+        PlacedBubble("travels", "boids", 0, 0, zone, margin, followed="bus"),
     )
     recording.start = dataclasses.replace(recording.start, bubbles=bubbles)
     states = BubbleStates(np.zeros((1, 3, 3)), np.ones((1, 3), np.bool_))
@@ -176,7 +176,8 @@ def test_rows_of_holds_equal_a_search_of_the_whole_table():
         ]
         there = [(step, column) for step in range(45) for column in range(4) if draws.random() < 0.5]
         there = [there[place] for place in draws.permutation(len(there))]
-        table = dict(zip(("step", "agent_id"), np.array(there, float).T, strict=True))
+        step, agent_id = np.array(there, float).T
+        table = {"step": step, "agent_id": agent_id}
         first, last = rows_of_holds(table, holds)
         for place, hold in enumerate(holds):
             end = next((each.step for each in holds[place + 1 :] if each.agent_id == hold.agent_id), 99)
