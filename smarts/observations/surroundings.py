@@ -221,7 +221,7 @@ def _write_lane(
     way = write_way(state, roads, routes, b, row, s, route, points)
     out[_OPEN] = 1.0
     out[_LEFT], out[_END], out[_LANE_ALLOWED] = way.left - half, way.end - half, way.allowed
-    out[_AHEAD], out[_AHEAD_SPEED] = leader_on(state.vehicles, b, slot, points[: way.count])
+    out[_AHEAD], out[_AHEAD_SPEED] = leader_on(state.vehicles, b, slot, points[: way.points])
     behind = gap_behind(state.vehicles, roads, b, slot, int(routes.lane[row]), s)
     out[_BEHIND], out[_BEHIND_SPEED], out[_BEHIND_DESIRED] = behind
     return way.light, way.light_distance - half
@@ -238,6 +238,6 @@ def _keep_nearer(
     points = np.empty((SIGHT, 3))
     s, _ = place_on_lane(roads, lane, x, y)
     way = write_way(state, roads, routes, b, row, s, routes.number[b, a], points)
-    gap, speed = leader_on(state.vehicles, b, slot, points[: way.count])
+    gap, speed = leader_on(state.vehicles, b, slot, points[: way.points])
     if gap < out[_AHEAD]:
         out[_AHEAD], out[_AHEAD_SPEED] = gap, speed

@@ -37,7 +37,7 @@ _NONE, _STOP, _CAUTION = int(Signal.NONE), int(Signal.STOP), int(Signal.CAUTION)
 class Way(NamedTuple):
     """What lies ahead along the lanes; distances are from the vehicle's centre [m]."""
 
-    count: int
+    points: int
     """Points written."""
     left: float
     """To where the lane ends, or leaves the route; infinite if it does neither."""

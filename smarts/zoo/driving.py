@@ -244,7 +244,7 @@ def lane_actions(speed: Floats, acceleration: Floats, change: Ints) -> Floats:
 
     The controller accelerates by `SPEED_GAIN` for each m/s that is lacking.
     """
-    return np.stack([np.maximum(speed + acceleration / SPEED_GAIN, 0.0), change], axis=1)
+    return np.column_stack([np.maximum(speed + acceleration / SPEED_GAIN, 0.0), change])
 
 
 def beside(seen: Seen, side: Ints) -> Floats:

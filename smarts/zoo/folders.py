@@ -85,5 +85,13 @@ def _entry(name: str, about: Any) -> ZooEntry:
         raise SmartsError(
             f"{name!r} is {shown(about)}", place=str(zoo_file()), remedy="{folder: PATH}, or remove the line"
         )
-    metadata = {key: str(about[key]) for key in _METADATA if key in about}
-    return ZooEntry(name, "", folder=about["folder"], **metadata)
+    author, m_level, provenance, licence = (str(about.get(key, "")) for key in _METADATA)
+    return ZooEntry(
+        name,
+        "",
+        author=author,
+        m_level=m_level,
+        provenance=provenance,
+        licence=licence,
+        folder=about["folder"],
+    )

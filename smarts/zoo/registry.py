@@ -231,10 +231,10 @@ def _of_packages() -> dict[str, ZooEntry]:
     """Return the agents that installed packages declare as entry points."""
     found: dict[str, ZooEntry] = {}
     for point in importlib.metadata.entry_points(group=GROUP):
-        about = point.dist.metadata if point.dist else {}
+        about: dict[str, Any] = dict(point.dist.metadata.json) if point.dist else {}
         metadata = {
-            "author": str(about.get("Author") or about.get("Author-email") or ""),
-            "licence": str(about.get("License-Expression") or about.get("License") or ""),
+            "author": str(about.get("author") or about.get("author_email") or ""),
+            "licence": str(about.get("license_expression") or about.get("license") or ""),
             "provenance": f"package {point.dist.name} {point.dist.version}" if point.dist else "",
         }
         try:
