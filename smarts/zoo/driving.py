@@ -244,7 +244,10 @@ def lane_actions(speed: Floats, acceleration: Floats, change: Ints) -> Floats:
 
     The controller accelerates by `SPEED_GAIN` for each m/s that is lacking.
     """
-    return np.column_stack([np.maximum(speed + acceleration / SPEED_GAIN, 0.0), change])
+    actions = np.empty((len(speed), 2))
+    actions[:, 0] = np.maximum(speed + acceleration / SPEED_GAIN, 0.0)
+    actions[:, 1] = change
+    return actions
 
 
 def beside(seen: Seen, side: Ints) -> Floats:
