@@ -131,7 +131,19 @@ class Simulation:
         self._propose(events, env_mask)
         seen = self._see(env_mask, observe_mask, events.just_done)
         readings = stages.sensors.observe(seen)
-        frame = Frame(world, env_mask, actions, commands, contacts, events, seen, readings, failures)
+        frame = Frame(
+            world,
+            env_mask,
+            actions,
+            commands,
+            contacts,
+            events,
+            seen,
+            readings,
+            failures,
+            transfers=stages.ownership.carried_out,
+            bubbles=stages.bubbles.states,
+        )
         stages.recorder.record(frame)
         return frame
 
@@ -158,7 +170,18 @@ class Simulation:
         self._propose(events, rows)
         seen = self._see(rows, ~self._nobody, self._nobody)
         readings = stages.sensors.observe(seen)
-        frame = Frame(world, rows, None, None, contacts, events, seen, readings, starts=starts)
+        frame = Frame(
+            world,
+            rows,
+            None,
+            None,
+            contacts,
+            events,
+            seen,
+            readings,
+            starts=starts,
+            bubbles=stages.bubbles.states,
+        )
         stages.recorder.record(frame)
         return frame
 
