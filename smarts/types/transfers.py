@@ -96,6 +96,18 @@ TRANSFER = np.dtype(
 Transfers = NDArray[np.void]
 """Of dtype `TRANSFER`, shape (T,)."""
 
+
+class CarriedOut(NamedTuple):
+    """A transfer that has been carried out."""
+
+    transfer: Any
+    """A row of an array of dtype `TRANSFER`."""
+    refusals: int = 0
+    """Steps in which it was refused before."""
+    last_refusal: int = Refusal.NONE
+    """The `Refusal` of the last of them."""
+
+
 NO_TRANSFERS: Transfers = np.zeros(0, TRANSFER)
 NO_TRANSFERS.flags.writeable = False
 
