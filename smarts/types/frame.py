@@ -48,5 +48,8 @@ class Frame:
     readings: Readings
     failures: Mapping[int, SmartsError] = field(default_factory=dict)
     """Simulations whose traffic or vehicles failed in this step: invalid episodes, whose next reset works."""
+    social_failures: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    """Social agents that failed since the last step, by (row, number of the agent in its episode), and why:
+    the fallback controller drives their vehicles."""
     starts: Mapping[int, EpisodeStart] = field(default_factory=dict)
     """In the frame of a reset: the episodes that begin, by row."""
