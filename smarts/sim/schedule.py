@@ -202,7 +202,7 @@ class Schedule:
     def _placed(self, built: BuiltScenario) -> tuple[PlacedBubble, ...]:
         if not self._cast.policies or not built.scenario.bubbles:
             return ()
-        return place_bubbles(built.scenario, built.roads(), self._driver_of, built.name)
+        return place_bubbles(built.scenario.bubbles, built.roads(), self._driver_of, built.name)
 
     def _driver_of(self, bubble: t.Bubble) -> Driver:
         actor = agent_actor(bubble)

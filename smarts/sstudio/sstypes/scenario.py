@@ -121,7 +121,7 @@ class Scenario(Described):
     are unique over all groups.
     """
     bubbles: Sequence[Bubble] | None = None
-    """Areas in which agents take over traffic vehicles. So far they only cause a warning."""
+    """Areas in which agents take over traffic vehicles."""
     friction_maps: Sequence[RoadSurfacePatch] | None = None
     """Areas of different friction."""
     traffic_histories: Sequence[TrafficHistoryDataset | str] | None = None
