@@ -148,7 +148,8 @@ def _each(batch: ActionBatch) -> Iterator[ActionBatch]:
     for place in range(len(batch.env_id)):
         here = slice(place, place + 1)
         observations = {name: array[here] for name, array in batch.observations.items()}
-        yield ActionBatch(observations, *(array[here] for array in batch[1:]))
+        others: dict[str, Any] = {name: getattr(batch, name)[here] for name in ActionBatch._fields[1:]}
+        yield ActionBatch(observations, **others)
 
 
 class SinglePlayer:

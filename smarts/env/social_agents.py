@@ -10,11 +10,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smarts.agents.acting import AgentHost, Answer, Failed, InProcess, Request
 from smarts.agents.policy import ActionBatch
 from smarts.agents.social import SocialPolicy, interface_of
-from smarts.arrays import Bools, Ints
+from smarts.arrays import Bools
 from smarts.controllers import action_format, action_space
 from smarts.controllers.action_formats import Rejected
 from smarts.env.actions import ActionEncoder, Parsed
@@ -31,6 +32,10 @@ from smarts.types.vehicles import Owner
 
 # Numbers: to compare an array with a member of an enumeration takes three times as long.
 _ACTIVE, _SHADOWING = int(AgentStatus.ACTIVE), int(AgentStatus.SHADOWING)
+
+
+Places = NDArray[np.intp]
+"""Simulations, or columns, of N agents, shape (N,)."""
 
 
 class SocialAgentRequests:
@@ -107,7 +112,7 @@ class SocialAgentRequests:
         """End the policies; may be called again."""
         self._host.close()
 
-    def _request(self, number: int, frame: Frame, rows: Ints, columns: Ints) -> Request:
+    def _request(self, number: int, frame: Frame, rows: Places, columns: Places) -> Request:
         world, policy = self._world, self._policies[number]
         hold = self._pool.serial[rows, columns]
         is_first = self._asked[rows, columns] != hold
@@ -217,7 +222,7 @@ class _Observer:
         self._array = ArrayObservation(context, policy.observation)
         self._mask = np.zeros((assembly.simulation.world.worlds, len(agent_ids)), np.bool_)
 
-    def observe(self, rows: Ints, columns: Ints, is_first: Bools) -> dict[str, Any]:
+    def observe(self, rows: Places, columns: Places, is_first: Bools) -> dict[str, Any]:
         """Return copies of the observations of some agents by field, shape (N, *shape).
 
         Args:

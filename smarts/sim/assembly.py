@@ -175,7 +175,7 @@ def assemble(
     shapes = [shape_of(interface) for interface in interfaces]
     engine = options.traffic_engine
     schedule = Schedule(scenarios, names, shapes=shapes, seed=seed, engine=engine, cast=cast)
-    merged = merge_pools([*_pool_of(cast, schedule), *pool])
+    merged = merge_pools([*_pool_of(cast, schedule), *merge_pools(pool)])
     every = [*interfaces, *(each.interface for each in merged for _ in range(each.capacity))]
     scene = _scene(schedule, worlds, len(interfaces), len(every), options)
     agent_pool = AgentPool(

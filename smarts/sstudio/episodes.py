@@ -48,8 +48,8 @@ def episode_plans(
     """Return every variation of the traffic with every set of missions; episodes cycle through them.
 
     Where groups of social agents take turns, each of these comes with every turn. With as many missions as
-    egos there is one set. With fewer egos, sets of that many follow each other through the missions, round to the first if need be, until each mission has been in one. Without
-    missions, every ego gets a random route.
+    egos there is one set. With fewer egos, sets of that many follow each other through the missions, round to
+    the first if need be, until each mission has been in one. Without missions, every ego gets a random route.
 
     Args:
         scenario: The scenario.
@@ -95,7 +95,7 @@ def mission_sets(
 
 
 def social_turns(scenario: t.Scenario) -> tuple[tuple[SocialRole, ...], ...]:
-    """Return the social agents of each turn; `Scenario.social_agent_missions` says which groups take turns."""
+    """Return the social agents of each turn; see `Scenario.social_agent_missions`."""
     groups = [_group_turns(name, *pair) for name, pair in (scenario.social_agent_missions or {}).items()]
     turns = max((len(choices) for choices in groups), default=1)
     return tuple(
