@@ -163,7 +163,8 @@ def _write_agent(rows: dict[str, list], graph: LaneGraph, drive: Drive, slot: in
         rows["agent_states"].append(
             dict(
                 **dict(step=drive.begin + k, agent_id=agent_id, state=int(state), slot=slot, generation=1),
-                **dict(partner_slot=-1, target_lane=-1, arrival_number=-1, action_mask=drive.action_mask),
+                **dict(partner_slot=-1, target_lane=-1, arrival_number=-1, release_step=-1),
+                **dict(action_mask=drive.action_mask),
                 **dict(
                     route_progress=s - np.asarray(drive.s)[0],
                     distance_travelled=abs(s - np.asarray(drive.s)[0]),

@@ -141,6 +141,10 @@ class EpisodeData:
         self._agent_states, self._decisions, self._extras = (
             _of_egos(episode.table(name), most) for name in ("agent_states", "decisions", "extras")
         )
+        # What the fallback controller does with a vehicle after its agent's end is not measured.
+        is_leaving = self._agent_states["state"] == AgentStatus.LEAVING
+        if is_leaving.any():
+            self._agent_states = {name: each[~is_leaving] for name, each in self._agent_states.items()}
         self._routes = episode.table("routes")
         self.book: PathBook = path_book(episode.folder.parent / MAPS / f"{self.facts['map']}.npz")
         graph = self.book.graph

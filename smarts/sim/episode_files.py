@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from smarts.errors import MapError, RecordError
 from smarts.roads.lane_graph import LaneGraph
-from smarts.types.episode_schema import AGENTS, EPISODE, INTEGERS, NUMBERS, READABLE, TABLE, TEXT, Table
+from smarts.types.episode_schema import EPISODE, INTEGERS, NUMBERS, READABLE, TABLE, TEXT, Table
 
 MAPS = "maps"
 PARTIAL = ".partial"
@@ -87,6 +87,8 @@ class EpisodeWriter:
 
     def append(self, table: str, rows: Rows) -> None:
         """Write rows of a table; they come after those that were written before."""
+        if TABLE[table].is_optional and not len(rows[TABLE[table].names[0]]):
+            return
         if table not in self._open:
             self._folder.mkdir(exist_ok=True)
             schema = arrow_schema(TABLE[table])
@@ -105,7 +107,7 @@ class EpisodeWriter:
     def finish(self) -> Path:
         """Make the episode appear under its name; return its folder."""
         for name, table in TABLE.items():
-            if name not in self._open:
+            if name not in self._open and not table.is_optional:
                 self.append(name, {column: [] for column in table.names})
         for writer in self._open.values():
             writer.close()
@@ -168,22 +170,28 @@ class RecordedEpisode:
     def table(self, name: str) -> Mapping[str, NDArray]:
         """Return the columns of a table; texts and lists of numbers are in arrays of objects."""
         if name not in self._tables:
-            path = self.folder / f"{name}.parquet"
-            try:
-                read = _read(path)
-            except FileNotFoundError as error:
-                raise RecordError(
-                    f"there is no table '{name}' of a recorded episode",
-                    place=str(self.folder),
-                    remedy="name the folder of one episode",
-                ) from error
-            except (OSError, pa.ArrowException) as error:
-                raise self._damaged(name, str(error)) from error
+            read = self._read(name)
             columns = {column: _plain(read[column]) for column in read.column_names}
-            if name == AGENTS.name and self.facts["version"] == 2:
-                columns["interface"] = np.full(read.num_rows, -1, np.int16)
+            for column in TABLE[name].columns:
+                if column.since > READABLE[0] and column.since > self.facts["version"]:
+                    columns[column.name] = np.full(read.num_rows, -1, column.kind)
             self._tables[name] = columns
         return self._tables[name]
+
+    def _read(self, name: str) -> pa.Table:
+        path = self.folder / f"{name}.parquet"
+        try:
+            return _read(path)
+        except FileNotFoundError as error:
+            if TABLE[name].is_optional:
+                return arrow_schema(TABLE[name]).empty_table()
+            raise RecordError(
+                f"there is no table '{name}' of a recorded episode",
+                place=str(self.folder),
+                remedy="name the folder of one episode",
+            ) from error
+        except (OSError, pa.ArrowException) as error:
+            raise self._damaged(name, str(error)) from error
 
     def _damaged(self, table: str, problem: str) -> RecordError:
         return RecordError(

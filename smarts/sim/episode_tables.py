@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smarts.arrays import Floats, Ints
+from smarts.arrays import Floats, Ints, Longs
 from smarts.sim.agent_pool import Hold
-from smarts.types.agent_states import UNSET
+from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart
 from smarts.types.episode_schema import AGENT_STATES, AGENTS, DECISIONS
 from smarts.types.events import Outcome
@@ -56,21 +56,37 @@ def agents_table(
         tables: Columns of `agent_states` and `decisions`.
         routes: Number of each route.
     """
-    spans = {hold.number: _span(holds, place) for place, hold in enumerate(holds)}
-    rows = []
-    for number, start in enumerate(starts):
-        agent_id, steps = spans.get(number, (UNSET, range(0)))
-        ending = endings.get(number, Ending())
-        row = {"agent_id": agent_id, **_start_columns(start, routes), **dataclasses.asdict(ending)}
-        rows.append(row | _drive_columns(agent_id, steps, tables[AGENT_STATES.name], tables[DECISIONS.name]))
-    return {name: [row[name] for row in rows] for name in AGENTS.names}
+    none = Ending()
+    rows = [
+        _start_columns(start, routes) | dataclasses.asdict(endings.get(number, none))
+        for number, start in enumerate(starts)
+    ]
+    drives = _drive_columns(len(starts), holds, tables[AGENT_STATES.name], tables[DECISIONS.name])
+    return {name: drives[name] if name in drives else [row[name] for row in rows] for name in AGENTS.names}
 
 
-def _span(holds: Sequence[Hold], place: int) -> tuple[int, range]:
-    """Return the column of a hold, and its steps: those until the next hold of the same column."""
-    hold = holds[place]
-    later = (each.step for each in holds[place + 1 :] if each.agent_id == hold.agent_id)
-    return hold.agent_id, range(hold.step, next(later, NEVER))
+def rows_of_holds(table: Mapping[str, Floats], holds: Sequence[Hold]) -> tuple[Longs, Longs]:
+    """Return the first and the last row of each hold's agent in a table, -1 for none, both of shape (H,).
+
+    Args:
+        table: Has columns `step` and `agent_id`.
+        holds: In order; one lasts until the next of its column.
+    """
+    ends, next_step = np.empty(len(holds), np.int64), dict[int, int]()
+    for place, hold in reversed([*enumerate(holds)]):
+        ends[place] = next_step.get(hold.agent_id, NEVER)
+        next_step[hold.agent_id] = hold.step
+    agent_id, step = np.array([hold[1:] for hold in holds], np.int64).reshape(-1, 2).T
+    keys = _key(table["agent_id"], table["step"])
+    order = np.argsort(keys, kind="stable")
+    first, behind = (np.searchsorted(keys[order], _key(agent_id, each)) for each in (step, ends))
+    ordered, is_there = np.append(order, UNSET), first < behind
+    return np.where(is_there, ordered[first], UNSET), np.where(is_there, ordered[behind - 1], UNSET)
+
+
+def _key(agent_id: NDArray, step: NDArray) -> Longs:
+    """Return numbers that are in order of column, then step."""
+    return agent_id.astype(np.int64) << 32 | step.astype(np.int64)
 
 
 def _start_columns(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> dict[str, Any]:
@@ -101,25 +117,33 @@ def _start_columns(start: AgentStart, routes: Mapping[tuple[str, ...], int]) -> 
 
 
 def _drive_columns(
-    agent_id: int, steps: range, agents: Mapping[str, Floats], decisions: Mapping[str, Floats]
-) -> dict[str, Any]:
-    """Return the columns of an agent's drive: first action, vehicle, distances, first and last step."""
-    own = _rows_of(agents, agent_id, steps)
-    first_decision = _rows_of(decisions, agent_id, steps)[:1]
-    drive: dict[str, Any] = {
-        "action": int(decisions["action"][first_decision[0]]) if len(first_decision) else -1
+    count: int, holds: Sequence[Hold], agents: Mapping[str, Floats], decisions: Mapping[str, Floats]
+) -> dict[str, Floats]:
+    """Return the columns of the drives of `count` agents: vehicle, distances, steps, first action."""
+    is_judged = agents["state"] != AgentStatus.LEAVING
+    judged = {name: column[is_judged] for name, column in agents.items()}
+    first, last = rows_of_holds(judged, holds)
+    decided, _ = rows_of_holds(decisions, holds)
+    numbers = np.array([hold.number for hold in holds], np.int64)
+    agent_id = np.full(count, UNSET)
+    agent_id[numbers] = [hold.agent_id for hold in holds]
+
+    def of_agents(column: Floats, rows: Longs, without: float) -> Floats:
+        """Return each agent's value, given the row of each hold."""
+        found = np.full(count, without, np.float64)
+        found[numbers[rows >= 0]] = column[rows[rows >= 0]]
+        return found
+
+    return {
+        "agent_id": agent_id,
+        "entry_step": of_agents(judged["step"], first, UNSET),
+        "end_step": of_agents(judged["step"], last, UNSET),
+        "slot": of_agents(judged["slot"], last, UNSET),
+        "generation": of_agents(judged["generation"], last, 0),
+        "remaining": of_agents(judged["remaining"], last, np.nan),
+        "distance_travelled": of_agents(judged["distance_travelled"], last, 0.0),
+        "action": of_agents(decisions["action"], decided, UNSET),
     }
-    columns = {"slot": -1.0, "generation": 0.0, "remaining": np.nan, "distance_travelled": 0.0}
-    for name, without in columns.items():
-        drive[name] = agents[name][own[-1]] if len(own) else without
-    drive["entry_step"], drive["end_step"] = agents["step"][own[[0, -1]]] if len(own) else (-1, -1)
-    return drive
-
-
-def _rows_of(table: Mapping[str, Floats], agent_id: int, steps: range) -> NDArray[np.intp]:
-    """Return the rows of a column's agent in some steps."""
-    is_then = (table["step"] >= steps.start) & (table["step"] < steps.stop)
-    return np.flatnonzero((table["agent_id"] == agent_id) & is_then)
 
 
 def routes_table(routes: Sequence[Ints]) -> Rows:

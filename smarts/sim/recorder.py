@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -15,9 +16,10 @@ from smarts.errors import TrafficError
 from smarts.geometry.binding import LateBound
 from smarts.roads.lane_graph import LaneGraph
 from smarts.roads.scene import Scene
-from smarts.sim.agent_pool import AgentPool, Hold
+from smarts.sim.agent_pool import AgentPool
 from smarts.sim.episode_files import EpisodeStore, EpisodeWriter
 from smarts.sim.episode_tables import Ending, agents_table, extras_table, routes_table
+from smarts.sim.recorder_handovers import HandoverNotes, handover_tables
 from smarts.sim.recorder_kernel import (
     AGENT_ROWS,
     DECISION_ROWS,
@@ -32,7 +34,14 @@ from smarts.sim.recorder_thread import WriterThread
 from smarts.types.actions import Actions
 from smarts.types.agent_states import UNSET
 from smarts.types.episode import AgentStart, EpisodeStart
-from smarts.types.episode_schema import AGENT_STATES, DECISIONS, SIGNALS, TABLE, VEHICLES, VERSION
+from smarts.types.episode_schema import (
+    AGENT_STATES,
+    DECISIONS,
+    SIGNALS,
+    TABLE,
+    VEHICLES,
+    VERSION,
+)
 from smarts.types.events import Outcome
 from smarts.types.frame import Frame
 
@@ -62,7 +71,7 @@ class _Episode:
     names: list[tuple[int, int, str, int]] = field(default_factory=list)
     agents: list[AgentStart] = field(default_factory=list)
     """By number."""
-    holds: list[Hold] = field(default_factory=list)
+    handovers: HandoverNotes = field(default_factory=HandoverNotes)
     endings: dict[int, Ending] = field(default_factory=dict)
     """By the agent's number."""
     extras: list[tuple[str, int, Ints, Floats]] = field(default_factory=list)
@@ -84,15 +93,16 @@ class EpisodeRecorder:
         scene: The world and its maps.
         folder: Of the store; several recorders may share one.
         pool: The agents of each episode.
+        policies: Names of the social policies, by number.
 
     Raises:
         RecordError: The folder cannot be written to.
     """
 
-    def __init__(self, scene: Scene, folder: Path, pool: AgentPool) -> None:
+    def __init__(self, scene: Scene, folder: Path, pool: AgentPool, policies: Sequence[str] = ()) -> None:
         world = scene.world
         worlds, agents = world.agents.slot.shape
-        self._scene, self._pool = scene, pool
+        self._scene, self._pool, self._policies = scene, pool, tuple(policies)
         self._store = EpisodeStore(folder)
         self._thread = WriterThread(str(folder))
         self._episodes: list[_Episode | None] = [None] * worlds
@@ -115,10 +125,15 @@ class EpisodeRecorder:
         events, contacts = frame.events, frame.contacts
         actions = self._no_actions if frame.actions is None else frame.actions
         is_busy = self._take.to(events, contacts, actions)(frame.env_mask)
+        if frame.transfers or frame.social_failures:
+            self._take_handovers(frame)
         for row in np.flatnonzero(frame.env_mask).tolist():
             episode = self._episodes[row]
             if episode is not None:
                 self._take_notes(row, episode, is_busy)
+                if frame.bubbles is not None and episode.start.bubbles:
+                    count = len(episode.start.bubbles)
+                    episode.handovers.take_poses(episode.steps, row, count, frame.bubbles)
         if events.just_done.any() or events.finished.any():
             self._take_endings(frame)
         for row, failure in frame.failures.items():
@@ -199,7 +214,21 @@ class EpisodeRecorder:
     def _take_agents(self, row: int, episode: _Episode) -> None:
         """Note the agents and the holds that are new: the pool forgets them before the episode is written."""
         episode.agents += self._pool.starts[row][len(episode.agents) :]
-        episode.holds += self._pool.holds[row][len(episode.holds) :]
+        episode.handovers.take_holds(self._pool.holds[row][len(episode.handovers.holds) :])
+
+    def _take_handovers(self, frame: Frame) -> None:
+        """Note the transfers, before the new holds, and which policies have failed."""
+        world = frame.world
+        for carried_out in frame.transfers:
+            row = int(carried_out.transfer["row"])
+            episode = self._episodes[row]
+            if episode is not None:
+                step, numbers = int(world.step[row]), world.agents.agent[row]
+                episode.handovers.take_transfer(step, carried_out, numbers)
+        for (row, number), text in frame.social_failures.items():
+            episode = self._episodes[row]
+            if episode is not None:
+                episode.handovers.failures.append((int(world.step[row]), number, text))
 
     def _take_names(self, row: int, episode: _Episode) -> None:
         buffers, step = self._buffers, int(self._scene.world.step[row])
@@ -284,12 +313,17 @@ class EpisodeRecorder:
             tuple(names[edge] for edge in route.tolist()): number
             for number, route in enumerate(episode.routes)
         }
-        writer.append("agents", agents_table(episode.agents, episode.holds, episode.endings, small, numbers))
+        notes, starts = episode.handovers, episode.agents
+        writer.append("agents", agents_table(starts, notes.holds, episode.endings, small, numbers))
         writer.append("extras", extras_table(episode.extras))
         slots, generations, called, steps = zip(*episode.names, strict=True) if episode.names else ((),) * 4
         writer.append(
             "names", {"slot": slots, "generation": generations, "name": called, "first_step": steps}
         )
+        vehicles = {(slot, generation): name for slot, generation, name, _ in episode.names}
+        states, bubbles = small[AGENT_STATES.name], episode.start.bubbles
+        for name, rows in handover_tables(notes, starts, states, vehicles, self._policies, bubbles).items():
+            writer.append(name, rows)
         writer.finish()
         self._unfinished.remove(writer)
 

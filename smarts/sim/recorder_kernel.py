@@ -29,6 +29,7 @@ VEHICLE_ROWS, AGENT_ROWS, DECISION_ROWS, SIGNAL_ROWS, NEWCOMERS = range(5)
 
 
 _SHADOWING, _ACTIVE, _DONE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE), int(AgentStatus.DONE)
+_LEAVING = int(AgentStatus.LEAVING)
 
 
 class Buffers(NamedTuple):
@@ -107,7 +108,7 @@ def take_frame(
         _take_vehicles(step[row], row, vehicles, agents, keep, out)
         for agent_id in range(agents.state.shape[1]):
             if (
-                agents.state[row, agent_id] in (_SHADOWING, _ACTIVE, _DONE)
+                agents.state[row, agent_id] in (_SHADOWING, _ACTIVE, _DONE, _LEAVING)
                 and agents.slot[row, agent_id] >= 0
             ):
                 _take_agent(step[row], row, agent_id, agents, events, contacts, out)
@@ -161,10 +162,10 @@ def _take_vehicles(
 
 @kernel
 def _is_near(row: int, slot: int, vehicles: VehicleStates, agents: AgentStates) -> bool:
-    """Return whether a vehicle is near an agent's that drives, or has ended in this step."""
+    """Return whether a vehicle is near one that an agent has."""
     for agent_id in range(agents.state.shape[1]):
         other = agents.slot[row, agent_id]
-        if other < 0 or agents.state[row, agent_id] not in (_SHADOWING, _ACTIVE, _DONE):
+        if other < 0 or agents.state[row, agent_id] not in (_SHADOWING, _ACTIVE, _DONE, _LEAVING):
             continue
         dx = vehicles.position[row, other, 0] - vehicles.position[row, slot, 0]
         dy = vehicles.position[row, other, 1] - vehicles.position[row, slot, 1]
@@ -204,6 +205,7 @@ def _take_agent(
     into[13], into[14] = agents.distance_travelled[row, agent_id], agents.lap[row, agent_id]
     into[15], into[16] = agents.target_lane[row, agent_id], agents.change_phase[row, agent_id]
     into[17], into[18] = _bits(agents.action_mask[row, agent_id]), agents.arrival_number[row, agent_id]
+    into[19] = agents.release_step[row, agent_id]
 
 
 @kernel

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from smarts.arrays import Floats
+from smarts.arrays import Bools, Floats
 from smarts.types.agent_states import UNSET
 
 UNLIMITED = 2**31 - 1
@@ -70,3 +70,14 @@ class PlacedBubble:
     """Steps from one decision of its agents to the next."""
     number: int = UNSET
     """Of the bubble in its scenario."""
+
+
+class BubbleStates(NamedTuple):
+    """Where the bubbles of B simulations are, Z at most in each."""
+
+    pose: Floats
+    """x, y [m] and angle [rad], shape (B, Z, 3): a point p of the outline in `PlacedBubble` is at
+    R(angle) p + (x, y). Zero for a bubble that stays."""
+    is_active: Bools
+    """Whether the bubble takes vehicles: its condition holds, and the vehicle that it follows is there;
+    shape (B, Z)."""

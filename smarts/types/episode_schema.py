@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-VERSION = 3
-"""Of the format that is written. Format 2 is format 3 without `agents.interface`: all agents are egos."""
-READABLE = (2, VERSION)
-"""The formats that can be read."""
+VERSION = 4
+"""Of the format that is written."""
+READABLE = (2, 3, VERSION)
+"""The formats that can be read; `Column.since` and `Table.is_optional` say what the older ones lack."""
 
 TEXT, NUMBERS, INTEGERS = "text", "list<float32>", "list<int32>"
 """Kinds of columns beside those of numpy: strings, and lists of numbers of any length."""
@@ -30,6 +30,8 @@ class Column:
     """A numpy dtype, `TEXT`, `NUMBERS` or `INTEGERS`."""
     meaning: str
     unit: str = ""
+    since: int = READABLE[0]
+    """The first format that has the column; read from an older one, its values are -1."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,8 @@ class Table:
     name: str
     meaning: str
     columns: tuple[Column, ...]
+    is_optional: bool = False
+    """Whether an episode without rows has no file of the table, as those of older formats."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -94,7 +98,7 @@ AGENTS = Table(
     (
         Column("agent_id", "int16", "the agent's column; -1 for an agent of the pool that never had one"),
         Column("name", TEXT, "the agent's"),
-        Column("interface", "int16", "number of its interface in the pool, -1 for egos"),
+        Column("interface", "int16", "number of its interface in the pool, -1 for egos", since=3),
         *VEHICLE,
         Column("kind", "int8", "VehicleKind"),
         Column("length", "float32", "of the vehicle", "m"),
@@ -172,7 +176,8 @@ ROUTES = Table(
 )
 AGENT_STATES = Table(
     "agent_states",
-    "a row for each step and each agent that has a vehicle, the step that ended it included",
+    "a row for each step and each agent that has a vehicle, the step that ended it included, and those after "
+    "it in which its vehicle waits to go back to traffic",
     (
         _step(),
         AGENT_ID,
@@ -192,6 +197,12 @@ AGENT_STATES = Table(
         Column("change_phase", "int8", "ChangePhase"),
         Column("action_mask", "int8", "bit i: lane action i may be chosen next"),
         Column("arrival_number", "int32", "place in the order of arrival at the junction ahead, -1 for none"),
+        Column(
+            "release_step",
+            "int32",
+            "step since which its vehicle is to go back to traffic, -1 if it is not",
+            since=4,
+        ),
     ),
 )
 DECISIONS = Table(
@@ -221,6 +232,95 @@ EXTRAS = Table(
         Column("values", NUMBERS, "the numbers"),
     ),
 )
+HOLDS = Table(
+    "holds",
+    "a row for each time that an agent has had a vehicle, in the order in which they began",
+    (
+        Column("agent", "int32", "row of the agent in agents"),
+        AGENT_ID,
+        Column("name", TEXT, "the agent's"),
+        Column("policy", TEXT, "name of the social policy that acted for it, empty for egos"),
+        Column("interface", "int16", "number of its interface in the pool, -1 for egos"),
+        Column("first_step", "int32", "in which it had the vehicle"),
+        Column("last_step", "int32", "in which it had the vehicle, after its end, too"),
+        *VEHICLE,
+        Column(
+            "began", "int8", "Reason of the transfer that brought the vehicle, -1: it came with the agent"
+        ),
+        Column(
+            "ended",
+            "int8",
+            "Reason of the transfer that took the vehicle, -1: the vehicle was gone, or the recording ended",
+        ),
+    ),
+    is_optional=True,
+)
+TRANSFERS = Table(
+    "transfers",
+    "a row for each vehicle that changed hands at the beginning of a step",
+    (
+        _step("the first state after it"),
+        *VEHICLE,
+        Column("name", TEXT, "public name of the vehicle"),
+        Column("from_owner", "int8", "Owner"),
+        Column("to_owner", "int8", "Owner"),
+        Column("from_agent", "int32", "row in agents of the agent that had it, -1 for none"),
+        Column("to_agent", "int32", "row in agents of the agent that got it, -1 for none"),
+        Column("reason", "int8", "Reason"),
+        Column("refusals", "int32", "steps in which it was refused before"),
+        Column("last_refusal", "int8", "Refusal of the last of them, 0 for none"),
+    ),
+    is_optional=True,
+)
+BUBBLES = Table(
+    "bubbles",
+    "a row for each bubble of the scenario",
+    (
+        Column("bubble", "int16", "number of the bubble"),
+        Column("id", TEXT, "of the bubble"),
+        Column("actor", TEXT, "name of the actor that drives its vehicles"),
+        Column("followed", TEXT, "name of the vehicle or agent with which it travels, empty if it stays"),
+    ),
+    is_optional=True,
+)
+BUBBLE_RINGS = Table(
+    "bubble_rings",
+    "a row for each closed line of an outline; a point is inside if it is inside an odd number of them",
+    (
+        Column("bubble", "int16", "number of the bubble"),
+        Column("is_margin", "bool", "of the zone with its margin, in which agents observe; else of the zone"),
+        Column("x", NUMBERS, "of the corners; of a bubble that travels, before it follows", "m"),
+        Column("y", NUMBERS, "of the corners", "m"),
+    ),
+    is_optional=True,
+)
+BUBBLE_POSES = Table(
+    "bubble_poses",
+    "a row for each bubble at the reset, and for each change: its rings are turned by angle about (0, 0), "
+    "then moved by (x, y)",
+    (
+        _step(),
+        Column("bubble", "int16", "number of the bubble"),
+        Column("x", "float64", "", "m"),
+        Column("y", "float64", "", "m"),
+        Column("angle", "float64", "counter-clockwise", "rad"),
+        Column("is_active", "bool", "whether it takes vehicles"),
+    ),
+    is_optional=True,
+)
+AGENT_FAILURES = Table(
+    "agent_failures",
+    "a row for each social agent whose policy failed; the fallback controller drove from then on",
+    (
+        _step("the first state after it"),
+        Column("agent", "int32", "row of the agent in agents"),
+        Column("text", TEXT, "what failed"),
+    ),
+    is_optional=True,
+)
 
-TABLES = (EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, AGENT_STATES, DECISIONS, SIGNALS, EXTRAS)
+TABLES = (
+    *(EPISODE, AGENTS, VEHICLES, NAMES, ROUTES, AGENT_STATES, DECISIONS, SIGNALS, EXTRAS),
+    *(HOLDS, TRANSFERS, BUBBLES, BUBBLE_RINGS, BUBBLE_POSES, AGENT_FAILURES),
+)
 TABLE = {table.name: table for table in TABLES}

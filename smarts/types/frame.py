@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from numpy.typing import NDArray
@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from smarts.arrays import Bools, Ints
 from smarts.errors import SmartsError
 from smarts.types.actions import Actions, Commands
+from smarts.types.bubbles import BubbleStates
 from smarts.types.episode import EpisodeStart
 from smarts.types.events import Contacts, Events
+from smarts.types.transfers import CarriedOut
 from smarts.types.world import World
 
 
@@ -53,3 +55,10 @@ class Frame:
     the fallback controller drives their vehicles."""
     starts: Mapping[int, EpisodeStart] = field(default_factory=dict)
     """In the frame of a reset: the episodes that begin, by row."""
+    transfers: Sequence[CarriedOut] = ()
+    """Which vehicles changed hands at the beginning of this step."""
+    bubbles: BubbleStates | None = None
+    """Where bubbles are; None: the run has none."""
+    social_failures: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    """What failed of social agents' policies, by row and number of the agent: in this step, the fallback
+    controller drove their vehicles."""
