@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 from smarts.agents.acting import built_agent
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
-from smarts.agents.policy import BatchAgent
+from smarts.agents.policy import LONGEST_DECISION, BatchAgent
 from smarts.agents.social import NO_CAST, Cast, SocialAgents, SocialPolicy, Wanted, distinct, wanted
 from smarts.agents.spec import AgentSpec
 from smarts.bubbles.placing import agent_actor
-from smarts.env.settings import LONGEST_DECISION
 from smarts.errors import SmartsError
 from smarts.observations.lists import feature_list
 from smarts.sim.social_starts import wanted_by

@@ -13,6 +13,7 @@ from smarts.agents.benchmark import benchmark_interface
 from smarts.agents.checks import check_instance, check_truth, check_whole
 from smarts.agents.interface import AgentInterface
 from smarts.agents.options import InterfaceError
+from smarts.agents.policy import LONGEST_DECISION
 from smarts.agents.social import NO_CAST, Cast, SocialAgents, social_agents
 from smarts.agents.spec import AgentSpec
 from smarts.env.adapters import Adapter, ArrayAdapter, adapter_class
@@ -26,8 +27,6 @@ from smarts.sstudio.built import BuiltScenario
 from smarts.types.agent_states import agent_names
 from smarts.types.streams import check_seed
 
-LONGEST_DECISION = 100
-"""The most steps of a decision."""
 MOST_AGENTS = 1000
 MOST_ENVS = 65_536
 ALL = "__all__"

@@ -245,7 +245,7 @@ def _assemble(
     world, rules = scene.world, agent_rules(interfaces, options.dt)
     ownership = Ownership(world, {Owner.TRAFFIC: traffic, Owner.AGENT: vehicles}, pool)
     entries = Entries(world, ownership, scene.routes, pool)
-    recorder = _recorder(scene, pool, options)
+    recorder = _recorder(scene, pool, options, [policy.name for policy in cast.policies])
     looked_at = {**looked_at, **_unread(cast, pool)}
     controllers = ControllerSet(scene, rules.action.tolist(), schedule.speeds)
     alive, interest = (
@@ -302,10 +302,12 @@ def _actions(rules: AgentRules, worlds: int, options: Options) -> Actions:
     return actions
 
 
-def _recorder(scene: Scene, pool: AgentPool, options: Options) -> EpisodeRecorder | None:
+def _recorder(
+    scene: Scene, pool: AgentPool, options: Options, policies: Sequence[str]
+) -> EpisodeRecorder | None:
     if options.record is None:
         return None
     # Only recording runs wait for pyarrow.
     from smarts.sim.recorder import EpisodeRecorder
 
-    return EpisodeRecorder(scene, Path(options.record), pool)
+    return EpisodeRecorder(scene, Path(options.record), pool, policies)

@@ -138,8 +138,18 @@ class Simulation:
         self._propose(events, env_mask)
         seen = self._see(env_mask, observe_mask, events.just_done)
         readings = stages.sensors.observe(seen)
-        told = social_failures or {}
-        frame = Frame(world, env_mask, actions, commands, contacts, events, seen, readings, failures, told)
+        frame = Frame(
+            world,
+            env_mask,
+            actions,
+            commands,
+            contacts,
+            events,
+            seen,
+            readings,
+            failures,
+            social_failures=social_failures or {},
+        )
         stages.recorder.record(frame)
         return frame
 

@@ -50,9 +50,6 @@ class Frame:
     readings: Readings
     failures: Mapping[int, SmartsError] = field(default_factory=dict)
     """Simulations whose traffic or vehicles failed in this step: invalid episodes, whose next reset works."""
-    social_failures: Mapping[tuple[int, int], str] = field(default_factory=dict)
-    """Social agents that failed since the last step, by (row, number of the agent in its episode), and why:
-    the fallback controller drives their vehicles."""
     starts: Mapping[int, EpisodeStart] = field(default_factory=dict)
     """In the frame of a reset: the episodes that begin, by row."""
     transfers: Sequence[CarriedOut] = ()
@@ -60,5 +57,5 @@ class Frame:
     bubbles: BubbleStates | None = None
     """Where bubbles are; None: the run has none."""
     social_failures: Mapping[tuple[int, int], str] = field(default_factory=dict)
-    """What failed of social agents' policies, by row and number of the agent: in this step, the fallback
-    controller drove their vehicles."""
+    """Social agents that have failed before this step, by (row, number of the agent in its episode), and why:
+    the fallback controller drives their vehicles."""

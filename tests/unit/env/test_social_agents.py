@@ -294,16 +294,19 @@ def test_one_policy_serves_all_vehicles_of_all_simulations_by_one_call():
     run_batches(Batches, 3)
     assert Batches.made == 1
     first = Batches.batches[0]
-    last = [batch for batch in Batches.batches if len(batch.env_id) == 6][-1]
+    last = max(Batches.batches, key=lambda batch: len(batch.env_id))
+    count = len(last.env_id)
     assert first.env_id.tolist() == [0, 1, 2]
     assert first.agent_id.tolist() == [1, 1, 1]
     assert first.is_first.all()
-    assert last.env_id.tolist() == [0, 0, 1, 1, 2, 2]
-    assert not last.is_first.any()
-    assert last.observations["observation"].shape == (6, 1)
-    assert last.action_mask.shape == (6, 4)
-    assert len(set(last.seed.tolist())) == 6
-    assert last.seed[3] == hold_seed(42, "second", world=1)
+    places = [*zip(last.env_id.tolist(), last.agent_id.tolist(), strict=True)]
+    assert len({*places}) == count > 3
+    assert places == sorted(places)
+    assert len({*last.hold.tolist()}) == 2
+    assert last.observations["observation"].shape == (count, 1)
+    assert last.action_mask.shape == (count, 4)
+    assert len(set(last.seed.tolist())) == count
+    assert first.seed[1] == hold_seed(42, "social", world=1)
     assert set(last.step.tolist()) == {int(last.step[0])}
 
 
