@@ -14,6 +14,7 @@ from smarts.controllers.drivable_path import PLANNED, is_tight, plan_drivable_pa
 from smarts.controllers.lane_changes import is_changing, latch
 from smarts.controllers.lane_path import TRACKED_OFFSET, limit_speeds, write_reference
 from smarts.controllers.leaders import limit_by_leaders
+from smarts.controllers.stop_lines import limit_by_lights
 from smarts.controllers.task_path import write_task_reference
 from smarts.controllers.tracking import SPEED_GAIN
 from smarts.geometry.binding import LateBound
@@ -21,7 +22,7 @@ from smarts.geometry.compiling import kernel
 from smarts.roads.arrays import Roads, RouteTable
 from smarts.roads.scene import Scene
 from smarts.types.actions import Actions, CommandMode, Commands, LaneAction
-from smarts.types.agent_states import ChangePhase
+from smarts.types.agent_states import AgentStatus, ChangePhase
 from smarts.types.guidance import GuidePhase
 from smarts.types.world import State
 
@@ -35,7 +36,8 @@ BY_SPEED, BY_NAME, FALLBACK = 0, 1, 2
 
 _MANOEUVRE = int(GuidePhase.MANOEUVRE)
 _NO_CHANGE = int(ChangePhase.NONE)
-_TRACK = int(CommandMode.TRACK)
+_TRACK, _ACTUATORS = int(CommandMode.TRACK), int(CommandMode.ACTUATORS)
+_LEAVING = int(AgentStatus.LEAVING)
 _SLOW = int(LaneAction.slow_down)
 _LEFT, _RIGHT = int(LaneAction.change_lane_left), int(LaneAction.change_lane_right)
 
@@ -89,6 +91,7 @@ def follow_lanes(
                 actions.action_mask[b, a],
             )
             mode[b, a], length[b, a] = _TRACK, 0
+            _stand_if_lost(state, commands, b, a, row)
             if row < 0:
                 continue
             cap, desired = _speed_limits(
@@ -115,8 +118,28 @@ def follow_lanes(
             if command_type == BY_NAME and int(values[b, a, 0]) == _SLOW:
                 _slow_down(points, speed)
             elif command_type == FALLBACK:
-                limit_by_leaders(state, b, slot, points)
+                _limit_fallback(state, roads, b, a, routes.lane[row], s, points)
             length[b, a] = len(points)
+
+
+@kernel
+def _stand_if_lost(state: State, commands: Commands, b: int, a: int, row: int) -> None:
+    """Let a vehicle whose agent is leaving brake and stand if it has collided or has no lane (row -1)."""
+    agents = state.agents
+    # `FallbackController` is the only one that drives these vehicles.
+    if agents.state[b, a] == _LEAVING and (row < 0 or agents.harmed[b, a]):
+        commands.mode[b, a] = _ACTUATORS
+        commands.actuators[b, a, 0], commands.actuators[b, a, 1] = 0.0, 1.0
+        commands.actuators[b, a, 2] = 0.0
+
+
+@kernel
+def _limit_fallback(state: State, roads: Roads, b: int, a: int, lane: int, s: float, points: Floats) -> None:
+    """Lower the speeds of a reference behind other vehicles and, if the agent is leaving, at red lights."""
+    slot = state.agents.slot[b, a]
+    limit_by_leaders(state, b, slot, points)
+    if state.agents.state[b, a] == _LEAVING:
+        limit_by_lights(state, roads, b, slot, lane, s, points)
 
 
 @kernel

@@ -48,7 +48,7 @@ def limit_by_leaders(state: State, b: int, slot: int, points: Floats) -> None:
             continue
         gap = station - 0.5 * (vehicles.length[b, other] + vehicles.length[b, slot])
         speed = max(vehicles.speed[b, other] * math.cos(turn), 0.0)
-        _follow(points, gap - STANDSTILL_GAP - HEADWAY * speed, speed)
+        brake_to(points, gap - STANDSTILL_GAP - HEADWAY * speed, speed)
 
 
 @kernel
@@ -72,7 +72,7 @@ def _along(points: Floats, x: float, y: float, heading: float) -> tuple[float, f
 
 
 @kernel
-def _follow(points: Floats, gap: float, speed: float) -> None:
+def brake_to(points: Floats, gap: float, speed: float) -> None:
     """Lower a reference's speeds so that the vehicle brakes to `speed` [m/s] within `gap` [m]."""
     station = 0.0
     for i in range(len(points)):

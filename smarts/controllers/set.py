@@ -18,13 +18,14 @@ from smarts.types.actions import KINKED, Actions, ActionSpaceType, CommandMode, 
 from smarts.types.agent_states import UNSET, AgentStatus, ChangePhase
 from smarts.types.world import State
 
-_ACTIVE, _NONE = int(AgentStatus.ACTIVE), int(CommandMode.NONE)
+_ACTIVE, _LEAVING = int(AgentStatus.ACTIVE), int(AgentStatus.LEAVING)
+_NONE = int(CommandMode.NONE)
 
 
 class ControllerSet:
     """Converts the actions of all active agents to commands, by the controller of each action type.
 
-    `FallbackController` drives agents that have not acted since they entered.
+    `FallbackController` drives agents that have not acted since they entered, and those that are leaving.
 
     Args:
         scene: The world, its maps and its routes.
@@ -90,19 +91,19 @@ class ControllerSet:
 def group_by_action_type(
     state: State, types: Bytes, commands: Commands, chosen: Bools, actions: Actions, env_mask: Bools
 ) -> int:
-    """Group the active agents of some simulations by controller.
+    """Group the agents whose vehicles move in some simulations by controller.
 
     Args:
         state: The state of the world.
         types: Action types of the K controllers, shape (K,).
         commands: Mode and window of these simulations' agents are reset to NONE and `KINKED`.
         chosen: Agents of each controller, written, shape (K + 1, B, A); the last row holds the agents that
-            have not acted yet.
+            have not acted yet, or are leaving.
         actions: Actions of all agents.
         env_mask: The simulations, shape (B,).
 
     Returns:
-        A bit mask: bit k is set if controller k has agents, bit K if an agent has not acted yet.
+        A bit mask: bit k is set if controller k has agents, bit K if the fallback controller has.
     """
     status, kind = state.agents.state, actions.kind
     in_use = 0
@@ -112,9 +113,9 @@ def group_by_action_type(
             continue
         for a in range(status.shape[1]):
             commands.mode[b, a], commands.window[b, a] = _NONE, KINKED
-            if status[b, a] != _ACTIVE:
+            if status[b, a] != _ACTIVE and status[b, a] != _LEAVING:
                 continue
-            if not actions.given[b, a]:
+            if status[b, a] == _LEAVING or not actions.given[b, a]:
                 chosen[-1, b, a] = True
                 in_use |= 1 << len(types)
                 continue

@@ -23,7 +23,8 @@ STAYS = 1.0
 """Additional distance at which a box is removed from Bullet [m]: adding and removing costs as much as a
 step."""
 
-_ACTIVE, _PLACE = int(AgentStatus.ACTIVE), int(CommandMode.PLACE)
+_ACTIVE, _LEAVING = int(AgentStatus.ACTIVE), int(AgentStatus.LEAVING)
+_PLACE = int(CommandMode.PLACE)
 
 NOWHERE = -1
 BY_POSES = -2
@@ -87,7 +88,7 @@ def group_agents(
     placed = driven = 0
     for b in range(groups.active.shape[0]):
         for a in range(groups.active.shape[1]):
-            is_active = env_mask[b] and state.agents.state[b, a] == _ACTIVE
+            is_active = env_mask[b] and state.agents.state[b, a] in (_ACTIVE, _LEAVING)
             is_placed = is_active and commands.mode[b, a] == _PLACE
             is_driven = is_active and not is_placed
             groups.active[b, a], groups.by_poses[b, a] = is_active, is_placed

@@ -27,6 +27,7 @@ SHORTEST_LOOK = 1 / 64
 
 _ACTIVE = int(AgentStatus.ACTIVE)
 _SHADOWING = int(AgentStatus.SHADOWING)
+_LEAVING = int(AgentStatus.LEAVING)
 
 
 class FootprintContacts:
@@ -87,7 +88,7 @@ def find_contacts(state: State, out: Contacts, tracks: Tracks, env_mask: Bools) 
         alive = _survey(now, before, poses, agents, row, near, reach, agent_id_of)
         for agent_id in range(status.shape[1]):
             slot = slots[row, agent_id]
-            if slot < 0 or status[row, agent_id] not in (_ACTIVE, _SHADOWING):
+            if slot < 0 or status[row, agent_id] not in (_ACTIVE, _SHADOWING, _LEAVING):
                 continue
             _follow(now, before, poses, row, slot, agent_id_of[slot], path)
             first = np.inf
@@ -191,7 +192,7 @@ def _survey(
                 reach[slot] += math.hypot(dx, position[row, slot, 1] - old_position[row, slot, 1])
     for agent_id in range(poses.shape[1]):
         slot = agents.slot[row, agent_id]
-        if agents.state[row, agent_id] == _ACTIVE and slot >= 0 and poses.shape[2] > 0:
+        if agents.state[row, agent_id] in (_ACTIVE, _LEAVING) and slot >= 0 and poses.shape[2] > 0:
             agent_id_of[slot] = agent_id
             farthest = 0.0
             for substep in range(poses.shape[2]):

@@ -129,7 +129,7 @@ class Entries:
 
     def _clear_around(self, row: int, slot: int) -> None:
         world = self._world
-        vehicles, roads = world.vehicles.of(row), self._roads(row)
+        vehicles, roads = world.vehicles.of(row), self.roads(row)
         lane = int(vehicles.lane[slot])
         edge = roads.lane_edge[lane] if lane >= 0 else -1
         is_inside_junction = lane >= 0 and bool(roads.is_internal[lane])
@@ -147,7 +147,7 @@ class Entries:
         slot, lane = int(world.agents.slot[row, agent_id]), -1
         if slot >= 0 and world.missions.goal[row, agent_id] != GoalKind.ENDLESS:
             lane = int(world.vehicles.lane[row, slot])
-        route, roads = self._routes.route(row, agent_id), self._roads(row)
+        route, roads = self._routes.route(row, agent_id), self.roads(row)
         if lane < 0 or not route:
             return
         s = float(world.vehicles.lane_position[row, slot])
@@ -167,11 +167,12 @@ class Entries:
         """Give an agent its mission with another route, which its vehicle plans from now on."""
         world = self._world
         self._routes.assign_agent(row, agent_id, mission.route)
-        number = world.routes.number(row, map(self._roads(row).edge_number, mission.route))
+        number = world.routes.number(row, map(self.roads(row).edge_number, mission.route))
         world.vehicles.route[row, world.agents.slot[row, agent_id]] = number
         world.missions.write(row, agent_id, mission, number)
 
-    def _roads(self, row: int) -> LaneGraph:
+    def roads(self, row: int) -> LaneGraph:
+        """Return the map of a simulation."""
         return self._routes.atlas.graphs[self._world.map[row]]
 
 

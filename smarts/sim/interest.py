@@ -50,7 +50,7 @@ class NamedInterest:
             slots = np.flatnonzero(world.vehicles.alive[row]).tolist()
             names = {slot: world.registry.name(row, slot) for slot in slots}
             for agent_id, criteria in self._criteria.items():
-                if world.agents.state[row, agent_id] != AgentStatus.VACANT:
+                if world.agents.state[row, agent_id] not in (AgentStatus.VACANT, AgentStatus.LEAVING):
                     self._gone[row, agent_id] = self._is_gone(row, agent_id, criteria, names)
         return self._gone
 

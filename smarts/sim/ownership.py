@@ -12,10 +12,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
+from smarts.geometry.binding import LateBound, bind
 from smarts.sim.agent_pool import AgentPool
+from smarts.sim.leaving import begin_leaving, drop_vanished, note_collisions
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart
-from smarts.types.transfers import NO_TRANSFERS, Refusal, Transfers
+from smarts.types.events import Contacts
+from smarts.types.transfers import NO_TRANSFERS, Departure, Reason, Refusal, Transfers
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
@@ -32,7 +35,8 @@ class Ownership:
     """Lets vehicles in for agents, and carries out transfers, each wholly or not at all.
 
     Invariants of every simulation: at most one agent holds a vehicle; an agent with a slot holds a vehicle
-    that is alive and of the agent's generation; an active agent's vehicle is owned by AGENT.
+    that is alive and of the agent's generation; a vehicle is owned by AGENT if its agent is ACTIVE or
+    LEAVING, and, except for the frame in which its agent is DONE, only then.
 
     Args:
         world: The state; written.
@@ -44,10 +48,32 @@ class Ownership:
         self._world = world
         self._drivers, self._pool = drivers, pool
         self._queue = NO_TRANSFERS
+        worlds = world.worlds
+        self.refused: Ints = np.zeros((worlds, len(Refusal)), np.int32)
+        """How many vehicles of the present episode were refused to change hands, by `Refusal`, each vehicle
+        and agent once, shape (B, R)."""
+        self.refused_steps: Ints = np.zeros((worlds, len(Refusal)), np.int32)
+        """How many steps they were refused in all, shape (B, R)."""
+        self.departed: Ints = np.zeros((worlds, len(Departure)), np.int32)
+        """How many agents' vehicles have left in the present episode, by `Departure`, shape (B, D)."""
+        self._refused: list[set[tuple[int, ...]]] = [set() for _ in range(worlds)]
+        self._begin_leaving = bind(begin_leaving, world.state)
+        self._drop_vanished = bind(drop_vanished, world.state)
+        self._note_collisions = LateBound(note_collisions, world.state)
 
     def clear(self, row: int) -> None:
-        """Forget the transfers that are pending in one simulation."""
+        """Forget the transfers that are pending in one simulation, and its counts."""
         self._queue = self._queue[self._queue["row"] != row]
+        self.refused[row] = self.refused_steps[row] = self.departed[row] = 0
+        self._refused[row].clear()
+
+    def drop_vanished(self, env_mask: Bools) -> None:
+        """Vacate the columns of agents whose vehicle traffic has removed."""
+        self._drop_vanished(env_mask)
+
+    def note_collisions(self, contacts: Contacts, env_mask: Bools) -> None:
+        """Mark the vehicles of leaving agents that have collided in this step."""
+        self._note_collisions.to(contacts)(env_mask)
 
     def admit(self, row: int, agent_id: int, start: AgentStart) -> int:
         """Put an agent's vehicle into the world at its start, and return the slot.
@@ -69,54 +95,81 @@ class Ownership:
         if len(transfers):
             self._queue = np.concatenate([self._queue, transfers])
 
-    def apply(self, env_mask: Bools) -> Sequence[Any]:
+    def apply(self, env_mask: Bools, fresh: Bools | None = None) -> Sequence[Any]:
         """Carry out the pending transfers of some simulations; return those that were refused.
+
+        The fallback controller then drives the vehicles of agents that are done and still hold one.
 
         They are tried in the order of `Reason`, then by agent, by number, and by slot, whatever the order in
         which they were proposed. A transfer is refused, and changes nothing, if its vehicle is gone or no
         longer with the owner and the agent that the proposer saw, if the agent that is to get it has a
-        vehicle, if all columns of that agent's interface are held, or if the new owner does not accept it.
+        vehicle, if all columns of that agent's interface are held, if a social agent that is to drive has
+        not just acted, or if the new owner does not accept it. `refused` counts why.
+
+        Args:
+            env_mask: The simulations, shape (B,).
+            fresh: Which agents have just acted (`Actions.fresh`), shape (B, A); None: all.
         """
-        if not len(self._queue):
-            return ()
+        refused = self._apply_pending(env_mask, fresh) if len(self._queue) else ()
+        self._begin_leaving(env_mask)
+        return refused
+
+    def _apply_pending(self, env_mask: Bools, fresh: Bools | None) -> Sequence[Any]:
         due = env_mask[self._queue["row"]]
         pending, self._queue = self._queue[due], self._queue[~due]
         order = np.lexsort([pending[name] for name in ("slot", "number", "to_agent", "reason", "row")])
         pending = pending[order]
-        is_accepted = self._answers(pending) == Refusal.NONE
-        return [
-            transfer
-            for transfer, accepted in zip(pending, is_accepted.tolist(), strict=True)
-            if not (accepted and self._carry_out(transfer))
-        ]
+        refused = []
+        for transfer, answer in zip(pending, self._answers(pending, fresh).tolist(), strict=True):
+            refusal = self._carry_out(transfer) if answer == Refusal.NONE else answer
+            if refusal != Refusal.NONE:
+                self._count(transfer, refusal)
+                refused.append(transfer)
+        return refused
 
-    def _answers(self, pending: Transfers) -> Bytes:
-        """Return the new owners' answers to transfers, shape (T,); each owner is asked once."""
+    def _count(self, transfer: Any, refusal: int) -> None:
+        """Count a refusal."""
+        row = int(transfer["row"])
+        key = (int(transfer["slot"]), int(transfer["generation"]), int(transfer["reason"]), refusal)
+        self.refused_steps[row, refusal] += 1
+        if key not in self._refused[row]:
+            self._refused[row].add(key)
+            self.refused[row, refusal] += 1
+
+    def _answers(self, pending: Transfers, fresh: Bools | None) -> Bytes:
+        """Return the gates' answers to transfers, shape (T,); each new owner is asked once."""
         answers = np.full(len(pending), Refusal.NONE, np.int8)
         changes = pending["to_owner"] != pending["from_owner"]
         for owner, driver in self._drivers.items():
             asked = changes & (pending["to_owner"] == owner)
             if asked.any():
                 answers[asked] = driver.can_accept(pending["row"][asked], pending["slot"][asked])
+        if fresh is not None and self._pool is not None:
+            for place in np.flatnonzero((pending["reason"] == Reason.TAKE) & (answers == Refusal.NONE)):
+                row, agent_id = int(pending["row"][place]), int(pending["to_agent"][place])
+                start = self._pool.start(row, agent_id) if agent_id != UNSET else None
+                if start is not None and start.policy >= 0 and not fresh[row, agent_id]:
+                    answers[place] = Refusal.NO_ACTION
         return answers
 
-    def _carry_out(self, transfer: Any) -> bool:
-        """Carry out a transfer if nothing forbids it; return whether it was carried out."""
+    def _carry_out(self, transfer: Any) -> int:
+        """Carry out a transfer if nothing forbids it; return the `Refusal`, NONE if it was carried out."""
         if not (self._is_as_seen(transfer) and self._can_go(transfer)):
-            return False
+            return Refusal.STALE
         row, slot, to_agent = int(transfer["row"]), int(transfer["slot"]), int(transfer["to_agent"])
         if self._pool and transfer["number"] != UNSET:
             to_agent = self._pool.take(row, int(transfer["number"]))
             if to_agent == UNSET:
-                return False
+                return Refusal.FULL
         from_agent, owner = int(transfer["from_agent"]), int(transfer["to_owner"])
         if from_agent not in (UNSET, to_agent):
             self._release(row, from_agent)
         if owner == Owner.NOBODY:
             self._world.registry.dismiss(row, slot)
+            self.departed[row, int(transfer["departure"])] += 1
         else:
             self._assign(row, slot, owner, to_agent)
-        return True
+        return Refusal.NONE
 
     def _assign(self, row: int, slot: int, owner: int, agent_id: int) -> None:
         """Write a vehicle's new owner, and give it to an agent unless that is -1."""
@@ -160,6 +213,11 @@ class Ownership:
     def _give(self, row: int, agent_id: int, slot: int, state: AgentStatus) -> None:
         """Give a vehicle to an agent, which enters or becomes its driver."""
         agents, vehicles = self._world.agents, self._world.vehicles
+        if agents.state[row, agent_id] == AgentStatus.SHADOWING:
+            # What it has observed counts for nothing: its episode begins now.
+            for column in (agents.distance_travelled, agents.lap, agents.lap_before, agents.via_hit):
+                column[row, agent_id] = 0
+            agents.off_route_since[row, agent_id] = UNSET
         agents.slot[row, agent_id] = slot
         agents.generation[row, agent_id] = vehicles.generation[row, slot]
         agents.state[row, agent_id] = state
@@ -171,5 +229,5 @@ class Ownership:
     def _release(self, row: int, agent_id: int) -> None:
         """Take the vehicle from an agent, whose column is vacant then."""
         agents = self._world.agents
-        agents.slot[row, agent_id] = UNSET
+        agents.slot[row, agent_id] = agents.release_step[row, agent_id] = UNSET
         agents.state[row, agent_id] = AgentStatus.VACANT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,11 +14,13 @@ from smarts.geometry.compiling import kernel
 from smarts.providers.traffic_engine import TrafficEngine
 from smarts.sim.ownership import Ownership
 from smarts.sim.stages import (
+    Bubbles,
     ContactFinder,
     Controllers,
     EntryRules,
     EventDetector,
     Matcher,
+    NoBubbles,
     Recorder,
     Sensors,
     TransferRules,
@@ -50,6 +52,7 @@ class Stages:
     transfer_rules: TransferRules
     sensors: Sensors
     recorder: Recorder
+    bubbles: Bubbles = field(default_factory=NoBubbles)
 
 
 def invalidate(world: World, events: Events, row: int) -> None:
@@ -57,7 +60,8 @@ def invalidate(world: World, events: Events, row: int) -> None:
     agents = world.agents
     there = (agents.state[row] == AgentStatus.ACTIVE) | (agents.state[row] == AgentStatus.SHADOWING)
     agents.state[row, there] = AgentStatus.DONE
-    agents.state[row, agents.state[row] == AgentStatus.WAITING] = AgentStatus.VACANT
+    for status in (AgentStatus.WAITING, AgentStatus.LEAVING):
+        agents.state[row, agents.state[row] == status] = AgentStatus.VACANT
     agents.outcome[row, there] = Outcome.INVALID
     events.just_done[row] |= there
     events.truncated[row] |= there
@@ -104,7 +108,7 @@ class Simulation:
         world, stages = self.world, self._stages
         world.advance(env_mask)
         # Agents that are done still have their vehicles in the last frame.
-        stages.ownership.apply(env_mask)
+        stages.ownership.apply(env_mask, actions.fresh)
         stages.entries.enter(env_mask)
         commands = stages.controllers.command(actions, env_mask)
         # Before traffic, so that its drivers find agents where they are at the end of the step.
@@ -112,15 +116,19 @@ class Simulation:
         failures = dict(stages.vehicles.failures)
         env_mask = _without(env_mask, failures)
         stages.traffic.step(env_mask)
+        stages.ownership.drop_vanished(env_mask)
         stages.matcher.match(env_mask)
         failures |= stages.traffic.failures
         env_mask = _without(env_mask, stages.traffic.failures)
         contacts = stages.contacts.find(tracks, env_mask)
+        stages.ownership.note_collisions(contacts, env_mask)
+        # Before the events: an agent that learns in a bubble ends where its vehicle leaves it.
+        stages.bubbles.place(env_mask)
         # Before the sensors: the last observation of an agent is of the step that ended it.
         events = stages.events.detect(contacts, env_mask)
         for row in failures:
             invalidate(world, events, row)
-        stages.ownership.submit(stages.transfer_rules.propose(events, env_mask))
+        self._propose(events, env_mask)
         seen = self._see(env_mask, observe_mask, events.just_done)
         readings = stages.sensors.observe(seen)
         frame = Frame(world, env_mask, actions, commands, contacts, events, seen, readings, failures)
@@ -145,8 +153,9 @@ class Simulation:
             stages.entries.clear_way(row)
             world.settle(row)
         contacts = stages.contacts.find(self._no_tracks, rows)
+        stages.bubbles.place(rows)
         events = stages.events.reset(contacts, rows)
-        stages.ownership.submit(stages.transfer_rules.propose(events, rows))
+        self._propose(events, rows)
         seen = self._see(rows, ~self._nobody, self._nobody)
         readings = stages.sensors.observe(seen)
         frame = Frame(world, rows, None, None, contacts, events, seen, readings, starts=starts)
@@ -160,6 +169,12 @@ class Simulation:
         # The last, since it may raise that the disk is full.
         self._stages.recorder.close()
 
+    def _propose(self, events: Events, env_mask: Bools) -> None:
+        """Submit the transfers for the beginning of the next step."""
+        ownership, stages = self._stages.ownership, self._stages
+        ownership.submit(stages.transfer_rules.propose(events, env_mask))
+        ownership.submit(stages.bubbles.propose(events, env_mask))
+
     def _begin(self, row: int, start: EpisodeStart) -> EpisodeStart:
         """Empty one simulation and let its agents in; return the episode with room for all their vehicles."""
         world, stages = self.world, self._stages
@@ -168,6 +183,7 @@ class Simulation:
         stages.ownership.clear(row)
         stages.transfer_rules.clear(row)
         stages.entries.reset(row, start)
+        stages.bubbles.begin(row, start)
         others = np.count_nonzero(world.agents.slot[row, world.egos :] != UNSET)
         return replace(start, limit=start.limit + others) if others else start
 

@@ -17,7 +17,7 @@ from smarts.types.episode import EpisodeStart
 from smarts.types.events import Contacts, Events
 from smarts.types.frame import Frame, Readings
 from smarts.types.tracks import Tracks
-from smarts.types.transfers import Transfers
+from smarts.types.transfers import NO_TRANSFERS, Transfers
 
 
 class EntryRules(Protocol):
@@ -83,6 +83,36 @@ class ContactFinder(Protocol):
     def find(self, tracks: Tracks, env_mask: Bools) -> Contacts:
         """Return the first contact of each agent's vehicle during the step."""
         ...
+
+
+class Bubbles(Protocol):
+    """Finds which vehicles are in bubbles; writes `release_step` and `next_due` of the agents in them."""
+
+    def begin(self, row: int, start: EpisodeStart) -> None:
+        """Begin an episode of one simulation."""
+        ...
+
+    def place(self, env_mask: Bools) -> None:
+        """Move the bubbles, and find the vehicles in them; at a reset and after every step."""
+        ...
+
+    def propose(self, events: Events, env_mask: Bools) -> Transfers:
+        """Return the vehicles that agents are to observe, to drive, or to observe no longer."""
+        ...
+
+
+class NoBubbles:
+    """Bubbles of a run without any."""
+
+    def begin(self, row: int, start: EpisodeStart) -> None:
+        """Do nothing."""
+
+    def place(self, env_mask: Bools) -> None:
+        """Do nothing."""
+
+    def propose(self, events: Events, env_mask: Bools) -> Transfers:
+        """Return no transfers."""
+        return NO_TRANSFERS
 
 
 class EventDetector(Protocol):

@@ -1,4 +1,4 @@
-"""Which vehicles change hands: agents that are done release theirs, agents that wait take one over."""
+"""Which vehicles change hands: agents that end give theirs up, agents that wait for one take it over."""
 
 from __future__ import annotations
 
@@ -9,22 +9,41 @@ from typing import Any
 import numpy as np
 
 from smarts.arrays import Bools, Bytes, Ints
+from smarts.geometry.binding import bind
 from smarts.geometry.segments import inside_outline
 from smarts.sim.agent_pool import AgentPool
 from smarts.sim.entries import Entries
+from smarts.sim.leaving import has_leavers
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.episode import AgentStart, TakeOver
 from smarts.types.events import Events, Outcome
-from smarts.types.transfers import NO_TRANSFERS, Reason, Refusal, Transfer, Transfers, transfers
+from smarts.types.transfers import (
+    Departure,
+    Reason,
+    Refusal,
+    Transfer,
+    Transfers,
+    transfers,
+)
 from smarts.types.vehicles import Owner
 from smarts.types.world import World
 
-UNHARMED = (Outcome.GOAL, Outcome.TIME_OUT, Outcome.NOT_MOVING, Outcome.OTHER, Outcome.MISSED_GOAL)
-"""After these, a vehicle that comes from traffic goes back to it; after the others it is removed."""
+OFF_LANES_TIME = 5.0
+"""A vehicle that stands beside all lanes is removed after this time, or after its `collision_time` [s]."""
+STANDING = 0.5
+"""Below this speed a vehicle stands [m/s]."""
+AT_END = 2.0
+"""Distance of a standing vehicle's front to the end of a lane that leads nowhere, to have arrived [m]."""
 
 
 class HandoverRules:
-    """Proposes transfers: vehicles of agents that are done go, agents that wait for a vehicle get one.
+    """Proposes transfers: vehicles of agents that end go, agents that wait for a vehicle get one.
+
+    A vehicle that came with its agent is removed when the agent is done. A vehicle that came from traffic
+    goes back to it (RELEASE), as soon as the traffic engine's gate lets it, proposed in every step until
+    then: if its agent is DONE or LEAVING, or ACTIVE with a `release_step`. It is removed only where it cannot
+    go back: after a collision, once it has stood for the `collision_time` of its agent's start; beside all
+    lanes; or at the end of a lane that leads nowhere.
 
     Args:
         world: The state; read.
@@ -38,8 +57,7 @@ class HandoverRules:
     ) -> None:
         self._world, self._entries, self._pool = world, entries, pool
         self._can_take = can_take
-        # Simulations in which a vehicle may be left that no provider accepted.
-        self._unsettled: set[int] = set()
+        self._has_leavers = bind(has_leavers, world.state)
         # What the triggers of conditions remember, by simulation and number of the agent.
         self._memory = [defaultdict[int, dict[Any, float]](dict) for _ in range(world.worlds)]
 
@@ -49,20 +67,60 @@ class HandoverRules:
 
     def propose(self, events: Events, env_mask: Bools) -> Transfers:
         """Return the transfers for the beginning of the next step."""
-        if not (self._unsettled or any(self._entries.waiting) or np.count_nonzero(events.just_done)):
-            return NO_TRANSFERS
-        agents = self._world.agents
-        done = (agents.state == AgentStatus.DONE) & (agents.slot != UNSET) & env_mask[:, None]
-        proposed = [
-            _letting_go(self._world, row, agent_id, bool(events.just_done[row, agent_id]))
-            for row, agent_id in np.argwhere(done).tolist()
-        ]
-        for row in np.flatnonzero(env_mask).tolist():
-            proposed += self._takes(row)
-        self._unsettled = {row for row in self._unsettled if not env_mask[row]} | {
-            each.row for each in proposed
-        }
+        proposed = [*self._leaves(env_mask)] if self._has_leavers(env_mask) else []
+        if any(self._entries.waiting):
+            for row in np.flatnonzero(env_mask).tolist():
+                proposed += self._takes(row)
         return transfers(proposed)
+
+    def _leaves(self, env_mask: Bools) -> Iterator[Transfer]:
+        """Yield the transfers of vehicles that their agents give up, home or out of the world."""
+        agents, vehicles = self._world.agents, self._world.vehicles
+        ending = np.isin(agents.state, (AgentStatus.DONE, AgentStatus.LEAVING))
+        ending |= (agents.state == AgentStatus.ACTIVE) & (agents.release_step != UNSET)
+        for row, agent_id in np.argwhere(ending & (agents.slot != UNSET) & env_mask[:, None]).tolist():
+            slot, generation = int(agents.slot[row, agent_id]), int(agents.generation[row, agent_id])
+            owner, home = int(vehicles.owner[row, slot]), int(vehicles.home[row, slot])
+            seen = row, slot, generation, owner, agent_id
+            departure = Departure.NONE if owner == home else self._departure(row, agent_id, slot, home)
+            if departure != Departure.NONE:
+                yield Transfer(*seen, Owner.NOBODY, UNSET, Reason.LEAVE, departure=departure)
+            elif not self._is_harmed(row, agent_id):
+                yield Transfer(*seen, home, UNSET, Reason.RELEASE)
+
+    def _is_harmed(self, row: int, agent_id: int) -> bool:
+        """Return whether an agent's vehicle has collided."""
+        agents = self._world.agents
+        is_done = agents.state[row, agent_id] == AgentStatus.DONE
+        return bool(
+            agents.outcome[row, agent_id] == Outcome.COLLISION if is_done else agents.harmed[row, agent_id]
+        )
+
+    def _departure(self, row: int, agent_id: int, slot: int, home: int) -> int:
+        """Return why a vehicle is to leave the simulation, NONE if it is to go back to its home."""
+        world, agents = self._world, self._world.agents
+        if home == Owner.NOBODY:
+            return Departure.OWN
+        start = self._pool.start(row, agent_id)
+        stays = start.collision_time if start else 0.0
+        is_done = agents.state[row, agent_id] == AgentStatus.DONE
+        waited = 0.0 if is_done else float(world.step[row] - agents.release_step[row, agent_id]) * world.dt
+        if self._is_harmed(row, agent_id):
+            return Departure.COLLISION if waited >= stays - 1e-9 else Departure.NONE
+        if is_done or abs(world.vehicles.speed[row, slot]) > STANDING:
+            return Departure.NONE
+        if not agents.on_road[row, agent_id]:
+            return Departure.OFF_LANES if waited >= max(stays, OFF_LANES_TIME) - 1e-9 else Departure.NONE
+        return Departure.ARRIVED if self._is_at_end(row, slot) else Departure.NONE
+
+    def _is_at_end(self, row: int, slot: int) -> bool:
+        """Return whether a vehicle's front is at the end of a lane that leads nowhere."""
+        vehicles, roads = self._world.vehicles, self._entries.roads(row)
+        lane = int(vehicles.lane[row, slot])
+        if lane < 0 or len(roads.successors(lane)):
+            return False
+        left = float(roads.length[lane] - vehicles.lane_position[row, slot] - vehicles.length[row, slot] / 2)
+        return left <= AT_END
 
     def _takes(self, row: int) -> Iterator[Transfer]:
         """Yield the transfers of vehicles to agents of one simulation that wait for one."""
@@ -109,18 +167,6 @@ class HandoverRules:
             world.registry.name(row, slot) for slot in np.flatnonzero(world.vehicles.alive[row]).tolist()
         }
         return bool(rule.condition.evaluate(memory=self._memory[row][number], time=now, actor_ids=names))
-
-
-def _letting_go(world: World, row: int, agent_id: int, is_first: bool) -> Transfer:
-    """Return the transfer of a done agent's vehicle: back to its home if that may accept it, else removal."""
-    agents, vehicles = world.agents, world.vehicles
-    slot, generation = int(agents.slot[row, agent_id]), int(agents.generation[row, agent_id])
-    owner, home = int(vehicles.owner[row, slot]), int(vehicles.home[row, slot])
-    # A refused transfer is not proposed twice.
-    goes_home = home != Owner.NOBODY and is_first and agents.outcome[row, agent_id] in UNHARMED
-    if owner == home or goes_home:
-        return Transfer(row, slot, generation, owner, agent_id, home, UNSET, Reason.RELEASE)
-    return Transfer(row, slot, generation, owner, agent_id, Owner.NOBODY, UNSET, Reason.LEAVE)
 
 
 def _suits(world: World, row: int, slot: int, rule: TakeOver) -> bool:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SCENARIO, NET, LANES = "scenario.json", "map.net.xml", "lanes.npz"
 
-WITHOUT_EFFECT = ("social_agent_missions", "bubbles", "traffic_histories")
+WITHOUT_EFFECT = ("traffic_histories",)
 """Fields of scenarios that are read and checked, and have no effect yet."""
 
 Content = TypeVar("Content")

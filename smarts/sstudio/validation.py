@@ -6,7 +6,6 @@ Every error names the object (`traffic['dense'].flows[2].route.begin`), the valu
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from shapely.validation import explain_validity
 
 from smarts.roads.lane_graph import LaneGraph
 from smarts.sstudio import sstypes as t
+from smarts.sstudio.bubble_checks import BubbleChecks
 from smarts.sstudio.checks import shown
 from smarts.sstudio.episodes import grid
 from smarts.sstudio.placement import blame, lane_of, route_edges, target_lane, via_place
@@ -47,7 +47,7 @@ def validate(scenario: t.Scenario, roads: LaneGraph, place: str) -> None:
 
 
 @dataclass(frozen=True)
-class _Validation(TrafficChecks):
+class _Validation(TrafficChecks, BubbleChecks):
     def scenario(self, scenario: t.Scenario) -> None:
         spec = scenario.map_spec
         remedy = "leave it out, and give the map as a SUMO, OpenDRIVE or OSM file"
@@ -61,7 +61,7 @@ class _Validation(TrafficChecks):
             self._mission(mission, where)
         for where, group in self.named(scenario.social_agent_missions, "social_agent_missions"):
             self._social_agents(group, where)
-        self._bubbles(scenario.bubbles)
+        self._bubbles(scenario)
         for where, patch in self.each(scenario.friction_maps, t.RoadSurfacePatch, "friction_maps"):
             self._patch(patch, where)
         for where, history in self.listed(scenario.traffic_histories, "traffic_histories"):
@@ -226,13 +226,20 @@ class _Validation(TrafficChecks):
         for at, mission in self.listed(missions, f"{where}.missions"):
             self._mission(mission, at)
 
-    def _bubbles(self, bubbles: Sequence[t.Bubble] | None) -> None:
+    def _bubbles(self, scenario: t.Scenario) -> None:
         seen: dict[str, str] = {}
-        for where, bubble in self.each(bubbles, t.Bubble, "bubbles"):
+        groups = scenario.social_agent_missions or {}
+        agents = [
+            t.Bubble.to_actor_id(actor, group)
+            for group, (actors, _) in groups.items()
+            for actor in ([actors] if isinstance(actors, t.SocialAgentActor) else actors)
+        ]
+        for where, bubble in self.each(scenario.bubbles, t.Bubble, "bubbles"):
+            self.name(bubble.id, f"{where}.id")
             self.unique(bubble.id, seen, f"{where}.id")
-            self.type(bubble.actor, (t.SocialAgentActor, t.TrafficEngineActor), f"{where}.actor")
-            self._zone(bubble.zone, f"{where}.zone")
             self.texts(bubble.exclusion_prefixes, f"{where}.exclusion_prefixes")
+            self.bubble(bubble, self._zone(bubble.zone, f"{where}.zone"), self.roads, where)
+            self.followed_agent(bubble, agents, where)
 
     def _patch(self, patch: t.RoadSurfacePatch, where: str) -> None:
         self._zone(patch.zone, f"{where}.zone")
@@ -240,7 +247,8 @@ class _Validation(TrafficChecks):
         self.numbers(patch, where, begin_time=math.inf, end_time=math.inf)
         self.order(patch.begin_time, patch.end_time, f"{where}.end_time", "begin_time")
 
-    def _zone(self, zone: t.Zone, where: str) -> None:
+    def _zone(self, zone: t.Zone, where: str) -> BaseGeometry:
+        """Require an area, and return it."""
         self.type(zone, t.Zone, where)
         if isinstance(zone, t.MapZone):
             lane_of(self.roads, zone.start, self.at(f"{where}.start"))
@@ -263,6 +271,7 @@ class _Validation(TrafficChecks):
                 f"the area is not a simple polygon: {explain_validity(area)}",
                 "list the corners in order round the area, so that no two sides cross",
             )
+        return area
 
     def _pair(self, value: Any, where: str, above: float | None = None, least: float = 0.0) -> None:
         """Require at least two items whose first two are numbers."""

@@ -87,6 +87,8 @@ class AgentStates(NamedTuple):
     release_step: Ints
     """Step since which the agent's vehicle is to go back to traffic as soon as it can, or since which it
     stands as an obstacle after a collision; -1 if it is not."""
+    harmed: Bools
+    """Whether the vehicle has collided: it stays where it is, and is removed, once its agent is LEAVING."""
 
     throttle: Floats
     """In [0, 1]."""
@@ -154,6 +156,7 @@ class AgentStates(NamedTuple):
             next_due=zeros(np.int32),
             outcome=zeros(np.int8),
             release_step=zeros(np.int32),
+            harmed=zeros(np.bool_),
             throttle=zeros(np.float64),
             brake=zeros(np.float64),
             steering=zeros(np.float64),

@@ -57,7 +57,9 @@ class PlacedBubble:
     followed: str = ""
     """Name of the agent or vehicle with which the bubble travels; "" for a bubble that stays."""
     follow_offset: tuple[float, float] = (0.0, 0.0)
-    """From the followed vehicle, if that faced north [m]."""
+    """From the followed vehicle's centre to that of the zone, if the vehicle faced north [m]."""
+    centroid: tuple[float, float] = (0.0, 0.0)
+    """Of the zone's outline [m]."""
     is_boid: bool = False
     """Whether one agent drives all of its vehicles."""
     keep_alive: bool = False

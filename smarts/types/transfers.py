@@ -56,6 +56,21 @@ class Refusal(enum.IntEnum):
     """Traffic would have to brake the vehicle hard."""
 
 
+class Departure(enum.IntEnum):
+    """Why an agent's vehicle leaves the simulation."""
+
+    NONE = 0
+    """It does not."""
+    OWN = 1
+    """The vehicle came with the agent, whose episode is over."""
+    COLLISION = 2
+    """The vehicle has stood as an obstacle for its time."""
+    OFF_LANES = 3
+    """The vehicle stands beside all lanes."""
+    ARRIVED = 4
+    """The vehicle has reached the end of a lane that leads nowhere."""
+
+
 class Transfer(NamedTuple):
     """Vehicle (slot, generation) of simulation `row` goes from an owner and an agent to others.
 
@@ -76,6 +91,8 @@ class Transfer(NamedTuple):
     number: int = UNSET
     """Of an agent of the episode that has no column yet: it gets one of its interface's with the vehicle.
     Needs `to_agent` -1; -1 for none."""
+    departure: int = Departure.NONE
+    """A `Departure`; of LEAVE."""
 
 
 TRANSFER = np.dtype(
@@ -89,6 +106,7 @@ TRANSFER = np.dtype(
         ("to_agent", np.int16),
         ("reason", np.int8),
         ("number", np.int32),
+        ("departure", np.int8),
     ]
 )
 """A `Transfer` as a row of an array."""

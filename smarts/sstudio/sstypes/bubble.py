@@ -17,7 +17,7 @@ from smarts.sstudio.sstypes.zone import Zone
 
 @dataclass(frozen=True, eq=False)
 class Bubble(Described):
-    """An area with a margin round it: a vehicle is watched in the margin and taken over inside.
+    """An area with a margin around it: agents observe vehicles in the margin and drive them inside.
 
     Raises:
         ValueError: The bubble contradicts itself.
@@ -47,6 +47,9 @@ class Bubble(Described):
     """Condition under which the bubble is active."""
     airlock_condition: Condition = ALWAYS
     """Condition on vehicles that enter the margin."""
+    collision_time: float = 5.0
+    """How long a vehicle that has collided in the bubble stays as an obstacle before it is removed [s] (an
+    extension)."""
 
     def __post_init__(self) -> None:
         if self.margin < 0:

@@ -42,6 +42,11 @@ class UniformDistribution(Described):
         """Draw a value, from the stream of the running build unless another is given."""
         return float((generator or drawing().generator).uniform(self.a, self.b))
 
+    @property
+    def mean(self) -> float:
+        """The mean."""
+        return (self.a + self.b) / 2
+
 
 @dataclass(frozen=True, eq=False)
 class TruncatedDistribution(Described):
@@ -71,4 +76,15 @@ class TruncatedDistribution(Described):
         share = (generator or drawing().generator).uniform(low, high)
         # Far out in a tail the share rounds to 0 or 1, where the inverse is infinite.
         deviation = normal.inv_cdf(share) if 0.0 < share < 1.0 else (self.a if share == 0.0 else self.b)
+        return self.loc + self.scale * min(max(deviation, self.a), self.b)
+
+    @property
+    def mean(self) -> float:
+        """The mean."""
+        from statistics import NormalDist
+
+        normal = NormalDist()
+        share = normal.cdf(self.b) - normal.cdf(self.a)
+        # Far out in a tail both ends have the same share of the distribution.
+        deviation = (normal.pdf(self.a) - normal.pdf(self.b)) / share if share > 0.0 else self.a
         return self.loc + self.scale * min(max(deviation, self.a), self.b)

@@ -117,11 +117,10 @@ class Scenario(Described):
     """Groups of other agents and their missions, all present at once.
 
     In a group of several actors and no mission, or of one actor and several missions, episodes take turns;
-    otherwise there are as many actors as missions. Actors' names are unique over all groups. So far they only
-    cause a warning.
+    otherwise there are as many actors as missions. Actors' names are unique over all groups.
     """
     bubbles: Sequence[Bubble] | None = None
-    """Areas in which agents take over traffic vehicles. So far they only cause a warning."""
+    """Areas in which agents drive traffic vehicles. Where bubbles overlap, the first one takes a vehicle."""
     friction_maps: Sequence[RoadSurfacePatch] | None = None
     """Areas of different friction."""
     traffic_histories: Sequence[TrafficHistoryDataset | str] | None = None

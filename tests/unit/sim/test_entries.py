@@ -287,16 +287,22 @@ def test_a_vehicle_from_traffic_goes_back_to_it_unharmed(outcome, stays):
     assert stage.world.agents.slot[0, 0] == -1
 
 
-def test_a_vehicle_that_traffic_does_not_want_leaves():
+def test_a_vehicle_that_traffic_does_not_want_stays_until_traffic_takes_it():
     stage = Stage(straight(), ego(take_over=TakeOver(vehicle="car")))
     stage.ownership._drivers = {Owner.AGENT: Willing(), Owner.TRAFFIC: Unwilling()}
     stage.add("car", 60.0)
     stage.step(2)
     stage.finish(0, Outcome.GOAL)
+    for _ in range(3):
+        stage.step()
+        assert stage.names() == {"car"}
+        assert stage.world.agents.state[0, 0] == AgentStatus.LEAVING
+    assert stage.ownership.refused[0, Refusal.OFF_LANES] == 1
+    assert stage.ownership.refused_steps[0, Refusal.OFF_LANES] == 3
+    stage.ownership._drivers = {Owner.AGENT: Willing(), Owner.TRAFFIC: Willing()}
     stage.step()
-    assert stage.names() == {"car"}
-    stage.step()
-    assert stage.names() == set()
+    assert stage.world.vehicles.owner[0, 0] == Owner.TRAFFIC
+    assert stage.world.agents.state[0, 0] == AgentStatus.VACANT
 
 
 class Unwilling:

@@ -385,14 +385,13 @@ class TestSuite:
 
 
 def test_what_has_no_effect_is_said_once(scenario_folder, caplog):
-    bubble = "t.Bubble(t.PositionalZone((0, 0), (9, 9)), agent)"
-    group = '{"g": (agent, [t.Mission(t.RandomRoute())])}'
-    folder = scenario_folder(sources.scenario(f"bubbles=[{bubble}], social_agent_missions={group}"))
+    history = "t.TrafficHistoryDataset('x', 'NGSIM', None)"
+    folder = scenario_folder(sources.scenario(f"traffic_histories=[{history}]"))
     for _ in range(2):
         build_scenario(folder)
     (said,) = [record for record in caplog.records if record.name == "smarts"]
     assert said.levelname == "WARNING"
-    assert f"{folder}/scenario.py: social_agent_missions, bubbles: without effect" in said.getMessage()
+    assert f"{folder}/scenario.py: traffic_histories: without effect" in said.getMessage()
 
 
 def test_of_what_is_in_effect_nothing_is_said(scenario_folder, caplog):

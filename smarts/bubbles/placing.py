@@ -1,0 +1,151 @@
+"""Places the bubbles of a scenario on its map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from smarts.arrays import Floats
+from smarts.errors import ScenarioError
+from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.bubble_checks import outline_of
+from smarts.sstudio.sstypes.actor.traffic_engine_actor import SUMO_TRAFFIC
+from smarts.sstudio.sstypes.drawing import fresh_drawing
+from smarts.types.bubbles import UNLIMITED, BubbleCondition, PlacedBubble
+
+COLUMNS_IF_UNLIMITED = 32
+"""How many vehicles an unlimited bubble has room for."""
+TRAFFIC_DRIVER = "smarts.zoo:idm-v0"
+"""The zoo's agent that drives for a `TrafficEngineActor`."""
+
+
+class Driver(NamedTuple):
+    """The policy that drives the vehicles of a bubble."""
+
+    policy: int
+    """Number of the social policy; -1: the learning agents."""
+    interface: int
+    """Number of its interface in the pool."""
+    period: int = 1
+    """Steps from one decision to the next."""
+
+
+def agent_actor(bubble: t.Bubble) -> t.SocialAgentActor | None:
+    """Return the actor whose agent drives the vehicles of a bubble, None for one that leaves them with SUMO.
+
+    A `TrafficEngineActor` is served by an agent of the zoo with the actor's parameters.
+    """
+    actor = bubble.actor
+    if not isinstance(actor, t.TrafficEngineActor):
+        return actor
+    if actor.traffic_provider == SUMO_TRAFFIC:
+        return None
+    parameters = {
+        "tau": actor.tau,
+        "accel": actor.accel,
+        "decel": actor.decel,
+        "min_gap": actor.min_gap.mean,
+        "speed_factor": actor.speed.mean,
+        "max_speed": actor.max_speed,
+    }
+    return t.SocialAgentActor(actor.name, TRAFFIC_DRIVER, policy_kwargs=parameters)
+
+
+def columns_needed(bubble: t.Bubble) -> int:
+    """Return how many vehicles at a time a bubble has room for, those in its margin included."""
+    hijack_limit, shadow_limit = _limits(bubble)
+    if shadow_limit != UNLIMITED:
+        return shadow_limit
+    return COLUMNS_IF_UNLIMITED if hijack_limit == UNLIMITED else max(COLUMNS_IF_UNLIMITED, hijack_limit)
+
+
+def place_bubbles(
+    bubbles: Sequence[t.Bubble] | None,
+    roads: LaneGraph,
+    driver_of: Callable[[t.Bubble], Driver | tuple[int, int, int] | None],
+    place: str = "",
+) -> tuple[PlacedBubble, ...]:
+    """Return a scenario's bubbles on its map, in the order of its file.
+
+    Left out are bubbles that leave their vehicles with SUMO, and those for which `driver_of` returns None.
+
+    Args:
+        bubbles: Of the scenario.
+        roads: Its map.
+        driver_of: Returns the policy that serves a bubble.
+        place: The scenario's name, for errors.
+
+    Raises:
+        ScenarioError: A zone is empty.
+    """
+    placed: list[PlacedBubble] = []
+    # Random offsets of zones are the same in every run.
+    with fresh_drawing():
+        for bubble in bubbles or ():
+            driver = driver_of(bubble) if agent_actor(bubble) is not None else None
+            if driver is not None:
+                placed.append(_place(bubble, roads, Driver(*driver), len(placed), place))
+    return tuple(placed)
+
+
+def _place(bubble: t.Bubble, roads: LaneGraph, driver: Driver, number: int, place: str) -> PlacedBubble:
+    zone, margin = outline_of(bubble, roads)
+    if zone.is_empty:
+        raise ScenarioError(
+            "the zone is empty", place=f"{place}: {bubble.id}", remedy="give it a length or size above 0"
+        )
+    hijack_limit, shadow_limit = _limits(bubble)
+    return PlacedBubble(
+        id=bubble.id,
+        actor=bubble.actor.name,
+        policy=driver.policy,
+        interface=driver.interface,
+        zone=_rings(zone),
+        margin=_rings(margin),
+        active_condition=_condition(bubble.active_condition),
+        airlock_condition=_condition(bubble.airlock_condition),
+        hijack_limit=hijack_limit,
+        shadow_limit=shadow_limit,
+        spared=tuple(bubble.exclusion_prefixes),
+        followed=bubble.follow_actor_id or bubble.follow_vehicle_id or "",
+        follow_offset=_pair(bubble.follow_offset),
+        centroid=(zone.centroid.x, zone.centroid.y),
+        is_boid=isinstance(bubble.actor, t.BoidAgentActor),
+        keep_alive=bubble.keep_alive,
+        collision_time=float(bubble.collision_time),
+        period=driver.period,
+        number=number,
+    )
+
+
+def _condition(condition: t.Condition) -> BubbleCondition | None:
+    """Return a condition that has to be evaluated, None for one that always holds."""
+    always = isinstance(condition, t.LiteralCondition) and condition.literal == t.ConditionState.TRUE
+    return None if always else condition
+
+
+def _limits(bubble: t.Bubble) -> tuple[int, int]:
+    """Return the hijack limit and the shadow limit, those of a boid's capacity included."""
+    capacity = bubble.actor.capacity if isinstance(bubble.actor, t.BoidAgentActor) else None
+    limits = [limit for limit in (bubble.limit, capacity) if limit is not None]
+    shadow = min((_limit(limit.shadow_limit) for limit in limits), default=UNLIMITED)
+    hijack = min((_limit(limit.hijack_limit) for limit in limits), default=UNLIMITED)
+    return min(hijack, shadow), shadow
+
+
+def _limit(limit: int) -> int:
+    return min(limit, UNLIMITED)
+
+
+def _pair(offset: tuple[float, float] | None) -> tuple[float, float]:
+    return (0.0, 0.0) if offset is None else (float(offset[0]), float(offset[1]))
+
+
+def _rings(area: Any) -> tuple[Floats, ...]:
+    """Return the rings of a polygon, or of several: outer outlines and holes."""
+    parts = getattr(area, "geoms", (area,))
+    rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
+    return tuple(np.array(ring.coords, np.float64)[:, :2] for ring in rings)

@@ -1,0 +1,42 @@
+"""Stops before red lights; used by `FallbackController`."""
+
+from __future__ import annotations
+
+from smarts.arrays import Floats
+from smarts.controllers.leaders import brake_to
+from smarts.geometry.compiling import kernel
+from smarts.roads.arrays import Roads
+from smarts.roads.kernels import lane_length
+from smarts.types.traffic import Signal
+from smarts.types.world import State
+
+GAP = 1.0
+"""Gap to the stop line [m]."""
+HARDEST = 6.0
+"""A vehicle that would have to brake harder drives on [m/s^2]."""
+
+_STOP = int(Signal.STOP)
+
+
+@kernel
+def limit_by_lights(
+    state: State, roads: Roads, b: int, slot: int, lane: int, s: float, points: Floats
+) -> None:
+    """Lower a reference's speeds so that the vehicle stops before a red light at the end of its lane.
+
+    Args:
+        state: The state of the world.
+        roads: The maps' lanes.
+        b: The simulation.
+        slot: The vehicle.
+        lane: Its lane, numbered across all maps.
+        s: Position of its centre along the lane [m].
+        points: The reference, shape (R, 4), see `Commands`; its speeds are lowered.
+    """
+    if roads.lane_inside[lane] or state.signals[b, lane - roads.lane_base[state.map[b]]] != _STOP:
+        return
+    vehicles = state.vehicles
+    room = lane_length(roads, lane) - s - 0.5 * vehicles.length[b, slot]
+    speed = max(vehicles.speed[b, slot], 0.0)
+    if room >= 0.0 and speed * speed <= 2.0 * HARDEST * room:
+        brake_to(points, room - GAP, 0.0)

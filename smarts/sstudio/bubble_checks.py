@@ -1,0 +1,101 @@
+"""Checks a scenario's bubbles against its map; see `smarts.sstudio.validation`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from smarts.errors import nearest_names
+from smarts.roads.lane_graph import LaneGraph
+from smarts.sstudio import sstypes as t
+from smarts.sstudio.checks import Checks, shown
+from smarts.sstudio.sstypes.actor.traffic_engine_actor import LOCAL_TRAFFIC, SUMO_TRAFFIC
+
+WIDEST = 1000.0
+"""The widest margin [m]."""
+LONGEST = 1e9
+"""The longest time [s]."""
+SOCIAL_AGENT = "social-agent-"
+"""How the names of a scenario's social agents begin; see `Bubble.to_actor_id`."""
+_GENERAL = t.ConditionRequires.time | t.ConditionRequires.actor_ids
+_OF_VEHICLES = t.ConditionRequires.current_actor_state | t.ConditionRequires.current_actor_road_status
+
+
+def outline_of(bubble: t.Bubble, roads: LaneGraph) -> tuple[BaseGeometry, BaseGeometry]:
+    """Return the areas of a bubble's zone alone and with its margin, whose corners are mitred."""
+    zone = bubble.zone.to_geometry(roads)
+    return zone, zone.buffer(bubble.margin, cap_style="square", join_style="mitre")
+
+
+@dataclass(frozen=True)
+class BubbleChecks(Checks):
+    """Checks of bubbles; see `Checks`."""
+
+    def bubble(self, bubble: t.Bubble, area: BaseGeometry, roads: LaneGraph, where: str) -> None:
+        """Require a bubble that can be placed; `area` is that of its zone."""
+        self._driver(bubble.actor, f"{where}.actor")
+        self.number(bubble.margin, f"{where}.margin", most=WIDEST)
+        self.number(bubble.collision_time, f"{where}.collision_time", most=LONGEST)
+        if bubble.limit is not None:
+            self._bubble_limits(bubble.limit, f"{where}.limit")
+        self._bubble_conditions(bubble, where)
+        if bubble.follow_offset is None:
+            self._zone_on_map(area, roads, f"{where}.zone")
+        else:
+            self._follow_offset(bubble.follow_offset, f"{where}.follow_offset")
+
+    def followed_agent(self, bubble: t.Bubble, names: Collection[str], where: str) -> None:
+        """Require that a bubble that follows a social agent names one of the scenario's.
+
+        Names of other agents and of vehicles are known only when they enter.
+        """
+        name = bubble.follow_actor_id
+        if name is not None and name.startswith(SOCIAL_AGENT) and name not in names:
+            remedy = nearest_names(name, names) if names else "add it to social_agent_missions"
+            problem = f"the scenario has no social agent {name!r}"
+            raise self.error(f"{where}.follow_actor_id", problem, remedy)
+
+    def _driver(self, actor: t.Actor, where: str) -> None:
+        self.type(actor, (t.SocialAgentActor, t.TrafficEngineActor), where)
+        self.name(actor.name, f"{where}.name")
+        if isinstance(actor, t.TrafficEngineActor):
+            self.choice(actor.traffic_provider, (LOCAL_TRAFFIC, SUMO_TRAFFIC), f"{where}.traffic_provider")
+            self.numbers(actor, where, above=0, tau=60.0, accel=20.0, decel=20.0, max_speed=100.0)
+        if isinstance(actor, t.BoidAgentActor) and actor.capacity is not None:
+            self._bubble_limits(actor.capacity, f"{where}.capacity")
+
+    def _bubble_limits(self, limits: t.BubbleLimits, where: str) -> None:
+        self.type(limits, t.BubbleLimits, where)
+        self.count(limits.hijack_limit, f"{where}.hijack_limit")
+        self.count(limits.shadow_limit, f"{where}.shadow_limit")
+
+    def _bubble_conditions(self, bubble: t.Bubble, where: str) -> None:
+        for name, known in (("active_condition", _GENERAL), ("airlock_condition", _GENERAL | _OF_VEHICLES)):
+            condition = getattr(bubble, name)
+            self.type(condition, t.Condition, f"{where}.{name}")
+            unknown = condition.requires & ~known
+            problem = f"the condition needs {unknown.name}, which bubbles do not know"
+            remedy = f"use conditions on {known.name}"
+            self.require(not unknown, f"{where}.{name}", problem, remedy)
+
+    def _follow_offset(self, offset: object, where: str) -> None:
+        is_pair = isinstance(offset, list | tuple) and len(offset) >= 2
+        self.require(is_pair, where, f"not a pair of numbers: {shown(offset)}", "use (x, y)")
+        for number in offset[:2]:  # type: ignore[index]
+            self.number(number, where, least=-LONGEST, most=LONGEST)
+
+    def _zone_on_map(self, area: BaseGeometry, roads: LaneGraph, where: str) -> None:
+        left, low, right, high = area.bounds
+        x, y = roads.point_xy.T
+        # Points of a lane are at most a metre apart.
+        reach = np.repeat(roads.width / 2, np.diff(roads.point_start)) + 0.5
+        is_near = (x >= left - reach) & (x <= right + reach) & (y >= low - reach) & (y <= high + reach)
+        distances = shapely.distance(shapely.points(roads.point_xy[is_near]), area)
+        touches = bool((distances <= reach[is_near]).any())
+        problem = f"no lane leads through the zone, x {left:g} to {right:g} m, y {low:g} to {high:g} m"
+        remedy = f"the map is x {x.min():g} to {x.max():g} m, y {y.min():g} to {y.max():g} m"
+        self.require(touches, where, problem, remedy)
