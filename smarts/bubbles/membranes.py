@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smarts.arrays import Bools, Bytes, Floats, Ints
+from smarts.arrays import Bools, Bytes, Ints
 from smarts.bubbles.outlines import BubbleTable, Place, bubble_pose, deepest_on, place_of, to_file
 from smarts.geometry.compiling import kernel
 from smarts.types.agent_states import UNSET
@@ -24,7 +24,7 @@ class BubbleRows(NamedTuple):
 
     first: Ints
     """The first one's number in the table, shape (B,)."""
-    count: Ints
+    size: Ints
     """How many, shape (B,)."""
     followed: Ints
     """Slot of the vehicle that each bubble follows, -1 for none, shape (B, Z)."""
@@ -36,7 +36,7 @@ class BubbleRows(NamedTuple):
         """Return B simulations without bubbles."""
         return cls(
             first=np.zeros(worlds, np.int32),
-            count=np.zeros(worlds, np.int32),
+            size=np.zeros(worlds, np.int32),
             followed=np.full((worlds, bubbles), UNSET, np.int32),
             followed_generation=np.full((worlds, bubbles), UNSET, np.int32),
         )
@@ -80,7 +80,7 @@ def move_bubbles(
     for b in range(len(env_mask)):
         if not env_mask[b]:
             continue
-        for z in range(rows.count[b]):
+        for z in range(rows.size[b]):
             slot = rows.followed[b, z]
             if slot >= 0:
                 x, y, turn = _pose_in(state.vehicles, table, rows.first[b] + z, b, slot)
@@ -92,8 +92,8 @@ def place_vehicles(
     state: State,
     table: BubbleTable,
     rows: BubbleRows,
-    states: BubbleStates,
     membranes: Membranes,
+    states: BubbleStates,
     env_mask: Bools,
 ) -> None:
     """Write where all vehicles are, and forget the refusals of those outside.
@@ -104,19 +104,19 @@ def place_vehicles(
     """
     vehicles, before = state.vehicles, state.before
     for b in range(len(env_mask)):
-        if not env_mask[b] or rows.count[b] == 0:
+        if not env_mask[b] or rows.size[b] == 0:
             continue
         for v in range(vehicles.alive.shape[1]):
             generation = vehicles.generation[b, v] if vehicles.alive[b, v] else -1
             if generation != membranes.generation[b, v]:
-                _forget(membranes, b, v, rows.count[b])
+                _forget(membranes, b, v, rows.size[b])
                 membranes.generation[b, v] = generation
             if generation < 0:
                 continue
             x, y = _front(vehicles, b, v)
             was_there = before.alive[b, v] and before.generation[b, v] == generation
             old_x, old_y = _front(before, b, v) if was_there else (x, y)
-            for z in range(rows.count[b]):
+            for z in range(rows.size[b]):
                 n, slot = rows.first[b] + z, rows.followed[b, z]
                 pose = states.pose[b, z]
                 to_x, to_y, from_x, from_y = x, y, old_x, old_y
@@ -141,7 +141,7 @@ def place_vehicles(
 
 @kernel
 def find_candidates(
-    state: State, rows: BubbleRows, states: BubbleStates, membranes: Membranes, env_mask: Bools, found: Ints
+    state: State, rows: BubbleRows, membranes: Membranes, states: BubbleStates, env_mask: Bools, found: Ints
 ) -> None:
     """Mark the vehicles that bubbles may begin to observe, and write their numbers, shape (B,).
 
@@ -153,7 +153,7 @@ def find_candidates(
         found[b] = 0
         if not env_mask[b]:
             continue
-        for z in range(rows.count[b]):
+        for z in range(rows.size[b]):
             for v in range(vehicles.alive.shape[1]):
                 is_candidate = False
                 if vehicles.alive[b, v] and states.is_active[b, z] and not membranes.refused[b, z, v]:
@@ -169,10 +169,10 @@ def _is_free(state: State, b: int, v: int) -> bool:
     """Return whether traffic drives a vehicle, and no agent holds it."""
     if state.vehicles.owner[b, v] in (_NOBODY, _AGENT):
         return False
+    holders = 0
     for a in range(state.agents.slot.shape[1]):
-        if state.agents.slot[b, a] == v:
-            return False
-    return True
+        holders += state.agents.slot[b, a] == v
+    return holders == 0
 
 
 @kernel

@@ -46,7 +46,7 @@ class BubbleTable(NamedTuple):
     moves: Bools
     """Whether the bubble follows a vehicle, shape (N,)."""
     anchor: Floats
-    """Of a bubble that moves: the point of the file that lies at the followed vehicle's centre, shape (N, 2)."""
+    """Of a bubble that moves: the point that lies at the followed vehicle's centre, shape (N, 2)."""
     learns: Bools
     """Whether the learning agents drive in it, shape (N,)."""
 

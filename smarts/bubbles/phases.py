@@ -13,8 +13,6 @@ from smarts.bubbles.outlines import BubbleTable, Place
 from smarts.geometry.compiling import kernel
 from smarts.types.agent_states import UNSET, AgentStatus
 from smarts.types.bubbles import BubbleStates
-from smarts.types.events import Outcome
-from smarts.types.vehicles import Owner
 from smarts.types.world import State
 
 IN_TIME = 1
@@ -37,7 +35,6 @@ class Phase(enum.IntEnum):
 _NONE, _AIRLOCK, _DRIVEN, _RELEASING = (int(each) for each in Phase)
 _OUTSIDE, _ZONE = int(Place.OUTSIDE), int(Place.ZONE)
 _SHADOWING, _ACTIVE = int(AgentStatus.SHADOWING), int(AgentStatus.ACTIVE)
-_COLLISION, _AGENT = int(Outcome.COLLISION), int(Owner.AGENT)
 
 
 class Holds(NamedTuple):
@@ -71,15 +68,17 @@ class Holds(NamedTuple):
         """Return B simulations of A agents that hold no vehicles."""
         shape = (worlds, agents)
         return cls(
-            **{
-                name: np.full(shape, UNSET, np.int32)
-                for name in ("bubble", "number", "slot", "generation", "waits_since")
-            },
+            bubble=np.full(shape, UNSET, np.int32),
+            number=np.full(shape, UNSET, np.int32),
+            slot=np.full(shape, UNSET, np.int32),
+            generation=np.full(shape, UNSET, np.int32),
             phase=np.zeros(shape, np.int8),
-            **{
-                name: np.zeros(shape, np.bool_)
-                for name in ("is_released", "has_collided", "wants_take", "wants_drop", "left")
-            },
+            is_released=np.zeros(shape, np.bool_),
+            has_collided=np.zeros(shape, np.bool_),
+            wants_take=np.zeros(shape, np.bool_),
+            wants_drop=np.zeros(shape, np.bool_),
+            waits_since=np.full(shape, UNSET, np.int32),
+            left=np.zeros(shape, np.bool_),
         )
 
     def clear(self, row: int, agent_id: int | slice = slice(None)) -> None:
@@ -150,8 +149,8 @@ def judge_holds(
     state: State,
     table: BubbleTable,
     rows: BubbleRows,
-    states: BubbleStates,
     membranes: Membranes,
+    states: BubbleStates,
     holds: Holds,
     counts: BubbleCounts,
     env_mask: Bools,
@@ -163,39 +162,68 @@ def judge_holds(
     whose vehicle is outside the zone, or whose bubble is not active, gets a `release_step`; in a bubble of
     learning agents `left` is written instead.
     """
-    agents = state.agents
     for b in range(len(env_mask)):
         wishes[b] = 0
-        if not env_mask[b] or rows.count[b] == 0:
+        if not env_mask[b] or rows.size[b] == 0:
             continue
         for a in range(holds.bubble.shape[1]):
-            z, v = holds.bubble[b, a], holds.slot[b, a]
-            if z < 0:
-                continue
-            here, entered = membranes.here[b, z, v], membranes.entered[b, z, v]
-            is_active, status = states.is_active[b, z], agents.state[b, a]
-            wants_take, wants_drop, left = False, False, False
-            if status == _SHADOWING:
-                is_in_time = entered >= 0 and state.step[b] - entered <= IN_TIME
-                wants_drop = not is_active or agents.release_step[b, a] >= 0
-                wants_take = is_in_time and not wants_drop
-                wants_drop |= here == _OUTSIDE and not wants_take
-            elif status == _ACTIVE:
-                counts.taken[b] += holds.phase[b, a] in (_NONE, _AIRLOCK)
-                is_inside = here == _ZONE and is_active
-                if table.learns[rows.first[b] + z]:
-                    left = not is_inside
-                elif is_inside and holds.is_released[b, a]:
-                    agents.release_step[b, a], holds.is_released[b, a] = -1, False
-                elif not is_inside and agents.release_step[b, a] < 0:
-                    agents.release_step[b, a], holds.is_released[b, a] = state.step[b], True
-            if agents.outcome[b, a] == _COLLISION and not holds.has_collided[b, a]:
-                holds.has_collided[b, a] = True
-                counts.collided[b] += 1
-            if not wants_take:
-                holds.waits_since[b, a] = -1
-            elif holds.waits_since[b, a] < 0:
-                holds.waits_since[b, a] = state.step[b]
-            holds.phase[b, a] = phase_of(status, agents.release_step[b, a])
-            holds.wants_take[b, a], holds.wants_drop[b, a], holds.left[b, a] = wants_take, wants_drop, left
-            wishes[b] += wants_take + wants_drop
+            if holds.bubble[b, a] >= 0:
+                learns = table.learns[rows.first[b] + holds.bubble[b, a]]
+                _judge(state, membranes, states, holds, counts, learns, b, a)
+                wishes[b] += holds.wants_take[b, a] + holds.wants_drop[b, a]
+
+
+@kernel
+def _judge(
+    state: State,
+    membranes: Membranes,
+    states: BubbleStates,
+    holds: Holds,
+    counts: BubbleCounts,
+    learns: bool,
+    b: int,
+    a: int,
+) -> None:
+    """Write the phase of one hold; see `judge_holds`."""
+    agents, z, v = state.agents, holds.bubble[b, a], holds.slot[b, a]
+    status, wants_take, wants_drop, left = agents.state[b, a], False, False, False
+    if status == _SHADOWING:
+        wants_take, wants_drop = _judge_shadow(state, states, membranes, b, a, z, v)
+    elif status == _ACTIVE:
+        counts.taken[b] += holds.phase[b, a] in (_NONE, _AIRLOCK)
+        is_inside = membranes.here[b, z, v] == _ZONE and states.is_active[b, z]
+        if learns:
+            left = not is_inside
+        else:
+            _judge_driver(state, holds, is_inside, b, a)
+    if agents.harmed[b, a] and not holds.has_collided[b, a]:
+        holds.has_collided[b, a] = True
+        counts.collided[b] += 1
+    if not wants_take:
+        holds.waits_since[b, a] = -1
+    elif holds.waits_since[b, a] < 0:
+        holds.waits_since[b, a] = state.step[b]
+    holds.phase[b, a] = phase_of(status, agents.release_step[b, a])
+    holds.wants_take[b, a], holds.wants_drop[b, a], holds.left[b, a] = wants_take, wants_drop, left
+
+
+@kernel
+def _judge_shadow(
+    state: State, states: BubbleStates, membranes: Membranes, b: int, a: int, z: int, v: int
+) -> tuple[bool, bool]:
+    """Return whether an agent that observes is to drive, and whether it is to stop to observe."""
+    if not states.is_active[b, z] or state.agents.release_step[b, a] >= 0:
+        return False, True
+    entered = membranes.entered[b, z, v]
+    is_in_time = entered >= 0 and state.step[b] - entered <= IN_TIME
+    return is_in_time, not is_in_time and membranes.here[b, z, v] == _OUTSIDE
+
+
+@kernel
+def _judge_driver(state: State, holds: Holds, is_inside: bool, b: int, a: int) -> None:
+    """Write since when an agent's vehicle is to go back; no longer if the vehicle is inside again."""
+    release_step = state.agents.release_step
+    if is_inside and holds.is_released[b, a]:
+        release_step[b, a], holds.is_released[b, a] = -1, False
+    elif not is_inside and release_step[b, a] < 0:
+        release_step[b, a], holds.is_released[b, a] = state.step[b], True
