@@ -19,7 +19,9 @@ from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as Outline
 
 from smarts.arrays import Floats
+from smarts.envision.bubble_shapes import BUBBLE, bubble_shapes, rings_of
 from smarts.envision.route_lines import CAR_LENGTH, place_on_map, pose_on_map, route_line, start_pose
+from smarts.envision.vehicle_shapes import footprints, vehicle_shapes
 from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sim.moments import Moment
@@ -34,9 +36,8 @@ NOT_FOR_CARS = "#e3e6ec"
 LANE_LINE = "#ffffff"
 LEFT_EDGE = "#d9a400"
 FLOW = "#4c78a8"
-BUBBLE = "#9467bd"
 STOP = "#2ca02c"
-EGOS = ("#d62728", "#ff7f0e", "#9e2a6b", "#8c564b")
+EGOS = ("#d62728", "#e0627d", "#9e2a6b", "#8c564b")
 CAR = "#2c5f8a"
 BUS = "#1b7f5c"
 TRUCK = "#4d4d4d"
@@ -161,14 +162,13 @@ def draw_missions(
 
 
 def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> None:
-    """Draw the zone of each fixed bubble, and its margin as a dashed line."""
+    """Draw each bubble's zone, its margin as a dashed line, and its name; travelling ones with an arrow."""
     for bubble in bubbles:
-        if bubble.follow_offset is not None:
-            continue
         zone = bubble.zone.to_geometry(roads)
-        axes.add_patch(Outline(_corners(zone), facecolor=BUBBLE, edgecolor=BUBBLE, alpha=0.3, zorder=5))
-        margin = _corners(zone.buffer(bubble.margin))
-        axes.add_patch(Outline(margin, fill=False, edgecolor=BUBBLE, linestyle="--", zorder=5))
+        outlines = rings_of(zone), rings_of(zone.buffer(bubble.margin))
+        travels = bubble.follow_offset is not None
+        for shape in bubble_shapes(*outlines, name=bubble.id, travels=travels):
+            axes.add_artist(shape)
 
 
 def draw_vehicles(axes: Axes, moment: Moment) -> None:
@@ -186,35 +186,6 @@ def draw_vehicles(axes: Axes, moment: Moment) -> None:
 def vehicle_colour(kind: int) -> str:
     """Return the colour of a vehicle that is not an ego."""
     return LARGE_VEHICLES.get(VehicleKind(kind), CAR)
-
-
-def vehicle_shapes(
-    x: Floats,
-    y: Floats,
-    heading: Floats,
-    length: Floats,
-    width: Floats,
-    *,
-    colours: Sequence[str],
-    edge_width: float,
-) -> tuple[PolyCollection, PolyCollection]:
-    """Return the footprints of V vehicles, and light bars across their fronts."""
-    nose = 0.3 * length
-    front = x + nose * np.cos(heading), y + nose * np.sin(heading)
-    boxes = list(footprints(x, y, heading, length, width))
-    noses = list(footprints(*front, heading, 0.16 * length, 0.8 * width))
-    return (
-        PolyCollection(boxes, facecolors=colours, edgecolors="k", linewidths=edge_width, zorder=6),
-        PolyCollection(noses, facecolors="#e8eef5", edgecolors="none", zorder=7),
-    )
-
-
-def footprints(x: Floats, y: Floats, heading: Floats, length: Floats, width: Floats) -> Floats:
-    """Return the corners of V footprints, shape (V, 4, 2)."""
-    ahead = np.stack([np.cos(heading), np.sin(heading)], -1) * (length / 2)[:, None]
-    aside = np.stack([-np.sin(heading), np.cos(heading)], -1) * (width / 2)[:, None]
-    centre = np.stack([x, y], -1)
-    return centre[:, None] + np.stack([ahead + aside, aside - ahead, -ahead - aside, ahead - aside], 1)
 
 
 def _draw_scenario(axes: Axes, picture: Picture, *, edges: bool) -> None:
@@ -290,10 +261,6 @@ def _beside(roads: LaneGraph, lane: int, widths: float) -> Floats:
     heading = roads.point_heading[rows]
     left = np.stack([-np.sin(heading), np.cos(heading)], -1)
     return roads.point_xy[rows] + widths * roads.width[lane] * left
-
-
-def _corners(zone) -> Floats:
-    return np.asarray((zone if zone.geom_type == "Polygon" else zone.convex_hull).exterior.coords)
 
 
 def _arrow_head(axes: Axes, line: Floats, colour: str) -> None:

@@ -1,0 +1,55 @@
+"""Shapes of bubbles in pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import shapely
+from matplotlib.artist import Artist
+from matplotlib.patches import FancyArrowPatch, PathPatch
+from matplotlib.path import Path
+from matplotlib.text import Text
+from shapely.geometry.polygon import orient
+
+from smarts.arrays import Floats
+
+BUBBLE = "#9467bd"
+ARROW = 8.0
+"""Length of the arrow at a bubble that travels [m]."""
+
+
+def bubble_shapes(
+    zone: Sequence[Floats], margin: Sequence[Floats], *, name: str, travels: bool, is_active: bool = True
+) -> Iterator[Artist]:
+    """Yield the shapes of a bubble: its zone, its margin as a dashed line, its name above.
+
+    Args:
+        zone: Rings of the zone, each of shape (., 2) [m].
+        margin: Rings of the zone with its margin.
+        name: Written at the top of the margin.
+        travels: Whether it follows a vehicle; then an arrow is at its right edge.
+        is_active: Whether it takes vehicles; if not, the zone is not filled.
+    """
+    colour = {"facecolor": BUBBLE if is_active else "none", "edgecolor": BUBBLE}
+    yield PathPatch(_path(zone), alpha=0.25, lw=1.0, zorder=4, **colour)
+    yield PathPatch(_path(margin), fill=False, edgecolor=BUBBLE, linestyle="--", lw=1.0, zorder=5)
+    corners = np.concatenate([*margin])
+    low, high = corners.min(0), corners.max(0)
+    middle = (low + high) / 2
+    text = name if is_active else f"{name} (not active)"
+    style = {"ha": "center", "va": "bottom", "fontsize": 8, "color": BUBBLE, "weight": "bold"}
+    yield Text(middle[0], high[1], text, zorder=9, clip_on=True, **style)
+    if travels:
+        ends = (high[0], middle[1]), (high[0] + ARROW, middle[1])
+        yield FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=14, color=BUBBLE, zorder=9)
+
+
+def rings_of(area: shapely.Geometry) -> list[Floats]:
+    """Return the outline of polygons as closed rings, each of shape (., 2) [m]."""
+    polygons = [orient(each) for each in shapely.get_parts(area) if isinstance(each, shapely.Polygon)]
+    return [np.asarray(ring.coords)[:, :2] for each in polygons for ring in (each.exterior, *each.interiors)]
+
+
+def _path(rings: Sequence[Floats]) -> Path:
+    return Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
