@@ -32,7 +32,7 @@ def bubble_shapes(
     Args:
         zone: Rings of the zone, each of shape (., 2) [m].
         margin: Rings of the zone with its margin.
-        name: Written at the top of the margin, or at the bottom if the arrow points up.
+        name: Written above the left end of the margin, where roads and the arrow rarely are.
         heading: Of the vehicle with which it travels, shown by an arrow [rad]; None if it stays.
         is_active: Whether it takes vehicles; if not, the zone is not filled.
     """
@@ -42,10 +42,9 @@ def bubble_shapes(
     corners = np.concatenate([*margin])
     low, high = corners.min(0), corners.max(0)
     text = name if is_active else f"{name} (not active)"
-    style = {"ha": "center", "va": "center", "fontsize": 8, "color": BUBBLE, "weight": "bold"}
+    style = {"ha": "left", "va": "bottom", "fontsize": 8, "color": BUBBLE, "weight": "bold"}
     frame = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.75}
-    y = low[1] if heading is not None and np.sin(heading) > 0.5 else high[1]
-    yield Text((low[0] + high[0]) / 2, y, text, zorder=9, clip_on=True, bbox=frame, **style)
+    yield Text(low[0], high[1], text, zorder=9, clip_on=True, bbox=frame, **style)
     if heading is not None:
         centre, ahead = (low + high) / 2, np.array([np.cos(heading), np.sin(heading)])
         begin = centre + ahead * ((corners - centre) @ ahead).max()

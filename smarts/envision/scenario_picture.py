@@ -28,6 +28,7 @@ from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sim.moments import Moment
 from smarts.sstudio import types as t
+from smarts.sstudio.bubble_checks import outline_of
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import expand
 from smarts.types.vehicles import VehicleKind
@@ -170,8 +171,8 @@ def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble], mome
     if that vehicle is not there.
     """
     for bubble in bubbles:
-        area = bubble.zone.to_geometry(roads)
-        zone, margin = rings_of(area), rings_of(area.buffer(bubble.margin))
+        area, with_margin = outline_of(bubble, roads)
+        zone, margin = rings_of(area), rings_of(with_margin)
         heading = None
         if bubble.follow_offset is not None:
             x, y, heading = _followed(bubble, moment, area.centroid)
