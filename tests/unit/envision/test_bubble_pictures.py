@@ -146,10 +146,11 @@ def drawn(bubble, moment):
     """Return the outlines of zone and margin in a picture of a scenario, and the texts."""
     axes = Figure().add_subplot()
     draw_bubbles(axes, maps.straight(), [bubble], moment)
-    zone, margin = (patch.get_path().vertices for patch in axes.patches if isinstance(patch, PathPatch))
+    outlines = [patch.get_path().vertices for patch in axes.patches if isinstance(patch, PathPatch)]
+    zone, margin = (Polygon(np.asarray(outline)) for outline in outlines)
     arrows = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
     assert [text.get_text() for text in axes.texts] == [bubble.id]
-    return Polygon(zone), Polygon(margin), arrows
+    return zone, margin, arrows
 
 
 def bubble_at(x, y, **more):
