@@ -108,6 +108,15 @@ def cast_of(
     return replace(cast, learning=learning)
 
 
+def check_agent(locator: str, options: Mapping[str, Any]) -> None:
+    """Raise unless an agent of the zoo can be made and drive.
+
+    Raises:
+        SmartsError: It cannot; names the locator.
+    """
+    _policy(Part(locator, locator, options, ""))
+
+
 def _check_learning(scenarios: Sequence[BuiltScenario], learning: BubbleLearning) -> None:
     """Raise unless every scenario has a bubble in which the learning agents drive, and every id is known."""
     found = {
@@ -158,7 +167,7 @@ def _policy(part: Part) -> SocialPolicy:
         if is_batch:
             feature_list(agent.observation)
     except SmartsError as error:
-        place = f"{part.place}, {error.place}" if error.place else part.place
+        place = ", ".join(filter(None, (part.place, error.place)))
         raise type(error)(error.problem, place=place, remedy=error.remedy) from error
     except Exception as error:
         raise InterfaceError(

@@ -260,8 +260,8 @@ def refuse_bubbles(environment: str, settings: EnvSettings) -> None:
     """
     if settings.learn_in_bubbles:
         raise InterfaceError(
-            f"learn_in_bubbles is {settings.learn_in_bubbles!r}, and in {environment} an agent cannot begin again "
-            "before the episode ends",
+            f"learn_in_bubbles is {settings.learn_in_bubbles!r}, and in {environment} no agent begins "
+            "again before the episode ends",
             place=environment,
             remedy="use VectorHiWayEnv or HiWayEnv",
         )
