@@ -18,6 +18,8 @@ from smarts.observations.surroundings import LANE_TRAFFIC, OWN_VEHICLE, Lane, Ow
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.traffic import Signal
 
+STEP = 0.1
+"""Length of a step, by which policies count time [s]."""
 HARDEST = 8.0
 """Largest deceleration of a driver [m/s^2]."""
 LATE_BRAKING = 4.0
@@ -91,8 +93,8 @@ class Idm(NamedTuple):
         wanted = speed * self.tau + speed * (speed - leader_speed) / (2.0 * np.sqrt(self.accel * self.decel))
         wanted = self.min_gap + np.maximum(wanted, 0.0)
         share = speed / np.maximum(desired, LEAST_SPEED)
-        free = np.maximum(self.accel * (1.0 - share**4), -self.decel)
-        return np.clip(free - self.accel * (wanted / np.maximum(gap, 0.1)) ** 2, -HARDEST, self.accel)
+        free = np.maximum(self.accel * (1.0 - (share * share) * (share * share)), -self.decel)
+        return np.clip(free - self.accel * np.square(wanted / np.maximum(gap, 0.1)), -HARDEST, self.accel)
 
     def checked(self, place: str) -> Idm:
         """Return the same parameters.
@@ -239,13 +241,15 @@ class Driver(BatchAgent):
         return may_change(batch, seen, side) & has_room & (own_after > -braking) & (its_after > -braking)
 
 
-def lane_actions(speed: Floats, acceleration: Floats, change: Ints) -> Floats:
-    """Return the actions `LaneWithContinuousSpeed` that accelerate vehicles, shape (N, 2).
+def target_speed(speed: Floats, acceleration: Floats) -> Floats:
+    """Return target speeds that accelerate vehicles; controllers add `SPEED_GAIN` for each m/s lacking."""
+    return np.maximum(speed + acceleration / SPEED_GAIN, 0.0)
 
-    The controller accelerates by `SPEED_GAIN` for each m/s that is lacking.
-    """
+
+def lane_actions(speed: Floats, acceleration: Floats, change: Ints) -> Floats:
+    """Return the actions `LaneWithContinuousSpeed` that accelerate vehicles, shape (N, 2)."""
     actions = np.empty((len(speed), 2))
-    actions[:, 0] = np.maximum(speed + acceleration / SPEED_GAIN, 0.0)
+    actions[:, 0] = target_speed(speed, acceleration)
     actions[:, 1] = change
     return actions
 
