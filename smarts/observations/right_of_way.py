@@ -24,7 +24,7 @@ STANDING = 0.5
 """A slower vehicle stands [m/s]."""
 WAITING_ROOM = 1.0
 """A vehicle that stands inside the junction farther before the meeting waits itself [m]."""
-STARTING = 1.5
+STARTING = 2.0
 """Acceleration with which a vehicle crosses [m/s^2]."""
 STRAIGHT = 0.3
 """Largest turn of a lane that goes straight on [rad]."""

@@ -23,9 +23,11 @@ from smarts.types.world import State
 
 POINTS = 32
 """Of each way."""
+LAST = 11
+"""Points of the way round that are in its last lane."""
 LANE_WAY, TURN_WAY, TURN_STATE = "lane_way", "turn_way", "turn_state"
 """Names of the fields."""
-SHARPEST = 0.2
+SHARPEST = 0.25
 """Largest curvature of a way round that cars can steer [1/m]."""
 LATERAL = 2.0
 """Lateral acceleration in the turn [m/s^2]."""
@@ -34,9 +36,10 @@ LATERAL = 2.0
 class UTurnWays(Feature):
     """Points x, y, heading of the way along the lane and of the way round into the other direction.
 
-    `lane_way`: every 2 m. `turn_way`: along a curve into the nearest lane of the other direction and 20 m on
-    in it; zeros where the vehicle cannot turn. `turn_state`: speed in the turn [m/s], 0 where it cannot turn;
-    gap to the next vehicle that comes in that lane [m], infinite for none; its speed [m/s].
+    `lane_way`: every 2 m. `turn_way`: along a curve into the nearest lane of the other direction that cars
+    can steer into, and 20 m on in it; zeros where there is none. `turn_state`: speed in the turn [m/s], 0
+    where it cannot turn; gap to the next vehicle that comes in that lane [m], infinite for none; its speed
+    [m/s].
     """
 
     in_vector = False
@@ -110,30 +113,35 @@ def _write_turn(state: State, roads: Roads, b: int, a: int, way: Floats, turn: F
     lane = vehicles.lane[b, slot]
     if lane < 0 or roads.lane_inside[roads.lane_base[m] + lane]:
         return
-    back = int(roads.lane_twin[roads.lane_base[m] + lane])
-    if back < 0:
-        return
     begin = np.empty(3)
     begin[0], begin[1] = vehicles.position[b, slot]
     begin[2] = vehicles.heading[b, slot]
-    s, _ = place_on_lane(roads, back, begin[0], begin[1])
-    if not 0.0 < s < lane_length(roads, back) - SPACING or not is_opposite(roads, begin[2], back, s):
-        return
-    control = curve_into(roads, begin, back, s)
+    back = int(roads.lane_twin[roads.lane_base[m] + lane])
+    while back >= 0:
+        s, _ = place_on_lane(roads, back, begin[0], begin[1])
+        room = lane_length(roads, back) - s
+        if s > 0.0 and room > SPACING and is_opposite(roads, begin[2], back, s):
+            control = curve_into(roads, begin, back, s)
+            bend = sharpest_bend(control, stations_of(control))
+            if bend <= SHARPEST and is_over_road(roads, m, control):
+                turn[0] = math.sqrt(LATERAL / bend)
+                _write_turn_way(roads, back, s, control, way)
+                heading = way[len(way) - LAST, 2]
+                turn[1], turn[2], _ = gap_behind(vehicles, roads, b, slot, back, s, heading)
+                return
+        back = int(roads.lane_right[back])
+
+
+@kernel
+def _write_turn_way(roads: Roads, back: int, s: float, control: Floats, way: Floats) -> None:
+    """Write points of a curve, then `LAST` points along the lane that it leads into."""
     stations = stations_of(control)
-    bend = sharpest_bend(control, stations)
-    if bend > SHARPEST or not is_over_road(roads, m, control):
-        return
-    turn[0] = math.sqrt(LATERAL / bend)
     first, end = roads.point_start[back], roads.point_start[back + 1]
-    point = segment_at(roads.point_s, first, end, s)
-    heading = centre_at(roads, point, s)[2]
-    turn[1], turn[2], _ = gap_behind(vehicles, roads, b, slot, back, s, heading)
-    on_curve = len(way) - 10
+    on_curve = len(way) - LAST
     for i in range(on_curve):
-        way[i, 0], way[i, 1], way[i, 2] = pose_along(control, stations, stations[-1] * i / (on_curve - 1))
-    for i in range(on_curve, len(way)):
-        place = min(s + (i - on_curve + 1) * SPACING, lane_length(roads, back))
-        way[i, 0], way[i, 1], way[i, 2] = centre_at(
-            roads, segment_at(roads.point_s, first, end, place), place
-        )
+        way[i, 0], way[i, 1], way[i, 2] = pose_along(control, stations, stations[-1] * i / on_curve)
+    for i in range(LAST):
+        place = min(s + i * SPACING, lane_length(roads, back))
+        point = segment_at(roads.point_s, first, end, place)
+        x, y, heading = centre_at(roads, point, place)
+        way[on_curve + i, 0], way[on_curve + i, 1], way[on_curve + i, 2] = x, y, heading
