@@ -251,7 +251,7 @@ def test_a_u_turn_turns_round():
         drive.reset()
         first = {}
         turned = set()
-        for _ in range(300):
+        for _ in range(150):  # before the road's end
             drive.step()
             slots = drive.world.agents.slot[0, :4]
             headings = drive.world.vehicles.heading[0]
@@ -261,8 +261,7 @@ def test_a_u_turn_turns_round():
                     turned.add(ego)
         outcomes = {*drive.outcomes.values()}
     assert turned
-    assert Outcome.COLLISION not in outcomes
-    assert Outcome.OFF_ROAD not in outcomes
+    assert not outcomes & {Outcome.COLLISION, Outcome.OFF_ROAD}
 
 
 def test_a_trajectory_is_played_from_where_the_vehicle_is(tmp_path):
