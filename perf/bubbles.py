@@ -24,6 +24,7 @@ from smarts.sim.bubble_rules import BubbleRules
 from smarts.sstudio import build_scenario
 from smarts.sstudio import sstypes as t
 from smarts.types.bubbles import PlacedBubble
+from smarts.types.episode import EpisodeStart
 from smarts.types.events import Events
 
 EGOS = 2
@@ -76,7 +77,7 @@ def _measure(parts: Assembly, bubbles: tuple[PlacedBubble, ...], steps: int) -> 
     rules = BubbleRules(
         world, parts.scene.routes, parts.pool, lambda rows, slots: np.zeros(len(rows), np.int8)
     )
-    starts = {row: _busiest(parts, row) for row in range(world.worlds)}
+    starts = {row: _with_traffic(parts, row) for row in range(world.worlds)}
     parts.simulation.reset(starts)
     for row, start in starts.items():
         rules.begin(row, replace(start, bubbles=bubbles))
@@ -101,10 +102,10 @@ def _measure(parts: Assembly, bubbles: tuple[PlacedBubble, ...], steps: int) -> 
     return Share(step, own, most)
 
 
-def _busiest(parts: Assembly, row: int):
-    """Return the first episode with traffic."""
-    starts = (parts.schedule.start(row, episode) for episode in range(len(parts.schedule.combinations)))
-    return next((start for start in starts if start.traffic.routes), parts.schedule.start(row, 0))
+def _with_traffic(parts: Assembly, row: int) -> EpisodeStart:
+    """Return the first episode with traffic from the beginning on."""
+    starts = [parts.schedule.start(row, episode) for episode in range(len(parts.schedule.combinations))]
+    return next((start for start in starts if start.traffic.warm_up), starts[0])
 
 
 def main() -> int:

@@ -68,7 +68,7 @@ class BubbleField:
         Returns:
             Whether any may.
         """
-        return self._update(env_mask, self.found, self.wishes) > 0
+        return self._update(env_mask) > 0
 
     def _add(self, bubbles: tuple[PlacedBubble, ...]) -> None:
         """Add the bubbles of a scenario, make room for them, and bind the kernels."""
@@ -80,7 +80,9 @@ class BubbleField:
         self.rows, self.membranes, self.states = made
         table, state = bubble_table(bubble for known in self._known for bubble in known), self._world.state
         self._end_holds = bind(end_holds, state, self.holds, self.membranes)
-        self._update = bind(update_bubbles, state, table, *made, self.holds, self.counts)
+        self._update = bind(
+            update_bubbles, state, table, *made, self.holds, self.counts, self.found, self.wishes
+        )
 
     def _allocate(self, most: int) -> tuple[BubbleRows, Membranes, BubbleStates]:
         """Return arrays for at most so many bubbles in a simulation."""
@@ -99,9 +101,9 @@ def update_bubbles(
     states: BubbleStates,
     holds: Holds,
     counts: BubbleCounts,
-    env_mask: Bools,
     found: Ints,
     wishes: Ints,
+    env_mask: Bools,
 ) -> int:
     """Do all of `BubbleField.update`; return how many vehicles may change hands."""
     move_bubbles(state, table, rows, states, env_mask)

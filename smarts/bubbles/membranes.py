@@ -125,17 +125,18 @@ def place_vehicles(
         found[b] = 0
         if not env_mask[b] or rows.size[b] == 0:
             continue
-        _find_fronts(state, membranes, b, rows.size[b])
+        used = _find_fronts(state, membranes, b, rows.size[b])
         for z in range(rows.size[b]):
             if table.moves[rows.first[b] + z]:
-                found[b] += _place_in_moving(state, table, rows, membranes, states, b, z)
+                found[b] += _place_in_moving(state, table, rows, membranes, states, used, b, z)
             else:
-                found[b] += _place_in_fixed(state, table, rows, membranes, states, b, z)
+                found[b] += _place_in_fixed(state, table, rows, membranes, states, used, b, z)
 
 
 @kernel
-def _find_fronts(state: State, membranes: Membranes, b: int, size: int) -> None:
-    """Write the ways of all front bumpers; forget vehicles that are gone."""
+def _find_fronts(state: State, membranes: Membranes, b: int, size: int) -> int:
+    """Write the ways of all front bumpers, forget vehicles that are gone; return the number of used slots."""
+    used = 0
     vehicles, front, old_front = state.vehicles, membranes.front, membranes.old_front
     for v in range(vehicles.alive.shape[1]):
         generation = vehicles.generation[b, v] if vehicles.alive[b, v] else -1
@@ -149,12 +150,14 @@ def _find_fronts(state: State, membranes: Membranes, b: int, size: int) -> None:
                 membranes.is_candidate[b, z, v] = False
         if generation < 0:
             continue
+        used = v + 1
         old_front[b, v, 0], old_front[b, v, 1] = front[b, v, 0], front[b, v, 1]
         heading, half = vehicles.heading[b, v], 0.5 * vehicles.length[b, v]
         front[b, v, 0] = vehicles.position[b, v, 0] + half * math.cos(heading)
         front[b, v, 1] = vehicles.position[b, v, 1] + half * math.sin(heading)
         if is_new:
             old_front[b, v, 0], old_front[b, v, 1] = front[b, v, 0], front[b, v, 1]
+    return used
 
 
 @kernel
@@ -164,12 +167,13 @@ def _place_in_fixed(
     rows: BubbleRows,
     membranes: Membranes,
     states: BubbleStates,
+    used: int,
     b: int,
     z: int,
 ) -> int:
     """Write where all vehicles are relative to a bubble that stays; return how many are candidates."""
     found = 0
-    for v in range(membranes.generation.shape[1]):
+    for v in range(used):
         if membranes.generation[b, v] >= 0:
             x, y = membranes.front[b, v]
             old_x, old_y = membranes.old_front[b, v]
@@ -185,6 +189,7 @@ def _place_in_moving(
     rows: BubbleRows,
     membranes: Membranes,
     states: BubbleStates,
+    used: int,
     b: int,
     z: int,
 ) -> int:
@@ -203,7 +208,7 @@ def _place_in_moving(
         old_x, old_y, old_turn = _pose_in(before, table, rows.first[b] + z, b, slot)
     old_cos, old_sin = math.cos(old_turn), math.sin(old_turn)
     found = 0
-    for v in range(membranes.generation.shape[1]):
+    for v in range(used):
         if membranes.generation[b, v] < 0:
             continue
         if slot < 0:
