@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,8 @@ from smarts.types.transfers import Departure, Reason, Refusal, Transfer, transfe
 from smarts.types.vehicles import Owner, VehicleKind
 
 SCENARIOS = ("city", "intersection", "roundabout", "on_ramp_merge", "off_ramp_merge")
-MODELS = ("kinematic", "bullet")
+Model = Literal["kinematic", "bullet"]
+MODELS: tuple[Model, ...] = ("kinematic", "bullet")
 STEPS = 600
 """Steps of an episode."""
 HELD = 16
@@ -327,7 +329,7 @@ def _errors(before: dict[str, NDArray], now: dict[str, NDArray], dt: float) -> N
     )
 
 
-def run_scenario(name: str, model: str, handovers: int, seed: int, tally: Tally, folder: Path) -> int:
+def run_scenario(name: str, model: Model, handovers: int, seed: int, tally: Tally, folder: Path) -> int:
     """Make hand-overs in one scenario, and the same runs without; return how many were made."""
     interface = AgentInterface(action=ActionSpaceType.Lane, vehicle_model=model, done_criteria=NO_ENDS)
     made, episode = 0, 0

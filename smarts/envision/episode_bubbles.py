@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.artist import Artist
 
 from smarts.arrays import Floats
-from smarts.envision.bubble_shapes import bubble_shapes
+from smarts.envision.bubble_shapes import bubble_shapes, moved
 from smarts.sim.episode_files import RecordedEpisode
 
 
@@ -21,6 +22,7 @@ class EpisodeBubbles:
 
     def __init__(self, episode: RecordedEpisode) -> None:
         self.names: list[str] = episode.table("bubbles")["id"].tolist()
+        self._travels = [followed != "" for followed in episode.table("bubbles")["followed"]]
         rings, poses = episode.table("bubble_rings"), episode.table("bubble_poses")
         outlines = [np.stack(pair, -1) for pair in zip(rings["x"], rings["y"], strict=True)]
         owners = zip(rings["bubble"].tolist(), rings["is_margin"].tolist(), outlines, strict=True)
@@ -40,26 +42,19 @@ class EpisodeBubbles:
             if change >= 0:
                 _, *pose, is_active = now[change].tolist()
                 zone, margin = (
-                    [_moved(ring, pose) for ring in self._rings[number, is_margin]]
+                    [moved(ring, pose) for ring in self._rings[number, is_margin]]
                     for is_margin in (False, True)
                 )
-                yield from bubble_shapes(zone, margin, name=name, travels=False, is_active=bool(is_active))
+                # Outlines are given for a vehicle that faces north.
+                heading = pose[2] + math.pi / 2 if self._travels[number] else None
+                yield from bubble_shapes(zone, margin, name=name, heading=heading, is_active=bool(is_active))
 
     def corners(self) -> Floats:
         """Return all corners of all bubbles in all poses [m], shape (., 2)."""
-        moved = [
-            _moved(ring, pose)
+        corners = [
+            moved(ring, pose)
             for number in range(len(self.names))
             for ring in self._rings[number, True]
             for pose in self._poses[number][:, 1:4].tolist()
         ]
-        return np.concatenate([np.zeros((0, 2)), *moved])
-
-
-def _moved(ring: Floats, pose: list[float]) -> Floats:
-    """Return a ring, turned about (0, 0) and moved."""
-    x, y, angle = pose
-    if not any(pose):
-        return ring
-    cos, sin = np.cos(angle), np.sin(angle)
-    return ring @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+        return np.concatenate([np.zeros((0, 2)), *corners])

@@ -6,6 +6,7 @@ combine them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
@@ -17,15 +18,17 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patches import Polygon as Outline
+from shapely import Point
 
 from smarts.arrays import Floats
-from smarts.envision.bubble_shapes import BUBBLE, bubble_shapes, rings_of
+from smarts.envision.bubble_shapes import BUBBLE, bubble_shapes, moved, rings_of
 from smarts.envision.route_lines import CAR_LENGTH, place_on_map, pose_on_map, route_line, start_pose
 from smarts.envision.vehicle_shapes import footprints, vehicle_shapes
 from smarts.envision.whole_files import written_whole
 from smarts.roads.lane_graph import LaneGraph, LaneKind
 from smarts.sim.moments import Moment
 from smarts.sstudio import types as t
+from smarts.sstudio.bubble_checks import outline_of
 from smarts.sstudio.built import BuiltScenario
 from smarts.sstudio.episodes import expand
 from smarts.types.vehicles import VehicleKind
@@ -161,14 +164,35 @@ def draw_missions(
             axes.plot(*goal, marker="o", markersize=9, mfc="none", mec=colour, mew=1.8, zorder=9)
 
 
-def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble]) -> None:
-    """Draw each bubble's zone, its margin as a dashed line, and its name; travelling ones with an arrow."""
+def draw_bubbles(axes: Axes, roads: LaneGraph, bubbles: Iterable[t.Bubble], moment: Moment) -> None:
+    """Draw each bubble's zone, its margin as a dashed line, and its name.
+
+    A bubble that travels has an arrow; it is drawn where it follows its vehicle, or as in the scenario's file
+    if that vehicle is not there.
+    """
     for bubble in bubbles:
-        zone = bubble.zone.to_geometry(roads)
-        outlines = rings_of(zone), rings_of(zone.buffer(bubble.margin))
-        travels = bubble.follow_offset is not None
-        for shape in bubble_shapes(*outlines, name=bubble.id, travels=travels):
+        area, with_margin = outline_of(bubble, roads)
+        zone, margin = rings_of(area), rings_of(with_margin)
+        heading = None
+        if bubble.follow_offset is not None:
+            x, y, heading = _followed(bubble, moment, area.centroid)
+            turn = heading - math.pi / 2
+            offset = np.subtract((area.centroid.x, area.centroid.y), bubble.follow_offset)
+            zone, margin = (
+                [moved(ring - offset, (x, y, turn)) for ring in rings] for rings in (zone, margin)
+            )
+        for shape in bubble_shapes(zone, margin, name=bubble.id, heading=heading):
             axes.add_artist(shape)
+
+
+def _followed(bubble: t.Bubble, moment: Moment, centre: Point) -> tuple[float, float, float]:
+    """Return the pose of the vehicle that a bubble follows; without it, one at which the bubble stays."""
+    slot = moment.names.get(bubble.follow_actor_id or bubble.follow_vehicle_id or "")
+    if slot is None:
+        right, ahead = bubble.follow_offset or (0.0, 0.0)
+        return centre.x - right, centre.y - ahead, math.pi / 2
+    x, y = moment.states.position[slot].tolist()
+    return x, y, float(moment.states.heading[slot])
 
 
 def draw_vehicles(axes: Axes, moment: Moment) -> None:
@@ -196,7 +220,7 @@ def _draw_scenario(axes: Axes, picture: Picture, *, edges: bool) -> None:
         draw_edge_ids(axes, roads)
     if traffic is not None and built.scenario.traffic:
         draw_flows(axes, roads, built.scenario.traffic[traffic])
-    draw_bubbles(axes, roads, built.scenario.bubbles or ())
+    draw_bubbles(axes, roads, built.scenario.bubbles or (), moment)
     entered = [number for number, slot in enumerate(moment.egos) if slot >= 0]
     draw_missions(axes, roads, built.scenario.ego_missions or (), entered)
     draw_vehicles(axes, moment)

@@ -35,7 +35,7 @@ from smarts.types.world import World
 SUBSTEPS = 10
 TYPES = {kind: kind.name.lower() for kind in VehicleKind if kind != VehicleKind.TRAILER}
 """Vehicle type of `smarts.dynamics` of each kind; trailers have none."""
-_DRIVABLE = np.array([*TYPES], np.int8)
+_IS_DRIVABLE = np.array([kind in TYPES for kind in VehicleKind])
 
 
 class FleetVehicles:
@@ -166,7 +166,7 @@ class FleetVehicles:
         found = np.zeros(len(rows), np.bool_)
         self._find_too_close(rows, slots, NEAR, SOON, found)
         answers = np.where(found, Refusal.TOO_CLOSE, Refusal.NONE)
-        answers[~np.isin(self._world.vehicles.kind[rows, slots], _DRIVABLE)] = Refusal.KIND
+        answers[~_IS_DRIVABLE[self._world.vehicles.kind[rows, slots]]] = Refusal.KIND
         return answers.astype(np.int8)
 
     def close(self) -> None:

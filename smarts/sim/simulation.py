@@ -148,6 +148,8 @@ class Simulation:
             seen,
             readings,
             failures,
+            transfers=stages.ownership.carried_out,
+            bubbles=stages.bubbles.states,
             social_failures=social_failures or {},
         )
         stages.recorder.record(frame)
@@ -176,7 +178,18 @@ class Simulation:
         self._propose(events, rows)
         seen = self._see(rows, ~self._nobody, self._nobody)
         readings = stages.sensors.observe(seen)
-        frame = Frame(world, rows, None, None, contacts, events, seen, readings, starts=starts)
+        frame = Frame(
+            world,
+            rows,
+            None,
+            None,
+            contacts,
+            events,
+            seen,
+            readings,
+            starts=starts,
+            bubbles=stages.bubbles.states,
+        )
         stages.recorder.record(frame)
         return frame
 

@@ -4,20 +4,25 @@ import dataclasses
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, PathPatch
 from matplotlib.text import Text
-from shapely import Point, box
+from shapely import Point, Polygon, box
 
 from smarts.envision.bubble_shapes import rings_of
 from smarts.envision.episode_bubbles import EpisodeBubbles
 from smarts.envision.episode_legend import SOCIAL
 from smarts.envision.episode_owners import EpisodeOwners
 from smarts.envision.episode_picture import EpisodePicture
-from smarts.envision.scenario_picture import ASPHALT, CAR, EGOS
+from smarts.envision.scenario_picture import ASPHALT, CAR, EGOS, draw_bubbles
 from smarts.envision.vehicle_shapes import HATCH, STRIPES
+from smarts.sim.moments import Moment
+from smarts.sstudio import types as t
 from smarts.types.agent_states import AgentStatus
 from smarts.types.bubbles import BubbleStates, PlacedBubble
 from smarts.types.transfers import Reason
-from smarts.types.vehicles import Owner
+from smarts.types.vehicles import Owner, VehicleStates
+from tests import maps
 from tests.unit.envision.test_episode_picture import colour_at, is_colour
 from tests.unit.sim.test_recorder_handovers import AGENT, COLUMN, TRAFFIC, Handovers
 
@@ -91,7 +96,7 @@ def test_zones_are_shaded_where_the_bubble_is_while_it_is_active(picture):
     assert is_colour(colour_at(picture, picture.image(3), 112.5, 4.0), ASPHALT)
     # The second turns by a quarter: the point is in its length only before.
     for step, x, is_shaded in ((1, 153.5, True), (2, 153.5, False), (2, 160.0, True), (1, 160.0, False)):
-        found = colour_at(picture, picture.image(step), x, 12.0)
+        found = colour_at(picture, picture.image(step), x, 13.2)
         assert (found < 250).any() == is_shaded, (step, x)
 
 
@@ -135,3 +140,40 @@ def test_holders_equal_the_recorded_agents(episode):
         assert (holder.agent_id, holder.policy) == (COLUMN, 0)
         assert (holder.observes, holder.leaves) == (step == 1, step >= 3)
     assert episode.table("vehicles")["owner"].max() == Owner.AGENT
+
+
+def drawn(bubble, moment):
+    """Return the outlines of zone and margin in a picture of a scenario, and the texts."""
+    axes = Figure().add_subplot()
+    draw_bubbles(axes, maps.straight(), [bubble], moment)
+    outlines = [patch.get_path().vertices for patch in axes.patches if isinstance(patch, PathPatch)]
+    zone, margin = (Polygon(np.asarray(outline)) for outline in outlines)
+    arrows = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]
+    assert [text.get_text() for text in axes.texts] == [bubble.id]
+    return zone, margin, arrows
+
+
+def bubble_at(x, y, **more):
+    actor = t.SocialAgentActor("driver", "smarts.zoo:idm-v0")
+    zone = t.PositionalZone(pos=(x, y), size=(20, 10))
+    return t.Bubble(id="one", zone=zone, margin=3, actor=actor, **more)
+
+
+def test_a_scenarios_bubble_is_drawn_where_it_is():
+    zone, margin, arrows = drawn(bubble_at(50.0, 0.0), Moment(VehicleStates.allocate(1, 4)))
+    assert zone.bounds == (40.0, -5.0, 60.0, 5.0)
+    assert margin.bounds == (37.0, -8.0, 63.0, 8.0)
+    assert not arrows
+
+
+def test_a_bubble_that_travels_is_drawn_ahead_of_the_vehicle_that_it_follows():
+    """By 7 m, and turned by its heading from north; without the vehicle as in the file."""
+    states = VehicleStates._make(column[0] for column in VehicleStates.allocate(1, 4))
+    states.position[2], states.heading[2] = (100.0, 3.0), 0.0
+    bubble = bubble_at(50.0, 0.0, follow_vehicle_id="bus", follow_offset=(0, 7))
+    zone, _, arrows = drawn(bubble, Moment(states, names={"bus": 2}))
+    assert zone.bounds == pytest.approx((102.0, -7.0, 112.0, 13.0))
+    assert len(arrows) == 1
+    zone, _, arrows = drawn(bubble, Moment(states))
+    assert zone.bounds == (40.0, -5.0, 60.0, 5.0)
+    assert len(arrows) == 1

@@ -29,6 +29,7 @@ from smarts.types.events import Outcome
 from smarts.types.mission import AgentMission, Via
 from smarts.types.transfers import Reason, Transfer, transfers
 from smarts.types.vehicles import Owner
+from tests.worlds import Willing
 
 LANER = AgentInterface(
     action=ActionSpaceType.Lane,
@@ -87,6 +88,11 @@ def released(parts, row, agent_id):
     agents = parts.simulation.world.agents
     slot, generation = int(agents.slot[row, agent_id]), int(agents.generation[row, agent_id])
     return Transfer(row, slot, generation, Owner.AGENT, agent_id, Owner.TRAFFIC, UNSET, Reason.RELEASE)
+
+
+def open_gate(parts):
+    """Let traffic take back every vehicle at once."""
+    parts.ownership._drivers = {**parts.ownership._drivers, Owner.TRAFFIC: Willing()}
 
 
 def driven_by_traffic(parts, row):
@@ -177,6 +183,7 @@ def test_a_full_pool_is_counted_and_the_vehicle_stays_traffic(make):
         ownership.submit(transfers([refused]))
         step(parts)
     assert pool.refused.tolist() == [[0, 0], [1, 0]], "an agent that is refused again is counted once"
+    open_gate(parts)
     ownership.submit(transfers([released(parts, 1, 1), refused]))
     step(parts)
     assert vehicles.owner[1, [first, second]].tolist() == [Owner.TRAFFIC, Owner.AGENT]
@@ -640,6 +647,7 @@ def test_agents_that_come_in_the_middle_are_recorded_under_their_names(make, tmp
     never = dataclasses.replace(
         start.agents[0], name="never", interface=0, take_over=TakeOver(vehicle="none")
     )
+    open_gate(parts)
     parts.simulation.reset({0: dataclasses.replace(start, agents=(*start.agents, never))})
     world, spans = parts.simulation.world, {}
     for number in range(60):
@@ -669,6 +677,7 @@ def test_agents_that_come_in_the_middle_are_recorded_under_their_names(make, tmp
 def test_agents_in_turn_in_one_column_have_rows_and_pictures_of_their_own(make, tmp_path):
     """The first gives its vehicle back, without an outcome, in the step in which the second enters."""
     parts = make(pool=[PooledAgents(LANER, 1)], options=Options(record=tmp_path))
+    open_gate(parts)
     parts.simulation.reset({0: first_start(parts, traffic=True)})
     first, second = driven_by_traffic(parts, 0)[:2]
     for number in range(30):
