@@ -57,6 +57,8 @@ class Membranes(NamedTuple):
     """Middle of its front bumper [m], shape (B, V, 2)."""
     old_front: Floats
     """The same one step ago; now, for a vehicle that has just appeared, shape (B, V, 2)."""
+    way: Floats
+    """Distance between the two [m], shape (B, V)."""
     clear: Floats
     """At most the distance to the margin [m]; 0 where it has to be found: near the bubble and inside."""
     here: Bytes
@@ -78,6 +80,7 @@ class Membranes(NamedTuple):
             generation=np.full((worlds, capacity), UNSET, np.int32),
             front=np.zeros((worlds, capacity, 2)),
             old_front=np.zeros((worlds, capacity, 2)),
+            way=np.zeros((worlds, capacity)),
             clear=np.zeros(shape),
             here=np.zeros(shape, np.int8),
             reached=np.zeros(shape, np.int8),
@@ -157,6 +160,8 @@ def _find_fronts(state: State, membranes: Membranes, b: int, size: int) -> int:
         front[b, v, 1] = vehicles.position[b, v, 1] + half * math.sin(heading)
         if is_new:
             old_front[b, v, 0], old_front[b, v, 1] = front[b, v, 0], front[b, v, 1]
+        way = math.hypot(front[b, v, 0] - old_front[b, v, 0], front[b, v, 1] - old_front[b, v, 1])
+        membranes.way[b, v] = way
     return used
 
 
@@ -174,7 +179,7 @@ def _place_in_fixed(
     """Write where all vehicles are relative to a bubble that stays; return how many are candidates."""
     found = 0
     for v in range(used):
-        if membranes.generation[b, v] >= 0:
+        if membranes.generation[b, v] >= 0 and not _stays_clear(membranes, b, z, v, membranes.way[b, v]):
             x, y = membranes.front[b, v]
             old_x, old_y = membranes.old_front[b, v]
             if _place(table, rows, membranes, b, z, v, old_x, old_y, x, y, state.step[b]):
@@ -223,9 +228,20 @@ def _place_in_moving(
             from_x, from_y = old_cos * dx + old_sin * dy, old_cos * dy - old_sin * dx
         else:
             membranes.clear[b, z, v] = 0.0
+        if _stays_clear(membranes, b, z, v, math.hypot(x - from_x, y - from_y)):
+            continue
         if _place(table, rows, membranes, b, z, v, from_x, from_y, x, y, state.step[b]):
             found += _judge_candidate(state, rows, membranes, states, b, z, v)
     return found
+
+
+@kernel
+def _stays_clear(membranes: Membranes, b: int, z: int, v: int, way: float) -> bool:
+    """Return whether a vehicle cannot have come to the margin on a way [m]; what is known stays true then."""
+    clear = membranes.clear[b, z, v] - way
+    if clear > 0.0:
+        membranes.clear[b, z, v] = clear
+    return clear > 0.0
 
 
 @kernel
@@ -243,10 +259,6 @@ def _place(
     step: int,
 ) -> bool:
     """Write where a vehicle is, its way given in the bubble's coordinates; return whether it may be taken."""
-    clear = membranes.clear[b, z, v] - math.hypot(x - from_x, y - from_y)
-    if clear > 0.0:
-        membranes.clear[b, z, v] = clear
-        return False
     n = rows.first[b] + z
     reached = deepest_on(table, n, from_x, from_y, x, y)
     here = place_of(table, n, x, y) if reached > _OUTSIDE else _OUTSIDE
