@@ -179,6 +179,8 @@ class DictEnv:
             if not (acted[column] or alive[column]):
                 continue
             info: dict[str, Any] = {"events": [*event_names(int(transition.events[0, column]))]}
+            if transition.social_failures:
+                info["social_failures"] = dict(transition.social_failures[0])
             if terminated[column] or truncated[column]:
                 info["outcome"] = _OUTCOMES[int(transition.outcome[0, column])]
             result.observations[name] = self._observation(name)

@@ -45,6 +45,7 @@ class HiWayEnv(NotCopied, gym.Env):
         seed: See `EnvSettings`, as for `simulation` and `traffic`.
         simulation: See `EnvSettings`.
         traffic: See `EnvSettings`.
+        social_agents: See `EnvSettings`.
 
     Raises:
         SmartsError: A scenario or an agent is invalid.
@@ -63,6 +64,7 @@ class HiWayEnv(NotCopied, gym.Env):
         seed: int = EnvSettings.seed,
         simulation: Options | None = None,
         traffic: Sequence[str] | None = None,
+        social_agents: Sequence[Any] = (),
     ) -> None:
         check_instance("agent_specs", agent_specs, Mapping, "a dict of specs by the agents' names")
         settings = EnvSettings(
@@ -72,6 +74,7 @@ class HiWayEnv(NotCopied, gym.Env):
             decision_interval=decision_interval,
             simulation=simulation,
             traffic=traffic,
+            social_agents=social_agents,
         )
         self._env = ObjectDictEnv(settings)
         self._interfaces = settings.interfaces()

@@ -95,6 +95,9 @@ class VectorStep(NamedTuple):
     """Simulations whose traffic failed and that were reset: the rest of their step is invalid."""
     metrics: Mapping[int, Mapping[str, float]] = {}
     """Of the simulations that were reset: shares of the agents by outcome, and steps."""
+    social_failures: Mapping[int, Mapping[str, str]] = {}
+    """By simulation and name, the social agents that have failed in the decision, and why: the fallback
+    controller drives their vehicles."""
 
 
 class VectorHiWayEnv(NotCopied):
@@ -208,7 +211,8 @@ class VectorHiWayEnv(NotCopied):
         runner.conclude(rewards, ~self._none)
         if over.any():
             self._next_episodes(np.flatnonzero(over))
-        return self._result(rewards, terminated, truncated, ended, final, failed, metrics)
+        result = self._result(rewards, terminated, truncated, ended, final, failed, metrics)
+        return result._replace(social_failures=transition.social_failures)
 
     def annotate(self, name: str, values: Sequence[NDArray | None]) -> None:
         """Add values to the record of the next step; without a record, a no-op.

@@ -34,6 +34,7 @@ FEATURES = Registry(
             "image": "Image",
             "action_mask": "ActionMask",
             "sensors": "SensorReadings",
+            "surroundings": "Surroundings",
         }.items()
     },
     _adopt,

@@ -85,6 +85,10 @@ class AgentPool:
         """All agents of each simulation's episode, by number."""
         self.holds: list[list[Hold]] = [[] for _ in range(worlds)]
         """The holds of each simulation's episode, in order."""
+        self.policy: Ints = np.full((worlds, agents), UNSET, np.int32)
+        """Number of the social policy that acts for each column's agent, -1 for none, shape (B, A)."""
+        self.episodes: list[EpisodeStart | None] = [None] * worlds
+        """The episode of each simulation."""
         self._names: list[set[str]] = [set() for _ in range(worlds)]
         self._column_of: list[dict[int, int]] = [{} for _ in range(worlds)]
         self._refused: list[set[int]] = [set() for _ in range(worlds)]
@@ -152,7 +156,9 @@ class AgentPool:
                 place=start.scenario,
                 remedy="give further agents an interface of the pool: AgentStart(interface=...)",
             )
+        self.episodes[row] = start
         self.starts[row], self._names[row] = [*start.agents], set(names)
+        self.policy[row] = UNSET
         self.holds[row] = []
         self._column_of[row].clear()
         self._refused[row].clear()
@@ -188,7 +194,7 @@ class AgentPool:
         if number in self._column_of[row]:
             return UNSET
         agents, start = self._world.agents, self.starts[row][number]
-        columns = self._columns[start.interface]
+        columns = self._open_columns(row, start.interface)
         is_free = (agents.state[row, columns] == AgentStatus.VACANT) & (agents.slot[row, columns] == UNSET)
         if not is_free.any():
             if number not in self._refused[row]:
@@ -219,15 +225,26 @@ class AgentPool:
         start = self.start(row, agent_id)
         return start.name if start else ""
 
+    def _open_columns(self, row: int, interface: int) -> slice:
+        """Return the columns of an interface that an episode may use."""
+        columns, episode = self._columns[interface], self.episodes[row]
+        room = None if episode is None else episode.room
+        if room is None or interface >= len(room):
+            return columns
+        return slice(columns.start, min(columns.stop, columns.start + room[interface]))
+
     def _hold(self, row: int, number: int, agent_id: int) -> None:
         """Let an agent hold a column, which is clear."""
-        world, mission = self._world, self.starts[row][number].mission
+        world, start = self._world, self.starts[row][number]
+        mission = start.mission
         roads = self._routes.atlas.graphs[world.map[row]]
         world.missions.write(
             row, agent_id, mission, world.routes.number(row, map(roads.edge_number, mission.route))
         )
         world.agents.agent[row, agent_id] = number
         world.agents.state[row, agent_id] = AgentStatus.WAITING
+        world.agents.period[row, agent_id] = start.period
+        self.policy[row, agent_id] = start.policy
         self.serial[row, agent_id] = self.serial[row].max() + 1
         self.holds[row].append(Hold(number, agent_id, int(world.step[row])))
         self._column_of[row][number] = agent_id

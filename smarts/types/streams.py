@@ -32,6 +32,8 @@ class Purpose(enum.IntEnum):
     """The order in which a run's scenarios, traffic and missions come."""
     RESAMPLING = 7
     """Bootstrap samples of episodes."""
+    SOCIAL = 8
+    """Random routes, offsets and speeds of social agents' missions."""
 
 
 def is_seed(seed: Any) -> bool:
@@ -59,6 +61,19 @@ def stream(seed: int, purpose: Purpose, *, world: int = 0, episode: int = 0) -> 
     text = f"smarts-bench|{seed}|{world}|{episode}|{int(purpose)}"
     key = np.frombuffer(hashlib.blake2b(text.encode(), digest_size=16).digest(), np.uint64)
     return np.random.Generator(np.random.Philox(key=key))
+
+
+def hold_seed(seed: int, name: str, *, world: int = 0, episode: int = 0) -> int:
+    """Return the seed of a social agent's own draws, in [0, 2^64).
+
+    Args:
+        seed: Of the run.
+        name: Of the agent, unique in its episode.
+        world: Number of the simulation in its run.
+        episode: Of the simulation.
+    """
+    text = f"smarts-bench|{seed}|{world}|{episode}|hold|{name}"
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
 
 
 def traffic_seed(seed: int, *, world: int = 0, episode: int = 0) -> int:
