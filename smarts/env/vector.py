@@ -353,7 +353,7 @@ class VectorHiWayEnv(NotCopied):
         shares = {
             outcome.name.lower(): float(endings[outcome]) / count
             for outcome in Outcome
-            if outcome != Outcome.NONE
+            if outcome != Outcome.NONE and (self._learns_in_bubbles or outcome != Outcome.LEFT_BUBBLE)
         }
         return {**shares, "steps": float(self._runner.world.step[row])}
 
