@@ -19,8 +19,8 @@ left_turn = t.Bubble(
     zone=t.ConfigurableZone(corners),
     margin=10,
     actor=t.SocialAgentActor("turner", agent_locator="smarts.zoo:idm-v0"),
-    # Vehicles are named after their flow: those of the first one turn left.
-    exclusion_prefixes=[f"crossing-flow-{number}" for number in range(1, len(flows))],
+    # Vehicles are named after their drivers and flow: those of the first one turn left.
+    exclusion_prefixes=[f"mixed-flow-{number}" for number in range(1, len(flows))],
 )
 
 gen_scenario(

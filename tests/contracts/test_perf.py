@@ -18,6 +18,7 @@ SMALLEST = {
     "games": ["--games", "pg promise", "--seeds", "1"],
     "manoeuvres": [],
     "memory": ["--scenarios", "loop", "--episodes", "200", "--steps", "1"],
+    "planners": ["--scenes", "4"],
     "roads": ["--poses", "50", "--repeats", "1"],
     "same_episodes": [str(ROOT), str(ROOT), "--scenarios", "loop", "--apis", "vector", "--steps", "5"],
     "step": ["--scenarios", "loop", "--worlds", "1", "--decisions", "40"],
