@@ -35,6 +35,7 @@ FEATURES = Registry(
             "action_mask": "ActionMask",
             "sensors": "SensorReadings",
             "surroundings": "Surroundings",
+            "u_turn": "UTurnWays",
         }.items()
     },
     _adopt,

@@ -24,7 +24,13 @@ STANDING = 0.5
 """A slower vehicle stands [m/s]."""
 WAITING_ROOM = 1.0
 """A vehicle that stands inside the junction farther before the meeting waits itself [m]."""
-STARTING = 1.5
+NEAR_LINE = 6.0
+"""A vehicle farther from its line does not wait there [m]."""
+STARTED = 1.0
+"""A faster vehicle has started [m/s]."""
+TURN_TIME = 4.0
+"""How long it is one agent's turn, of two that stand at their lines [s]."""
+STARTING = 2.0
 """Acceleration with which a vehicle crosses [m/s^2]."""
 STRAIGHT = 0.3
 """Largest turn of a lane that goes straight on [rad]."""
@@ -104,7 +110,7 @@ def _goes_first(
     if roads.lane_inside[lane]:
         if _meets(state, b, slot, other, lane, place, lanes, extents, True):
             return True
-    elif vehicles.speed[b, other] < STANDING or lane_length(roads, lane) - place > 2.0 * LOOK_AHEAD:
+    elif not _comes(state, b, slot, other, lane_length(roads, lane) - place):
         return False
     here = free + lane - base
     for first in range(routes.onward_start[here], routes.onward_start[here + 1]):
@@ -125,6 +131,28 @@ def _goes_first(
             ):
                 return True
     return False
+
+
+@kernel
+def _comes(state: State, b: int, slot: int, other: int, left: float) -> bool:
+    """Return whether a vehicle before a junction, with so much of its lane left [m], may go first."""
+    vehicles = state.vehicles
+    if vehicles.speed[b, other] >= STANDING:
+        return left <= 2.0 * LOOK_AHEAD
+    return left - 0.5 * vehicles.length[b, other] <= NEAR_LINE and _lets_by(state, b, slot, other)
+
+
+@kernel
+def _lets_by(state: State, b: int, slot: int, other: int) -> bool:
+    """Return whether of two agents that stand at their lines the other one goes first.
+
+    They take turns, so that one that does not start holds back no other for long.
+    """
+    vehicles = state.vehicles
+    if vehicles.owner[b, other] != _AGENT or vehicles.speed[b, slot] >= STARTED:
+        return False
+    turn = int(state.step[b] * state.dt / TURN_TIME) + slot + other
+    return (other < slot) == (turn % 2 == 0)
 
 
 @kernel
@@ -165,14 +193,18 @@ def _meets(
         if to_meeting <= 0.0:
             return True
         if speed < STANDING:
-            if to_meeting < WAITING_ROOM:
+            # A vehicle inside waits, unless it is in the way; one before its line was let by.
+            if not is_inside or to_meeting < WAITING_ROOM:
                 return True
             continue
-        first = to_meeting / speed
-        last = (extents[i, 3] - place + half) / speed
+        is_agent = vehicles.owner[b, other] == _AGENT
+        beyond = extents[i, 3] - place + half
+        # Agents are expected to drive on as the own vehicle does, others to keep their speeds.
+        first = _time_to(to_meeting, speed) if is_agent else to_meeting / speed
+        last = _time_to(beyond, speed) if is_agent else beyond / speed
         if first > own_last + MARGIN or last < own_first - MARGIN:
             continue
-        if is_inside or vehicles.owner[b, other] != _AGENT:
+        if is_inside or not is_agent:
             return True
         if first < own_first or (first == own_first and other < slot):
             return True

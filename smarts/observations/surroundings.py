@@ -222,7 +222,9 @@ def _write_lane(
     out[_OPEN] = 1.0
     out[_LEFT], out[_END], out[_LANE_ALLOWED] = way.left - half, way.end - half, way.allowed
     out[_AHEAD], out[_AHEAD_SPEED] = leader_on(state.vehicles, b, slot, points[: way.points])
-    behind = gap_behind(state.vehicles, roads, b, slot, int(routes.lane[row]), s)
+    behind = gap_behind(
+        state.vehicles, roads, b, slot, int(routes.lane[row]), s, state.vehicles.heading[b, slot]
+    )
     out[_BEHIND], out[_BEHIND_SPEED], out[_BEHIND_DESIRED] = behind
     return way.light, way.light_distance - half
 

@@ -170,16 +170,24 @@ def leader_on(vehicles: VehicleStates, b: int, slot: int, points: Floats) -> tup
 
 @kernel
 def gap_behind(
-    vehicles: VehicleStates, roads: Roads, b: int, slot: int, lane: int, s: float
+    vehicles: VehicleStates, roads: Roads, b: int, slot: int, lane: int, s: float, heading: float
 ) -> tuple[float, float, float]:
-    """Return gap [m], speed and desired speed [m/s] of the nearest vehicle behind in a lane.
+    """Return gap [m], speed and desired speed [m/s] of the nearest vehicle behind a place in a lane.
 
     The lane is extended straight back beyond its begin. A vehicle beside has a negative gap.
+
+    Args:
+        vehicles: All vehicles.
+        roads: The maps' lanes.
+        b: The simulation.
+        slot: The vehicle at the place, or that will be there.
+        lane: The lane, numbered across all maps.
+        s: The place on it [m].
+        heading: Of the lane there [rad]; only vehicles that drive this way count.
     """
     points = np.empty((BACK, 3))
     _write_back(roads, lane, s, points)
     nearest, speed, desired = np.inf, 0.0, 0.0
-    heading = vehicles.heading[b, slot]
     for other in range(vehicles.alive.shape[1]):
         if other == slot or not vehicles.alive[b, other]:
             continue

@@ -18,6 +18,8 @@ from smarts.observations.surroundings import LANE_TRAFFIC, OWN_VEHICLE, Lane, Ow
 from smarts.types.actions import ActionSpaceType, LaneAction
 from smarts.types.traffic import Signal
 
+STEP = 0.1
+"""Length of a step, by which policies count time [s]."""
 HARDEST = 8.0
 """Largest deceleration of a driver [m/s^2]."""
 LATE_BRAKING = 4.0
@@ -29,6 +31,10 @@ HORIZON = 60.0
 """A lane change that the route demands is begun this long [s], and at least this far [m], before its end."""
 URGENT = 30.0
 """Nearer than this to the end of its lane a driver accepts smaller gaps [m]."""
+FALLING_BACK = 1.5
+"""Deceleration at which a driver falls back behind a vehicle in the lane that it needs [m/s^2]..."""
+FALLING_BACK_SPEED = 2.0
+"""...down to this speed [m/s]."""
 SAFE_BRAKING = 4.0
 """The hardest that a lane change may make a driver brake [m/s^2]; MOBIL's safety criterion."""
 LEAST_GAP = 1.0
@@ -91,8 +97,8 @@ class Idm(NamedTuple):
         wanted = speed * self.tau + speed * (speed - leader_speed) / (2.0 * np.sqrt(self.accel * self.decel))
         wanted = self.min_gap + np.maximum(wanted, 0.0)
         share = speed / np.maximum(desired, LEAST_SPEED)
-        free = np.maximum(self.accel * (1.0 - share**4), -self.decel)
-        return np.clip(free - self.accel * (wanted / np.maximum(gap, 0.1)) ** 2, -HARDEST, self.accel)
+        free = np.maximum(self.accel * (1.0 - (share * share) * (share * share)), -self.decel)
+        return np.clip(free - self.accel * np.square(wanted / np.maximum(gap, 0.1)), -HARDEST, self.accel)
 
     def checked(self, place: str) -> Idm:
         """Return the same parameters.
@@ -203,7 +209,19 @@ class Driver(BatchAgent):
         found = self.model.acceleration(seen.speed, desired, lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED])
         for gap in lines:
             found = np.minimum(found, self.model.acceleration(seen.speed, desired, gap, 0.0))
-        return found
+        return np.minimum(found, self._falling_back(seen)) if keeps_to_route else found
+
+    def _falling_back(self, seen: Seen) -> Floats:
+        """Return accelerations behind the vehicle ahead in the lane that the route demands [m/s^2].
+
+        Of two vehicles side by side that want each other's lane, the rear one lets the other in.
+        """
+        lane = beside(seen, self._demanded_side(seen))
+        behind = self.model.acceleration(
+            seen.speed, self.desired(seen), lane[:, Lane.AHEAD], lane[:, Lane.AHEAD_SPEED]
+        )
+        falls_back = (self._demanded_side(seen) != 0) & (seen.speed > FALLING_BACK_SPEED)
+        return np.where(falls_back, np.maximum(behind, -FALLING_BACK), HARDEST)
 
     def _stops_at_light(self, own: Floats) -> Bools:
         light, gap, speed = own[:, Own.LIGHT], own[:, Own.LIGHT_GAP], own[:, Own.SPEED]
@@ -212,12 +230,15 @@ class Driver(BatchAgent):
 
     def demanded_change(self, batch: ActionBatch, seen: Seen) -> Ints:
         """Return the lane changes that the route demands now and that are safe, shape (N,)."""
-        own, left = seen.own, seen.lanes[:, 0, Lane.LEFT]
-        to_go = np.where(np.isfinite(left), left, own[:, Own.REMAINING])
-        is_due = to_go < np.maximum(HORIZON, HORIZON_TIME * seen.speed)
-        side = np.where(is_due, np.sign(own[:, Own.DEMANDED]), 0).astype(np.int32)
-        braking = np.where(to_go < URGENT, 1.5 * SAFE_BRAKING, SAFE_BRAKING)
+        side = self._demanded_side(seen)
+        braking = np.where(_to_go(seen) < URGENT, 1.5 * SAFE_BRAKING, SAFE_BRAKING)
         return np.where(self.is_safe(batch, seen, side, braking), side, 0)
+
+    def _demanded_side(self, seen: Seen) -> Ints:
+        """Return the side on which the route demands a lane change now, 0 for none, shape (N,)."""
+        is_due = _to_go(seen) < np.maximum(HORIZON, HORIZON_TIME * seen.speed)
+        is_due &= seen.own[:, Own.CHANGING] == 0.0
+        return np.where(is_due, np.sign(seen.own[:, Own.DEMANDED]), 0).astype(np.int32)
 
     def is_safe(self, batch: ActionBatch, seen: Seen, side: Ints, braking: Any = SAFE_BRAKING) -> Bools:
         """Return whether lane changes are allowed and make no driver brake too hard, shape (N,).
@@ -239,13 +260,15 @@ class Driver(BatchAgent):
         return may_change(batch, seen, side) & has_room & (own_after > -braking) & (its_after > -braking)
 
 
-def lane_actions(speed: Floats, acceleration: Floats, change: Ints) -> Floats:
-    """Return the actions `LaneWithContinuousSpeed` that accelerate vehicles, shape (N, 2).
+def target_speed(speed: Floats, acceleration: Floats) -> Floats:
+    """Return target speeds that accelerate vehicles; controllers add `SPEED_GAIN` for each m/s lacking."""
+    return np.maximum(speed + acceleration / SPEED_GAIN, 0.0)
 
-    The controller accelerates by `SPEED_GAIN` for each m/s that is lacking.
-    """
+
+def lane_actions(speed: Floats, acceleration: Floats, change: Ints) -> Floats:
+    """Return the actions `LaneWithContinuousSpeed` that accelerate vehicles, shape (N, 2)."""
     actions = np.empty((len(speed), 2))
-    actions[:, 0] = np.maximum(speed + acceleration / SPEED_GAIN, 0.0)
+    actions[:, 0] = target_speed(speed, acceleration)
     actions[:, 1] = change
     return actions
 
@@ -263,6 +286,12 @@ def may_change(batch: ActionBatch, seen: Seen, side: Ints) -> Bools:
     is_allowed = np.where(side > 0, left, right) & (side != 0)
     is_open = beside(seen, side)[:, Lane.OPEN] > 0.0
     return is_allowed & is_open & (seen.own[:, Own.CHANGING] == 0.0)
+
+
+def _to_go(seen: Seen) -> Floats:
+    """Return the distance to where the lane, or the route, ends [m], shape (N,)."""
+    left = seen.lanes[:, 0, Lane.LEFT]
+    return np.where(np.isfinite(left), left, seen.own[:, Own.REMAINING])
 
 
 def _gap_if(gap: Floats, condition: Any) -> Floats:

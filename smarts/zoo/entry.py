@@ -112,8 +112,19 @@ class ZooEntry:
         return AgentSpec(interface.replace(**changes), agent_builder=kind, agent_params=params)
 
     def _check_options(self, called: Callable[..., Any], options: Mapping[str, Any], more: Any) -> None:
-        """Raise unless the entry point, or its interface, takes the options."""
+        """Raise unless the entry point, or its interface, takes the options, and none is missing."""
         parameters = inspect.signature(called).parameters
+        for name, each in parameters.items():
+            is_needed = each.default is each.empty and each.kind not in (
+                each.VAR_POSITIONAL,
+                each.VAR_KEYWORD,
+            )
+            if is_needed and name not in options:
+                raise SmartsError(
+                    f"the agent needs the option {name!r}",
+                    place=f"agent {self.locator!r}",
+                    remedy=f"give it: make_spec({self.locator!r}, {name}=...), or policy_kwargs of an actor",
+                )
         if any(each.kind == each.VAR_KEYWORD for each in parameters.values()):
             return
         for name in options:

@@ -138,6 +138,20 @@ def test_of_two_agents_the_first_goes():
         assert np.isfinite(own[Own.YIELD_GAP]) == waits
 
 
+def test_two_agents_that_stand_take_turns():
+    west = AgentMission(route=("west_in", "east_out"), goal=GoalKind.POSITION, goal_position=(80.0, -1.6))
+    cars = [Car(1.6, -14.0, math.pi / 2, 0.0, SOUTH), Car(-14.0, -1.6, 0.0, 0.0, west)]
+    goes = []
+    for step in (0, 40, 80):
+        made = world_of(cars, maps=[crossing()])
+        made.world.step[:] = step
+        observation = ArrayObservation(context_of(made, agents=2), ["surroundings"])
+        seen = observation.observe(np.ones((1, 2), bool))[OWN_VEHICLE][0]
+        goes.append(np.isinf(seen[:, Own.YIELD_GAP]).tolist())
+    assert goes == [goes[0], goes[0][::-1], goes[0]]
+    assert sum(goes[0]) == 1
+
+
 def test_green_lights():
     """The vehicle from the north turns left, across the way, or is held by a red light."""
     straight_on, left = crossing_lane("south", "north"), crossing_lane("north", "east")
