@@ -10,6 +10,7 @@ from tests.blocks import ROOT
 
 SCRIPTS = {file.stem for file in (ROOT / "perf").glob("*.py") if "__main__" in file.read_text()}
 SMALLEST = {
+    "bubbles": ["--scenarios", "loop", "--worlds", "1", "--bubbles", "1", "--steps", "5"],
     "dict_api": [str(ROOT), str(ROOT), "--blocks", "1", "--steps", "2"],
     "dynamics": ["--seconds", "0.01"],
     "energy": ["--sequences", "20", "--seconds", "0.1"],
